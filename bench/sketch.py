@@ -4,6 +4,8 @@
 
 Two sets of drawings: members that training held out, drawn by its own code, and members of other seeds drawn by the
 code below, which works on pixels: edges of a picture of depth and normals, warped, grainy and rubbed out in places.
+`unsure` is the share of them that is called so; drawings of other things ought to be: two of each noun of the builtin
+model that is unlike all families, drawn by the training's code.
 """
 
 from __future__ import annotations
@@ -18,17 +20,23 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
-from meshdeform.assets.drawing import read_drawing
+from meshdeform.assets.drawing import prepared, read_drawing
 from meshdeform.errors import DrawingError
+from meshdeform.priors.builtin.training.families import FAMILIES as NOUNS
+from meshdeform.priors.builtin.training.families import member as noun_member
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.lines import View, joined
-from meshdeform.sketch.network import WEIGHTS, load_network
+from meshdeform.sketch.guesses import SURE
+from meshdeform.sketch.lines import View, joined, visible_lines
+from meshdeform.sketch.network import WEIGHTS, SketchNetwork, load_network
 from meshdeform.sketch.solids import Solid
+from meshdeform.sketch.strokes import draw
 from meshdeform.sketch.training import Drawings, make_drawings, measured, random_view
 
 Floats = NDArray[np.float64]
+_ALIKE = {"armchair", "bed", "bench", "cabinet", "desk", "sofa", "stool"}
+"""Nouns whose drawings may rightly be taken for a chair or a table."""
 
 
 def hog(pictures: NDArray[np.uint8], cell: int = 8, bins: int = 9) -> Floats:
@@ -108,6 +116,27 @@ def other_drawings(count: int, seed: int = 977) -> tuple[Drawings, int, list[byt
     return Drawings(*(np.stack(column) for column in zip(*rows, strict=True))), refused, files
 
 
+def of_other_things() -> Drawings:
+    """Return two drawings of each noun that is unlike the families; their numbers and choices mean nothing."""
+    made = []
+    for number, noun in enumerate(sorted(set(NOUNS) - set(FAMILIES) - _ALIKE)):
+        for each in range(2):
+            random = np.random.default_rng([7, number, each])
+            part = noun_member(noun, (), random)
+            mesh = joined({noun: Solid(np.asarray(part.verts, np.float64), np.asarray(part.faces))})
+            made.append(np.round(prepared(draw(visible_lines(mesh, random_view(random)), random)) * 255))
+    count = len(made)
+    empty = np.zeros((count, 6), np.float32), np.zeros((count, 3), np.int64)
+    return Drawings(np.stack(made).astype(np.uint8), np.zeros(count, np.int64), *empty)
+
+
+def unsure(network: SketchNetwork, drawings: Drawings) -> float:
+    """Return the share of drawings whose first guess is unsure."""
+    with torch.no_grad():
+        look = network(torch.from_numpy(drawings.pictures)[:, None].float() / 255)
+    return float((look.family.softmax(1).amax(1) < SURE).float().mean())
+
+
 def nearest(train: Drawings, test: Drawings) -> dict[str, float]:
     """Return what `measured` does for the nearest neighbour by HOG; numbers and choices within the true family."""
     a, b = hog(train.pictures), hog(test.pictures)
@@ -152,7 +181,10 @@ def main() -> None:
         guess = [np.abs(middle - row)[: len(list(FAMILIES.values())[f].numbers)] for row, f in
                  zip(test.numbers, test.family, strict=True)]  # fmt: skip
         print(f"  middle   number_error {np.concatenate(guess).mean():.3f}")
+        print(f"  unsure   {unsure(network, test):.3f}")
     print(f"refused of the second set: {refused} of {options.other}")
+    things = of_other_things()
+    print(f"other things: {len(things.family)} drawings, unsure {unsure(network, things):.3f}")
     picture = torch.from_numpy(other.pictures[:1])[:, None].float() / 255
     with torch.no_grad():
         network(picture)

@@ -36,7 +36,7 @@ from playwright.sync_api import sync_playwright
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from meshdeform.errors import DrawingError
-from meshdeform.sketch.guesses import UNSURE, guess
+from meshdeform.sketch.guesses import guess, is_unsure
 
 Stroke = NDArray[np.float64]
 Ask = Callable[[list[Stroke]], tuple[dict[str, Any] | None, Image.Image]]
@@ -158,7 +158,8 @@ def drawn(strokes: list[Stroke], hand: Moves, random: np.random.Generator) -> li
 def on_page(url: str) -> Iterator[Ask]:
     """Yield what draws on the pad of a service's page and asks there."""
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=_ARGUMENTS)
+        program = shutil.which("chromium-headless-shell") or shutil.which("chromium")
+        browser = play.chromium.launch(executable_path=program, args=_ARGUMENTS)
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.set_default_timeout(60_000)
         page.goto(url)
@@ -211,7 +212,7 @@ def on_paper() -> Iterator[Ask]:
             }
             for each in found
         ]
-        return {"guesses": guesses, "unsure": found[0].probability < UNSURE}, picture
+        return {"guesses": guesses, "unsure": is_unsure(found)}, picture
 
     yield ask
 
@@ -236,6 +237,7 @@ class Count:
         self.right: dict[str, list[tuple[bool, bool]]] = defaultdict(list)
         self.choices: dict[str, list[bool]] = defaultdict(list)
         self.told: list[bool] = []
+        self.doubted: list[bool] = []
 
     def add(self, figure: Figure, hand: Moves, answer: dict[str, Any] | None) -> str:
         """Count one answer, and return it in words."""
@@ -245,6 +247,7 @@ class Count:
         if figure.family == "other":
             self.told.append(answer is None or answer["unsure"])
             return said + (" unsure" if answer and answer["unsure"] else "")
+        self.doubted.append(answer is None or answer["unsure"])
         first = names[:1] == [figure.family]
         values = {each["name"]: each["value"] for each in guesses[0]["parameters"]} if first else {}
         wrong = [f"{name} {values[name]}" for name, shown in figure.shows.items() if first and values[name] != shown]
@@ -263,8 +266,10 @@ class Count:
             shown = self.choices[group]
             print(f"{group:10} {len(results):3} drawings  first {first:.1%}  first three {three:.1%}", end="  ")
             print(f"choices {np.mean(shown):.1%} of {len(shown)}" if shown else "")
+        if self.doubted:
+            print(f"ours       {len(self.doubted):3} drawings  called unsure or refused {np.mean(self.doubted):.1%}")
         if self.told:
-            print(f"other      {len(self.told):3} drawings  told {np.mean(self.told):.1%}")
+            print(f"other      {len(self.told):3} drawings  called unsure or refused {np.mean(self.told):.1%}")
 
 
 def main() -> None:

@@ -57,7 +57,8 @@ def sketch(
     meshdeform sketch chair.png -o chair.glb --set legs=column
     """
     require("torch", "deform")
-    from meshdeform.sketch.guesses import UNSURE
+    from meshdeform.sketch.families import FAMILIES
+    from meshdeform.sketch.guesses import is_unsure
 
     if parameters:
         _list(as_json=as_json)
@@ -74,7 +75,7 @@ def sketch(
         if path.exists() and not force:
             raise ParameterError(f"{path} exists.", advice="Choose another name with -o, or overwrite it with --force.")
     _write(found, paths, picture)
-    unsure = found[0].probability < UNSURE
+    unsure = is_unsure(found, family=family)
     if as_json:
         guesses = [
             {"family": each.family, "probability": each.probability, "parameters": each.values, "file": str(path)}
@@ -86,7 +87,11 @@ def sketch(
         typer.echo(f"{path}: {_words(each)}")
     typer.echo(f"{picture}: all of them")
     if unsure:
-        typer.echo("The first guess is unsure. If it is wrong, name what you drew with --family.", err=True)
+        typer.echo(
+            f"The first guess is unsure: this may be none of {', '.join(FAMILIES)}. "
+            "If it is one of them, name it with --family.",
+            err=True,
+        )
 
 
 def write_sketched_target(drawing: Path, path: Path) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from meshdeform.families.machine import BetaMachine, Hidden
+from meshdeform.families.machine import STRONGEST, BetaMachine, Hidden
 
 __all__ = ["Learning"]
 
@@ -23,6 +23,10 @@ _REACH = 20.0
 _OF_STRUCTURE = 30.0
 """Factor of the rate of the structure part, whose gradients are as small as one over the number of shapes. Without it,
 it learns little more than how often each point exists, and what only some members have never comes in samples."""
+_OF_PRECISION = 3.0
+"""Factor of the rate with which all exponents of a coordinate grow or shrink together."""
+_MOST_GROWTH = 0.1
+"""Most that the logarithm of a coordinate's exponents changes in one epoch."""
 _FROM_BELOW = 0.5
 """Share of the epochs that start the reconstruction from the first layer, which is learned before those above it."""
 _POSITIVE = ("a0", "b0", "a", "b", "c", "d")
@@ -75,6 +79,10 @@ class Learning:
         """Do one epoch of `epochs`: one update from all shapes; return the error and the rate."""
         machine, points, exists = self.machine, self.points, self.exists
         data = machine.infer(points, exists)
+        if not all(bool(each.isfinite().all()) for each in (data.h1, data.h3)):  # no coins can be drawn
+            self._adapt(float("nan"))
+            self.epoch += 1
+            return {"error": self.error, "rate": self.rate}
         top = torch.bernoulli(data.h3, generator=self.random)
         from_below = int(_FROM_BELOW * epochs)
         first = torch.bernoulli(data.h1, generator=self.random) if self.epoch < from_below else None
@@ -91,6 +99,7 @@ class Learning:
         self._adapt(error)
         momentum = _MOMENTUM[0] + (_MOMENTUM[1] - _MOMENTUM[0]) * min(self.epoch / max(epochs / 2, 1), 1.0)
         self._draw_together(gradient)
+        self._sharpen(gradient)
         for name in gradient:
             value = machine.weights[name]
             self.velocity[name] = momentum * self.velocity[name]
@@ -150,6 +159,25 @@ class Learning:
             gradient[name] = gradient[name] - _ALIKE * signs.reshape(value.shape)
         for name in ("a", "b", "c", "d", "w12", "w23", "eg"):
             gradient[name] = gradient[name] - _SPARSE * torch.sign(weights[name])
+
+    def _sharpen(self, gradient: dict[str, Tensor]) -> None:
+        """Scale all exponents of each coordinate by one factor, which leaves its expectation and changes its variance.
+
+        The statistics hardly vary in this direction: the logarithm of the factor has Fisher information 1/2, whatever
+        the exponents are, while steps of the exponents themselves are made for the expectation, and change the variance
+        by less than they ought to, by about the sum of the exponents.
+        """
+        w = self.machine.weights
+        slope = w["a0"] * gradient["a0"] + w["b0"] * gradient["b0"]
+        for name in "abcd":
+            slope = slope + (w[name] * gradient[name]).sum(1)
+        total = w["a0"] + w["b0"] + sum(w[name].sum(1) for name in "abcd") / 2
+        factor = (2 * _OF_PRECISION * self.rate * slope).clamp(-_MOST_GROWTH, _MOST_GROWTH).exp()
+        factor = factor.minimum((STRONGEST / total).clamp_min(1.0))
+        for name in ("a0", "b0"):
+            w[name] *= factor
+        for name in "abcd":
+            w[name] *= factor[:, None]
 
     def _adapt(self, error: float) -> None:
         """Change the rate with the error; keep the best weights, and go back to them after a blow-up."""

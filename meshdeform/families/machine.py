@@ -13,14 +13,18 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-__all__ = ["HIGH", "LOW", "BetaMachine", "Hidden", "layer_sizes"]
+__all__ = ["HIGH", "LOW", "STRONGEST", "BetaMachine", "Hidden", "layer_sizes"]
 
 LOW, HIGH = 0.25, 0.75
 """Coordinates are scaled into this interval, away from the ends where the logarithms diverge."""
+STRONGEST = 4000.0
+"""Greatest sum of the exponents of a coordinate: a standard deviation of 0.4 % of the diagonal of all members."""
 _ROUNDS = 3
-_FIRST = 0.02
 _SHARED = 0.2
 """Share of the exponents that comes from the first layer at the start."""
+_APART, _SPREAD = 2.0, 0.4
+"""Standard deviation over the shapes of the inputs of the layers above at the start, and the one of the units below
+them from which on it is reached: larger weights in place of it would feed back more than they bring up."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ class BetaMachine:
         random: torch.Generator,
         sizes: tuple[int, int, int] | None = None,
     ) -> BetaMachine:
-        """Begin with the mean and the variance of each coordinate, and small random weights.
+        """Begin with the mean and the variance of each coordinate, and random projections for the hidden units.
 
         Parameters
         ----------
@@ -86,14 +90,11 @@ class BetaMachine:
         weight = exists.sum(0).clamp_min(1.0)
         mean = (points * exists[:, :, None]).sum(0) / weight[:, None]
         spread = ((points - mean).square() * exists[:, :, None]).sum(0) / weight[:, None] + 1e-6
-        strength = (mean * (1 - mean) / spread - 1).clamp(4.0, 4000.0)
+        strength = (mean * (1 - mean) / spread - 1).clamp(4.0, STRONGEST)
         share = exists.mean(0).clamp(0.02, 0.98)
 
         # Each unit begins as a random projection of its part's points, so that no two units learn the same.
         each = _SHARED * strength.reshape(-1, 1) / sees.sum(1, keepdim=True).clamp_min(1.0)
-
-        def small(*shape: int) -> Tensor:
-            return torch.rand(*shape, generator=random) * _FIRST
 
         # Units of the structure part begin as random projections too, of unit variance over the shapes. Small weights
         # would stay small: the penalty on what tells neighbours apart is larger than what their units learn.
@@ -106,16 +107,38 @@ class BetaMachine:
             **{name: torch.rand(3 * count, m, generator=random) * each * sees for name in "abcd"},
             "m0": (points.log() * exists[:, :, None]).sum(0).div(weight[:, None]).reshape(-1),
             "m1": ((1 - points).log() * exists[:, :, None]).sum(0).div(weight[:, None]).reshape(-1),
-            "w1": torch.zeros(m),
-            "w2": torch.zeros(n),
-            "w3": torch.zeros(o),
-            "w12": small(m, n) - _FIRST / 2,
-            "w23": small(n, o) - _FIRST / 2,
             "e0": (share / (1 - share)).log(),
             "g0": -exists.mean(0) @ latent,
             "eg": latent,
         }
-        return cls(weights, sees)
+        machine = cls(weights, sees)
+        machine._stack(torch.sigmoid(machine._pull(points, exists)), n, o, random)
+        return machine
+
+    def _stack(self, h1: Tensor, second: int, third: int, random: torch.Generator) -> None:
+        """Begin the second and third layer as random projections of the layers below, with inputs of mean 0.
+
+        From small weights they learned next to nothing: reconstructions from the top were one and the same shape, and
+        the half of the epochs that starts there drove the first layer away from the members.
+        """
+
+        def projection(below: Tensor, size: int) -> Tensor:
+            weights = torch.randn(below.shape[1], size, generator=random)
+            weights -= weights.mean(1, keepdim=True)  # so that what comes back down is 0 if all are equally likely
+            spread = (below @ weights).std(0, correction=0)
+            return _APART * weights / spread.clamp_min(_SPREAD * below.shape[1] ** 0.5)
+
+        w12 = projection(h1, second)
+        h2 = torch.sigmoid(h1 @ w12 - (h1 @ w12).mean(0))
+        w23 = projection(h2, third)
+        h3 = torch.sigmoid(h2 @ w23 - (h2 @ w23).mean(0))
+        self.weights |= {
+            "w12": w12,
+            "w23": w23,
+            "w1": -(h2 @ w12.T).mean(0),
+            "w2": -(h1 @ w12).mean(0) - (h3 @ w23.T).mean(0),
+            "w3": -(h2 @ w23).mean(0),
+        }
 
     def infer(self, points: Tensor, exists: Tensor) -> Hidden:
         """Return the hidden units given points (T, K, 3) and existence (T, K): mean field from the bottom up."""

@@ -92,7 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _guessed(path: str, family: str) -> dict[str, Any]:
     from meshdeform.runs.devices import use_threads
-    from meshdeform.sketch.guesses import UNSURE, guess
+    from meshdeform.sketch.guesses import guess, is_unsure
 
     use_threads(1)
     found = guess(Path(path).read_bytes(), family=family)
@@ -105,7 +105,7 @@ def _guessed(path: str, family: str) -> dict[str, Any]:
         }
         for each in found
     ]
-    return {"guesses": guesses, "unsure": found[0].probability < UNSURE}
+    return {"guesses": guesses, "unsure": is_unsure(found, family=family)}
 
 
 def _shaped(document: str) -> dict[str, Any]:

@@ -222,7 +222,7 @@ class TeachingRun:
 
     def finish(self) -> dict[str, bytes]:
         """Return the weights, the contact sheet (a PNG) and the report (JSON), as `result`, `preview` and `report`."""
-        weights, sheet = self._weights(), io.BytesIO()
+        weights, sheet = self.weights(), io.BytesIO()
         self.sheet().save(sheet, "PNG", optimize=True)
         report = {
             **self.report(),
@@ -233,7 +233,8 @@ class TeachingRun:
         text = json.dumps(report, indent=2, ensure_ascii=False) + "\n"
         return {"result": weights, "preview": sheet.getvalue(), "report": text.encode()}
 
-    def _weights(self) -> bytes:
+    def weights(self) -> bytes:
+        """Return the file of the weights that were best so far."""
         request, new = self._request, self._new
         words = new.words
         attributes = sorted({str(attribute) for file in self._files for attribute in file.attributes})

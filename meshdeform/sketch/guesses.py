@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -13,10 +13,11 @@ from meshdeform.sketch.families import FAMILIES, Value, family_of
 from meshdeform.sketch.members import member_glb
 from meshdeform.sketch.network import SketchNetwork, load_network
 
-__all__ = ["UNSURE", "Guess", "guess", "member_glb"]
+__all__ = ["SURE", "Guess", "guess", "is_unsure", "member_glb"]
 
-UNSURE = 0.6
-"""Probability of the first guess below which it is called unsure."""
+SURE = 0.98
+"""Probability of the first guess from which on it is sure. The network was shown nothing but its families, so drawings
+of other things get large probabilities too; docs/sketch.md has what this threshold tells."""
 
 
 @dataclass(frozen=True)
@@ -89,3 +90,8 @@ def guess(data: bytes, *, family: str = "", network: SketchNetwork | None = None
         values = FAMILIES[name].values(look.numbers[name][0].double().numpy(), options)
         found.append(Guess(name, round(probabilities[index], 4), values))
     return found
+
+
+def is_unsure(found: Sequence[Guess], *, family: str = "") -> bool:
+    """Return whether a drawing may be of none of the families; never if its `family` was named."""
+    return not family and found[0].probability < SURE

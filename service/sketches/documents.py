@@ -57,4 +57,8 @@ class SketchGuesses(BaseModel):
     """What a drawing may show."""
 
     guesses: list[SketchGuess] = Field(description="The likeliest first: three, or one if the family is named.")
-    unsure: bool = Field(description="Whether the first guess has a probability below 0.6.", examples=[False])
+    unsure: bool = Field(
+        description="Whether the drawing may be of none of the families: the first guess has a probability below 0.98, "
+        "and no family was named.",
+        examples=[False],
+    )

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from tests.acceptance.service import Service
-from tests.browser.conftest import Watch
+from tests.browser.conftest import Watch, watched
 from tests.browser.steps import expect, open_form, set_steps, start
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 
 # The front of a table: its top, and two legs.
@@ -22,6 +25,18 @@ STROKES = [
     [(0.15, 0.35), (0.15, 0.8), (0.2, 0.8), (0.2, 0.35)],
     [(0.8, 0.35), (0.8, 0.8), (0.85, 0.8), (0.85, 0.35)],
 ]
+
+
+def draw(page: Page, stroke: list[tuple[float, float]]) -> None:
+    """Draw a stroke on the pad; places are shares of its width and height."""
+    box = page.get_by_role("img", name="Drawing").bounding_box()
+    assert box is not None
+    places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in stroke]
+    page.mouse.move(*places[0])
+    page.mouse.down()
+    for place in places[1:]:
+        page.mouse.move(*place)
+    page.mouse.up()
 
 
 def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watch: Watch) -> None:
@@ -33,27 +48,16 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
         dialog.get_by_role("button", name="Guess what it is"),
         dialog.get_by_role("button", name="Use as target"),
     )
-    pad = dialog.get_by_role("img", name="Drawing")
     expect(guess).to_be_disabled()
 
-    def draw(stroke: list[tuple[float, float]]) -> None:
-        box = pad.bounding_box()
-        assert box is not None
-        places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in stroke]
-        page.mouse.move(*places[0])
-        page.mouse.down()
-        for place in places[1:]:
-            page.mouse.move(*place)
-        page.mouse.up()
-
     # One line is no drawing, and what is undone is gone.
-    draw([(0.1, 0.9), (0.9, 0.9)])
+    draw(page, [(0.1, 0.9), (0.9, 0.9)])
     guess.click()
     expect(dialog).to_contain_text("single line")
     dialog.get_by_role("button", name="Undo").click()
     expect(guess).to_be_disabled()
     for stroke in STROKES:
-        draw(stroke)
+        draw(page, stroke)
     guess.click()
     guesses = dialog.get_by_role("radiogroup", name="Guesses").get_by_role("radio")
     expect(guesses).to_have_count(3)
@@ -86,3 +90,39 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
     expect(page.locator(".guide-head")).to_contain_text("Drawn target")
     expect(page.locator("#estimate")).to_contain_text("2 steps")
     assert service.job(start(page))["params"]["sketch"] == sent
+
+
+# The front of a house: of no family.
+HOUSE = [
+    [(0.25, 0.45), (0.75, 0.45), (0.75, 0.9), (0.25, 0.9), (0.25, 0.45)],
+    [(0.2, 0.45), (0.5, 0.18), (0.8, 0.45), (0.2, 0.45)],
+    [(0.44, 0.65), (0.56, 0.65), (0.56, 0.9), (0.44, 0.9), (0.44, 0.65)],
+    [(0.3, 0.55), (0.4, 0.55), (0.4, 0.65), (0.3, 0.65), (0.3, 0.55)],
+    [(0.6, 0.55), (0.7, 0.55), (0.7, 0.65), (0.6, 0.65), (0.6, 0.55)],
+]
+
+
+@pytest.fixture
+def phone(browser: Browser, service: Service, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Page]:
+    """A page on a phone."""
+    options = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
+    with watched(browser, str(service.http.base_url).rstrip("/"), request, tmp_path, **options) as (page, _):
+        yield page
+
+
+@pytest.mark.without_3d
+def test_on_a_phone_a_drawing_of_something_else_is_told_in_sight(phone: Page) -> None:
+    open_form(phone)
+    phone.get_by_role("button", name="Draw it").click()
+    dialog = phone.get_by_role("dialog", name="Draw what it should become")
+    for stroke in HOUSE:
+        draw(phone, stroke)
+    dialog.get_by_role("button", name="Guess what it is").click()
+    said = dialog.get_by_text("This may be none of the shapes that can be drawn here.")
+    expect(said).to_be_in_viewport()
+    cards = dialog.locator(".sketch-guess")
+    expect(cards).to_have_count(3)
+    expect(cards.nth(2)).to_be_in_viewport()
+    tops = [box["y"] for card in cards.all() if (box := card.bounding_box())]
+    assert tops == [tops[0]] * 3
+    assert dialog.evaluate("(each) => each.scrollWidth <= each.clientWidth")

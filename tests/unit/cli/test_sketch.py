@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 from typer.testing import CliRunner
 
 from meshdeform.assets import Limits, build_glb, load_asset
@@ -46,6 +46,21 @@ def test_a_drawing_becomes_three_meshes_and_a_picture() -> None:
     again = run(app, ["sketch", "vase.png", "-o", "out/made.glb"])
     assert again.exit_code == 3
     assert "--force" in again.stderr
+
+
+def test_a_drawing_of_something_else_is_told() -> None:
+    page = Image.new("L", (300, 300), 255)
+    pen = ImageDraw.Draw(page)
+    pen.ellipse((60, 40, 240, 260), outline=0, width=3)  # a face
+    for x in (100, 170):
+        pen.ellipse((x, 110, x + 30, 130), outline=0, width=3)
+    pen.line([(150, 130), (135, 170), (160, 170)], fill=0, width=3)
+    pen.arc((100, 170, 200, 220), 20, 160, fill=0, width=3)
+    page.save("face.png")
+    found = run(app, ["sketch", "face.png"])
+    assert found.exit_code == 0, found.output
+    assert "may be none of chair, table" in found.stderr
+    assert "unsure" not in run(app, ["sketch", "face.png", "--family", "vase", "--force"]).stderr
 
 
 def test_the_drawing_is_never_overwritten() -> None:

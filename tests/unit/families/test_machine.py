@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 
 from meshdeform.families.learning import Learning
-from meshdeform.families.machine import BetaMachine, layer_sizes
+from meshdeform.families.machine import STRONGEST, BetaMachine, layer_sizes
+from meshdeform.families.sampling import sampled
 
 
 def planted(shapes=300, strength=200.0):
@@ -55,6 +57,48 @@ def test_samples_of_a_planted_machine_recover_its_parameters():
     assert math.isfinite(learning.best_error)
 
 
+def test_the_layers_above_tell_shapes_apart_from_the_start():
+    points, _, _, labels, random = planted(60)
+    exists = torch.ones(60, 6)
+    machine = BetaMachine.start(points, exists, labels, random, (6, 4, 3))
+    hidden = machine.infer(points, exists)
+    assert (hidden.h2.std(0) > 0.1).all()
+    assert (hidden.h3.std(0) > 0.1).all()
+
+
+def test_parts_of_a_sample_agree_where_those_of_all_members_do():
+    # Two kinds, which both parts show: the parts meet in the second layer alone.
+    random = torch.Generator().manual_seed(3)
+    labels = torch.tensor([0] * 6 + [1] * 6)
+    kind = (torch.arange(40) % 2).float()
+    low = torch.rand(12, 3, generator=random) * 0.2 + 0.3
+    mean = low + 0.1 * torch.sign(torch.randn(12, 3, generator=random)) * kind[:, None, None]
+    points = mean + 0.01 * torch.randn(40, 12, 3, generator=random)
+    exists = torch.ones(40, 12)
+    learning = learned(points, exists, labels, random, 300, (4, 3, 2))
+    machine = learning.finished()
+    residual = (machine.reconstruct(machine.infer(points, exists).h3.round(), exists)[0] - points).square().mean()
+    assert float(residual / points.var(0).mean()) < 0.5
+    drawn = np.random.default_rng(0)
+    made = torch.stack([sampled(machine, points, exists, 10, drawn).points for _ in range(60)])
+    means = torch.stack([points[kind == each].mean(0) for each in (0, 1)])
+    nearer = [
+        (made[:, labels == part, None] - means[:, labels == part].transpose(0, 1)).square().sum((1, 3))
+        for part in (0, 1)
+    ]
+    seat, legs = (each.argmin(1) for each in nearer)
+    assert 0.2 < float(seat.float().mean()) < 0.8
+    assert float((seat == legs).float().mean()) > 0.9
+
+
+def test_a_coordinate_that_never_varies_gets_no_endless_exponents():
+    points, _, _, labels, random = planted(40)
+    points[:, 0, 0] = 0.5
+    machine = learned(points, torch.ones(40, 6), labels, random, 300, (4, 2, 2)).machine
+    alpha, beta = machine.exponents(torch.full((1, 4), 0.5))
+    assert 1000 < float((alpha + beta)[0, 0]) < 1.5 * STRONGEST
+
+
 def test_the_structure_part_learns_which_points_exist_together():
     random = torch.Generator().manual_seed(1)
     kind = (torch.rand(200, generator=random) < 0.5).float()
@@ -94,7 +138,7 @@ def test_a_blow_up_goes_back_to_the_best_weights_at_half_the_rate():
     for value in learning.machine.weights.values():
         value.fill_(float("nan"))
     rate = learning.rate
-    learning._adapt(float("nan"))
+    learning.step(5)
     assert learning.rate == rate / 2
     assert all(torch.equal(learning.machine.weights[name], value) for name, value in best.items())
 

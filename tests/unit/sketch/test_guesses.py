@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from PIL import Image, ImageDraw
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import ModelError, ParameterError
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.guesses import guess
+from meshdeform.sketch.guesses import guess, is_unsure
 from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.network import WEIGHTS, SketchNetwork, load_network, write_network
 from meshdeform.sketch.strokes import draw
@@ -30,6 +31,20 @@ def drawing(family: str, seed: int, **values: object) -> bytes:
 def test_defaults_of_all_families_are_recognised() -> None:
     right = sum(guess(drawing(name, seed))[0].family == name for name in FAMILIES for seed in range(3))
     assert right >= 16  # of 18
+
+
+def test_a_drawing_of_something_else_is_unsure_and_those_of_the_families_are_not() -> None:
+    page = Image.new("L", (400, 400), 255)
+    pen = ImageDraw.Draw(page)
+    for box in ((100, 180, 300, 360), (176, 260, 224, 360), (120, 220, 160, 260), (240, 220, 280, 260)):  # a house
+        pen.rectangle(box, outline=0, width=4)
+    pen.line([(80, 180), (200, 72), (320, 180), (80, 180)], fill=0, width=4)
+    buffer = io.BytesIO()
+    page.save(buffer, "PNG")
+    assert is_unsure(guess(buffer.getvalue()))
+    assert not is_unsure(guess(buffer.getvalue(), family="vase"), family="vase")
+    unsure = sum(is_unsure(guess(drawing(name, seed))) for name in FAMILIES for seed in range(3))
+    assert unsure <= 2  # of 18
 
 
 def test_numbers_follow_the_drawing() -> None:

@@ -64,8 +64,7 @@ class SketchDialog {
         { class: "dialog-body" },
         h("h2", { id: "sketch-title" }, "Draw what it should become"),
         h("p", { class: "small muted" }, "The outlines of a chair, table, vase, goblet, lamp or airplane, from the front or a little from above. Or drop a picture of a drawing."),
-        h("div", { class: "sketch-columns" }, h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, button("Choose a picture", () => this.input.click(), { class: "chip" }), this.input, this.guess)), h("div", null, this.place, this.guesses, this.fields)),
-        this.problem,
+        h("div", { class: "sketch-columns" }, h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, button("Choose a picture", () => this.input.click(), { class: "chip" }), this.input, this.guess)), h("div", null, this.problem, this.guesses, this.place, this.fields)),
         h("div", { class: "dialog-actions" }, h("button", { type: "button", class: "button", on: { click: () => this.element.close() } }, "Cancel"), this.done),
       ),
     );
@@ -117,7 +116,7 @@ class SketchDialog {
     try {
       const found = await client.guessSketch(await this.pad.png(), { signal });
       if (signal.aborted) return;
-      fill(this.problem, found.unsure ? h("p", null, "This is a guess: choose another one, or draw more of it.") : null);
+      fill(this.problem, found.unsure ? h("p", null, "This may be none of the shapes that can be drawn here. If it is one of them, choose it below, or draw more of it.") : null);
       fill(this.guesses, found.guesses.map((each, i) => this._card(each, i === 0)));
       this._choose(found.guesses[0]);
       announce(`This may be a ${found.guesses[0].family}`);
