@@ -134,7 +134,8 @@ def measure(path: Path, steps: int, keep: Path | None) -> list[dict[str, Any]]:
         begin = time.process_time()
         found = read_scalars(read_field(file))[0].values(level.corners, level.weights)
         row = {
-            "surface": path.stem, "task": task, "places": len(verts), "weights": size, "bytes": 2 * size,
+            "surface": path.stem, "task": task, "places": len(verts), "weights": size,
+            "bytes": read_field(file).header["sections"][3][0],
             "intrinsic": _error(found[other], values[other], classes=classes),
             "prepare_s": unfold_s + time.process_time() - begin, "fit_s": fit_s,
         }  # fmt: skip

@@ -20,12 +20,13 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from meshdeform.fields.network import FieldNetwork
 from meshdeform.fields.rounding import steps_of, whole
 from meshdeform.fields.scalar_fields import ScalarField
 
-__all__ = ["EncodedBase", "encode_base", "write_field"]
+__all__ = ["EncodedBase", "encode_base", "packed_bytes", "write_field"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -145,10 +146,7 @@ def write_field(
     """
     networks = [(field.tensors, rounding), *[(each.tensors, each.rounding) for each in scalars]]
     steps = [given if given is not None else steps_of(tensors) for tensors, given in networks]
-    weights = [
-        _zigzag(torch.cat([part.ravel() for part in whole(tensors, each)]).numpy())
-        for (tensors, _), each in zip(networks, steps, strict=True)
-    ]
+    weights = [_numbers(tensors, each) for (tensors, _), each in zip(networks, steps, strict=True)]
     raw = [base.codes, base.steps, *weights]
     packed = [_deflated(part) for part in raw]
     kept = [{**each.header, "steps": own} for each, own in zip(scalars, steps[1:], strict=True)]
@@ -170,6 +168,15 @@ def write_field(
     text = json.dumps(header, separators=(",", ":")).encode()
     body = b"NDF\x02" + struct.pack("<I", len(text)) + text + b"".join(packed)
     return body + struct.pack("<I", zlib.crc32(body))
+
+
+def packed_bytes(tensors: Sequence[Tensor], rounding: Sequence[int]) -> int:
+    """Return the bytes that a network takes in a file."""
+    return len(_deflated(_numbers(tensors, rounding)))
+
+
+def _numbers(tensors: Sequence[Tensor], steps: Sequence[int]) -> bytes:
+    return _zigzag(torch.cat([part.ravel() for part in whole(tensors, steps)]).numpy())
 
 
 def _zigzag(numbers: _Index) -> bytes:

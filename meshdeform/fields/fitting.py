@@ -224,7 +224,7 @@ class FieldFit:
     def _round(self) -> None:
         """Round the field for the next step, if it is in the last part of the fit."""
         if self.rounding is None and self._options.rounding and self.step >= START * self._options.steps:
-            self.rounding = steps_of(self._learned.tensors)
+            self.rounding = steps_of(self._learned.tensors, self._options.steps)
         if self.rounding is not None:
             self.field = self._learned.with_tensors(rounded(self._learned.tensors, self.rounding))
 

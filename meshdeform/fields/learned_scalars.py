@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.scalar_files import SampledScalars
 from meshdeform.errors import AssetError
+from meshdeform.fields.container import packed_bytes
 from meshdeform.fields.patches import in_corners, level_of
 from meshdeform.fields.reader import NeuralField
+from meshdeform.fields.rounding import steps_of
 from meshdeform.fields.scalar_fields import STEPS, ScalarField, learn_scalars
 from meshdeform.geometry.nearest_places import SurfaceTree
 
@@ -71,7 +73,7 @@ def learned_scalars(
             off = np.sqrt(((found - wanted[other]) ** 2).mean(0)) / learned.scale
             fact = {"name": name, "scalars": wanted.shape[1], "relative_error": float(off.mean())}
         fields.append(learned)
-        facts.append({**fact, "bytes": 2 * sum(tensor.numel() for tensor in learned.tensors)})
+        facts.append({**fact, "bytes": packed_bytes(learned.tensors, learned.rounding or steps_of(learned.tensors))})
     return LearnedScalars(fields, facts)
 
 

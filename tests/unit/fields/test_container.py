@@ -84,6 +84,8 @@ def test_tensors_are_rounded_to_steps_of_their_own_spread() -> None:
     steps = steps_of(tensors)
     assert len(steps) == 5
     assert all(part.abs().max() < 2**15 for part in whole(tensors, steps))
+    finer = [before - after for before, after in zip(steps, steps_of(tensors, 1600), strict=True)]
+    assert finer[3:] == [4, 0], "half the step; nothing is finer than the least"
     near = rounded(tensors, steps)
     assert float((near[1] - weight).detach().square().mean().sqrt()) < float(weight.detach().std()) / 20
     assert 30 < len(near[1].unique()) < 100

@@ -80,6 +80,7 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, mo
     assert report["input"]["genus"] == 1
     (fact,) = report["scalars"]
     assert (fact["name"], fact["relative_error"] < 0.3) == ("height", True), fact
+    assert fact["bytes"] == field.header["sections"][3][0]
     height = read_scalars(field)[0].values(*places_on(field, verts, np.zeros_like(verts)))
     assert np.corrcoef(height[:, 0], verts[:, 2])[0, 1] > 0.95
     assert report["intrinsic"]["all_delaunay"] is True
