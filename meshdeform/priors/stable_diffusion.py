@@ -33,7 +33,7 @@ from torch.nn import functional
 from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError
 from meshdeform.priors.half_precision import scaled_backward
 from meshdeform.priors.model_files import ModelFiles, PartFiles, find, find_tiny_encoder
-from meshdeform.priors.native_precision import has_bfloat16
+from meshdeform.priors.native_precision import is_fast_in_bfloat16
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Encoder
 
@@ -294,7 +294,7 @@ def _dtype(name: str, device: torch.device) -> torch.dtype:
     if device.type == "cpu":
         return torch.float32
     # bfloat16 has the range of float32, so nothing overflows.
-    return torch.bfloat16 if has_bfloat16(device) else torch.float16
+    return torch.bfloat16 if is_fast_in_bfloat16(device) else torch.float16
 
 
 def _side(sample_size: Any, model: str) -> int:

@@ -37,7 +37,7 @@ from meshdeform.priors.builtin.network import null_tokens
 from meshdeform.priors.builtin.style import STYLE
 from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
-from meshdeform.priors.native_precision import has_bfloat16
+from meshdeform.priors.native_precision import is_fast_in_bfloat16
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
 __all__ = ["NUM_TIMESTEPS", "BuiltinPrior", "add_noise", "cosine_alphas_cumprod", "loss_weight", "noise_from_clean"]
@@ -48,7 +48,7 @@ _LARGEST_WEIGHT = 5.0
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
     """Return the torch dtype of a setting. On a GPU `auto` is float32: nobody has measured what bfloat16 does there."""
-    half = name == "bfloat16" or (name == "auto" and device.type == "cpu" and has_bfloat16(device))
+    half = name == "bfloat16" or (name == "auto" and device.type == "cpu" and is_fast_in_bfloat16(device))
     return torch.bfloat16 if half else torch.float32
 
 

@@ -23,7 +23,7 @@ from meshdeform.priors.builtin.teaching.pictures import LessonPictures
 from meshdeform.priors.builtin.training.train import TrainConfig, Trainer
 from meshdeform.priors.builtin.training.warm_start import new_rows
 from meshdeform.priors.builtin.words import Words
-from meshdeform.priors.native_precision import has_bfloat16
+from meshdeform.priors.native_precision import is_fast_in_bfloat16
 
 __all__ = ["TeachConfig", "TeachStep", "Teacher", "extended", "fastest_precision", "read_state"]
 
@@ -73,7 +73,7 @@ class TeachStep:
 
 def fastest_precision(device: str) -> str:
     """Return `bf16` where the processor computes in bfloat16, else `fp32`."""
-    return "bf16" if has_bfloat16(device) else "fp32"
+    return "bf16" if is_fast_in_bfloat16(device) else "fp32"
 
 
 def extended(network: PriorNetwork, known: Words, new: NewNoun, seed: int) -> PriorNetwork:
