@@ -75,7 +75,7 @@ class Settings(BaseSettings):
     dtype: Literal["auto", "float32", "float16", "bfloat16"] = Field(
         "auto",
         description="Precision of the diffusion prior. `auto`: of a Stable Diffusion model, float32 on the CPU, "
-        "bfloat16 on a GPU that supports it, else float16; of the builtin one, bfloat16 on a CPU that supports it, "
+        "bfloat16 on a GPU that supports it, else float16; of the builtin one, bfloat16 on a CPU with `amx_bf16`, "
         "else float32.",
     )
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
