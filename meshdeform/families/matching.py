@@ -109,13 +109,14 @@ def triangle_parts(
 def strangers(likelihood: Tensor) -> list[int]:
     """Return the shapes that seem to be of another family: a group whose likelihood is far below that of the others.
 
-    The likelihoods (T,) are cut in two where the two groups are most compact. The lower group is another family if the
-    gap between the means is larger than anything that one family shows: 6 standard deviations within the groups.
+    The likelihoods (T,) are cut in two where the two groups are most compact and the lower one is at most half of them:
+    most of a collection is the family, whatever its sub-classes. The lower group is another family if the gap between
+    the means is larger than anything that one family shows: 6 standard deviations within the groups.
     """
     values, order = likelihood.double().sort()
     count = len(values)
     best, cut = float("inf"), 0
-    for at in range(1, count):
+    for at in range(1, count // 2 + 1):
         within = float(values[:at].var(unbiased=False) * at + values[at:].var(unbiased=False) * (count - at))
         if within < best:
             best, cut = within, at

@@ -141,3 +141,5 @@ def test_a_group_far_below_the_others_is_of_another_family():
     assert strangers(one) == []
     assert strangers(torch.cat([one, torch.tensor([2.0, 1.5, 2.2])])) == [40, 41, 42]
     assert strangers(torch.full((10,), 3.0)) == []
+    # Sub-classes of one family differ as well: what is most of the collection is never the other family.
+    assert strangers(torch.cat([one[:14] - 4.0, one[:6]])) == []
