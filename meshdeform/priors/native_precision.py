@@ -14,7 +14,7 @@ def is_fast_in_bfloat16(device: str | torch.device) -> bool:
     """Return whether a device multiplies whole matrices in bfloat16: a GPU from Ampere on, a CPU with `amx_bf16`.
 
     Other CPUs compute faster in float32, also those with `avx512_bf16`, which multiplies vectors: on one of them a pass
-    of the builtin prior took 1.5 times the time of float32, and a step of its training 1.6 times. Before torch 2.9 the
+    of the builtin prior and a step of its training took 1.4 to 1.5 times the CPU time of float32. Before torch 2.9 the
     instructions of a CPU are not known.
     """
     if torch.device(device).type == "cuda":

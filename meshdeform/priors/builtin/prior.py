@@ -93,8 +93,8 @@ class BuiltinPrior:
     device : str or torch.device
         Device of the network.
     dtype : "auto", "float32", "float16" or "bfloat16"
-        What the network computes in. `auto` is bfloat16 on a CPU that has instructions for it, else float32; float16, a
-        precision of other models, is float32.
+        What the network computes in. `auto` is bfloat16 on a CPU that has matrix instructions for it, else float32;
+        float16, a precision of other models, is float32.
     weights : pathlib.Path
         A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
 
