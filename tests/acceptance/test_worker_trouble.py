@@ -52,7 +52,6 @@ def impatient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield made
 
 
-
 def test_jobs_are_run_by_a_process_that_holds_no_torch(usual: Cluster) -> None:
     for _ in range(3):
         usual.check(usual.submit(STEPS), steps=STEPS)
