@@ -51,7 +51,7 @@ def checked_header(header: dict[str, Any], size: int) -> dict[str, Any]:
 
 def _weights(network: dict[str, Any], features: int, vertices: int) -> int:
     """Return the bytes of a network's section."""
-    widths = network["widths"]
+    widths: list[int] = network["widths"]
     _require(2 <= len(widths) <= _MAX_LAYERS and all(_whole(width, 1, 1 << 16) for width in widths))
     if "steps" in network:
         steps = network["steps"]
