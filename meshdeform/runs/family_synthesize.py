@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -21,7 +22,7 @@ from meshdeform.errors import AssetError, ParameterError
 from meshdeform.families.assembly import Assembler, Assembly
 from meshdeform.families.boundary import boundary_defects
 from meshdeform.families.machine import BetaMachine
-from meshdeform.families.sampling import FreeEnergy, between, completed, sampled, to_frame, to_machine
+from meshdeform.families.sampling import FreeEnergy, Unexplained, between, completed, sampled, to_frame, to_machine
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family_synthesis import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
@@ -88,6 +89,11 @@ class FamilySynthesisRun:
         if state is not None:
             self._resume(state)
         self._assembler: Assembler | None = None
+
+    @cached_property
+    def _unexplained(self) -> Unexplained:
+        labels = torch.from_numpy(self._family.labels.copy())
+        return Unexplained.of(self._machine, self._points, self._exists, labels)
 
     @property
     def total_steps(self) -> int:
@@ -200,7 +206,7 @@ class FamilySynthesisRun:
             choice = dict.fromkeys(self._keep, member)
             diagonal, centre = float(family.diagonals[member]), family.centres[member]
         else:
-            drawn = sampled(machine, self._points, self._exists, self._params.rounds, random)
+            drawn = sampled(machine, self._points, self._exists, self._unexplained, self._params.rounds, random)
         points, exists = to_frame(drawn.points, self._scaling).double().numpy(), drawn.exists.numpy() > 0
         if self._params.mode is SynthesisMode.INTERPOLATE and number in {0, self._params.count - 1}:
             points = family.points[near].copy()  # not rounded on the way through the machine's interval
