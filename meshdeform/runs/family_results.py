@@ -28,6 +28,7 @@ from meshdeform.families.matching import (
     correspondences,
     strangers,
     triangle_parts,
+    unlike,
     visible_points,
 )
 from meshdeform.requests.family import FamilyParams
@@ -199,7 +200,7 @@ class FamilyResults:
 
     def _report(self, accuracy: list[float | None], segments: dict[str, NDArray[np.uint8]]) -> bytes:
         likelihood = self.inference.likelihood
-        other = strangers(likelihood)
+        other, warnings = self._strangers()
         fit = self.machine.log_likelihood(self._visible[0], self._matched.exists)
         turns = torch.rad2deg(self.inference.collection.turns)
         assets = []
@@ -221,13 +222,6 @@ class FamilyResults:
                     **({"accuracy": accuracy[t]} if accuracy[t] is not None else {}),
                 }
             )
-        warnings = []
-        if other:
-            listed = ", ".join(self.names[t] for t in other[:5]) + (" ..." if len(other) > 5 else "")
-            warnings.append(
-                f"{len(other)} of {len(self.names)} assets are much less likely than the others, as if they were of "
-                f"another family: {listed}."
-            )
         if turned := int((turns != 0).sum()):
             warnings.append(
                 f"{turned} of {len(self.names)} assets were turned around the vertical axis to face as the others do."
@@ -247,6 +241,20 @@ class FamilyResults:
             "warnings": warnings,
         }
         return json.dumps(report, indent=1, allow_nan=False).encode()
+
+    def _strangers(self) -> tuple[list[int], list[str]]:
+        """Return the assets that seem to be of another family, and the warning about them."""
+        labelled = torch.tensor([not labels.held_out for labels in self.labels]) & (self.truth >= 0).any(1)
+        other = unlike(self.inference.collection.features, labelled)
+        why, advice = "are unlike every labelled one", " Label some of them if they belong to it."
+        if other is None:
+            other = strangers(self.inference.likelihood)
+            why, advice = "are much less likely than the others", ""
+        if not other:
+            return [], []
+        listed = ", ".join(self.names[t] for t in other[:5]) + (" ..." if len(other) > 5 else "")
+        first = f"{len(other)} of {len(self.names)} assets {why}, as if they were of another family: {listed}."
+        return other, [first + advice]
 
     def _class_accuracy(self) -> dict[str, Any] | None:
         """Return how often the nearest neighbour by descriptor (L1) among all others has the same sub-class."""
