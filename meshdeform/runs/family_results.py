@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
@@ -71,6 +72,7 @@ class FamilyResults:
         accuracy: list[float | None] = []
         hung = shown(len(self.names))
         shapes: list[WallShape] = []
+        paths = Counter(map(_as_glb, self.names))  # a.obj may lie beside a.glb
         with zipfile.ZipFile(labelled, "w", zipfile.ZIP_DEFLATED) as archive:
             for t, name in enumerate(self.names):
                 asset = load_asset(self.files.assets[name], name, self.limits)
@@ -83,7 +85,9 @@ class FamilyResults:
                 if t in hung:
                     shapes.append(self._wall_shape(t, asset, found, len(hung)))
                 if self.params.embed_labels:
-                    path = str(PurePosixPath(name).with_suffix(".glb"))
+                    path = _as_glb(name)
+                    if path != name and paths[path] > 1:
+                        path = f"{name}.glb"
                     archive.writestr(zipfile.ZipInfo(path), _embedded(asset, found))
         names = np.array(self.names)
         npz = "application/x-npz"
@@ -280,6 +284,10 @@ class FamilyResults:
             name = f"part {part + 1}"
             made.append(Primitive(verts, rows, name=name, material=name, base_color=COLOURS[part % len(COLOURS)]))
         return made
+
+
+def _as_glb(name: str) -> str:
+    return str(PurePosixPath(name).with_suffix(".glb"))
 
 
 def _embedded(asset: Asset, parts: NDArray[np.uint8]) -> bytes:

@@ -33,6 +33,10 @@ from meshdeform.runs.report import sha256_hex
 
 __all__ = ["FamilySynthesisRun", "machine_of", "start"]
 
+_ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
+_AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
+_SAME = 1e-6
+
 
 def machine_of(family: FamilyFile) -> BetaMachine:
     """Return the Beta shape machine of a family."""
@@ -75,6 +79,12 @@ class FamilySynthesisRun:
         self._family, self._params, self._limits, self._run, self._digests = family, params, limits, run, digests
         self._data = [_asset_of(assets, name) for name in family.names]
         self._members = [_member(family, name, number) for number, name in enumerate(params.members)]
+        if len(set(self._members)) < len(self._members):
+            raise ParameterError(
+                "The two members are the same.",
+                advice="Name two different members.",
+                errors=[{"loc": ["params", "members"], "msg": "The two members are the same.", "type": "value_error"}],
+            )
         self._keep = [_part(family, name, self._members[0], n) for n, name in enumerate(params.keep)]
         self._machine = machine_of(family)
         self._exists = torch.from_numpy(family.exists.copy()).float()
@@ -162,10 +172,15 @@ class FamilySynthesisRun:
         except AssetError as error:
             raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
         if surface_digest(asset.surface) != self._family.digests[member]:
-            raise AssetError(
-                f"{name} has another shape than when the family was fitted.",
-                advice="Send the collection of that job, or its labelled.zip.",
-            )
+            raise AssetError(f"{name} has another shape than when the family was fitted.", advice=_ITS_COLLECTION)
+        used = asset.surface.positions[np.unique(asset.surface.triangles)]
+        low, high = used.min(0), used.max(0)
+        diagonal = float(np.linalg.norm(high - low))
+        apart = np.abs(
+            np.append((low + high) / 2 - self._family.centres[member], diagonal - self._family.diagonals[member])
+        )
+        if apart.max() > _SAME * diagonal:
+            raise AssetError(f"{name} has another size or place than in the family.", advice=_AGAIN)
         return asset
 
     def _read(self) -> None:
@@ -178,7 +193,8 @@ class FamilySynthesisRun:
         for member in needed[count * self._step // READ_STEPS : count * (self._step + 1) // READ_STEPS]:
             surface = self._load(member).surface
             if len(surface.triangles) != len(self._family.segments[member]):
-                raise AssetError(f"{self._family.names[member]} has another number of triangles than in the family.")
+                detail = f"{self._family.names[member]} has another number of triangles than in the family."
+                raise AssetError(detail, advice=_AGAIN)
             self._defects[member] = boundary_defects(
                 surface.positions, surface.triangles, self._family.segments[member], len(self._family.parts)
             )
@@ -215,6 +231,11 @@ class FamilySynthesisRun:
                 found = None if part in choice else self._assembler.choose(points, exists, part)
                 if found is not None:
                     choice[part] = found[0]
+        if not choice:
+            raise AssetError(
+                f"Shape {number} has no point that any member has.",
+                advice="Take another seed, or run family_fit again with more points.",
+            )
         made = self._assembler.assemble(
             points, exists, choice, kept=self._keep, diagonal=float(diagonal), centre=np.asarray(centre)
         )
@@ -269,13 +290,10 @@ def _bytes(data: bytes) -> Tensor:
 
 
 def _asset_of(assets: dict[str, bytes], name: str) -> bytes:
-    for wanted in (name, str(PurePosixPath(name).with_suffix(".glb"))):
+    for wanted in (name, f"{name}.glb", str(PurePosixPath(name).with_suffix(".glb"))):
         if wanted in assets:
             return assets[wanted]
-    raise AssetError(
-        f"The collection has no {name[:100]!r}, which the family was fitted to.",
-        advice="Send the collection of that job, or its labelled.zip.",
-    )
+    raise AssetError(f"The collection has no {name[:100]!r}, which the family was fitted to.", advice=_ITS_COLLECTION)
 
 
 def _member(family: FamilyFile, name: str, place: int) -> int:
