@@ -35,8 +35,7 @@ _ROOM = 0.5
 _ENOUGH = 5
 """So many labelled shapes tell how much members of a family differ."""
 _UNLIKE = 1.6
-"""A member is at most 1.3 times as far from the nearest labelled one as those are among each other, another family's is
-at least 1.9 times as far (docs/families.md)."""
+"""Chosen on three families; docs/families.md has how it does on others."""
 _ALIKE = 0.2
 """Standard deviations of a feature: what differs by less is alike, however much alike the labelled shapes are."""
 _QUANTILES = 100

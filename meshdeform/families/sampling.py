@@ -219,6 +219,7 @@ def completed(
     points: Tensor,
     exists: Tensor,
     known: Tensor,
+    unexplained: Unexplained,
     rounds: int,
     random: np.random.Generator,
 ) -> Drawn:
@@ -232,6 +233,8 @@ def completed(
         Of the shape whose points are known.
     known : (K,) float32
         1 for the points of parts that are kept, whether they exist or not.
+    unexplained : Unexplained
+        Of the family's members.
     rounds : int
     random : numpy Generator
     """
@@ -242,8 +245,8 @@ def completed(
     hidden = machine.infer(points[None], seen)
     state = State(*(_coin(each, random) for each in (hidden.h1, hidden.h2, hidden.h3)))
     state = gibbs(machine, state, found, max(rounds, 1), random, (points[None], seen))
-    made = torch.where(seen[0, :, None] > 0, points, machine.expected(state.h1)[0])
-    return Drawn(made, found[0])
+    made = (machine.expected(state.h1)[0] + unexplained.draw(random)).clamp(*_INSIDE)
+    return Drawn(torch.where(seen[0, :, None] > 0, points, made), found[0])
 
 
 class FreeEnergy:

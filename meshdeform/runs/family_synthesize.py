@@ -218,7 +218,8 @@ class FamilySynthesisRun:
         elif self._params.mode is SynthesisMode.COMPLETE:
             member = self._members[0]
             known = torch.from_numpy(np.isin(family.labels, self._keep)).float()
-            drawn = completed(machine, self._points[member], self._exists[member], known, self._params.rounds, random)
+            shape = self._points[member], self._exists[member], known
+            drawn = completed(machine, *shape, self._unexplained, self._params.rounds, random)
             choice = dict.fromkeys(self._keep, member)
             diagonal, centre = float(family.diagonals[member]), family.centres[member]
         else:

@@ -114,7 +114,8 @@ def test_a_completed_shape_has_the_known_points_exactly():
     machine = planted(points=3)
     points, exists = torch.rand(3, 3) * 0.5 + 0.25, torch.tensor([1.0, 0, 1])
     for seed in range(5):
-        found = completed(machine, points, exists, torch.tensor([1.0, 1, 0]), 3, np.random.default_rng(seed))
+        rest = Unexplained(torch.full((4, 9), 0.01), torch.tensor([0, 0, 1]))
+        found = completed(machine, points, exists, torch.tensor([1.0, 1, 0]), rest, 3, np.random.default_rng(seed))
         assert torch.equal(found.points[0], points[0])
         assert found.exists[:2].tolist() == [1, 0]
 
