@@ -187,9 +187,7 @@ def test_the_labelled_assets_serve_as_the_collection(chairs):
     by_labelled = finished(begin(chairs, count=1, collection=chairs[2]["labelled.zip"]))
     one, other = (load_asset(shapes_of(each)[0]) for each in (by_zip, by_labelled))
     np.testing.assert_array_equal(corners(one), corners(other))
-
-
-def test_members_that_differ_in_the_ending_alone_are_told_apart_in_the_labelled_assets(chairs):
+    # Members whose names differ in the ending alone are two.
     rows = ["solid a", "facet normal 0 0 1", "outer loop", "vertex 0 0 0", "vertex 1 0 0", "vertex 0 1 1", "endloop"]
     stl = "\n".join([*rows, "endfacet", "endsolid a"]).encode()
     data = packed({**chairs[0], "chair_0000.stl": stl})
