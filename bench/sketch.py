@@ -29,7 +29,8 @@ from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import SURE
 from meshdeform.sketch.lines import View, joined, visible_lines
-from meshdeform.sketch.network import WEIGHTS, SketchNetwork, load_network
+from meshdeform.sketch.looking import WEIGHTS, look, read_weights
+from meshdeform.sketch.network import SketchNetwork, load_network
 from meshdeform.sketch.solids import Solid
 from meshdeform.sketch.strokes import draw
 from meshdeform.sketch.training import Drawings, make_drawings, measured, random_view
@@ -185,12 +186,11 @@ def main() -> None:
     print(f"refused of the second set: {refused} of {options.other}")
     things = of_other_things()
     print(f"other things: {len(things.family)} drawings, unsure {unsure(network, things):.3f}")
-    picture = torch.from_numpy(other.pictures[:1])[:, None].float() / 255
-    with torch.no_grad():
-        network(picture)
-        start = time.process_time()
-        for _ in range(20):
-            network(picture)
+    picture, weights = other.pictures[0].astype(np.float32) / 255, read_weights()
+    look(picture, weights)
+    start = time.process_time()
+    for _ in range(20):
+        look(picture, weights)
     print(f"a look: {(time.process_time() - start) / 20 * 1e3:.2f} ms of CPU; weights {WEIGHTS.stat().st_size} bytes")
     if options.sheet:
         sheet = Image.new("L", (12 * 128, -(-len(files) // 12) * 128), 255)

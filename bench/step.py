@@ -25,13 +25,12 @@ from statistics import median
 from typing import Any
 from unittest import mock
 
-import torch
-
 from meshdeform.deformation.loop import Deformation
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.runs.devices import use_threads
 
 WARM = 10
 PARTS = {
@@ -94,7 +93,7 @@ def measured() -> Iterator[Clock]:
 
 def run_of(options: argparse.Namespace) -> Iterator[object]:
     """Return the steps of a run."""
-    torch.set_num_threads(options.threads)
+    use_threads(options.threads)
     named = dict(text.split("=", 1) for text in options.set)
     given = {"orientation": "keep", **{name: json.loads(value) for name, value in named.items()}}
     params = resolve(DeformParams(steps=50_000, **given))

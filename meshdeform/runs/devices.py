@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 
 from meshdeform.errors import ParameterError
+from meshdeform.support.heaps import keep_freed_memory
 from meshdeform.support.threads import default_threads
 
 __all__ = ["resolve_device", "use_threads"]
@@ -35,7 +36,11 @@ def resolve_device(name: str) -> str:
 
 
 def use_threads(count: int) -> int:
-    """Set torch's number of CPU threads and return it; 0 chooses as `support.threads.default_threads` does."""
+    """Set torch's number of CPU threads and return it; 0 chooses as `support.threads.default_threads` does.
+
+    The process also keeps the memory of freed tensors (`support.heaps.keep_freed_memory`).
+    """
+    keep_freed_memory()
     threads = count or default_threads()
     torch.set_num_threads(threads)
     return threads

@@ -25,7 +25,8 @@ from meshdeform.assets.drawing import SIDE, prepared
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.sketch.families import FAMILIES, Value
 from meshdeform.sketch.lines import View, joined, visible_lines
-from meshdeform.sketch.network import WEIGHTS, Look, SketchNetwork, write_network
+from meshdeform.sketch.looking import WEIGHTS
+from meshdeform.sketch.network import Look, SketchNetwork, write_network
 from meshdeform.sketch.strokes import draw
 
 __all__ = [

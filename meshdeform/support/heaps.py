@@ -1,4 +1,4 @@
-"""Keep the memory of a process with many threads small where the C library is glibc."""
+"""Tell the C library, where it is glibc, how much freed memory a process should keep."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import ctypes
 import os
 from contextlib import suppress
 
-__all__ = ["HEAPS", "limit_heaps"]
+__all__ = ["HEAPS", "keep_freed_memory", "limit_heaps"]
 
 HEAPS = 2
-_M_ARENA_MAX = -8
-"""`mallopt`'s name of the limit, from glibc's malloc.h."""
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
+"""`mallopt`'s names, from glibc's malloc.h."""
+_KEPT = 256 << 20
+_LARGEST = 32 << 20
+"""Bytes of a block that still comes from a heap; glibc accepts no more."""
 
 
 def limit_heaps() -> None:
@@ -18,6 +21,20 @@ def limit_heaps() -> None:
 
     glibc makes eight for each core, and each keeps what its threads have freed. Call this before there are threads.
     """
-    if "MALLOC_ARENA_MAX" not in os.environ:
+    _set(_M_ARENA_MAX, HEAPS, "MALLOC_ARENA_MAX")
+
+
+def keep_freed_memory() -> None:
+    """Keep up to 256 MB that were freed, for a process that computes; the environment's own settings win.
+
+    torch frees most of its tensors within a step. glibc returns them to the system, which has to clear every page of
+    the next step's tensors (docs/performance.md).
+    """
+    _set(_M_MMAP_THRESHOLD, _LARGEST, "MALLOC_MMAP_THRESHOLD_")
+    _set(_M_TRIM_THRESHOLD, _KEPT, "MALLOC_TRIM_THRESHOLD_")
+
+
+def _set(option: int, value: int, variable: str) -> None:
+    if variable not in os.environ:
         with suppress(OSError, AttributeError, TypeError):  # macOS, musl, Windows
-            ctypes.CDLL(None).mallopt(_M_ARENA_MAX, HEAPS)
+            ctypes.CDLL(None).mallopt(option, value)

@@ -36,7 +36,7 @@ def deployed(folder: Path, **environment: str) -> Iterator[Cluster]:
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def usual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """One whose worker is out of memory once, and whose jobs have two attempts."""
     folder = tmp_path_factory.mktemp("usual")
     with deployed(folder, FAKE_OOM_ONCE=str(folder / "once"), MESHDEFORM_MAX_ATTEMPTS="2") as made:
@@ -52,28 +52,19 @@ def impatient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield made
 
 
-@pytest.fixture
-def alone(tmp_path: Path) -> Iterator[Cluster]:
-    """A deployment with nothing started but Redis."""
-    with running_redis(tmp_path) as redis:
-        made = Cluster(tmp_path, redis)
-        yield made
-        made.clean_up()
-
-
-def test_jobs_are_run_by_a_process_that_holds_no_torch(cluster: Cluster) -> None:
+def test_jobs_are_run_by_a_process_that_holds_no_torch(usual: Cluster) -> None:
     for _ in range(3):
-        cluster.check(cluster.submit(STEPS), steps=STEPS)
-    assert "libtorch" not in Path(f"/proc/{cluster.parts['worker'].child().pid}/maps").read_text()
+        usual.check(usual.submit(STEPS), steps=STEPS)
+    assert "libtorch" not in Path(f"/proc/{usual.parts['worker'].child().pid}/maps").read_text()
 
 
-def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(cluster: Cluster) -> None:
+def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(usual: Cluster) -> None:
     # Two attempts may be lost: this one is none.
-    worker = cluster.parts["worker"]
+    worker = usual.parts["worker"]
     first = worker.child().pid
-    job = cluster.check(cluster.submit(STEPS, prompt="ooms once"), steps=STEPS)
+    job = usual.check(usual.submit(STEPS, prompt="ooms once"), steps=STEPS)
     assert (job.attempt, job.oom_attempts) == (2, 1)
-    events = cluster.events(job.id)
+    events = usual.events(job.id)
     assert TROUBLE_AT - 1 in [e.data["step"] for e in events if e.type == "checkpoint" and e.attempt == 1]
     assert [e.data["reason"] for e in events if e.type == "queued"][1:] == ["out_of_memory"]
     assert "ended with exit code 75; starting it again in 0 s" in worker.log
@@ -81,12 +72,12 @@ def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(cluste
 
 
 @pytest.mark.long  # test_leases.py counts the same attempts
-def test_a_device_without_memory_fails_the_job_at_last(alone: Cluster) -> None:
-    worker = alone.start_worker()
-    job = alone.check(alone.submit(STEPS, prompt="ooms"), state=JobState.FAILED)
+def test_a_device_without_memory_fails_the_job_at_last(cluster: Cluster) -> None:
+    worker = cluster.start_worker()
+    job = cluster.check(cluster.submit(STEPS, prompt="ooms"), state=JobState.FAILED)
     assert job.error is not None
     assert (job.error.code, job.attempt) == ("gpu_oom", 3)
-    alone.check(alone.submit(STEPS), steps=STEPS)
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
     assert worker.stop() == 0
 
 
@@ -110,53 +101,53 @@ def test_a_worker_without_work_is_not_taken_for_hung(impatient: Cluster) -> None
     impatient.check(impatient.submit(STEPS), steps=STEPS)
 
 
-def test_a_job_that_fails_leaves_the_worker_as_it_was(cluster: Cluster) -> None:
-    worker = cluster.parts["worker"]
-    job = cluster.check(cluster.submit(STEPS, prompt="fails"), state=JobState.FAILED)
+def test_a_job_that_fails_leaves_the_worker_as_it_was(usual: Cluster) -> None:
+    worker = usual.parts["worker"]
+    job = usual.check(usual.submit(STEPS, prompt="fails"), state=JobState.FAILED)
     assert job.error is not None
     assert (job.error.code, job.attempt) == ("numerical_failure", 1)
     process = worker.child()
-    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    usual.check(usual.submit(STEPS), steps=STEPS)
     assert worker.child() == process
 
 
 @pytest.mark.long  # test_leases.py has the order of all jobs
-def test_the_urgent_job_comes_first(alone: Cluster) -> None:
-    usual = [alone.submit(STEPS) for _ in range(3)]
-    urgent = alone.submit(STEPS, priority=10)
-    alone.start_worker()
-    for job_id in [*usual, urgent]:
-        alone.check(job_id, steps=STEPS)
-    started = {job_id: alone.job(job_id).started_at for job_id in [*usual, urgent]}
-    assert sorted(started, key=lambda job_id: str(started[job_id])) == [urgent, *usual]
+def test_the_urgent_job_comes_first(cluster: Cluster) -> None:
+    others = [cluster.submit(STEPS) for _ in range(3)]
+    urgent = cluster.submit(STEPS, priority=10)
+    cluster.start_worker()
+    for job_id in [*others, urgent]:
+        cluster.check(job_id, steps=STEPS)
+    started = {job_id: cluster.job(job_id).started_at for job_id in [*others, urgent]}
+    assert sorted(started, key=lambda job_id: str(started[job_id])) == [urgent, *others]
 
 
-def test_a_deadline_stops_the_run_and_the_worker_goes_on(cluster: Cluster) -> None:
-    worker = cluster.parts["worker"]
-    job_id = cluster.submit(50_000, deadline_s=3600.0)
-    cluster.at_step(job_id, 1)
-    with cluster.record.database.write() as connection:
-        over = cluster.record.database.now(-1.0)
+def test_a_deadline_stops_the_run_and_the_worker_goes_on(usual: Cluster) -> None:
+    worker = usual.parts["worker"]
+    job_id = usual.submit(50_000, deadline_s=3600.0)
+    usual.at_step(job_id, 1)
+    with usual.record.database.write() as connection:
+        over = usual.record.database.now(-1.0)
         connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(deadline_at=over))
-    cluster.check(job_id, state=JobState.EXPIRED)
+    usual.check(job_id, state=JobState.EXPIRED)
     until("the worker noticed", lambda: "has lost its lease and stops" in worker.log)
-    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    usual.check(usual.submit(STEPS), steps=STEPS)
 
 
 @pytest.mark.long  # test_alive.py asks the same
-def test_the_record_and_the_health_check_know_of_the_worker(alone: Cluster) -> None:
+def test_the_record_and_the_health_check_know_of_the_worker(cluster: Cluster) -> None:
     def healthy() -> bool:
-        environment = {**os.environ, "MESHDEFORM_DATA_DIR": str(alone.folder)}
+        environment = {**os.environ, "MESHDEFORM_DATA_DIR": str(cluster.folder)}
         return subprocess.run([sys.executable, "-m", "worker.health"], env=environment, check=False).returncode == 0
 
     assert not healthy()
-    worker = alone.start_worker()
-    until("the record knows", lambda: alone.record.leases.alive("meshdeform") == 1)
+    worker = cluster.start_worker()
+    until("the record knows", lambda: cluster.record.leases.alive("meshdeform") == 1)
     assert healthy()
     process = worker.child()
     process.kill()
     until("another one", lambda: next((p for p in worker.children() if p != process and p.is_running()), None))
-    until("the record knows the new one only", lambda: alone.record.leases.alive("meshdeform") == 1)
+    until("the record knows the new one only", lambda: cluster.record.leases.alive("meshdeform") == 1)
     assert worker.stop() == 0
-    assert alone.record.leases.alive("meshdeform") == 0
+    assert cluster.record.leases.alive("meshdeform") == 0
     assert not healthy()

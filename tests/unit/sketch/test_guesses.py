@@ -11,11 +11,13 @@ import torch
 from PIL import Image, ImageDraw
 
 from meshdeform.assets import Limits, load_asset
+from meshdeform.assets.drawing import read_drawing
 from meshdeform.errors import ModelError, ParameterError
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import guess, is_unsure
 from meshdeform.sketch.lines import View, joined, visible_lines
-from meshdeform.sketch.network import WEIGHTS, SketchNetwork, load_network, write_network
+from meshdeform.sketch.looking import WEIGHTS, look, read_weights
+from meshdeform.sketch.network import SketchNetwork, load_network, write_network
 from meshdeform.sketch.strokes import draw
 from meshdeform.sketch.training import main, make_drawings, train
 
@@ -70,12 +72,20 @@ def test_three_guesses_are_meshes_of_different_families() -> None:
         guess(drawing("goblet", 4), family="dragon")
 
 
-def test_weights_are_small_and_damaged_ones_are_refused(tmp_path: Path) -> None:
+def test_weights_are_small_and_read_alike_with_and_without_torch(tmp_path: Path) -> None:
     assert WEIGHTS.stat().st_size < 10_000_000
+    picture = read_drawing(drawing("vase", 1))
+    seen = look(picture, read_weights())
+    with torch.no_grad():
+        expected = load_network()(torch.from_numpy(picture)[None, None])
+    np.testing.assert_allclose(seen.probabilities, expected.family[0].softmax(0), atol=1e-5)
+    for name in FAMILIES:
+        np.testing.assert_allclose(seen.shares[name], expected.numbers[name][0], atol=1e-5)
+        assert seen.options[name] == [int(each[0].argmax()) for each in expected.choices[name]]
     damaged = tmp_path / "damaged.safetensors"
     damaged.write_bytes(WEIGHTS.read_bytes()[:5000])
     with pytest.raises(ModelError, match="cannot be read"):
-        load_network(damaged)
+        read_weights(damaged)
 
 
 def test_weights_of_other_families_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,7 +93,7 @@ def test_weights_of_other_families_are_refused(tmp_path: Path, monkeypatch: pyte
         patch.setattr("meshdeform.sketch.network.parameters_hash", lambda: "another")
         write_network(tmp_path / "other.safetensors", SketchNetwork(), {})
     with pytest.raises(ModelError, match="other families"):
-        load_network(tmp_path / "other.safetensors")
+        read_weights(tmp_path / "other.safetensors")
 
 
 def test_training_learns_and_repeats() -> None:

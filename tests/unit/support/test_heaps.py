@@ -1,4 +1,4 @@
-"""Threads share two of glibc's heaps; without the limit each thread would get its own."""
+"""Threads share two of glibc's heaps, and what is freed in a step is there for the next one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from meshdeform.support.heaps import HEAPS, limit_heaps
+from meshdeform.support.heaps import HEAPS, keep_freed_memory, limit_heaps
 
 PROGRAM = """
 import ctypes, threading
@@ -29,6 +29,19 @@ threads = [threading.Thread(target=work) for _ in range(12)]
 library.malloc_stats()
 """
 
+STEPS = """
+import resource
+from meshdeform.support.heaps import keep_freed_memory
+if {kept}:
+    keep_freed_memory()
+def step():
+    begun = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    tensors = [b"x" * (8 << 20) for _ in range(10)]
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - begun
+step()
+print(step())
+"""
+
 
 def heaps(*, limited: bool, **environment: str) -> int:
     """Return the number of heaps of a process of twelve threads."""
@@ -40,11 +53,29 @@ def heaps(*, limited: bool, **environment: str) -> int:
     return len(re.findall(r"^Arena \d+:", ran.stderr, re.MULTILINE))
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc has such heaps")
+def page_faults(*, kept: bool, **environment: str) -> int:
+    """Return how many new pages the second of two equal steps of a process needs."""
+    usual = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}
+    program = [sys.executable, "-c", STEPS.format(kept=kept)]
+    return int(subprocess.run(program, check=True, capture_output=True, text=True, env={**usual, **environment}).stdout)
+
+
+only_glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc has such heaps")
+
+
+@only_glibc
 def test_threads_share_a_few_heaps_unless_the_environment_says_otherwise() -> None:
     assert heaps(limited=False) > HEAPS
     assert heaps(limited=True) == HEAPS
     assert heaps(limited=True, MALLOC_ARENA_MAX="5") == 5
+
+
+@only_glibc
+def test_a_step_reuses_the_memory_of_the_step_before_unless_the_environment_says_otherwise() -> None:
+    pages = 10 * (8 << 20) // os.sysconf("SC_PAGESIZE")
+    assert page_faults(kept=False) > pages // 2
+    assert page_faults(kept=True) < pages // 100
+    assert page_faults(kept=True, MALLOC_MMAP_THRESHOLD_="1000000") > pages // 2
 
 
 def test_other_libraries_of_c_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,5 +86,6 @@ def test_other_libraries_of_c_are_left_alone(monkeypatch: pytest.MonkeyPatch) ->
 
         monkeypatch.setattr("ctypes.CDLL", missing)
         limit_heaps()
+        keep_freed_memory()
     monkeypatch.setattr("ctypes.CDLL", lambda _: object())
     limit_heaps()
