@@ -29,6 +29,7 @@ MAX_SAMPLES = 1_000_000
 _FEWEST_SAMPLES = 100
 _MAX_BYTES = 8 * MAX_SAMPLES * (6 + MAX_OUTPUTS)
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,39}")
+_LARGEST = float(np.finfo(np.float32).max)
 _FINITE = "Leave out the points whose values are not known."
 _FORM = "Store points (P, 3), and with any other names floats (P,) or (P, C), or integers (P,) for pieces."
 
@@ -88,8 +89,8 @@ def read_scalar_file(data: bytes) -> SampledScalars:
         if array.dtype.kind == "f":
             values[name] = array.reshape(len(points), -1).astype(np.float64)
             outputs += values[name].shape[1]
-            if not np.isfinite(values[name]).all():
-                raise AssetNotFiniteError(f"{name!r} has values that are not finite.", advice=_FINITE)
+            if values[name].size and not np.abs(values[name]).max() < _LARGEST:
+                raise AssetNotFiniteError(f"{name!r} has values that are not finite 32-bit floats.", advice=_FINITE)
         elif array.ndim == 1:
             labels[name] = array.astype(np.int64)
             outputs += len(np.unique(labels[name]))
@@ -124,6 +125,6 @@ def _rows(name: str, array: NDArray[np.generic]) -> _Floats:
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise AssetError(f"{name!r} must be (P, 3) numbers, not {array.shape}.", advice=_FORM)
     rows = array.astype(np.float64)
-    if not np.isfinite(rows).all():
-        raise AssetNotFiniteError(f"{name!r} has values that are not finite.", advice=_FINITE)
+    if rows.size and not np.abs(rows).max() < _LARGEST:
+        raise AssetNotFiniteError(f"{name!r} has values that are not finite 32-bit floats.", advice=_FINITE)
     return rows

@@ -22,7 +22,7 @@ from meshdeform.assets.surface_files import (
     warnings_about,
 )
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
-from meshdeform.errors import AssetTooLargeError
+from meshdeform.errors import AssetError, AssetTooLargeError, ParameterError
 from meshdeform.fields.base_mesh import base_of
 from meshdeform.fields.cleaning import CleanMesh, clean
 from meshdeform.fields.container import EncodedBase, encode_base, write_field
@@ -49,6 +49,10 @@ _GLB = "model/gltf-binary"
 _BYTES = "application/octet-stream"
 _SNAPSHOT_LEVEL = 1
 _DRAWN_FACES = 10_000
+_MOST_SIZES = 20.0
+"""Times the surface's diagonal that the one of a base may be, or the other way round."""
+_ANCHOR_SLACK = 0.1
+"""Share of the diagonal by which an anchor may be outside of the bounding box."""
 
 
 def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
@@ -72,6 +76,7 @@ def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
             verts, faces = base_of(surface.reference, params.base_faces)
         else:
             verts, faces = base_of(own, len(own.faces))
+            _check_base(verts, around)
             around = np.concatenate([around, verts])
         frame = FieldFrame.around(around)
         base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
@@ -105,7 +110,7 @@ def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
         options,
         checkpoint=load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None,
         initial=load_shape(given.initial, shape) if given.initial is not None else None,
-        anchors=_anchors(params, frame),
+        anchors=_anchors(params, frame, frame.leave(base.verts), surface.reference.verts),
     )
     facts = {
         "filename": file.filename,
@@ -133,10 +138,34 @@ def _own_base(given: RunInput) -> CleanMesh | None:
     return clean(surface.positions, surface.triangles)
 
 
-def _anchors(params: SurfaceFitParams, frame: FieldFrame) -> tuple[_Floats, _Floats] | None:
+def _check_base(verts: _Floats, surface: _Floats) -> None:
+    """Refuse a base of another size than the surface, or elsewhere: no projection leads from one to the other."""
+    (low, high), (least, most) = ((each.min(0), each.max(0)) for each in (verts, surface))
+    ours, wanted = float(np.linalg.norm(high - low)), float(np.linalg.norm(most - least))
+    apart = float(np.linalg.norm((low + high - least - most) / 2))
+    if not (wanted / _MOST_SIZES < ours < _MOST_SIZES * wanted and apart < ours + wanted):
+        raise AssetError(
+            f"The base (diagonal {ours:.4g}) lies elsewhere than the surface (diagonal {wanted:.4g}, {apart:.4g} away) "
+            "or has another size.",
+            advice="Send it in the coordinates of the asset, around the surface.",
+        )
+
+
+def _anchors(
+    params: SurfaceFitParams, frame: FieldFrame, base: _Floats, surface: _Floats
+) -> tuple[_Floats, _Floats] | None:
     if not params.anchors:
         return None
     pairs = np.array([[anchor.base, anchor.surface] for anchor in params.anchors], np.float64)
+    for side, (name, verts) in enumerate((("base", base), ("surface", surface))):
+        low, high = verts.min(0), verts.max(0)
+        slack = _ANCHOR_SLACK * float(np.linalg.norm(high - low))
+        outside = np.flatnonzero(((pairs[:, side] < low - slack) | (pairs[:, side] > high + slack)).any(1))
+        if len(outside):
+            raise ParameterError(
+                f"Anchor {outside[0] + 1} names a point of the {name} that lies outside of it.",
+                advice=f"Give points within {np.round(low, 4).tolist()} to {np.round(high, 4).tolist()}.",
+            )
     return frame.enter(pairs[:, 0]), frame.enter(pairs[:, 1])
 
 

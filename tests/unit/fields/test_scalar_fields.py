@@ -95,6 +95,8 @@ def test_scalars_that_fit_nothing_are_refused_with_the_reason() -> None:
         (npz(points=points[:50], height=points[:50, 0]), "100 are needed"),
         (npz(points=points, height=points[:5, 0]), r"'height' is float64 \(5,\)"),
         (npz(points=points, height=np.full(200, np.nan)), "not finite"),
+        (npz(points=points, height=np.full(200, 1e300)), "32-bit"),
+        (npz(points=points * 1e300, height=points[:, 0]), "32-bit"),
         (npz(points=points, side=np.zeros((200, 2), int)), "integers"),
         (npz(points=points, side=np.arange(200)), "200 scalars and pieces"),
         (npz(points=points, normals=points[:9], height=points[:, 0]), "9 normals"),

@@ -147,6 +147,17 @@ def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
     base = InputFile(build_glb(large.verts.numpy(), large.faces.numpy()), "large.glb")
     with pytest.raises(AssetTooLargeError, match="5120 faces"):
         start_run(RunInput(request, {"asset": surface, "base": base}))
+    for verts in (ball.verts.numpy() * 1000, ball.verts.numpy() / 1000, ball.verts.numpy() + 9):
+        base = InputFile(build_glb(verts, ball.faces.numpy()), "ball.glb")
+        with pytest.raises(AssetError, match="elsewhere than the surface"):
+            start_run(RunInput(request, {"asset": surface, "base": base}))
+    here = {"base": [0.0, 0.0, 1.0], "surface": [0.0, 0.0, 1.0]}
+    for part in here:
+        request = JobRequest.model_validate(
+            {"kind": "surface_fit", "params": {**SMALL, "anchors": [here, {**here, part: [0.0, 0.0, 5.0]}]}}
+        )
+        with pytest.raises(ParameterError, match=f"Anchor 2 names a point of the {part} that lies outside"):
+            start_run(RunInput(request, {"asset": surface}))
 
 
 def cup() -> bytes:
