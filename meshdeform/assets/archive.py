@@ -126,13 +126,24 @@ def _entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipI
             continue
         if name.startswith("/") or ":" in name.split("/")[0] or ".." in name.split("/"):
             raise AssetError(f"The ZIP names a file outside itself: {name[:100]!r}.", advice="Pack it again.")
+        if any(ord(letter) < 32 or 127 <= ord(letter) < 160 for letter in name):  # a terminal would obey them
+            raise AssetError(
+                f"The ZIP has a name with control characters: {name[:100]!r}.",
+                advice="Rename the file, and pack it again.",
+            )
         if entry.flag_bits & _ENCRYPTED:
             raise AssetUnsupportedError("The ZIP is encrypted.", advice="Pack it without a password.")
         if entry.compress_type not in _METHODS:
             raise AssetUnsupportedError(
                 f"The ZIP compresses {name[:100]!r} by a method other than Deflate.", advice="Pack it with Deflate."
             )
-        found[posixpath.normpath(name)] = entry
+        name = posixpath.normpath(name)
+        if name in found:
+            raise AssetError(
+                f"The ZIP holds two files named {name[:100]!r}.",
+                advice="Give each a name of its own, and pack them again.",
+            )
+        found[name] = entry
     return found
 
 

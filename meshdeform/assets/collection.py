@@ -10,16 +10,17 @@ import dataclasses
 import io
 import posixpath
 import zipfile
+from collections import Counter
 from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import Field, StringConstraints, ValidationError
 
-from meshdeform.assets.archive import _BROKEN, _content, _entries
+from meshdeform.assets.archive import _BROKEN, ZIP_MAGIC, _content, _entries
 from meshdeform.assets.container import Data
 from meshdeform.assets.inspect import AssetSummary, inspect_asset
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, AssetTruncatedError
+from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "FamilyLabels",
     "inspect_collection",
     "open_collection",
+    "unpacked",
 ]
 
 MIN_COLLECTION, MAX_COLLECTION = 10, 3000
@@ -91,11 +93,32 @@ def open_collection(data: Data, limits: Limits) -> CollectionFiles:
                 if entries[LABELS_FILE].file_size > _MAX_LABELS_BYTES:
                     raise AssetTooLargeError(f"{LABELS_FILE} has more than {_MAX_LABELS_BYTES} bytes.")
                 labels = _labels(_content(archive, entries[LABELS_FILE]), names)
-            return CollectionFiles({name: _content(archive, entries[name]) for name in names}, labels)
+            return CollectionFiles({name: _asset(archive, entries[name], name) for name in names}, labels)
     except _BROKEN as error:
-        raise AssetTruncatedError(
-            f"The ZIP cannot be read: {str(error)[:200]}.", advice="Pack it again, or send the whole file."
-        ) from error
+        raise _broken(error) from error
+
+
+def _asset(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str) -> bytes:
+    """Unpack an asset, but no archive: what that unpacks to is not in the sum that was checked."""
+    data = _content(archive, entry)
+    if data.startswith(ZIP_MAGIC):
+        raise AssetFormatError(f"{name} is a ZIP within a ZIP.", advice="Unpack it, and pack the files once.")
+    return data
+
+
+def unpacked(data: Data, limits: Limits) -> dict[str, bytes]:
+    """Return all files of a ZIP by name, those that a collection does not use too.
+
+    Raises
+    ------
+    AssetError
+        The ZIP is broken, too large, encrypted, or names files outside itself.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
+            return {name: _content(archive, entry) for name, entry in _entries(archive, _bounds(limits)).items()}
+    except _BROKEN as error:
+        raise _broken(error) from error
 
 
 def inspect_collection(data: Data, limits: Limits) -> AssetSummary:
@@ -115,6 +138,12 @@ def inspect_collection(data: Data, limits: Limits) -> AssetSummary:
             raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
         vertices, triangles = vertices + found.vertices, triangles + found.triangles
     return AssetSummary("zip", vertices, triangles, meshes=len(files.assets))
+
+
+def _broken(error: Exception) -> AssetTruncatedError:
+    return AssetTruncatedError(
+        f"The ZIP cannot be read: {str(error)[:200]}.", advice="Pack it again, or send the whole file."
+    )
 
 
 def _bounds(limits: Limits) -> Limits:
@@ -149,9 +178,14 @@ def _labels(data: bytes, names: list[str]) -> FamilyLabels:
         ) from error
     if len(set(labels.parts)) < len(labels.parts):
         raise AssetError(f"{LABELS_FILE} names a part twice.", advice="Give each part one name.")
-    known = {posixpath.basename(name) for name in names} | set(names)
+    whole, files = set(names), Counter(posixpath.basename(name) for name in names)
     for asset, of_asset in labels.assets.items():
-        if asset not in known:
+        if asset not in whole and files[asset] > 1:
+            raise AssetError(
+                f"{LABELS_FILE} has labels for {asset[:100]!r}, which is the name of {files[asset]} assets.",
+                advice="Name the asset with its folder, as the ZIP does.",
+            )
+        if asset not in whole and not files[asset]:
             raise AssetError(
                 f"{LABELS_FILE} has labels for {asset[:100]!r}, which is not in the ZIP.",
                 advice="Name the assets as the ZIP does, such as 'chair_01.glb'.",

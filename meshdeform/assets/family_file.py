@@ -25,6 +25,8 @@ FAMILY_FORMAT = "meshdeform-family-2"
 _ANY_VERSION = "meshdeform-family-"
 _MAX_HEADER_BYTES = 16 * 2**20
 _MOST_POINTS, _MOST_MEMBERS, _MOST_PARTS = 1000, 3000, 16
+_FARTHEST, _LEAST_SIZE, _STRONGEST = 2.0, 1e-3, 1e6
+"""Bounds of the frame, whose diagonal is 1, and of the weights; a fit stays far inside them."""
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
 
 Arrays = dict[str, NDArray[Any]]
@@ -231,7 +233,13 @@ def _check(family: FamilyFile) -> None:
     faces = np.array([len(each) for each in family.segments])[:, None]
     if (family.triangles < 0).any() or (family.triangles >= faces).any():
         raise ValueError("a place names no triangle")
-    if not (family.diagonals > 0).all() or not family.scaling[3] > 0:
+    if not (family.diagonals > 0).all():
         raise ValueError("a size is not positive")
+    if np.abs(family.points).max() > _FARTHEST:
+        raise ValueError("points lie outside the frame")
+    if np.abs(family.scaling).max() > _FARTHEST or family.scaling[3] < _LEAST_SIZE:
+        raise ValueError("the frame's size is out of range")
+    if wrong := [name for name in shapes if np.abs(family.machine[name]).max() > _STRONGEST]:
+        raise ValueError(f"{wrong[0]} of the machine is out of range")
     if min(float(family.machine[name].min()) for name in ("a0", "b0", "a", "b", "c", "d")) < 0:
         raise ValueError("an exponent is negative")

@@ -29,6 +29,7 @@ MAX_SAMPLES = 1_000_000
 _FEWEST_SAMPLES = 100
 _MAX_BYTES = 8 * MAX_SAMPLES * (6 + MAX_OUTPUTS)
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,39}")
+_FINITE = "Leave out the points whose values are not known."
 _FORM = "Store points (P, 3), and with any other names floats (P,) or (P, C), or integers (P,) for pieces."
 
 
@@ -88,7 +89,7 @@ def read_scalar_file(data: bytes) -> SampledScalars:
             values[name] = array.reshape(len(points), -1).astype(np.float64)
             outputs += values[name].shape[1]
             if not np.isfinite(values[name]).all():
-                raise AssetNotFiniteError(f"{name!r} has values that are not finite.")
+                raise AssetNotFiniteError(f"{name!r} has values that are not finite.", advice=_FINITE)
         elif array.ndim == 1:
             labels[name] = array.astype(np.int64)
             outputs += len(np.unique(labels[name]))
@@ -113,6 +114,8 @@ def _arrays(data: bytes) -> dict[str, NDArray[np.generic]]:
                 raise AssetTooLargeError("The file of scalars is too large.", advice="Give fewer points.")
         with np.load(io.BytesIO(data), allow_pickle=False) as found:
             return {name: np.atleast_1d(found[name]) for name in found.files}
+    except MemoryError as error:  # the header of an array may state any shape
+        raise AssetTooLargeError("The scalars do not fit into memory.", advice="Give fewer points.") from error
     except (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError) as error:
         raise AssetFormatError("The scalars cannot be read.", advice="Write them with numpy.savez.") from error
 
@@ -122,5 +125,5 @@ def _rows(name: str, array: NDArray[np.generic]) -> _Floats:
         raise AssetError(f"{name!r} must be (P, 3) numbers, not {array.shape}.", advice=_FORM)
     rows = array.astype(np.float64)
     if not np.isfinite(rows).all():
-        raise AssetNotFiniteError(f"{name!r} has values that are not finite.")
+        raise AssetNotFiniteError(f"{name!r} has values that are not finite.", advice=_FINITE)
     return rows

@@ -36,12 +36,19 @@ ACTIVATIONS = ("relu", "silu", "sine", "softplus", "tanh")
 MAX_POINTS = 1_000_000
 MAX_GRID_VALUES = 256**3
 MAX_NETWORK_WEIGHTS = 1_000_000
+MAX_NETWORK_LAYERS = 32
 _FEWEST_POINTS = 100
+_NEAREST = 1e-4
+"""Size over distance from the origin: places are then rounded by less than a thousandth of the size."""
 _FEWEST_CELLS = 4
+_LARGEST, _SMALLEST = float(np.finfo(np.float32).max), float(np.finfo(np.float32).tiny)
 _UNSIGNED = (
     "The values are all of one sign, as unsigned distances are. The gradient of an unsigned distance jumps at the "
     "surface, so no point can be projected to it."
 )
+_FINITE = "Write numbers in the place of NaN and infinity."
+_GRID = "Store sdf (X, Y, Z), origin (3,) and spacing (1,) or (3,)."
+_COARSER = "Make it coarser."
 _NEGATE = "The values are negative at the sides, where the outside is: the sign is the other way round."
 
 
@@ -147,8 +154,10 @@ def _points(points: _Floats, normals: _Floats) -> OrientedPoints:
         raise AssetTooLargeError(
             f"The file has {len(points)} points; the limit is {MAX_POINTS}.", advice="Thin it out."
         )
-    if not (np.isfinite(points).all() and np.isfinite(normals).all()):
-        raise AssetNotFiniteError("The file has points or normals that are not finite.")
+    if not (np.isfinite(points).all() and np.isfinite(normals).all() and np.abs(points).max() < _LARGEST):
+        raise AssetNotFiniteError(
+            "The file has points or normals that are not finite 32-bit floats.", advice="Remove those points."
+        )
     lengths = np.linalg.norm(normals, axis=1)
     if (lengths < 1e-6).mean() > 0.01:
         raise AssetError(
@@ -156,9 +165,14 @@ def _points(points: _Floats, normals: _Floats) -> OrientedPoints:
         )
     kept = lengths >= 1e-6
     points, normals = points[kept], normals[kept] / lengths[kept, None]
-    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(points.T)), 0.0))
+    _check_place(points.min(0), points.max(0))
+    size = float(np.ptp(points, axis=0).max())
+    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(points.T / max(size, _SMALLEST))), 0.0))
     if not spread[0] > 1e-4 * spread[2]:
-        raise AssetError("All points lie in one plane, which encloses nothing.", advice="Send the points of a solid.")
+        raise AssetError(
+            "All points lie in one plane, which encloses nothing, or some lie far away from all the others.",
+            advice="Send the points of a solid, without strays.",
+        )
     return OrientedPoints(points, normals)
 
 
@@ -182,6 +196,8 @@ def _ply(data: bytes) -> tuple[_Floats, _Floats]:
 
 
 def _xyz(data: bytes) -> tuple[_Floats, _Floats]:
+    if not any(line.partition(b"#")[0].strip() for line in io.BytesIO(data)):
+        raise AssetEmptyError("The file has no points.", advice="Write x y z nx ny nz in each line.")
     try:
         rows = np.loadtxt(io.BytesIO(data), dtype=np.float64, comments="#", ndmin=2, max_rows=MAX_POINTS + 1)
     except ValueError as error:
@@ -200,38 +216,51 @@ def _grid(data: bytes) -> DistanceGrid:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             if sum(member.file_size for member in archive.infolist()) > 8 * MAX_GRID_VALUES + 4096:
-                raise AssetTooLargeError(f"The grid has more than {MAX_GRID_VALUES} values.", advice="Make it coarser.")
+                raise AssetTooLargeError(f"The grid has more than {MAX_GRID_VALUES} values.", advice=_COARSER)
         with np.load(io.BytesIO(data), allow_pickle=False) as found:
             arrays = {name: np.asarray(found[name]) for name in found.files}
+    except MemoryError as error:  # the header of an array may state any shape
+        raise AssetTooLargeError("The arrays of the NPZ file do not fit into memory.", advice=_COARSER) from error
     except (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError) as error:
         raise AssetFormatError("The NPZ file cannot be read.", advice="Write it with numpy.savez.") from error
     missing = [name for name in ("sdf", "origin", "spacing") if name not in arrays]
     if missing:
-        raise AssetError(
-            f"The grid has no {missing[0]!r}.", advice="Store sdf (X, Y, Z), origin (3,) and spacing (1,) or (3,)."
-        )
+        raise AssetError(f"The grid has no {missing[0]!r}.", advice=_GRID)
     values = arrays["sdf"]
     if values.ndim != 3 or min(values.shape) < _FEWEST_CELLS or values.dtype.kind not in "fiu":
-        raise AssetError(f"sdf must be (X, Y, Z) numbers, at least {_FEWEST_CELLS} each way, not {values.shape}.")
-    if values.size > MAX_GRID_VALUES:
-        raise AssetTooLargeError(
-            f"The grid has {values.size} values; the limit is {MAX_GRID_VALUES}.", advice="Make it coarser."
+        raise AssetError(
+            f"sdf must be (X, Y, Z) numbers, at least {_FEWEST_CELLS} each way, not {values.dtype} {values.shape}.",
+            advice=_GRID,
         )
+    if values.size > MAX_GRID_VALUES:
+        raise AssetTooLargeError(f"The grid has {values.size} values; the limit is {MAX_GRID_VALUES}.", advice=_COARSER)
     try:
         origin = np.broadcast_to(arrays["origin"].astype(np.float64).reshape(-1), 3).copy()
         spacing = np.broadcast_to(arrays["spacing"].astype(np.float64).reshape(-1), 3).copy()
     except ValueError as error:
-        raise AssetError("origin must be (3,) and spacing (1,) or (3,) numbers.") from error
+        raise AssetError("origin must be (3,) and spacing (1,) or (3,) numbers.", advice=_GRID) from error
     return _checked(values.astype(np.float64), origin, spacing)
 
 
 def _checked(values: _Floats, origin: _Floats, spacing: _Floats) -> DistanceGrid:
-    if not (np.isfinite(values).all() and np.isfinite(origin).all() and np.isfinite(spacing).all()):
-        raise AssetNotFiniteError("The grid has values that are not finite.")
-    if not (spacing > 0).all():
+    far = np.abs(origin) + np.abs(spacing) * values.shape
+    if not (np.abs(values).max() < _LARGEST and (far < _LARGEST).all()):
+        raise AssetNotFiniteError("The grid has values that are not finite 32-bit floats.", advice=_FINITE)
+    if not (spacing > _SMALLEST).all():
         raise AssetError("The spacing of the grid must be positive.", advice="Store the distance between neighbours.")
+    _check_place(origin, origin + spacing * values.shape)
     _check_signs(values)
     return DistanceGrid(values, origin, spacing)
+
+
+def _check_place(low: _Floats, high: _Floats) -> None:
+    """Refuse a box that is tiny beside its distance from the origin: the results are meshes of 32-bit floats."""
+    if (high - low).max() < _NEAREST * max(np.abs(low).max(), np.abs(high).max()):
+        raise AssetError(
+            f"The surface lies more than {1 / _NEAREST:,.0f} times its size from the origin, where 32-bit floats "
+            "cannot tell its places apart.",
+            advice="Move it to the origin.",
+        )
 
 
 def _check_signs(values: _Floats) -> None:
@@ -253,10 +282,16 @@ def _network(data: bytes) -> ImplicitNetwork:
         from safetensors.numpy import load
 
         length = int.from_bytes(data[:8], "little")
-        metadata = json.loads(data[8 : 8 + length]).get("__metadata__") or {}
-        tensors = load(data)
+        described = json.loads(data[8 : 8 + length])
+        metadata = described.pop("__metadata__", None) or {}
+        others = {str(each["dtype"]) for each in described.values()} - {"F16", "F32", "F64"}
+        tensors = {} if others else load(data)
+    except MemoryError:
+        raise
     except Exception as error:
         raise AssetTruncatedError("The safetensors file is damaged or incomplete.") from error
+    if others:
+        raise AssetError(f"The network's numbers are {min(others)[:20]}.", advice="Store them as float32.")
     form = "Store layers.0.weight (H, 3), layers.0.bias, ..., the last layer with one output (docs/surface_fit.md)."
     layers: list[tuple[_Floats, _Floats]] = []
     width = 3
@@ -266,6 +301,10 @@ def _network(data: bytes) -> ImplicitNetwork:
             raise AssetError(f"Layer {len(layers)} of the network does not fit the one before it.", advice=form)
         layers.append((weight.astype(np.float64), bias.astype(np.float64)))
         width = weight.shape[0]
+        if len(layers) > MAX_NETWORK_LAYERS:
+            raise AssetTooLargeError(
+                f"The network has more than {MAX_NETWORK_LAYERS} layers.", advice="Train a smaller one."
+            )
     if not layers or width != 1 or len(tensors) != 2 * len(layers):
         raise AssetError("The network has another architecture.", advice=form)
     if sum(weight.size for weight, _ in layers) > MAX_NETWORK_WEIGHTS:
@@ -273,7 +312,7 @@ def _network(data: bytes) -> ImplicitNetwork:
             f"The network has more than {MAX_NETWORK_WEIGHTS} weights.", advice="Train a smaller one."
         )
     if not all(np.isfinite(array).all() for layer in layers for array in layer):
-        raise AssetNotFiniteError("The network has weights that are not finite.")
+        raise AssetNotFiniteError("The network has weights that are not finite.", advice="Train it again.")
     activation = metadata.get("activation", "")
     if activation not in ACTIVATIONS:
         raise AssetError(
@@ -281,11 +320,18 @@ def _network(data: bytes) -> ImplicitNetwork:
             advice=f"Set the file's metadata `activation` to one of: {', '.join(ACTIVATIONS)}.",
         )
     try:
-        omega, box = float(metadata.get("omega", "1")), [float(x) for x in json.loads(metadata.get("bounds", ""))]
-    except (ValueError, TypeError) as error:
+        omega, bounds = float(metadata.get("omega", "1")), json.loads(metadata.get("bounds", ""))
+        box = [float(x) for x in bounds]
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise AssetError(
             "The network's bounds are missing.", advice="Set `bounds`, such as [-1,-1,-1,1,1,1]."
         ) from error
-    if len(box) != 6 or not all(map(math.isfinite, [*box, omega])) or any(box[i] >= box[i + 3] for i in range(3)):
+    if (
+        not isinstance(bounds, list)
+        or len(box) != 6
+        or not all(map(math.isfinite, [*box, omega]))
+        or any(box[i] >= box[i + 3] for i in range(3))
+    ):
         raise AssetError("The network's bounds are not a box.", advice="Set `bounds`, such as [-1,-1,-1,1,1,1].")
+    _check_place(np.array(box[:3]), np.array(box[3:]))
     return ImplicitNetwork(layers, activation, omega, (np.array(box[:3]), np.array(box[3:])))

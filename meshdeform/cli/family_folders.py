@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import shlex
@@ -139,22 +140,20 @@ def packed(path: Path, most: int, labels: Path | None = None) -> bytes:
             beside = path / "labels.json"
             labels = labels or (beside if beside.is_file() else None)
         else:
-            _copy(path, archive, most)
+            for name, data in _unpacked(path, most).items():
+                archive.writestr(zipfile.ZipInfo(name), data)
         if labels is not None:
             archive.writestr(zipfile.ZipInfo("labels.json"), labels.read_bytes())
     return buffer.getvalue()
 
 
-def _copy(path: Path, archive: zipfile.ZipFile, most: int) -> None:
-    try:
-        with zipfile.ZipFile(path) as source:
-            entries = [entry for entry in source.infolist() if entry.filename != "labels.json"]
-            if sum(entry.file_size for entry in entries) > most:
-                raise AssetError(f"{path} unpacks to more than {most} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
-            for entry in entries:
-                archive.writestr(zipfile.ZipInfo(entry.filename), source.read(entry))
-    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
-        raise AssetError(f"{path} cannot be read: {error}.", advice="Pack it again.") from error
+def _unpacked(path: Path, most: int) -> dict[str, bytes]:
+    """Return the files of a ZIP but its labels, with the checks that the job makes."""
+    from meshdeform.assets.collection import LABELS_FILE, unpacked
+    from meshdeform.assets.limits import Limits
+
+    files = unpacked(path.read_bytes(), dataclasses.replace(Limits(), max_bytes=most))
+    return {name: data for name, data in files.items() if name != LABELS_FILE}
 
 
 def check_folder(folder: Path, kind: Kind) -> None:

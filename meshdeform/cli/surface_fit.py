@@ -172,11 +172,16 @@ def surface_fit(
         typer.echo(f"Picture    {paths['preview']}")
         typer.echo(
             f"Level {report['levels'][-1]['level']}: {report['levels'][-1]['faces']} faces, distance "
-            f"{summary['distance']:.3%} of the diagonal, eigenvalues off by {summary['eigenvalue_error']:.2%}, "
-            f"geodesics by {summary['geodesic_error']:.2%}."
+            f"{summary['distance']:.3%} of the diagonal, eigenvalues off by {_share(summary['eigenvalue_error'])}, "
+            f"geodesics by {_share(summary['geodesic_error'])}."
         )
         for warning in summary["warnings"]:
             typer.echo(f"Warning: {warning}", err=True)
+
+
+def _share(error: float | None) -> str:
+    """Return a relative error; where parts leave nothing to compare there is none."""
+    return "an unknown share" if error is None else f"{error:.2%}"
 
 
 def _request(params: dict[str, Any]) -> JobRequest:

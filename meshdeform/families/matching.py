@@ -13,7 +13,15 @@ from torch import Tensor
 from meshdeform.families.inference import Inference
 from meshdeform.families.machine import HIGH, LOW
 
-__all__ = ["Correspondences", "correspondences", "dense_matches", "strangers", "triangle_parts", "visible_points"]
+__all__ = [
+    "Correspondences",
+    "correspondences",
+    "dense_matches",
+    "strangers",
+    "triangle_parts",
+    "unlike",
+    "visible_points",
+]
 
 _MASS = 0.25
 """A point exists where at least this share of the mean number of samples corresponds to it."""
@@ -24,6 +32,13 @@ _TURNED = 0.1
 _VOTES = 4
 _APART = 6.0
 _ROOM = 0.5
+_ENOUGH = 5
+"""So many labelled shapes tell how much members of a family differ."""
+_UNLIKE = 1.6
+"""Chosen on three families; docs/families.md has how it does on others."""
+_ALIKE = 0.2
+"""Standard deviations of a feature: what differs by less is alike, however much alike the labelled shapes are."""
+_QUANTILES = 100
 
 
 @dataclass(frozen=True)
@@ -123,3 +138,37 @@ def strangers(likelihood: Tensor) -> list[int]:
     gap = float(values[cut:].mean() - values[:cut].mean()) if cut else 0.0
     spread = (best / count) ** 0.5
     return sorted(order[:cut].tolist()) if cut and gap > max(_APART * spread, _ROOM) else []
+
+
+def unlike(features: Tensor, labelled: Tensor) -> list[int] | None:
+    """Return the shapes that are unlike every labelled one, which are of the family for certain.
+
+    Two shapes differ by how far apart the distributions of their local features are: for each feature the distance of
+    Wasserstein, the root of the mean of the squares over all. A shape is unlike the labelled ones if the nearest of
+    them is farther than any of those is from the nearest other one, and clearly so. The likelihood does not tell: a
+    template that bends to all sub-classes of a family bends to others as well.
+
+    Parameters
+    ----------
+    features : (T, P, F) float32
+        Of the samples of each shape, of unit variance over the collection.
+    labelled : (T,) bool
+
+    Returns
+    -------
+    list of int, optional
+        None if fewer than five are labelled.
+    """
+    if int(labelled.sum()) < _ENOUGH:
+        return None
+    count = features.shape[1]
+    places = torch.linspace(0, count - 1, min(count, _QUANTILES)).round().long()
+    quantiles = features.sort(dim=1).values[:, places]
+    known = quantiles[labelled]
+    squares = torch.zeros(len(features), len(known))
+    for column in range(features.shape[2]):
+        squares += (torch.cdist(quantiles[:, :, column], known[:, :, column], p=1) / len(places)).square()
+    squares[labelled.nonzero()[:, 0], torch.arange(len(known))] = torch.inf  # another one than itself
+    nearest = (squares.amin(1) / features.shape[2]).sqrt()
+    most = (_UNLIKE * nearest[labelled].max()).clamp_min(_ALIKE)
+    return torch.nonzero((nearest > most) & ~labelled)[:, 0].tolist()

@@ -2,7 +2,7 @@
 
 Source: Huang 2017, section 3.4 and appendix C. Sampling is Gibbs sampling in blocks: coordinates given the first
 layer, first and third layer given the coordinates and the second, second given the other two. The coordinates of a
-sample are their expectation given its first layer.
+sample are their expectation given its first layer, and a draw of what that leaves unexplained in the members.
 """
 
 from __future__ import annotations
@@ -15,7 +15,21 @@ from torch import Tensor
 
 from meshdeform.families.machine import HIGH, LOW, BetaMachine
 
-__all__ = ["Drawn", "FreeEnergy", "State", "between", "completed", "gibbs", "sampled", "to_frame", "to_machine"]
+__all__ = [
+    "Drawn",
+    "FreeEnergy",
+    "State",
+    "Unexplained",
+    "between",
+    "completed",
+    "gibbs",
+    "sampled",
+    "to_frame",
+    "to_machine",
+]
+
+_INSIDE = 1e-4, 1 - 1e-4
+"""Coordinates stay away from the ends, where their logarithms diverge."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +55,41 @@ class Drawn:
 
     points: Tensor
     exists: Tensor
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What the first layer leaves unexplained in the members: a normal distribution, each part by itself.
+
+    Members of one kind differ mostly in this, and the expectation alone gives nearly the same member of a kind again
+    and again. Normal coefficients of all members, in place of what one of them has, make no copies of it; and since
+    each part has coefficients of its own, proportions come together that no member has.
+
+    Attributes
+    ----------
+    factors : (T, V) float32
+        What is unexplained in each member, over the root of how many members have the point: their products are the
+        covariance of each coordinate with the others.
+    labels : (K,) int64
+        The part of each point.
+    """
+
+    factors: Tensor
+    labels: Tensor
+
+    @classmethod
+    def of(cls, machine: BetaMachine, points: Tensor, exists: Tensor, labels: Tensor) -> Unexplained:
+        """Measure it on the members (T, K, 3) and (T, K)."""
+        apart = (points - machine.expected(machine.infer(points, exists).h1)) * exists[:, :, None]
+        apart /= exists.sum(0).clamp_min(1.0).sqrt()[:, None]
+        return cls(apart.reshape(len(points), -1), labels)
+
+    def draw(self, random: np.random.Generator) -> Tensor:
+        """Draw a displacement of the points (K, 3)."""
+        parts = int(self.labels.max()) + 1
+        normal = torch.from_numpy(random.normal(size=(parts, len(self.factors)))).float()
+        own = torch.arange(len(self.labels))
+        return (normal @ self.factors).reshape(parts, -1, 3)[self.labels, own]
 
 
 def to_machine(points: Tensor, scaling: Tensor) -> Tensor:
@@ -110,8 +159,15 @@ def _existing(
     return likely if known is None else torch.where(known > 0, start, likely)
 
 
-def sampled(machine: BetaMachine, points: Tensor, exists: Tensor, rounds: int, random: np.random.Generator) -> Drawn:
-    """Draw a shape: two chains, over surface and structure, that begin at random members.
+def sampled(
+    machine: BetaMachine,
+    points: Tensor,
+    exists: Tensor,
+    unexplained: Unexplained,
+    rounds: int,
+    random: np.random.Generator,
+) -> Drawn:
+    """Draw a shape: two chains, over surface and structure, that begin at random members; then what they leave open.
 
     Parameters
     ----------
@@ -119,6 +175,8 @@ def sampled(machine: BetaMachine, points: Tensor, exists: Tensor, rounds: int, r
     points : (T, K, 3) float32
         The members in the machine's interval.
     exists : (T, K) float32
+    unexplained : Unexplained
+        Of the same members.
     rounds : int
         Rounds of Gibbs sampling. More rounds forget more of the members.
     random : numpy Generator
@@ -128,7 +186,8 @@ def sampled(machine: BetaMachine, points: Tensor, exists: Tensor, rounds: int, r
     hidden = machine.infer(points[first : first + 1], exists[first : first + 1])
     state = State(*(_coin(each, random) for each in (hidden.h1, hidden.h2, hidden.h3)))
     state = gibbs(machine, state, found, rounds, random)
-    return Drawn(machine.expected(state.h1)[0], found[0])
+    made = machine.expected(state.h1)[0] + unexplained.draw(random)
+    return Drawn(made.clamp(*_INSIDE), found[0])
 
 
 def between(machine: BetaMachine, points: Tensor, exists: Tensor, share: float) -> Drawn:
@@ -152,7 +211,7 @@ def between(machine: BetaMachine, points: Tensor, exists: Tensor, share: float) 
     # Where only one of the two has a point, what the machine does not know of it counts in full.
     weight = torch.where(exists[0] == exists[1], torch.tensor(share), exists[1])[:, None]
     made = middle + (1 - weight) * one + weight * other
-    return Drawn(made.clamp(1e-4, 1 - 1e-4), exists[round(share)])
+    return Drawn(made.clamp(*_INSIDE), exists[round(share)])
 
 
 def completed(
@@ -160,6 +219,7 @@ def completed(
     points: Tensor,
     exists: Tensor,
     known: Tensor,
+    unexplained: Unexplained,
     rounds: int,
     random: np.random.Generator,
 ) -> Drawn:
@@ -173,6 +233,8 @@ def completed(
         Of the shape whose points are known.
     known : (K,) float32
         1 for the points of parts that are kept, whether they exist or not.
+    unexplained : Unexplained
+        Of the family's members.
     rounds : int
     random : numpy Generator
     """
@@ -183,8 +245,8 @@ def completed(
     hidden = machine.infer(points[None], seen)
     state = State(*(_coin(each, random) for each in (hidden.h1, hidden.h2, hidden.h3)))
     state = gibbs(machine, state, found, max(rounds, 1), random, (points[None], seen))
-    made = torch.where(seen[0, :, None] > 0, points, machine.expected(state.h1)[0])
-    return Drawn(made, found[0])
+    made = (machine.expected(state.h1)[0] + unexplained.draw(random)).clamp(*_INSIDE)
+    return Drawn(torch.where(seen[0, :, None] > 0, points, made), found[0])
 
 
 class FreeEnergy:

@@ -29,6 +29,8 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _NEAR = 1.1
 """Times the faces that were asked for: more are a sign of slivers."""
+_MOST = 4
+"""Times the faces that were asked for, at most."""
 _GROWTH = (1.0, 1.01, 1.03, 1.06, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
 
 
@@ -42,6 +44,8 @@ def base_of(surface: CleanMesh, count: int) -> tuple[_Floats, _Index]:
     AssetError
         No base of up to four times as many faces has the topology of the surface.
     """
+    if surface.topology.fewest_faces > _MOST * count:
+        raise _no_base(count, f"which need {surface.topology.fewest_faces} or more")
     if len(surface.faces) <= count:
         found = _with_unique_edges(surface.verts, surface.faces)
         if found is not None:
@@ -56,13 +60,18 @@ def base_of(surface: CleanMesh, count: int) -> tuple[_Floats, _Index]:
             found = _collapsed(mesh, int(count * factor))
             if found is not None:
                 return found
-    found = _with_unique_edges(surface.verts, surface.faces) if len(surface.faces) <= 4 * count else None
+    found = _with_unique_edges(surface.verts, surface.faces) if len(surface.faces) <= _MOST * count else None
     if found is None:
-        raise AssetError(
-            f"No base mesh of {count} to {4 * count} faces has the holes and parts of the surface.",
-            advice="Set params.base_faces higher, or remove tiny handles and loose parts.",
-        )
+        raise _no_base(count)
     return found
+
+
+def _no_base(count: int, why: str = "") -> AssetError:
+    return AssetError(
+        f"No base mesh of {count} to {_MOST * count} faces has the holes and parts of the surface{why and ', '}{why}.",
+        advice="Set params.base_faces higher, or remove tiny handles and loose parts. A grid with noise, and points "
+        "whose normals face anywhere, have hundreds of them.",
+    )
 
 
 def _collapsed(surface: CleanMesh, count: int) -> tuple[_Floats, _Index] | None:

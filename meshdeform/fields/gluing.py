@@ -42,6 +42,14 @@ class Topology:
         return self.characteristics == other.characteristics and bool(self.border_edges) == bool(other.border_edges)
 
     @property
+    def fewest_faces(self) -> int:
+        """Number of faces below which no mesh has this topology.
+
+        A component of characteristic X with B edges at its borders has F = 2 (V - X) - B; B is V at most, V at least 3.
+        """
+        return sum(max(3 - 2 * c, 1) for c in self.characteristics)
+
+    @property
     def genus(self) -> int | None:
         """Number of handles of all components together; None for a surface with borders."""
         return None if self.border_edges else sum(2 - c for c in self.characteristics) // 2

@@ -13,10 +13,14 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.errors import AssetTooLargeError
+
 __all__ = ["isosurface"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
+_MOST_CUBES = 500_000
+"""About 3 GB; a ball that fills a grid of 192 passes through 170,000."""
 
 
 def isosurface(values: _Floats, origin: _Floats, spacing: _Floats) -> tuple[_Floats, _Index]:
@@ -28,6 +32,11 @@ def isosurface(values: _Floats, origin: _Floats, spacing: _Floats) -> tuple[_Flo
         Negative inside.
     origin, spacing : (3,) float64
         Place of the first value, and distances between neighbours.
+
+    Raises
+    ------
+    AssetTooLargeError
+        The surface passes through more than half a million cubes, as that of noise does.
     """
     # A value of exactly zero would make triangles without area.
     tiny = 1e-9 * max(float(np.abs(values).max()), 1e-300)
@@ -41,6 +50,11 @@ def isosurface(values: _Floats, origin: _Floats, spacing: _Floats) -> tuple[_Flo
         for n in [shape - 1]
     )
     cubes = cubes[((np.asarray(count) > 0) & (np.asarray(count) < 8)).ravel()]
+    if len(cubes) > _MOST_CUBES:
+        raise AssetTooLargeError(
+            f"The surface passes through {len(cubes)} cells of the grid; the limit is {_MOST_CUBES}.",
+            advice="Smooth its values, or make it coarser.",
+        )
     strides = np.array([shape[1] * shape[2], shape[2], 1])
     first = cubes @ strides
     tets = np.concatenate([np.stack([first + corner @ strides for corner in path], 1) for path in _paths()])

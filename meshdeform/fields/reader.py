@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.fields.ndf_header import checked_header
+from meshdeform.fields.patches import level_of
+
 __all__ = ["NeuralField", "read_field"]
 
 _Floats = NDArray[np.float64]
@@ -22,16 +25,13 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class NeuralField:
-    """A surface: the image of a base mesh under a small network.
-
-    The base has `verts` (V, 3), in the frame, and `faces` (F, 3); a layer is weight (out, in) and bias (out,).
-    """
+    """A surface: the image of a base mesh, `verts` (V, 3) in the frame and `faces` (F, 3), under a small network."""
 
     header: dict[str, Any]
     verts: _Floats
     faces: _Index
     features: NDArray[np.float32]
-    layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+    layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]  # weight (out, in) and bias (out,)
     more: list[NDArray[np.float32]]  # the sections of scalars (`scalar_sections.py`)
 
     def evaluate(self, corners: _Index, weights: _Floats) -> _Floats:
@@ -48,8 +48,6 @@ class NeuralField:
 
     def unfold(self, level: int) -> tuple[_Floats, _Index]:
         """Return the vertices (V', 3) and faces (F 4^level, 3) of a level: each edge in 2^level parts."""
-        from meshdeform.fields.patches import level_of
-
         found = level_of(self.faces, len(self.verts), level)
         return self.evaluate(found.corners, found.weights), found.faces
 
@@ -71,21 +69,19 @@ def read_field(data: bytes | Path) -> NeuralField:
         raise ValueError("The .ndf is damaged or incomplete: its checksum is wrong.")
     try:
         return _read(data)
-    except (KeyError, IndexError, TypeError, StopIteration, zlib.error) as error:
+    except (LookupError, TypeError, StopIteration, RecursionError, zlib.error, json.JSONDecodeError) as error:
         raise ValueError("The .ndf contradicts itself.") from error
 
 
 def _read(data: bytes) -> NeuralField:
     at = 8 + struct.unpack("<I", data[4:8])[0]
-    header = json.loads(data[8:at])
+    header = checked_header(json.loads(data[8:at].decode(errors="replace")), len(data) - 4 - at)
     vertices, count = header["vertices"], header["faces"]
-    if not (0 < count <= 100_000 and 0 < vertices <= 3 * count):
-        raise ValueError("The .ndf states impossible counts.")
     ends = at + np.cumsum([size for size, _ in header["sections"]])
     found = [_numbers(data[end - size : end], n) for end, (size, n) in zip(ends, header["sections"], strict=True)]
     faces, verts = _base(found[0], found[1], vertices, count, header["bits"])
-    networks = zip(found[2:], [header, *header.get("scalars", [])], strict=True)
-    weights, *more = [_weights(part, given, vertices) for part, given in networks]
+    networks = [header, *header.get("scalars", [])]
+    weights, *more = [_weights(part, given, vertices) for part, given in zip(found[2:], networks, strict=True)]
     features, rest = np.split(weights, [vertices * header["features"]])
     layers = []
     for before, after in itertools.pairwise(header["widths"]):
@@ -147,4 +143,6 @@ def _base(codes: NDArray[Any], steps: NDArray[Any], vertices: int, count: int, b
         if symbol:  # 0 is a border
             open_edges[edge] = rest  # `add` closes it
             add(edge[1], edge[0], corner(symbol - 1, verts[edge[0]] + verts[edge[1]] - verts[rest]))
+    if made < vertices or faces.min() < 0 or (faces == np.roll(faces, 1, 1)).any():
+        raise IndexError
     return faces, verts / (2 ** (bits - 1) - 1) - 1

@@ -20,7 +20,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.deformation.optimizer import Adam
-from meshdeform.fields.rounding import START, rounded, steps_of
+from meshdeform.fields.rounding import IN_SPREAD, START, rounded, steps_of
 
 __all__ = ["STEPS", "ScalarField", "learn_scalars"]
 
@@ -30,6 +30,8 @@ STEPS = 600
 _LAST_RATE = 0.01
 _BATCH = 4096
 _NOISE = 0.1
+_VALUES_IN_SPREAD = 32.0
+"""Steps in the root mean square of a tensor of values: with the eight of shapes and pieces, their errors double."""
 
 
 class ScalarField:
@@ -174,9 +176,10 @@ def learn_scalars(
     optimizer = Adam([{"params": tensors, "lr": 0.0}])
     generator = torch.Generator().manual_seed(seed)
     rounding: list[int] | None = None
+    in_spread = IN_SPREAD if labels else _VALUES_IN_SPREAD
     for step in range(steps):
         if rounding is None and step >= START * steps:
-            rounding = steps_of(tensors)
+            rounding = steps_of(tensors, in_spread=in_spread)
         rows = torch.randint(0, len(values), (min(_BATCH, len(values)),), generator=generator)
         used = field if rounding is None else field.rounded(rounding)
         found = used(places[rows], shares[rows])
@@ -192,4 +195,4 @@ def learn_scalars(
         on_step()
     for tensor in tensors:
         tensor.requires_grad_(False)
-    return field.rounded(rounding or steps_of(tensors))
+    return field.rounded(rounding or steps_of(tensors, in_spread=in_spread))

@@ -25,6 +25,7 @@ from meshdeform.fields.oriented_points import poisson_grid
 from meshdeform.fields.relaxing import relaxed
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.nearest_places import SurfaceTree
+from meshdeform.requests.surface_fit import MAX_BASE_FACES
 
 __all__ = ["GridSurface", "MeshSurface", "NetworkSurface", "PointSurface", "Surface", "surface_of"]
 
@@ -36,6 +37,9 @@ _CELLS = 96
 _POINT_CELLS = 64
 """The same for points, whose details are below neither their distances nor the noise."""
 _NEIGHBOURS = 16
+_STRAY, _MOST_STRAYS = 20.0, 0.01
+"""Times the usual distance of neighbours from which on a point is a stray, and the share of points that may be: one
+scanned amiss would else make the grid so large that all the rest is a few of its cells."""
 _NEWTON_STEPS = 4
 _OPPOSITE = 2.0
 _CHUNK = 65_536
@@ -113,13 +117,20 @@ class PointSurface:
     kind = "points"
 
     def __init__(self, cloud: OrientedPoints) -> None:
-        self._points, self._normals = cloud.points, cloud.normals
-        self._tree = cKDTree(cloud.points)
-        count = min(_NEIGHBOURS, len(cloud.points))
-        self._count, self._width = count, float(np.median(self._tree.query(cloud.points, k=count)[0][:, -1])) / 2
-        phi, origin, spacing = poisson_grid(cloud.points, cloud.normals, _POINT_CELLS)
+        points, self._count = cloud.points, min(_NEIGHBOURS, len(cloud.points))
+        self._tree = cKDTree(points)
+        far = self._tree.query(points, k=self._count)[0][:, -1]
+        stray = far > _STRAY * np.median(far)
+        if not 0 < stray.mean() <= _MOST_STRAYS:
+            stray[:] = False
+        self._points, self._normals = points[~stray], cloud.normals[~stray]
+        if stray.any():
+            self._tree = cKDTree(self._points)
+        self._width = float(np.median(far)) / 2
+        phi, origin, spacing = poisson_grid(self._points, self._normals, _POINT_CELLS)
         verts, faces = isosurface(phi, origin, np.full(3, spacing))
         self.reference = _reference(verts, faces, self, "The points enclose nothing.")
+        self.reference.cleaned["stray_points"] = int(stray.sum())
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
         """Return points of the zero set, by moving along the mean normal of the neighbours, and that normal."""
@@ -248,7 +259,15 @@ def _reference(verts: _Floats, faces: _Index, surface: Surface, otherwise: str) 
     """Return the extracted mesh with its vertices moved to the surface, without tiny parts and slivers."""
     if len(faces) < 4:
         raise AssetError(otherwise, advice="Check the sign and the bounds.")
-    found = clean(*_largest(verts, faces))
+    verts, faces = _largest(verts, faces)
+    # Each handle takes two from V - F / 2, and needs four faces of a base.
+    handles = 1 + len(faces) // 4 - len(np.unique(faces)) // 2
+    if handles > MAX_BASE_FACES:
+        raise AssetError(
+            f"The surface has about {handles} handles, more than any base can have.",
+            advice="Smooth the values of a grid or network; check the normals of points.",
+        )
+    found = clean(verts, faces)
     normals = np.zeros_like(found.verts)
     moved, _ = surface.project(found.verts, normals)
     return relaxed(CleanMesh(moved, found.faces, found.twin, found.topology, found.cleaned), surface.project)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
@@ -28,6 +29,7 @@ from meshdeform.families.matching import (
     correspondences,
     strangers,
     triangle_parts,
+    unlike,
     visible_points,
 )
 from meshdeform.requests.family import FamilyParams
@@ -70,6 +72,7 @@ class FamilyResults:
         accuracy: list[float | None] = []
         hung = shown(len(self.names))
         shapes: list[WallShape] = []
+        paths = Counter(map(_as_glb, self.names))  # a.obj may lie beside a.glb
         with zipfile.ZipFile(labelled, "w", zipfile.ZIP_DEFLATED) as archive:
             for t, name in enumerate(self.names):
                 asset = load_asset(self.files.assets[name], name, self.limits)
@@ -82,7 +85,9 @@ class FamilyResults:
                 if t in hung:
                     shapes.append(self._wall_shape(t, asset, found, len(hung)))
                 if self.params.embed_labels:
-                    path = str(PurePosixPath(name).with_suffix(".glb"))
+                    path = _as_glb(name)
+                    if path != name and paths[path] > 1:
+                        path = f"{name}.glb"
                     archive.writestr(zipfile.ZipInfo(path), _embedded(asset, found))
         names = np.array(self.names)
         npz = "application/x-npz"
@@ -199,7 +204,7 @@ class FamilyResults:
 
     def _report(self, accuracy: list[float | None], segments: dict[str, NDArray[np.uint8]]) -> bytes:
         likelihood = self.inference.likelihood
-        other = strangers(likelihood)
+        other, warnings = self._strangers()
         fit = self.machine.log_likelihood(self._visible[0], self._matched.exists)
         turns = torch.rad2deg(self.inference.collection.turns)
         assets = []
@@ -221,13 +226,6 @@ class FamilyResults:
                     **({"accuracy": accuracy[t]} if accuracy[t] is not None else {}),
                 }
             )
-        warnings = []
-        if other:
-            listed = ", ".join(self.names[t] for t in other[:5]) + (" ..." if len(other) > 5 else "")
-            warnings.append(
-                f"{len(other)} of {len(self.names)} assets are much less likely than the others, as if they were of "
-                f"another family: {listed}."
-            )
         if turned := int((turns != 0).sum()):
             warnings.append(
                 f"{turned} of {len(self.names)} assets were turned around the vertical axis to face as the others do."
@@ -247,6 +245,20 @@ class FamilyResults:
             "warnings": warnings,
         }
         return json.dumps(report, indent=1, allow_nan=False).encode()
+
+    def _strangers(self) -> tuple[list[int], list[str]]:
+        """Return the assets that seem to be of another family, and the warning about them."""
+        labelled = torch.tensor([not labels.held_out for labels in self.labels]) & (self.truth >= 0).any(1)
+        other = unlike(self.inference.collection.features, labelled)
+        why, advice = "are unlike every labelled one", " Label some of them if they belong to it."
+        if other is None:
+            other = strangers(self.inference.likelihood)
+            why, advice = "are much less likely than the others", ""
+        if not other:
+            return [], []
+        listed = ", ".join(self.names[t] for t in other[:5]) + (" ..." if len(other) > 5 else "")
+        first = f"{len(other)} of {len(self.names)} assets {why}, as if they were of another family: {listed}."
+        return other, [first + advice]
 
     def _class_accuracy(self) -> dict[str, Any] | None:
         """Return how often the nearest neighbour by descriptor (L1) among all others has the same sub-class."""
@@ -272,6 +284,10 @@ class FamilyResults:
             name = f"part {part + 1}"
             made.append(Primitive(verts, rows, name=name, material=name, base_color=COLOURS[part % len(COLOURS)]))
         return made
+
+
+def _as_glb(name: str) -> str:
+    return str(PurePosixPath(name).with_suffix(".glb"))
 
 
 def _embedded(asset: Asset, parts: NDArray[np.uint8]) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -21,7 +22,7 @@ from meshdeform.errors import AssetError, ParameterError
 from meshdeform.families.assembly import Assembler, Assembly
 from meshdeform.families.boundary import boundary_defects
 from meshdeform.families.machine import BetaMachine
-from meshdeform.families.sampling import FreeEnergy, between, completed, sampled, to_frame, to_machine
+from meshdeform.families.sampling import FreeEnergy, Unexplained, between, completed, sampled, to_frame, to_machine
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family_synthesis import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
@@ -31,6 +32,10 @@ from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_
 from meshdeform.runs.report import sha256_hex
 
 __all__ = ["FamilySynthesisRun", "machine_of", "start"]
+
+_ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
+_AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
+_SAME = 1e-6
 
 
 def machine_of(family: FamilyFile) -> BetaMachine:
@@ -74,6 +79,12 @@ class FamilySynthesisRun:
         self._family, self._params, self._limits, self._run, self._digests = family, params, limits, run, digests
         self._data = [_asset_of(assets, name) for name in family.names]
         self._members = [_member(family, name, number) for number, name in enumerate(params.members)]
+        if len(set(self._members)) < len(self._members):
+            raise ParameterError(
+                "The two members are the same.",
+                advice="Name two different members.",
+                errors=[{"loc": ["params", "members"], "msg": "The two members are the same.", "type": "value_error"}],
+            )
         self._keep = [_part(family, name, self._members[0], n) for n, name in enumerate(params.keep)]
         self._machine = machine_of(family)
         self._exists = torch.from_numpy(family.exists.copy()).float()
@@ -88,6 +99,11 @@ class FamilySynthesisRun:
         if state is not None:
             self._resume(state)
         self._assembler: Assembler | None = None
+
+    @cached_property
+    def _unexplained(self) -> Unexplained:
+        labels = torch.from_numpy(self._family.labels.copy())
+        return Unexplained.of(self._machine, self._points, self._exists, labels)
 
     @property
     def total_steps(self) -> int:
@@ -156,10 +172,15 @@ class FamilySynthesisRun:
         except AssetError as error:
             raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
         if surface_digest(asset.surface) != self._family.digests[member]:
-            raise AssetError(
-                f"{name} has another shape than when the family was fitted.",
-                advice="Send the collection of that job, or its labelled.zip.",
-            )
+            raise AssetError(f"{name} has another shape than when the family was fitted.", advice=_ITS_COLLECTION)
+        used = asset.surface.positions[np.unique(asset.surface.triangles)]
+        low, high = used.min(0), used.max(0)
+        diagonal = float(np.linalg.norm(high - low))
+        apart = np.abs(
+            np.append((low + high) / 2 - self._family.centres[member], diagonal - self._family.diagonals[member])
+        )
+        if apart.max() > _SAME * diagonal:
+            raise AssetError(f"{name} has another size or place than in the family.", advice=_AGAIN)
         return asset
 
     def _read(self) -> None:
@@ -172,7 +193,8 @@ class FamilySynthesisRun:
         for member in needed[count * self._step // READ_STEPS : count * (self._step + 1) // READ_STEPS]:
             surface = self._load(member).surface
             if len(surface.triangles) != len(self._family.segments[member]):
-                raise AssetError(f"{self._family.names[member]} has another number of triangles than in the family.")
+                detail = f"{self._family.names[member]} has another number of triangles than in the family."
+                raise AssetError(detail, advice=_AGAIN)
             self._defects[member] = boundary_defects(
                 surface.positions, surface.triangles, self._family.segments[member], len(self._family.parts)
             )
@@ -196,11 +218,12 @@ class FamilySynthesisRun:
         elif self._params.mode is SynthesisMode.COMPLETE:
             member = self._members[0]
             known = torch.from_numpy(np.isin(family.labels, self._keep)).float()
-            drawn = completed(machine, self._points[member], self._exists[member], known, self._params.rounds, random)
+            shape = self._points[member], self._exists[member], known
+            drawn = completed(machine, *shape, self._unexplained, self._params.rounds, random)
             choice = dict.fromkeys(self._keep, member)
             diagonal, centre = float(family.diagonals[member]), family.centres[member]
         else:
-            drawn = sampled(machine, self._points, self._exists, self._params.rounds, random)
+            drawn = sampled(machine, self._points, self._exists, self._unexplained, self._params.rounds, random)
         points, exists = to_frame(drawn.points, self._scaling).double().numpy(), drawn.exists.numpy() > 0
         if self._params.mode is SynthesisMode.INTERPOLATE and number in {0, self._params.count - 1}:
             points = family.points[near].copy()  # not rounded on the way through the machine's interval
@@ -209,6 +232,11 @@ class FamilySynthesisRun:
                 found = None if part in choice else self._assembler.choose(points, exists, part)
                 if found is not None:
                     choice[part] = found[0]
+        if not choice:
+            raise AssetError(
+                f"Shape {number} has no point that any member has.",
+                advice="Take another seed, or run family_fit again with more points.",
+            )
         made = self._assembler.assemble(
             points, exists, choice, kept=self._keep, diagonal=float(diagonal), centre=np.asarray(centre)
         )
@@ -263,13 +291,10 @@ def _bytes(data: bytes) -> Tensor:
 
 
 def _asset_of(assets: dict[str, bytes], name: str) -> bytes:
-    for wanted in (name, str(PurePosixPath(name).with_suffix(".glb"))):
+    for wanted in (name, f"{name}.glb", str(PurePosixPath(name).with_suffix(".glb"))):
         if wanted in assets:
             return assets[wanted]
-    raise AssetError(
-        f"The collection has no {name[:100]!r}, which the family was fitted to.",
-        advice="Send the collection of that job, or its labelled.zip.",
-    )
+    raise AssetError(f"The collection has no {name[:100]!r}, which the family was fitted to.", advice=_ITS_COLLECTION)
 
 
 def _member(family: FamilyFile, name: str, place: int) -> int:

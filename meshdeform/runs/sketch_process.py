@@ -1,6 +1,7 @@
-"""Read drawings, and make the shapes that they show, in a child process, for a process without numpy and torch.
+"""Read drawings, and make the shapes that they show, in a child process, for a process without numpy.
 
-The child has no secrets in its environment, and bounded memory and time. Importing this loads neither numpy nor torch.
+The child has no secrets in its environment, and bounded memory and time. Importing this loads no
+numpy, and the child no torch, whose start would take longer than all else.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ __all__ = ["guesses_of", "main", "shape_of"]
 _QUESTION = Question(
     __name__,
     cannot="The drawing cannot be read on this server.",
-    lacks="Drawings are read with the extra `deform`, which the API of this server lacks",
+    lacks="Drawings are read with the extra `asset`, which the API of this server lacks",
     instead="Send the drawing with its job, or run `meshdeform sketch DRAWING`.",
 )
 
@@ -50,7 +51,7 @@ def guesses_of(drawing: Path, *, family: str = "", timeout_s: float) -> dict[str
     ModelError
         The package's weights are missing or damaged.
     DependencyError
-        Torch is not installed here.
+        Numpy, Pillow or safetensors is not installed here.
     UnavailableError
         It took too long or too much memory, or no process can be started.
     """
@@ -91,10 +92,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _guessed(path: str, family: str) -> dict[str, Any]:
-    from meshdeform.runs.devices import use_threads
     from meshdeform.sketch.guesses import guess, is_unsure
 
-    use_threads(1)
     found = guess(Path(path).read_bytes(), family=family)
     guesses = [
         {

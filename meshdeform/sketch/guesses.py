@@ -6,18 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
-import torch
-
 from meshdeform.assets.drawing import read_drawing
 from meshdeform.sketch.families import FAMILIES, Value, family_of
+from meshdeform.sketch.looking import look, read_weights
 from meshdeform.sketch.members import member_glb
-from meshdeform.sketch.network import SketchNetwork, load_network
 
 __all__ = ["SURE", "Guess", "guess", "is_unsure", "member_glb"]
 
-SURE = 0.98
-"""Probability of the first guess from which on it is sure. The network was shown nothing but its families, so drawings
-of other things get large probabilities too; docs/sketch.md has what this threshold tells."""
+SURE = 0.85
+"""Probability of the first guess from which on it is sure; docs/sketch.md has what this threshold tells."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class Guess:
         return member_glb(self.family, self.values)
 
 
-def guess(data: bytes, *, family: str = "", network: SketchNetwork | None = None) -> list[Guess]:
+def guess(data: bytes, *, family: str = "") -> list[Guess]:
     """Return what a drawing may show, the likeliest first.
 
     Parameters
@@ -62,8 +59,6 @@ def guess(data: bytes, *, family: str = "", network: SketchNetwork | None = None
         A PNG, JPEG or WebP with dark lines on a bright page, or the reverse.
     family : str
         The only family to consider. Default: all, of which the first three are returned.
-    network : SketchNetwork, optional
-        Default: the one of the package.
 
     Raises
     ------
@@ -76,18 +71,15 @@ def guess(data: bytes, *, family: str = "", network: SketchNetwork | None = None
     """
     if family:
         family_of(family)
-    picture = torch.from_numpy(read_drawing(data))[None, None]
-    with torch.no_grad():
-        look = (network or load_network())(picture)
-    probabilities = look.family[0].softmax(0).tolist()
+    seen = look(read_drawing(data), read_weights())
+    probabilities = seen.probabilities.tolist()
     names = list(FAMILIES)
     order = sorted(range(len(names)), key=lambda index: -probabilities[index])
     wanted = [index for index in order if not family or names[index] == family][:3]
     found = []
     for index in wanted:
         name = names[index]
-        options = [int(logits[0].argmax()) for logits in look.choices[name]]
-        values = FAMILIES[name].values(look.numbers[name][0].double().numpy(), options)
+        values = FAMILIES[name].values(seen.shares[name], seen.options[name])
         found.append(Guess(name, round(probabilities[index], 4), values))
     return found
 

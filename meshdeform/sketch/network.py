@@ -7,31 +7,24 @@ all families share.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from safetensors import SafetensorError, safe_open
+import numpy as np
+import torch
 from safetensors.torch import save
 from torch import Tensor, nn
 
 from meshdeform.assets.drawing import SIDE
-from meshdeform.errors import ModelError
 from meshdeform.sketch.families import FAMILIES
+from meshdeform.sketch.looking import WEIGHTS, WIDTHS, parameters_hash, read_weights
 from meshdeform.support.files import write_files
 
-__all__ = ["WEIGHTS", "Look", "SketchNetwork", "load_network", "parameters_hash", "write_network"]
+__all__ = ["Look", "SketchNetwork", "load_network", "write_network"]
 
-WEIGHTS = Path(__file__).parent / "weights" / "sketch.safetensors"
-"""The weights that are part of the package."""
-_WIDTHS = ((16, 2), (32, 2), (48, 1), (64, 2), (64, 1), (96, 2))
-"""Channels and stride of each convolution."""
 _FEATURES = 192
-_ADVICE = (
-    "Install meshdeform again (the weights are part of the package), or train: python -m meshdeform.sketch.training."
-)
 
 
 @dataclass(frozen=True)
@@ -60,7 +53,7 @@ class SketchNetwork(nn.Module):
         super().__init__()
         layers: list[nn.Module] = []
         before = 1
-        for index, (width, stride) in enumerate(_WIDTHS):
+        for index, (width, stride) in enumerate(WIDTHS):
             kernel = 5 if index == 0 else 3
             layers += [
                 nn.Conv2d(before, width, kernel, stride, kernel // 2, bias=False),
@@ -68,7 +61,7 @@ class SketchNetwork(nn.Module):
                 nn.ReLU(inplace=True),
             ]
             before = width
-        side = SIDE // 2 ** sum(stride == 2 for _, stride in _WIDTHS)
+        side = SIDE // 2 ** sum(stride == 2 for _, stride in WIDTHS)
         self.trunk = nn.Sequential(
             *layers, nn.Flatten(), nn.Dropout(0.2), nn.Linear(before * side * side, _FEATURES), nn.ReLU(inplace=True)
         )
@@ -89,12 +82,6 @@ class SketchNetwork(nn.Module):
         return Look(self.family(features), numbers, choices)
 
 
-def parameters_hash() -> str:
-    """Return a hash of all families with their parameters; weights of others would be misread."""
-    about = [f"{f.name}:{f.numbers}:{f.choices}" for f in FAMILIES.values()]
-    return hashlib.sha256("\n".join(about).encode()).hexdigest()[:16]
-
-
 def write_network(path: Path, network: SketchNetwork, about: Mapping[str, str]) -> None:
     """Write weights in half precision as safetensors, with `about` and the families' hash as metadata."""
     state = {name: t.half() if t.is_floating_point() else t for name, t in network.state_dict().items()}
@@ -112,14 +99,6 @@ def load_network(path: Path = WEIGHTS) -> SketchNetwork:
     ModelError
         The file is missing or damaged, or it is of other families.
     """
-    try:
-        with safe_open(path, "pt") as file:
-            families = (file.metadata() or {}).get("families")
-            state = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
-    except (OSError, SafetensorError) as error:
-        raise ModelError(f"The sketch network's weights {path.name} cannot be read.", advice=_ADVICE) from error
-    if families != parameters_hash():
-        raise ModelError(f"The sketch network's weights {path.name} are of other families.", advice=_ADVICE)
     network = SketchNetwork()
-    network.load_state_dict({name: t.float() if t.is_floating_point() else t for name, t in state.items()})
+    network.load_state_dict({name: torch.from_numpy(np.array(each)) for name, each in read_weights(path).items()})
     return network.eval().requires_grad_(False)

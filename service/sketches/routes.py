@@ -74,7 +74,7 @@ _Family = Annotated[
 async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalDep, family: _Family = None) -> Response:
     """Three families with all parameters, their ranges and a mesh each. A part `sketch` of a job is read the same way.
 
-    It takes some seconds, in a process of its own on the API's machine, which needs the extra `deform`.
+    It takes a second or two, in a process of its own on the API's machine.
     """
     async with app.bodies.slot(principal.owner_id):
         with app.workspace.temporary_folder() as folder:

@@ -76,16 +76,16 @@ def test_what_cannot_be_read_is_refused(api: Api, monkeypatch: pytest.MonkeyPatc
     assert "larger than 100 bytes" in large["detail"]
 
 
-def test_a_server_without_torch_says_so(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_without_numpy_says_so(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
     verdict = {
         "ok": False,
-        "error": {"code": DependencyError.code, "detail": "torch is not installed.", "advice": "", "extra": {}},
+        "error": {"code": DependencyError.code, "detail": "numpy is not installed.", "advice": "", "extra": {}},
     }
     monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
     problem = check_problem(
         api.http.post("/v1/sketches:guess", content=VASE, headers=BINARY), 500, DependencyError.code
     )
-    assert "torch is not installed" in problem["detail"]
+    assert "numpy is not installed" in problem["detail"]
     assert "meshdeform sketch" in problem["advice"]
 
 

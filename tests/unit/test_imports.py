@@ -31,6 +31,7 @@ TORCH_FREE = [
     "meshdeform.priors.*",
     "meshdeform.priors.builtin.grammar",
     "meshdeform.assets.usd.*",
+    "meshdeform.sketch.guesses",
     "worker.health",
     "worker.process",
     "worker.supervisor",

@@ -12,11 +12,11 @@
  * @property {import("./ndf-scalars.js").Scalars[]} scalars
  */
 
+import { checkHeader, TORN } from "./ndf-header.js";
+
 export { scalarsAt } from "./ndf-scalars.js";
 export { unfold } from "./ndf-unfold.js";
 
-const MAX_FACES = 100_000;
-const TORN = "The .ndf contradicts itself.";
 
 /**
  * @param {Uint8Array} data
@@ -31,9 +31,9 @@ export async function readField(data) {
   if (crc32(data.subarray(0, -4)) !== view.getUint32(data.length - 4, true))
     throw new Error("The .ndf is damaged or incomplete: its checksum is wrong.");
   let at = 8 + view.getUint32(4, true);
-  const header = JSON.parse(new TextDecoder().decode(data.subarray(8, at)));
+  const header = parsed(data.subarray(8, at));
+  checkHeader(header, data.length - 4 - at);
   const { vertices, faces: count } = header;
-  if (!(count > 0 && count <= MAX_FACES && vertices > 0 && vertices <= 3 * count)) throw new Error("The .ndf states impossible counts.");
   /** @type {Uint16Array[]} */
   const sections = [];
   for (const [size, expected] of header.sections) {
@@ -44,11 +44,18 @@ export async function readField(data) {
   const { features, layers } = networkOf(sections[2], vertices, [header.features, ...header.widths], header.steps);
   const scalars = (header.scalars ?? []).map((/** @type {any} */ given, /** @type {number} */ i) => {
     const { name, widths, offset, scale, labels = [], steps } = given;
-    const outputs = widths[widths.length - 1];
-    if (!sections[3 + i] || offset.length !== outputs || scale.length !== outputs || (labels.length && labels.length !== outputs)) throw new Error(TORN);
     return { name: String(name), widths, offset, scale, labels, ...networkOf(sections[3 + i], vertices, [widths[0], ...widths], steps) };
   });
   return { header, ...base, features, layers, scalars };
+}
+
+/** @param {Uint8Array} bytes @returns {any} */
+function parsed(bytes) {
+  try {
+    return JSON.parse(new TextDecoder().decode(bytes));
+  } catch {
+    throw new Error(TORN);
+  }
 }
 
 /**
@@ -59,7 +66,6 @@ export async function readField(data) {
  */
 function networkOf(numbers, vertices, [each, ...widths], steps) {
   const weights = steps ? Float32Array.from(numbers, signed) : Float32Array.from(numbers, half);
-  if (steps && steps.length !== each + 2 * (widths.length - 1)) throw new Error(TORN);
   const sizes = (steps ?? []).map((step) => 2 ** (step / 4));
   let from = vertices * each;
   const features = weights.subarray(0, from);
@@ -75,7 +81,6 @@ function networkOf(numbers, vertices, [each, ...widths], steps) {
   };
   const layers = [];
   for (let i = 1; i < widths.length; i++) layers.push({ weight: take(widths[i - 1] * widths[i]), bias: take(widths[i]) });
-  if (from !== weights.length) throw new Error(TORN);
   return { features, layers };
 }
 
@@ -104,6 +109,7 @@ function decodeBase(symbols, steps, vertices, count, bits) {
   };
   /** @param {number} a @param {number} b @param {number} c */
   const add = (a, b, c) => {
+    if (a === b || b === c || c === a) throw new Error(TORN);
     faces.set([a, b, c], 3 * done++);
     for (const [one, other, rest] of [[a, b, c], [b, c, a], [c, a, b]])
       if (!open.delete(other * vertices + one)) open.set(one * vertices + other, [one, other, rest]);
@@ -122,6 +128,7 @@ function decodeBase(symbols, steps, vertices, count, bits) {
     if (symbol) add(b, a, corner(symbol - 1, (axis) => places[3 * a + axis] + places[3 * b + axis] - places[3 * rest + axis]));
     else open.delete(a * vertices + b); // a border
   }
+  if (made < vertices) throw new Error(TORN);
   const most = 2 ** (bits - 1) - 1;
   return { verts: Float64Array.from(places, (place) => place / most - 1), faces };
 }
@@ -137,7 +144,10 @@ async function numbers(data, size) {
   const bytes = new Uint8Array(size);
   let at = 0;
   for (let part = await reader.read(); !part.done; part = await reader.read()) {
-    if (at + part.value.length > size) throw new Error("A section of the .ndf has another size than stated.");
+    if (at + part.value.length > size) {
+      await reader.cancel();
+      throw new Error("A section of the .ndf has another size than stated.");
+    }
     bytes.set(part.value, at);
     at += part.value.length;
   }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,26 @@ def test_a_fit_is_interrupted_and_resumed(monkeypatch: pytest.MonkeyPatch) -> No
     assert summary["resumed"] is True
     assert summary["accuracy"]["held_out"] == 4
     assert set(summary["files"]) == _FILES == {path.name for path in Path("chairs-family").iterdir()}
+
+
+def test_a_broken_zip_is_refused_with_labels_beside_it_too() -> None:
+    whole = Path("chairs.zip").read_bytes()
+    with zipfile.ZipFile("chairs.zip") as chairs, zipfile.ZipFile("small.zip", "w", zipfile.ZIP_DEFLATED) as small:
+        for name in chairs.namelist():
+            small.writestr(name, chairs.read(name))
+    deflated = Path("small.zip").read_bytes()
+    cases = {
+        "damaged.zip": deflated[:44] + b"\xff" + deflated[45:],
+        "cut.zip": whole[:-40],
+        "climbs.zip": whole.replace(b"chair_0003.glb", b"../ir_0003.glb"),
+        "twice.zip": whole.replace(b"chair_0003.glb", b"chair_0004.glb"),
+    }
+    for name, data in cases.items():
+        Path(name).write_bytes(data)
+        for options in ([], ["--labels", "labels.json"]):
+            refused = CliRunner().invoke(app, ["family-fit", name, *_SMALL, *options])
+            assert refused.exit_code == 3, (name, options, refused.output)
+            assert "Pack it again" in refused.output or "pack them again" in refused.output
 
 
 def test_files_of_the_user_are_kept() -> None:

@@ -12,7 +12,7 @@ from bench.parametric_families import CLASSES, PARTS, family
 from meshdeform.assets import load_asset
 from meshdeform.families.collection import Collection, sample_shape, turned_alike
 from meshdeform.families.inference import Inference
-from meshdeform.families.matching import correspondences, dense_matches, strangers, triangle_parts
+from meshdeform.families.matching import correspondences, dense_matches, strangers, triangle_parts, unlike
 
 
 def sampled(name, count, samples, **more):
@@ -143,3 +143,23 @@ def test_a_group_far_below_the_others_is_of_another_family():
     assert strangers(torch.full((10,), 3.0)) == []
     # Sub-classes of one family differ as well: what is most of the collection is never the other family.
     assert strangers(torch.cat([one[:14] - 4.0, one[:6]])) == []
+
+
+def test_what_is_unlike_every_labelled_shape_is_of_another_family():
+    # Eight shapes whose features lie around 0 or, a sub-class, around 1; the ninth and tenth around 4 and 1.2.
+    middle = torch.tensor([0.0, 0.1, 1.0, 1.1, 0.05, 0.0, 1.05, 1.0, 4.0, 1.2])
+    features = middle[:, None, None] + torch.linspace(-1, 1, 30)[None, :, None] * torch.ones(1, 1, 3)
+    features = features[:, torch.randperm(30, generator=torch.Generator().manual_seed(0))]
+    labelled = torch.arange(10) < 5
+    assert unlike(features, labelled) == [8]
+    assert unlike(features, torch.arange(10) < 4) is None  # too few to tell
+    assert unlike(features, labelled | (torch.arange(10) == 8)) == []  # what is labelled belongs
+    # However much alike the labelled shapes are, others need not be as much alike.
+    same = torch.zeros(10, 30, 3)
+    same[9] = 0.1
+    assert unlike(same, labelled) == []
+    shapes = {name: sampled(name, 12, 60)[1] for name in PARTS}
+    for name, other in (("bicycles", "chairs"), ("chairs", "airplanes"), ("airplanes", "bicycles")):
+        both = stacked([*shapes[name], *shapes[other][:2]])[2]
+        scaled = (both - both.mean((0, 1))) / both.std((0, 1))
+        assert unlike(scaled, torch.arange(14) < 10) == [12, 13]

@@ -9,7 +9,7 @@ import torch
 
 from meshdeform.families.learning import Learning
 from meshdeform.families.machine import STRONGEST, BetaMachine, layer_sizes
-from meshdeform.families.sampling import sampled
+from meshdeform.families.sampling import Unexplained, sampled
 
 
 def planted(shapes=300, strength=200.0):
@@ -80,7 +80,8 @@ def test_parts_of_a_sample_agree_where_those_of_all_members_do():
     residual = (machine.reconstruct(machine.infer(points, exists).h3.round(), exists)[0] - points).square().mean()
     assert float(residual / points.var(0).mean()) < 0.5
     drawn = np.random.default_rng(0)
-    made = torch.stack([sampled(machine, points, exists, 10, drawn).points for _ in range(60)])
+    rest = Unexplained.of(machine, points, exists, labels)
+    made = torch.stack([sampled(machine, points, exists, rest, 10, drawn).points for _ in range(60)])
     means = torch.stack([points[kind == each].mean(0) for each in (0, 1)])
     nearer = [
         (made[:, labels == part, None] - means[:, labels == part].transpose(0, 1)).square().sum((1, 3))

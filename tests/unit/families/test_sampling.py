@@ -8,7 +8,17 @@ import numpy as np
 import torch
 
 from meshdeform.families.machine import BetaMachine
-from meshdeform.families.sampling import FreeEnergy, State, between, completed, gibbs, to_frame, to_machine
+from meshdeform.families.sampling import (
+    FreeEnergy,
+    State,
+    Unexplained,
+    between,
+    completed,
+    gibbs,
+    sampled,
+    to_frame,
+    to_machine,
+)
 
 
 def planted(points=2, strong=1.0):
@@ -60,6 +70,33 @@ def test_gibbs_samples_of_a_planted_machine_have_its_distribution():
     np.testing.assert_allclose(seen, wanted, atol=4 * 0.5 / chains**0.5)
 
 
+def test_samples_vary_by_what_is_unexplained_in_the_members_each_part_by_itself():
+    machine, random = planted(points=3), torch.Generator().manual_seed(2)
+    points = torch.rand(8, 3, 3, generator=random) * 0.5 + 0.25
+    exists = torch.ones(8, 3)
+    exists[2:, 1] = 0.0  # two members alone have the second point
+    labels = torch.tensor([0, 0, 1])
+    rest = Unexplained.of(machine, points, exists, labels)
+    apart = points - machine.expected(machine.infer(points, exists).h1)
+    known = apart[:2].reshape(2, -1)
+    random = np.random.default_rng(0)
+    drawn = torch.stack([rest.draw(random) for _ in range(20_000)]).reshape(-1, 9)
+    found = drawn.T @ drawn / len(drawn)
+    every = apart.reshape(8, -1)
+    torch.testing.assert_close(found[:3, :3], every.T[:3] @ every[:, :3] / 8, atol=2e-3, rtol=0)
+    torch.testing.assert_close(found[3:6, 3:6], known.T[3:6] @ known[:, 3:6] / 2, atol=2e-3, rtol=0)
+    assert found[:6, 6:].abs().max() < 2e-3
+    assert found[:3, 3:6].abs().max() > 2e-3  # within a part, points move together
+    # Coordinates stay inside, and without anything unexplained a sample is the expectation of its hidden units.
+    none = Unexplained(torch.zeros(8, 9), labels)
+    far = Unexplained(torch.full((8, 9), 50.0), labels)
+    for seed in range(3):
+        each = [sampled(machine, points, exists, by, 4, np.random.default_rng(seed)) for by in (none, rest, far)]
+        assert torch.equal(each[0].exists, each[1].exists)
+        assert (each[0].points - each[1].points).abs().max() > 1e-3
+        assert all(0 < float(made.points.min()) <= float(made.points.max()) < 1 for made in each)
+
+
 def test_what_lies_between_two_shapes_begins_and_ends_with_them():
     machine = planted(points=3)
     points, exists = torch.rand(2, 3, 3) * 0.5 + 0.25, torch.tensor([[1.0, 1, 0], [1, 0, 1]])
@@ -77,7 +114,8 @@ def test_a_completed_shape_has_the_known_points_exactly():
     machine = planted(points=3)
     points, exists = torch.rand(3, 3) * 0.5 + 0.25, torch.tensor([1.0, 0, 1])
     for seed in range(5):
-        found = completed(machine, points, exists, torch.tensor([1.0, 1, 0]), 3, np.random.default_rng(seed))
+        rest = Unexplained(torch.full((4, 9), 0.01), torch.tensor([0, 0, 1]))
+        found = completed(machine, points, exists, torch.tensor([1.0, 1, 0]), rest, 3, np.random.default_rng(seed))
         assert torch.equal(found.points[0], points[0])
         assert found.exists[:2].tolist() == [1, 0]
 

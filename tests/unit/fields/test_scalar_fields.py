@@ -32,7 +32,8 @@ def test_harmonics_are_learned_from_half_of_the_places(
     places: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     verts, corners, weights, points = places
-    wanted = np.stack([100 + 5 * points[:, 2], points[:, 0] * points[:, 1]], 1)
+    x, y, z = points.T
+    wanted = np.stack([100 + 5 * z, x * y, x, y, y * z, x * z, x**2 - y**2, 3 * z**2 - 1], 1)
     half = np.random.default_rng(0).permutation(len(points))
     known, other = np.split(half, [len(half) // 2])
     field = learn_scalars(verts, corners[known], weights[known], wanted[known], steps=300)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import torch
 
 from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
-from meshdeform.errors import AssetError
+from meshdeform.errors import AssetError, AssetTooLargeError
 from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.cleaning import clean
+from meshdeform.fields.cleaning import CleanMesh, clean
 from meshdeform.fields.gluing import glue, topology
+from meshdeform.fields.intrinsic import delaunay
 from meshdeform.fields.isosurface import isosurface
-from meshdeform.fields.patches import level_of
+from meshdeform.fields.measures import EIGENVALUES, Reference
+from meshdeform.fields.patches import divided, level_of
 from meshdeform.fields.relaxing import relaxed
 from meshdeform.fields.surface_sources import surface_of
 from meshdeform.geometry.mesh import TriangleMesh
@@ -141,3 +145,77 @@ def test_noisy_points_become_a_closed_surface_within_the_noise(monkeypatch: pyte
     place, normal = surface.project(np.array([[0.0, 0.0, 1.1]]), np.array([[0.0, 0.0, 1.0]]))
     assert np.linalg.norm(place) == pytest.approx(1, abs=0.02)
     assert normal[0, 2] > 0.98
+
+
+def test_noise_is_refused_before_anything_costly_is_made_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = np.random.default_rng(0).normal(size=(20, 20, 20))
+    values[[0, -1]] = values[:, [0, -1]] = values[:, :, [0, -1]] = 1
+    noise = DistanceGrid(values, np.zeros(3), np.ones(3))
+    rough = surface_of(noise).reference
+    assert rough.topology.fewest_faces > 800
+    with monkeypatch.context() as patched:
+        patched.setattr("meshdeform.fields.base_mesh._collapsed", None)
+        with pytest.raises(AssetError, match=f"which need {rough.topology.fewest_faces} or more") as caught:
+            base_of(rough, 200)
+    assert "noise" in caught.value.advice_text
+    with monkeypatch.context() as patched:
+        patched.setattr("meshdeform.fields.surface_sources.MAX_BASE_FACES", 200)
+        patched.setattr("meshdeform.fields.surface_sources.clean", None)
+        with pytest.raises(AssetError, match=r"about \d{3} handles, more than any base"):
+            surface_of(noise)
+    monkeypatch.setattr("meshdeform.fields.isosurface._MOST_CUBES", 5000)
+    with pytest.raises(AssetTooLargeError, match="cells of the grid; the limit is 5000"):
+        surface_of(noise)
+
+
+def test_a_surface_needs_as_many_faces_as_its_handles_and_holes_ask_for() -> None:
+    for mesh, known in ((icosphere(0), 1), (torus(n=6, m=4), 3), (grid(2), 1), (join(torus(), torus()), 6)):
+        verts, faces = arrays(mesh)
+        assert topology(faces, glue(verts, faces)).fewest_faces == known
+
+
+def test_a_stray_point_does_not_make_the_rest_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)
+    verts, _ = arrays(icosphere(4))
+    points = np.concatenate([verts, [[50.0, 0.0, 0.0], [0.0, 70.0, 0.0]]])
+    normals = np.concatenate([verts, [[1.0, 0.0, 0.0]] * 2])
+    found = surface_of(OrientedPoints(points, normals)).reference
+    assert found.cleaned["stray_points"] == 2
+    assert np.linalg.norm(found.verts, axis=1) == pytest.approx(1, abs=0.02)
+    # Many of them are a part of the surface.
+    apart = np.concatenate([verts, verts + [9, 0, 0]])
+    both = surface_of(OrientedPoints(apart, np.concatenate([verts, verts]))).reference
+    assert (both.cleaned["stray_points"], both.topology.components) == (0, 2)
+
+
+def test_an_error_of_nothing_is_none() -> None:
+    verts, faces = arrays(icosphere(1))
+    count = len(verts)
+
+    def balls(number: int) -> CleanMesh:
+        shift = 3.0 * np.repeat(np.arange(number), count)[:, None] * [1, 0, 0]
+        return clean(np.tile(verts, (number, 1)) + shift, np.concatenate([faces + k * count for k in range(number)]))
+
+    many = balls(EIGENVALUES)
+    found = Reference(surface_of(many)).compare(delaunay(many.verts, many.faces), many.verts)
+    assert (found["eigenvalues"]["mean_relative_error"], found["eigenvalues"]["max_relative_error"]) == (None, None)
+    assert found["geodesics"]["mean_relative_error"] < 0.05
+    # From the first of two balls no distance leads to the other, where the nearest of the moved ones is.
+    two = balls(2)
+    moved = two.verts + [3.0, 0, 0]
+    found = Reference(surface_of(two)).compare(delaunay(moved, two.faces), moved)
+    assert 0 < found["geodesics"]["sources"] < 4
+    assert found["geodesics"]["mean_relative_error"] < 0.5
+    json.dumps(found, allow_nan=False)
+
+
+def test_a_coarse_input_is_not_held_against_a_field_that_meets_it() -> None:
+    """Eigenvalues of a cube are far off on its twelve triangles; the same cube in 12,288 has none of that error."""
+    coarse = clean(*arrays(box(1)))
+    verts, faces = divided(coarse.verts, coarse.faces, 12 * 4**5)
+    assert len(faces) == 12 * 4**5
+    assert volume(verts, faces) == pytest.approx(volume(coarse.verts, coarse.faces))
+    found = Reference(surface_of(coarse)).compare(delaunay(verts, faces), verts)
+    assert len(found["eigenvalues"]["input"]) == EIGENVALUES
+    assert found["eigenvalues"]["max_relative_error"] < 1e-3
+    assert found["geodesics"]["mean_relative_error"] < 0.01

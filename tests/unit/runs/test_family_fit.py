@@ -6,6 +6,7 @@ import dataclasses
 import io
 import json
 import zipfile
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -16,7 +17,14 @@ from bench.parametric_families import family, labels_document
 from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.collection import inspect_collection, open_collection
 from meshdeform.client import Client
-from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, CheckpointError, ParameterError
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetError,
+    AssetFormatError,
+    AssetTooLargeError,
+    CheckpointError,
+    ParameterError,
+)
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
@@ -31,7 +39,7 @@ PARAMS = {"points": 20, "samples": 50, "iterations": 2, "epochs": 3, "embed_labe
 def packed(files, labels=None):
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
-        for name, content in files.items():
+        for name, content in files.items() if isinstance(files, dict) else files:
             archive.writestr(name, content)
         if labels is not None:
             archive.writestr("labels.json", labels if isinstance(labels, str) else json.dumps(labels))
@@ -191,10 +199,18 @@ def test_a_collection_that_is_none_is_refused(glbs):
         (glbs, {"parts": ["a"]}, AssetError, "labels.json is not valid: parts"),
         (glbs, {"parts": ["a", "a"]}, AssetError, "names a part twice"),
         (glbs, "{", AssetError, "labels.json is not valid"),
+        ([*glbs.items(), ("./chair_0000.glb", first)], None, AssetError, "holds two files named 'chair_0000.glb'"),
+        ({**glbs, "a\nb.glb": first}, None, AssetError, r"name with control characters: 'a\\nb.glb'"),
+        ({**glbs, "more.glb": packed(glbs)}, None, AssetFormatError, "more.glb is a ZIP within a ZIP"),
+        ({**glbs, "b/chair_0000.glb": first, "c/chair_0000.glb": first}, None, None, ""),
+        (
+            {**{f"b/{name}": glb for name, glb in glbs.items()}, "c/chair_0000.glb": first},
+            {**two, "assets": {"chair_0000.glb": {}}}, AssetError, "'chair_0000.glb', which is the name of 2 assets",
+        ),
         ({**glbs, "broken.glb": first[:200]}, None, AssetError, "broken.glb: "),
     ]  # fmt: skip
     for files, labels, error, words in cases:
-        with pytest.raises(error, match=words):
+        with pytest.raises(error, match=words) if error else nullcontext():
             inspect_collection(packed(files, labels), Limits())
     with pytest.raises(AssetTooLargeError, match="unpacks to"):
         open_collection(packed(glbs), dataclasses.replace(Limits(), max_bytes=10_000))

@@ -187,6 +187,16 @@ def test_the_labelled_assets_serve_as_the_collection(chairs):
     by_labelled = finished(begin(chairs, count=1, collection=chairs[2]["labelled.zip"]))
     one, other = (load_asset(shapes_of(each)[0]) for each in (by_zip, by_labelled))
     np.testing.assert_array_equal(corners(one), corners(other))
+    # Members whose names differ in the ending alone are two.
+    rows = ["solid a", "facet normal 0 0 1", "outer loop", "vertex 0 0 0", "vertex 1 0 0", "vertex 0 1 1", "endloop"]
+    stl = "\n".join([*rows, "endfacet", "endsolid a"]).encode()
+    data = packed({**chairs[0], "chair_0000.stl": stl})
+    params = {"points": 20, "samples": 50, "iterations": 1, "epochs": 1, "embed_labels": True}
+    request = JobRequest.model_validate({"kind": "family_fit", "params": params})
+    results = finished(start_run(RunInput(request, {"collection": InputFile(data, "chairs.zip")})))
+    fitted, labelled = (results[name].data for name in ("family.safetensors", "labelled.zip"))
+    asked = {"mode": "search", "members": ["chair_0000.stl"]}
+    assert finished(begin(chairs, fitted=fitted, collection=labelled, **asked))
 
 
 def test_a_family_that_cannot_be_used_is_refused(chairs):
@@ -195,6 +205,7 @@ def test_a_family_that_cannot_be_used_is_refused(chairs):
     version = whole.replace(b"meshdeform-family-2", b"meshdeform-family-1")
     arrays = safetensors.numpy.load(whole)
     places = np.where(np.arange(found.points.size).reshape(found.points.shape) == 5, np.nan, found.points)
+    strong = {**found.machine, "a": found.machine["a"] * np.float32(1e9)}
     cases = [
         (version, AssetFormatError, "this version reads 'meshdeform-family-2'"),
         (whole[:-8], AssetTruncatedError, "damaged or incomplete"),
@@ -204,6 +215,9 @@ def test_a_family_that_cannot_be_used_is_refused(chairs):
         (dump_family(dataclasses.replace(found, names=found.names[:-1]), {}), AssetError, "does not fit together"),
         (dump_family(dataclasses.replace(found, triangles=found.triangles + 10**6), {}), AssetError, "names no triang"),
         (dump_family(dataclasses.replace(found, labels=found.labels + 4), {}), AssetError, "a part has no name"),
+        (dump_family(dataclasses.replace(found, points=found.points * 1e9), {}), AssetError, "points lie outside"),
+        (dump_family(dataclasses.replace(found, scaling=found.scaling * 1e-9), {}), AssetError, "size is out of range"),
+        (dump_family(dataclasses.replace(found, machine=strong), {}), AssetError, "a of the machine is out of range"),
     ]  # fmt: skip
     for data, error, words in cases:
         with pytest.raises(error, match=words):
@@ -215,6 +229,13 @@ def test_a_family_that_cannot_be_used_is_refused(chairs):
     other = {**chairs[0], "chair_0003.glb": chairs[0]["chair_0002.glb"]}
     with pytest.raises(AssetError, match=r"chair_0003\.glb has another shape"):
         finished(begin(chairs, count=1, collection=packed(other)))
+    for name in ("diagonals", "centres"):
+        far = dump_family(dataclasses.replace(found, **{name: getattr(found, name) * 2.0 + 1e-3}), {})
+        with pytest.raises(AssetError, match=r"chair_0000\.glb has another size or place"):
+            finished(begin(chairs, count=1, fitted=far))
+    nothing = dump_family(dataclasses.replace(found, exists=np.zeros_like(found.exists)), {})
+    with pytest.raises(AssetError, match="Shape 0 has no point that any member has"):
+        finished(begin(chairs, count=1, fitted=nothing))
     renamed = {name.replace("chair_0005", "stool"): data for name, data in chairs[0].items()}
     with pytest.raises(AssetError, match=r"has no 'chair_0005\.glb'"):
         begin(chairs, count=1, collection=packed(renamed))
@@ -225,6 +246,7 @@ def test_a_family_that_cannot_be_used_is_refused(chairs):
     [
         ({"mode": "interpolate", "members": ["chair_0000"]}, "takes two members, not 1"),
         ({"mode": "interpolate", "members": ["a", "a"]}, "are the same"),
+        ({"mode": "interpolate", "members": ["chair_0000", "chair_0000.glb"]}, "are the same"),
         ({"mode": "interpolate", "members": ["a", "b"], "count": 1}, "at least two shapes"),
         ({"members": ["a"]}, "takes no member"),
         ({"mode": "complete", "members": ["chair_0000"]}, "needs the parts to keep"),

@@ -11,13 +11,15 @@ import torch
 from PIL import Image, ImageDraw
 
 from meshdeform.assets import Limits, load_asset
+from meshdeform.assets.drawing import read_drawing
 from meshdeform.errors import ModelError, ParameterError
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import guess, is_unsure
 from meshdeform.sketch.lines import View, joined, visible_lines
-from meshdeform.sketch.network import WEIGHTS, SketchNetwork, load_network, write_network
+from meshdeform.sketch.looking import WEIGHTS, look, read_weights
+from meshdeform.sketch.network import Look, SketchNetwork, load_network, write_network
 from meshdeform.sketch.strokes import draw
-from meshdeform.sketch.training import main, make_drawings, train
+from meshdeform.sketch.training import losses, main, make_drawings, make_strangers, train
 
 
 def drawing(family: str, seed: int, **values: object) -> bytes:
@@ -70,12 +72,20 @@ def test_three_guesses_are_meshes_of_different_families() -> None:
         guess(drawing("goblet", 4), family="dragon")
 
 
-def test_weights_are_small_and_damaged_ones_are_refused(tmp_path: Path) -> None:
+def test_weights_are_small_and_read_alike_with_and_without_torch(tmp_path: Path) -> None:
     assert WEIGHTS.stat().st_size < 10_000_000
+    picture = read_drawing(drawing("vase", 1))
+    seen = look(picture, read_weights())
+    with torch.no_grad():
+        expected = load_network()(torch.from_numpy(picture)[None, None])
+    np.testing.assert_allclose(seen.probabilities, expected.family[0].softmax(0), atol=1e-5)
+    for name in FAMILIES:
+        np.testing.assert_allclose(seen.shares[name], expected.numbers[name][0], atol=1e-5)
+        assert seen.options[name] == [int(each[0].argmax()) for each in expected.choices[name]]
     damaged = tmp_path / "damaged.safetensors"
     damaged.write_bytes(WEIGHTS.read_bytes()[:5000])
     with pytest.raises(ModelError, match="cannot be read"):
-        load_network(damaged)
+        read_weights(damaged)
 
 
 def test_weights_of_other_families_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,16 +93,25 @@ def test_weights_of_other_families_are_refused(tmp_path: Path, monkeypatch: pyte
         patch.setattr("meshdeform.sketch.network.parameters_hash", lambda: "another")
         write_network(tmp_path / "other.safetensors", SketchNetwork(), {})
     with pytest.raises(ModelError, match="other families"):
-        load_network(tmp_path / "other.safetensors")
+        read_weights(tmp_path / "other.safetensors")
 
 
 def test_training_learns_and_repeats() -> None:
-    drawings = make_drawings(12, 5)
+    drawings = make_drawings(12, 5).with_more(make_strangers(4, 5))
     lines: list[str] = []
     first, second = (train(drawings, 6, 0, lines.append) for _ in range(2))
     assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
-    losses = [float(line.split("family ")[1].split()[0]) for line in lines[:6]]
-    assert losses[-1] < losses[0]
+    sums = [float(line.split("family ")[1].split()[0]) for line in lines[:6]]
+    assert sums[-1] < sums[0]
+    # What is of no family costs nothing but its own loss, which is least where all families are as probable.
+    strangers = make_strangers(3, 1)
+    targets = [torch.from_numpy(each) for each in (strangers.family, strangers.numbers, strangers.choices)]
+    alike = Look(torch.zeros(3, 6), {}, {})
+    sure = Look(torch.eye(6)[:3], {}, {})
+    found = losses(alike, *targets)
+    assert float(found["family"]) == pytest.approx(0.5 * np.log(6))
+    assert float(found["numbers"]) == float(found["choices"]) == 0
+    assert losses(sure, *targets)["family"] > found["family"]
 
 
 def test_the_training_script_writes_weights_that_load(tmp_path: Path) -> None:
