@@ -17,6 +17,7 @@ from meshdeform.fields.cleaning import CleanMesh
 from meshdeform.fields.gluing import glue, glued_verts, topology
 from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
 from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
+from meshdeform.fields.patches import divided
 from meshdeform.fields.surface_sources import MeshSurface, Surface
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.samples import even_samples
@@ -32,6 +33,8 @@ _SAMPLES = 20_000
 _SOURCES = 4
 _MOST_FACES = 100_000
 """Larger inputs are simplified to as many faces for eigenvalues and geodesics."""
+_FEWEST_FACES = 10_000
+"""Smaller ones are divided to as many: on a coarse triangulation both are off by more than the field is."""
 
 
 def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]:
@@ -90,6 +93,7 @@ class Reference:
             coarse = simplified(TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces)), _MOST_FACES)
             verts, faces = coarse.verts.numpy(), coarse.faces.numpy()
             verts, faces = glued_verts(verts, faces, glue(verts, faces))
+        verts, faces = divided(verts, faces, _FEWEST_FACES)
         self._verts = verts
         mesh_now = delaunay(verts, faces)
         self.components = mesh.topology.components

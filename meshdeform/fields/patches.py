@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Level", "in_corners", "level_of", "patch"]
+__all__ = ["Level", "divided", "in_corners", "level_of", "patch"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -73,3 +75,11 @@ def in_corners(corners: _Index, weights: _Floats, wanted: _Index) -> _Floats:
     """Express barycentric coordinates (P, 3, 3) for corners (P, 3, 3) in the corners (P, 3) of one face each."""
     same = corners[:, :, :, None] == wanted[:, None, None, :]
     return np.asarray(np.einsum("pvk,pvkw->pvw", weights, same.astype(np.float64)))
+
+
+def divided(verts: _Floats, faces: _Index, fewest: int) -> tuple[_Floats, _Index]:
+    """Return the same flat faces (F, 3) and vertices (V, 3), divided evenly into at least `fewest`."""
+    if len(faces) >= fewest:
+        return verts, faces
+    level = level_of(faces, len(verts), math.ceil(math.log(fewest / len(faces), 4)))
+    return np.einsum("pk,pkc->pc", level.weights, verts[level.corners]), level.faces

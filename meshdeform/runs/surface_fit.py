@@ -32,7 +32,7 @@ from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
 from meshdeform.fields.learned_scalars import check_places, learned_scalars
 from meshdeform.fields.level_files import intrinsic_npz, level_glb
 from meshdeform.fields.measures import Reference, distances
-from meshdeform.fields.patches import level_of
+from meshdeform.fields.patches import divided, level_of
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.surface_sources import Surface, surface_of
 from meshdeform.rendering.studio import comparison_png
@@ -48,6 +48,7 @@ _Index = NDArray[np.int64]
 _GLB = "model/gltf-binary"
 _BYTES = "application/octet-stream"
 _SNAPSHOT_LEVEL = 1
+_DRAWN_FACES = 10_000
 
 
 def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
@@ -257,7 +258,8 @@ class SurfaceFitRun:
     def _picture(self, artifacts: dict[str, ArtifactData]) -> bytes:
         mesh = self._surface.reference
         ours = artifacts[f"level_{self._params.level}.glb"].data
-        return comparison_png({"input": level_glb(mesh.verts, mesh.faces), "field": ours})
+        # Divided, or the smooth normals of a coarse mesh would hide its edges, which the field has.
+        return comparison_png({"input": level_glb(*divided(mesh.verts, mesh.faces, _DRAWN_FACES)), "field": ours})
 
     def _report(
         self,

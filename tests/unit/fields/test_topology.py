@@ -16,7 +16,7 @@ from meshdeform.fields.gluing import glue, topology
 from meshdeform.fields.intrinsic import delaunay
 from meshdeform.fields.isosurface import isosurface
 from meshdeform.fields.measures import EIGENVALUES, Reference
-from meshdeform.fields.patches import level_of
+from meshdeform.fields.patches import divided, level_of
 from meshdeform.fields.relaxing import relaxed
 from meshdeform.fields.surface_sources import surface_of
 from meshdeform.geometry.mesh import TriangleMesh
@@ -199,7 +199,7 @@ def test_an_error_of_nothing_is_none() -> None:
     many = balls(EIGENVALUES)
     found = Reference(surface_of(many)).compare(delaunay(many.verts, many.faces), many.verts)
     assert (found["eigenvalues"]["mean_relative_error"], found["eigenvalues"]["max_relative_error"]) == (None, None)
-    assert found["geodesics"]["mean_relative_error"] == pytest.approx(0, abs=1e-6)
+    assert found["geodesics"]["mean_relative_error"] < 0.05
     # From the first of two balls no distance leads to the other, where the nearest of the moved ones is.
     two = balls(2)
     moved = two.verts + [3.0, 0, 0]
@@ -207,3 +207,15 @@ def test_an_error_of_nothing_is_none() -> None:
     assert 0 < found["geodesics"]["sources"] < 4
     assert found["geodesics"]["mean_relative_error"] < 0.5
     json.dumps(found, allow_nan=False)
+
+
+def test_a_coarse_input_is_not_held_against_a_field_that_meets_it() -> None:
+    """Eigenvalues of a cube are far off on its twelve triangles; the same cube in 12,288 has none of that error."""
+    coarse = clean(*arrays(box(1)))
+    verts, faces = divided(coarse.verts, coarse.faces, 12 * 4**5)
+    assert len(faces) == 12 * 4**5
+    assert volume(verts, faces) == pytest.approx(volume(coarse.verts, coarse.faces))
+    found = Reference(surface_of(coarse)).compare(delaunay(verts, faces), verts)
+    assert len(found["eigenvalues"]["input"]) == EIGENVALUES
+    assert found["eigenvalues"]["max_relative_error"] < 1e-3
+    assert found["geodesics"]["mean_relative_error"] < 0.01
