@@ -2,8 +2,9 @@
 
     python bench/sketch.py [--training 1200] [--other 72] [--sheet other.png]
 
-Two sets of drawings: members that training held out, drawn by its own code, and members of other seeds drawn by the
-code below, which works on pixels: edges of a picture of depth and normals, warped, grainy and rubbed out in places.
+Members that training held out, drawn by its own code, and members of other seeds drawn by the code below, which works
+on pixels: edges of a picture of depth and normals, warped, grainy and rubbed out in places. Then members that are drawn
+without habits, and vases and goblets with suggestive contours and without.
 `unsure` is the share of them that is called so; drawings of other things ought to be: two of each noun of the builtin
 model that is unlike all families, drawn by the training's code.
 """
@@ -13,6 +14,8 @@ from __future__ import annotations
 import argparse
 import io
 import time
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,12 +31,13 @@ from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import SURE
+from meshdeform.sketch.habits import Habits, random_view
 from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.looking import WEIGHTS, look, read_weights
 from meshdeform.sketch.network import SketchNetwork, load_network
 from meshdeform.sketch.solids import Solid
 from meshdeform.sketch.strokes import draw
-from meshdeform.sketch.training import Drawings, make_drawings, measured, random_view
+from meshdeform.sketch.training import Drawings, make_drawings, measured
 
 Floats = NDArray[np.float64]
 _ALIKE = {"armchair", "bed", "bench", "cabinet", "desk", "sofa", "stool"}
@@ -117,6 +121,21 @@ def other_drawings(count: int, seed: int = 977) -> tuple[Drawings, int, list[byt
     return Drawings(*(np.stack(column) for column in zip(*rows, strict=True))), refused, files
 
 
+def without_habits(_: str, __: Mapping[str, str], random: np.random.Generator) -> Habits:
+    """Return how a renderer draws."""
+    return Habits(random_view(random))
+
+
+def turned(contours: bool) -> Drawings:
+    """Return drawings of what is round, all with suggestive contours or none; they are else the same."""
+
+    def someone(name: str, choices: Mapping[str, str], random: np.random.Generator) -> Habits:
+        return replace(Habits.some(name, choices, random), contours=contours)
+
+    made = make_drawings(600, 55, someone=someone)
+    return made.part(np.isin(made.family, [list(FAMILIES).index(name) for name in ("vase", "goblet")]))
+
+
 def of_other_things() -> Drawings:
     """Return two drawings of each noun that is unlike the families; their numbers and choices mean nothing."""
     made = []
@@ -175,9 +194,19 @@ def main() -> None:
     train, held_out = drawings.part(slice(held, None)), drawings.part(slice(held))
     other, refused, files = other_drawings(options.other)
     middle = np.full(train.numbers.shape[1], 0.5)
-    for title, test in (("held out", held_out), ("other strokes", other)):
+    sets = {
+        "held out": held_out,
+        "other strokes": other,
+        "without habits": make_drawings(600, 54, someone=without_habits),
+        "vases and goblets with contours": turned(True),
+        "the same without": turned(False),
+    }
+    for title, test in sets.items():
         print(f"{title}: {len(test.family)} drawings")
-        for name, found in (("network", measured(network, test)), ("HOG", nearest(train, test))):
+        results = {"network": measured(network, test)}
+        if test is held_out or test is other:
+            results["HOG"] = nearest(train, test)
+        for name, found in results.items():
             print(f"  {name:8}", "  ".join(f"{key} {value:.3f}" for key, value in found.items()))
         guess = [np.abs(middle - row)[: len(list(FAMILIES.values())[f].numbers)] for row, f in
                  zip(test.numbers, test.family, strict=True)]  # fmt: skip

@@ -1,7 +1,8 @@
 """Draw figures with a moving pointer, as a hand does, and count what they are taken for.
 
     python bench/sketch_by_hand.py --sheet by_hand.png
-    python bench/sketch_by_hand.py --page http://127.0.0.1:8765/ --sheet by_hand.png
+    python bench/sketch_by_hand.py --figures bench/sketch_figures_new.txt
+    python bench/sketch_by_hand.py --page http://127.0.0.1:8765/
 
 With `--page` of a running service, the pointer draws on the pad of its page in a browser, and the page's button asks.
 Without, the same strokes are drawn with a pen of the same width, and the network is asked directly.
@@ -275,12 +276,13 @@ class Count:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--page", metavar="URL", help="draw on the page of a running service")
+    parser.add_argument("--figures", type=Path, default=_FIGURES)
     parser.add_argument("--sheet", type=Path, help="write all drawings with what they were taken for")
     options = parser.parse_args()
     count = Count()
     pictures, titles = [], []
     with on_page(options.page) if options.page else on_paper() as ask:
-        for number, figure in enumerate(figures(_FIGURES.read_text(encoding="utf-8"))):
+        for number, figure in enumerate(figures(options.figures.read_text(encoding="utf-8"))):
             for index, hand in enumerate(HANDS):
                 random = np.random.default_rng([31, number, index])
                 answer, picture = ask(drawn(figure.strokes, hand, random))

@@ -19,9 +19,8 @@ from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import guess, member_glb
-from meshdeform.sketch.lines import joined, visible_lines
+from meshdeform.sketch.habits import Habits, drawn_lines
 from meshdeform.sketch.strokes import draw
-from meshdeform.sketch.training import random_view
 
 SIZE = 220
 STYLE = RenderStyle(view_size=SIZE, supersample=2, shading="lambert", background=(1.0, 1.0, 1.0))
@@ -50,7 +49,8 @@ def main() -> None:
         random = np.random.default_rng([options.seed, number])
         family = FAMILIES[name]
         values = family.draw(random)
-        drawing = draw(visible_lines(joined(family.solids(values)), random_view(random)), random, size=SIZE)
+        choices = {each.name: str(values[each.name]) for each in family.choices}
+        drawing = draw(drawn_lines(name, values, Habits.some(name, choices, random)), random, size=SIZE)
         written = io.BytesIO()
         drawing.convert("L").save(written, "PNG")
         found = guess(written.getvalue())

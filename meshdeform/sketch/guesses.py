@@ -13,9 +13,8 @@ from meshdeform.sketch.members import member_glb
 
 __all__ = ["SURE", "Guess", "guess", "is_unsure", "member_glb"]
 
-SURE = 0.98
-"""Probability of the first guess from which on it is sure. The network was shown nothing but its families, so drawings
-of other things get large probabilities too; docs/sketch.md has what this threshold tells."""
+SURE = 0.85
+"""Probability of the first guess from which on it is sure; docs/sketch.md has what this threshold tells."""
 
 
 @dataclass(frozen=True)

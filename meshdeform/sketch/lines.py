@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.sketch.solids import Floats, Solid
+from meshdeform.sketch.suggestive import suggestive_contours
 
 __all__ = ["View", "joined", "visible_lines"]
 
@@ -34,7 +36,7 @@ class View:
 
 def joined(solids: dict[str, Solid]) -> Solid:
     """Return all solids as one mesh, in which vertices of a solid at one place are one vertex."""
-    verts, faces, count = [], [], 0
+    verts, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     for solid in solids.values():
         places, first, inverse = np.unique(np.round(solid.verts, 7), axis=0, return_index=True, return_inverse=True)
         triangles = inverse.reshape(-1)[solid.faces]
@@ -45,38 +47,52 @@ def joined(solids: dict[str, Solid]) -> Solid:
     return Solid(np.concatenate(verts), np.concatenate(faces))
 
 
-def visible_lines(mesh: Solid, view: View) -> list[Floats]:
-    """Return the visible lines of a mesh.
+def visible_lines(mesh: Solid, view: View, wires: Sequence[Floats] = (), *, contours: bool = False) -> list[Floats]:
+    """Return the visible lines of a mesh, and those of wires, which hide nothing.
 
     Parameters
     ----------
     mesh : Solid
         Of vertices that are shared, as `joined` makes it.
     view : View
+    wires : sequence of (N, 3) floats
+        Polylines of at least two points.
+    contours : bool
+        Draw suggestive contours too.
 
     Returns
     -------
     list of (N, 2) float64
         Polylines; x to the right and y down. The whole page is 0..1.
     """
-    low, high = mesh.verts.min(0), mesh.verts.max(0)
-    centred = mesh.verts - (low + high) / 2
+    verts = np.concatenate([mesh.verts, *wires])
+    centred = verts - (verts.min(0) + verts.max(0)) / 2
     radius = float(np.linalg.norm(centred, axis=1).max())
     cameras = fixed_cameras((view.azimuth_deg,), view.elevation_deg, view.fov_deg, fitting_radius=radius)
-    matrix = cameras.view_proj[0].double().numpy()
-    clip = np.concatenate([centred, np.ones((len(centred), 1))], 1) @ matrix.T
+    eye = cameras.eye[0].double().numpy()
+    edges = [_drawn_edges(mesh.faces, centred, eye)]
+    first = len(mesh.verts)
+    for wire in wires:
+        rows = np.arange(first, first + len(wire))
+        edges.append(np.stack([rows[:-1], rows[1:]], 1))
+        first += len(wire)
+    if contours and len(mesh.faces):
+        points, segments = suggestive_contours(centred[: len(mesh.verts)], mesh.faces, eye)
+        centred = np.concatenate([centred, points])
+        edges.append(segments + first)
+    clip = np.concatenate([centred, np.ones((len(centred), 1))], 1) @ cameras.view_proj[0].double().numpy().T
     depth_picture = (
         rasterize(torch.from_numpy(clip[None]).float(), torch.from_numpy(mesh.faces), _PIXELS, _PIXELS).depth[0].numpy()
     )
     places = clip[:, :3] / clip[:, 3:]
     page = np.stack([0.5 + 0.5 * places[:, 0], 0.5 - 0.5 * places[:, 1]], 1)
-    edges = _drawn_edges(mesh.faces, centred, cameras.eye[0].double().numpy())
+    every = np.concatenate(edges)
+    a, b = every.T
     share = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    a, b = edges.T
     at = page[a, None] * (1 - share[:, None]) + page[b, None] * share[:, None]
     depth = places[a, None, 2] * (1 - share) + places[b, None, 2] * share
     seen = _in_sight(depth_picture, at, depth).mean(1) > 0.5
-    return [page[path] for path in _chains(edges[seen], page)]
+    return [page[path] for path in _chains(every[seen], page)]
 
 
 def _drawn_edges(faces: NDArray[np.int64], verts: Floats, eye: Floats) -> NDArray[np.int64]:

@@ -20,10 +20,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Solid:
-    """A closed surface: vertices (V, 3) and triangles (F, 3), counter-clockwise from outside."""
+    """A closed surface: vertices (V, 3) and triangles (F, 3), counter-clockwise from outside.
+
+    A body around a path has its `spine` (N, 3), which a hand may draw in its place.
+    """
 
     verts: Floats
     faces: NDArray[np.int64]
+    spine: Floats | None = None
 
 
 @cache
@@ -89,7 +93,7 @@ def tube(path: Sequence[Sequence[float]], radii: Sequence[Sequence[float]], side
     faces.append(np.stack([np.full(sides, start), (j + 1) % sides, j], 1))
     last = (rows - 1) * sides
     faces.append(np.stack([np.full(sides, end), last + j, last + (j + 1) % sides], 1))
-    return Solid(np.concatenate([verts, middle[:1], middle[-1:]]), np.concatenate(faces))
+    return Solid(np.concatenate([verts, middle[:1], middle[-1:]]), np.concatenate(faces), middle)
 
 
 def ring(centre: Sequence[float], radius: float, thickness: float, width: float, cuts: int = 20) -> Solid:

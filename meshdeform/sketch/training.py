@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,32 +24,21 @@ from meshdeform import __version__
 from meshdeform.assets.drawing import SIDE, prepared
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.sketch.families import FAMILIES, Value
-from meshdeform.sketch.lines import View, joined, visible_lines
+from meshdeform.sketch.habits import Habits, drawn_lines
 from meshdeform.sketch.looking import WEIGHTS
 from meshdeform.sketch.network import Look, SketchNetwork, write_network
+from meshdeform.sketch.strangers import stranger_lines
 from meshdeform.sketch.strokes import draw
 
-__all__ = [
-    "AZIMUTHS",
-    "ELEVATIONS",
-    "FIELDS",
-    "Drawings",
-    "draw_member",
-    "losses",
-    "main",
-    "make_drawings",
-    "measured",
-    "random_view",
-    "train",
-]
+__all__ = ["Drawings", "draw_member", "losses", "main", "make_drawings", "make_strangers", "measured", "train"]
 
-AZIMUTHS = (-70.0, 70.0)
-ELEVATIONS = (0.0, 40.0)
-FIELDS = (12.0, 40.0)
+_Someone = Callable[[str, Mapping[str, str], np.random.Generator], Habits]
+"""Returns the habits of somebody who draws a member of a family with these choices."""
 _BATCH = 64
 _RATE = 1.5e-3
 _DECAY = 0.02
 _NUMBERS_WEIGHT = 8.0
+_STRANGERS_WEIGHT = 0.5
 _HELD_OUT = 0.1
 """Share of the drawings that only measure."""
 
@@ -62,6 +51,7 @@ class Drawings:
     ----------
     pictures : (N, SIDE, SIDE) uint8
     family : (N,) int64
+        -1: of none.
     numbers : (N, most numbers) float32
         Shares of the ranges, and 0 beyond the family's own.
     choices : (N, most choices) int64
@@ -72,23 +62,26 @@ class Drawings:
     numbers: NDArray[np.float32]
     choices: NDArray[np.int64]
 
-    def part(self, rows: slice) -> Drawings:
+    def part(self, rows: slice | NDArray[np.bool_]) -> Drawings:
         """Return some of the drawings."""
         return Drawings(self.pictures[rows], self.family[rows], self.numbers[rows], self.choices[rows])
 
-
-def random_view(random: np.random.Generator) -> View:
-    """Return a view from the front half, at or above the height of the thing."""
-    return View(random.uniform(*AZIMUTHS), random.uniform(*ELEVATIONS), random.uniform(*FIELDS))
-
-
-def draw_member(name: str, values: dict[str, Value], random: np.random.Generator) -> NDArray[np.float32]:
-    """Return a drawing of a member by some hand from some view, as `prepared` returns it."""
-    mesh = joined(FAMILIES[name].solids(values))
-    return prepared(draw(visible_lines(mesh, random_view(random)), random))
+    def with_more(self, more: Drawings) -> Drawings:
+        """Return these drawings and others."""
+        return Drawings(*(np.concatenate([a, vars(more)[name]]) for name, a in vars(self).items()))
 
 
-def make_drawings(count: int, seed: int, told: Callable[[str], None] = lambda _: None) -> Drawings:
+def draw_member(
+    name: str, values: dict[str, Value], random: np.random.Generator, someone: _Someone = Habits.some
+) -> NDArray[np.float32]:
+    """Return a drawing of a member by some person, as `prepared` returns it."""
+    choices = {each.name: str(values[each.name]) for each in FAMILIES[name].choices}
+    return prepared(draw(drawn_lines(name, values, someone(name, choices, random)), random))
+
+
+def make_drawings(
+    count: int, seed: int, told: Callable[[str], None] = lambda _: None, someone: _Someone = Habits.some
+) -> Drawings:
     """Draw `count` random members, the families in turn; each depends on its seed and number alone."""
     names = list(FAMILIES)
     most = max(len(f.numbers) for f in FAMILIES.values()), max(len(f.choices) for f in FAMILIES.values())
@@ -102,7 +95,7 @@ def make_drawings(count: int, seed: int, told: Callable[[str], None] = lambda _:
         family = FAMILIES[names[row % len(names)]]
         random = np.random.default_rng([seed, row])
         values = family.draw(random)
-        made.pictures[row] = np.round(draw_member(family.name, values, random) * 255)
+        made.pictures[row] = np.round(draw_member(family.name, values, random, someone) * 255)
         made.numbers[row, : len(family.numbers)] = family.shares(values)
         made.choices[row, : len(family.choices)] = family.indices(values)
         if row % 1000 == 999:
@@ -110,10 +103,26 @@ def make_drawings(count: int, seed: int, told: Callable[[str], None] = lambda _:
     return made
 
 
+def make_strangers(count: int, seed: int) -> Drawings:
+    """Draw what is of no family; each drawing depends on its seed and number alone."""
+    pictures = np.zeros((count, SIDE, SIDE), np.uint8)
+    for row in range(count):
+        random = np.random.default_rng([seed, row, 1])
+        pictures[row] = np.round(prepared(draw(stranger_lines(random), random)) * 255)
+    most = max(len(f.numbers) for f in FAMILIES.values()), max(len(f.choices) for f in FAMILIES.values())
+    empty = np.zeros((count, most[0]), np.float32), np.zeros((count, most[1]), np.int64)
+    return Drawings(pictures, np.full(count, -1), *empty)
+
+
 def losses(look: Look, family: Tensor, numbers: Tensor, choices: Tensor) -> dict[str, Tensor]:
-    """Return the mean losses: of the family, and of the true family's numbers and choices."""
+    """Return the mean losses: of the family, and of the true family's numbers and choices.
+
+    What is of no family should be as probable of one as of any other.
+    """
+    strangers = look.family[family < 0].log_softmax(1).mean(1)
+    known = cross_entropy(look.family, family, ignore_index=-1, reduction="sum")
     total = {
-        "family": cross_entropy(look.family, family),
+        "family": (known - _STRANGERS_WEIGHT * strangers.sum()) / len(family),
         "numbers": look.family.new_zeros(()),
         "choices": look.family.new_zeros(()),
     }
@@ -244,6 +253,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--drawings", type=int, default=1200)
     parser.add_argument("--epochs", type=int, default=12)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--strangers", type=float, default=0.125, help="drawings of no family for each other one")
     parser.add_argument("--cache", type=Path, help="keep the drawings in this file")
     parser.add_argument("-o", "--output", type=Path, default=WEIGHTS)
     options = parser.parse_args(arguments)
@@ -254,10 +264,14 @@ def main(arguments: list[str] | None = None) -> None:
     torch.set_num_threads(1)
     drawings = _drawings(options.cache, options.drawings, options.seed, told)
     held_out = max(int(_HELD_OUT * len(drawings.family)), 1)
-    network = train(drawings.part(slice(held_out, None)), options.epochs, options.seed, told)
+    strangers = make_strangers(int(options.strangers * len(drawings.family)), options.seed)
+    shown = drawings.part(slice(held_out, None)).with_more(strangers)
+    network = train(shown, options.epochs, options.seed, told)
     found = measured(network, drawings.part(slice(held_out)))
     told("held out: " + "  ".join(f"{name} {value:.4f}" for name, value in found.items()))
-    settings = {name: str(value) for name, value in vars(options).items() if name in ("drawings", "epochs", "seed")}
+    settings = {
+        name: str(value) for name, value in vars(options).items() if name in ("drawings", "epochs", "seed", "strangers")
+    }
     write_network(
         options.output, network, settings | {"version": __version__} | {k: f"{v:.4f}" for k, v in found.items()}
     )

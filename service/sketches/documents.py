@@ -58,7 +58,7 @@ class SketchGuesses(BaseModel):
 
     guesses: list[SketchGuess] = Field(description="The likeliest first: three, or one if the family is named.")
     unsure: bool = Field(
-        description="Whether the drawing may be of none of the families: the first guess has a probability below 0.98, "
+        description="Whether the drawing may be of none of the families: the first guess has a probability below 0.85, "
         "and no family was named.",
         examples=[False],
     )

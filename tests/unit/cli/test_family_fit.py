@@ -52,7 +52,22 @@ def test_a_fit_is_interrupted_and_resumed(monkeypatch: pytest.MonkeyPatch) -> No
     assert set(summary["files"]) == _FILES == {path.name for path in Path("chairs-family").iterdir()}
 
 
-def test_a_broken_zip_is_refused_with_labels_beside_it_too() -> None:
+def test_files_of_the_user_are_kept() -> None:
+    Path("mine").write_bytes(b"mine")
+    Path("folder").mkdir()
+    Path("folder/report.json").write_bytes(b"mine")
+    for options, words in (
+        (["-o", "mine"], "cannot be written"),
+        (["-o", "folder"], "was not written by an earlier run"),
+        (["--checkpoint", "mine"], "is not a checkpoint"),
+        (["--checkpoint", "chairs.zip"], "is not a checkpoint"),
+        (["--points", "5"], "points"),
+    ):
+        refused = CliRunner().invoke(app, ["family-fit", "chairs.zip", *_SMALL, *options])
+        assert refused.exit_code not in {0, 1}, options
+        assert words in refused.output
+    assert Path("mine").read_bytes() == Path("folder/report.json").read_bytes() == b"mine"
+    # And a broken ZIP is refused, with labels beside it too.
     whole = Path("chairs.zip").read_bytes()
     with zipfile.ZipFile("chairs.zip") as chairs, zipfile.ZipFile("small.zip", "w", zipfile.ZIP_DEFLATED) as small:
         for name in chairs.namelist():
@@ -70,20 +85,3 @@ def test_a_broken_zip_is_refused_with_labels_beside_it_too() -> None:
             refused = CliRunner().invoke(app, ["family-fit", name, *_SMALL, *options])
             assert refused.exit_code == 3, (name, options, refused.output)
             assert "Pack it again" in refused.output or "pack them again" in refused.output
-
-
-def test_files_of_the_user_are_kept() -> None:
-    Path("mine").write_bytes(b"mine")
-    Path("folder").mkdir()
-    Path("folder/report.json").write_bytes(b"mine")
-    for options, words in (
-        (["-o", "mine"], "cannot be written"),
-        (["-o", "folder"], "was not written by an earlier run"),
-        (["--checkpoint", "mine"], "is not a checkpoint"),
-        (["--checkpoint", "chairs.zip"], "is not a checkpoint"),
-        (["--points", "5"], "points"),
-    ):
-        refused = CliRunner().invoke(app, ["family-fit", "chairs.zip", *_SMALL, *options])
-        assert refused.exit_code not in {0, 1}, options
-        assert words in refused.output
-    assert Path("mine").read_bytes() == Path("folder/report.json").read_bytes() == b"mine"

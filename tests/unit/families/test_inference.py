@@ -135,7 +135,7 @@ def test_triangles_take_the_part_of_samples_near_them_on_their_own_side():
     assert found.tolist() == [0, 1, 2]
 
 
-def test_a_group_far_below_the_others_is_of_another_family():
+def test_what_is_far_from_the_others_is_of_another_family():
     random = torch.Generator().manual_seed(0)
     one = torch.randn(40, generator=random) * 0.4 + 9
     assert strangers(one) == []
@@ -144,9 +144,8 @@ def test_a_group_far_below_the_others_is_of_another_family():
     # Sub-classes of one family differ as well: what is most of the collection is never the other family.
     assert strangers(torch.cat([one[:14] - 4.0, one[:6]])) == []
 
-
-def test_what_is_unlike_every_labelled_shape_is_of_another_family():
-    # Eight shapes whose features lie around 0 or, a sub-class, around 1; the ninth and tenth around 4 and 1.2.
+    # Where some are labelled, those tell. Eight shapes whose features lie around 0 or, a sub-class, around 1; the ninth
+    # and tenth around 4 and 1.2.
     middle = torch.tensor([0.0, 0.1, 1.0, 1.1, 0.05, 0.0, 1.05, 1.0, 4.0, 1.2])
     features = middle[:, None, None] + torch.linspace(-1, 1, 30)[None, :, None] * torch.ones(1, 1, 3)
     features = features[:, torch.randperm(30, generator=torch.Generator().manual_seed(0))]

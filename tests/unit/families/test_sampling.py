@@ -97,7 +97,7 @@ def test_samples_vary_by_what_is_unexplained_in_the_members_each_part_by_itself(
         assert all(0 < float(made.points.min()) <= float(made.points.max()) < 1 for made in each)
 
 
-def test_what_lies_between_two_shapes_begins_and_ends_with_them():
+def test_what_lies_between_two_shapes_begins_and_ends_with_them_and_completions_keep_what_is_known():
     machine = planted(points=3)
     points, exists = torch.rand(2, 3, 3) * 0.5 + 0.25, torch.tensor([[1.0, 1, 0], [1, 0, 1]])
     for share, end in ((0.0, 0), (1.0, 1)):
@@ -109,9 +109,7 @@ def test_what_lies_between_two_shapes_begins_and_ends_with_them():
     scaling = torch.tensor([-0.4, -0.5, -0.3, 1.1])
     assert torch.allclose(to_machine(to_frame(points, scaling), scaling), points, atol=1e-6)
 
-
-def test_a_completed_shape_has_the_known_points_exactly():
-    machine = planted(points=3)
+    # And a completed shape has the known points.
     points, exists = torch.rand(3, 3) * 0.5 + 0.25, torch.tensor([1.0, 0, 1])
     for seed in range(5):
         rest = Unexplained(torch.full((4, 9), 0.01), torch.tensor([0, 0, 1]))

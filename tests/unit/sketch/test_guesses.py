@@ -17,9 +17,9 @@ from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import guess, is_unsure
 from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.looking import WEIGHTS, look, read_weights
-from meshdeform.sketch.network import SketchNetwork, load_network, write_network
+from meshdeform.sketch.network import Look, SketchNetwork, load_network, write_network
 from meshdeform.sketch.strokes import draw
-from meshdeform.sketch.training import main, make_drawings, train
+from meshdeform.sketch.training import losses, main, make_drawings, make_strangers, train
 
 
 def drawing(family: str, seed: int, **values: object) -> bytes:
@@ -97,12 +97,21 @@ def test_weights_of_other_families_are_refused(tmp_path: Path, monkeypatch: pyte
 
 
 def test_training_learns_and_repeats() -> None:
-    drawings = make_drawings(12, 5)
+    drawings = make_drawings(12, 5).with_more(make_strangers(4, 5))
     lines: list[str] = []
     first, second = (train(drawings, 6, 0, lines.append) for _ in range(2))
     assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
-    losses = [float(line.split("family ")[1].split()[0]) for line in lines[:6]]
-    assert losses[-1] < losses[0]
+    sums = [float(line.split("family ")[1].split()[0]) for line in lines[:6]]
+    assert sums[-1] < sums[0]
+    # What is of no family costs nothing but its own loss, which is least where all families are as probable.
+    strangers = make_strangers(3, 1)
+    targets = [torch.from_numpy(each) for each in (strangers.family, strangers.numbers, strangers.choices)]
+    alike = Look(torch.zeros(3, 6), {}, {})
+    sure = Look(torch.eye(6)[:3], {}, {})
+    found = losses(alike, *targets)
+    assert float(found["family"]) == pytest.approx(0.5 * np.log(6))
+    assert float(found["numbers"]) == float(found["choices"]) == 0
+    assert losses(sure, *targets)["family"] > found["family"]
 
 
 def test_the_training_script_writes_weights_that_load(tmp_path: Path) -> None:
