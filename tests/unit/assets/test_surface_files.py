@@ -80,83 +80,69 @@ def one(points: np.ndarray, value: float) -> np.ndarray:
     return changed
 
 
-def test_what_can_be_used_is_read() -> None:
+REFUSED: dict[str, list[tuple[Callable[[], bytes], type[AssetError], str]]] = {
+    "cloud.xyz": [
+        (lambda: b"", AssetEmptyError, "no points"),
+        (lambda: b"# nothing\n", AssetEmptyError, "no points"),
+        (lambda: b"a b c d e f\n" * 200, AssetFormatError, "not a table"),
+        (lambda: xyz(BALL)[:-30], AssetFormatError, "not a table"),
+        (lambda: xyz(BALL[:, :0]), AssetError, "3 columns"),
+        (lambda: xyz(BALL[:99], BALL[:99]), AssetEmptyError, "99 points"),
+        (lambda: xyz(BALL, 0 * BALL), AssetError, "no normals"),
+        (lambda: xyz(BALL * [1, 1, 0]), AssetError, "in one plane"),
+        (lambda: xyz(0 * BALL), AssetError, "in one plane"),
+        (lambda: xyz(one(BALL, 1e6)), AssetError, "far away"),
+        (lambda: xyz(one(BALL, np.nan)), AssetNotFiniteError, "not finite"),
+        (lambda: xyz(BALL + 1e5), AssetError, "from the origin"),
+        (lambda: xyz(BALL * 1e200), AssetNotFiniteError, "32-bit"),
+    ],
+    "grid.npz": [
+        (lambda: b"", AssetFormatError, "cannot be read"),
+        (lambda: npz()[:-90], AssetFormatError, "cannot be read"),
+        (lambda: stating((100_000,) * 3, "sdf"), AssetTooLargeError, "into memory"),
+        (lambda: npz(sdf=np.array([{}, 1], object)), AssetFormatError, "cannot be read"),
+        (lambda: npz(sdf=np.ones((8, 8))), AssetError, r"\(X, Y, Z\)"),
+        (lambda: npz(sdf=np.ones((8, 8, 8))), AssetError, "one sign, as unsigned"),
+        (lambda: npz(sdf=-np.pad(-np.ones((4, 4, 4)), 2, constant_values=1)), AssetError, "other way round"),
+        (lambda: npz(sdf=np.full((8, 8, 8), np.nan)), AssetNotFiniteError, "not finite"),
+        (lambda: npz(sdf=np.full((8, 8, 8), 1e200)), AssetNotFiniteError, "32-bit"),
+        (lambda: npz(sdf=np.ones((8, 8, 8), bool)), AssetError, "not bool"),
+        (lambda: npz(origin=np.full(3, -1e5)), AssetError, "from the origin"),
+        (lambda: npz(spacing=0.0), AssetError, "must be positive"),
+        (lambda: npz(spacing=1e-200), AssetError, "must be positive"),
+        (lambda: npz(spacing=1e200), AssetNotFiniteError, "32-bit"),
+        (lambda: npz(spacing="near"), AssetError, "numbers"),
+        (lambda: npz(origin=np.ones((2, 2))), AssetError, "numbers"),
+    ],
+    "net.safetensors": [
+        (lambda: network()[:-8], AssetTruncatedError, "damaged"),
+        (lambda: b"\xff" * 8 + network()[8:], AssetTruncatedError, "damaged"),
+        (lambda: network(name="net"), AssetError, "another architecture"),
+        (lambda: network((np.ones((1, 4)), np.zeros(1))), AssetError, "does not fit"),
+        (lambda: network((np.ones((2, 3)), np.zeros(2))), AssetError, "another architecture"),
+        (lambda: network((np.ones((1, 3)), np.zeros(1)), *[LAYER] * 32), AssetTooLargeError, "32 layers"),
+        (lambda: network((np.full((1, 3), np.inf), np.zeros(1))), AssetNotFiniteError, "not finite"),
+        (in_brain_floats, AssetError, "BF16"),
+        (lambda: network(activation="gelu"), AssetError, "'gelu'"),
+        (lambda: network(bounds="[" * 100_000), AssetError, "bounds are missing"),
+        (lambda: network(bounds='"123456"'), AssetError, "not a box"),
+        (lambda: network(bounds="[-1e400,-2,-2,2,2,2]"), AssetError, "not a box"),
+        (lambda: network(bounds="[0,0,99999,1,1,100000]"), AssetError, "from the origin"),
+        (lambda: network(omega="nan"), AssetError, "not a box"),
+    ],
+}
+
+
+def test_what_cannot_be_used_is_refused_with_what_to_do() -> None:
     for data, name in ((xyz(BALL * 1e-30), "a.xyz"), (npz(), "a.npz"), (network(), "a.safetensors")):
         assert read_surface_file(data, name) is not None
-
-
-@pytest.mark.parametrize(
-    ("name", "cases"),
-    [
-        (
-            "cloud.xyz",
-            [
-                (lambda: b"", AssetEmptyError, "no points"),
-                (lambda: b"# nothing\n", AssetEmptyError, "no points"),
-                (lambda: b"a b c d e f\n" * 200, AssetFormatError, "not a table"),
-                (lambda: xyz(BALL)[:-30], AssetFormatError, "not a table"),
-                (lambda: xyz(BALL[:, :0]), AssetError, "3 columns"),
-                (lambda: xyz(BALL[:99], BALL[:99]), AssetEmptyError, "99 points"),
-                (lambda: xyz(BALL, 0 * BALL), AssetError, "no normals"),
-                (lambda: xyz(BALL * [1, 1, 0]), AssetError, "in one plane"),
-                (lambda: xyz(0 * BALL), AssetError, "in one plane"),
-                (lambda: xyz(one(BALL, 1e6)), AssetError, "far away"),
-                (lambda: xyz(one(BALL, np.nan)), AssetNotFiniteError, "not finite"),
-                (lambda: xyz(BALL + 1e5), AssetError, "from the origin"),
-                (lambda: xyz(BALL * 1e200), AssetNotFiniteError, "32-bit"),
-            ],
-        ),
-        (
-            "grid.npz",
-            [
-                (lambda: b"", AssetFormatError, "cannot be read"),
-                (lambda: npz()[:-90], AssetFormatError, "cannot be read"),
-                (lambda: stating((100_000,) * 3, "sdf"), AssetTooLargeError, "into memory"),
-                (lambda: npz(sdf=np.array([{}, 1], object)), AssetFormatError, "cannot be read"),
-                (lambda: npz(sdf=np.ones((8, 8))), AssetError, r"\(X, Y, Z\)"),
-                (lambda: npz(sdf=np.ones((8, 8, 8))), AssetError, "one sign, as unsigned"),
-                (lambda: npz(sdf=-np.pad(-np.ones((4, 4, 4)), 2, constant_values=1)), AssetError, "other way round"),
-                (lambda: npz(sdf=np.full((8, 8, 8), np.nan)), AssetNotFiniteError, "not finite"),
-                (lambda: npz(sdf=np.full((8, 8, 8), 1e200)), AssetNotFiniteError, "32-bit"),
-                (lambda: npz(sdf=np.ones((8, 8, 8), bool)), AssetError, "not bool"),
-                (lambda: npz(origin=np.full(3, -1e5)), AssetError, "from the origin"),
-                (lambda: npz(spacing=0.0), AssetError, "must be positive"),
-                (lambda: npz(spacing=1e-200), AssetError, "must be positive"),
-                (lambda: npz(spacing=1e200), AssetNotFiniteError, "32-bit"),
-                (lambda: npz(spacing="near"), AssetError, "numbers"),
-                (lambda: npz(origin=np.ones((2, 2))), AssetError, "numbers"),
-            ],
-        ),
-        (
-            "net.safetensors",
-            [
-                (lambda: network()[:-8], AssetTruncatedError, "damaged"),
-                (lambda: b"\xff" * 8 + network()[8:], AssetTruncatedError, "damaged"),
-                (lambda: network(name="net"), AssetError, "another architecture"),
-                (lambda: network((np.ones((1, 4)), np.zeros(1))), AssetError, "does not fit"),
-                (lambda: network((np.ones((2, 3)), np.zeros(2))), AssetError, "another architecture"),
-                (lambda: network((np.ones((1, 3)), np.zeros(1)), *[LAYER] * 32), AssetTooLargeError, "32 layers"),
-                (lambda: network((np.full((1, 3), np.inf), np.zeros(1))), AssetNotFiniteError, "not finite"),
-                (in_brain_floats, AssetError, "BF16"),
-                (lambda: network(activation="gelu"), AssetError, "'gelu'"),
-                (lambda: network(bounds="[" * 100_000), AssetError, "bounds are missing"),
-                (lambda: network(bounds='"123456"'), AssetError, "not a box"),
-                (lambda: network(bounds="[-1e400,-2,-2,2,2,2]"), AssetError, "not a box"),
-                (lambda: network(bounds="[0,0,99999,1,1,100000]"), AssetError, "from the origin"),
-                (lambda: network(omega="nan"), AssetError, "not a box"),
-            ],
-        ),
-    ],
-)
-def test_what_cannot_be_used_is_refused_with_what_to_do(
-    name: str, cases: list[tuple[Callable[[], bytes], type[AssetError], str]]
-) -> None:
-    for make, kind, said in cases:
-        with pytest.raises(kind, match=said) as caught:
-            read_surface_file(make(), name)
-        assert type(caught.value) is kind, said
-        told = caught.value.advice_text
-        assert told, said
-        assert not re.search("glTF|infinite vertices", told), said
+    for name, cases in REFUSED.items():
+        for make, kind, said in cases:
+            with pytest.raises(kind, match=said) as caught:
+                read_surface_file(make(), name)
+            assert type(caught.value) is kind, said
+            told = caught.value.advice_text
+            assert told, said
+            assert not re.search("glTF|infinite vertices", told), said
     with pytest.raises(AssetTooLargeError, match="into memory"):
         read_scalar_file(stating((10**15, 3), "points"))

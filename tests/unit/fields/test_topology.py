@@ -133,7 +133,7 @@ def test_a_distance_grid_becomes_its_torus() -> None:
     assert normal[1] == pytest.approx([0, -1, 0], abs=0.05)
 
 
-def test_noisy_points_become_a_closed_surface_within_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noisy_points_become_a_closed_surface_within_the_noise_without_strays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)
     random = np.random.default_rng(0)
     normals = random.normal(size=(1500, 3))
@@ -145,9 +145,23 @@ def test_noisy_points_become_a_closed_surface_within_the_noise(monkeypatch: pyte
     place, normal = surface.project(np.array([[0.0, 0.0, 1.1]]), np.array([[0.0, 0.0, 1.0]]))
     assert np.linalg.norm(place) == pytest.approx(1, abs=0.02)
     assert normal[0, 2] > 0.98
+    # A stray point does not make the rest coarse.
+    verts, _ = arrays(icosphere(4))
+    points = np.concatenate([verts, [[50.0, 0.0, 0.0], [0.0, 70.0, 0.0]]])
+    normals = np.concatenate([verts, [[1.0, 0.0, 0.0]] * 2])
+    found = surface_of(OrientedPoints(points, normals)).reference
+    assert found.cleaned["stray_points"] == 2
+    assert np.linalg.norm(found.verts, axis=1) == pytest.approx(1, abs=0.02)
+    # Many of them are a part of the surface.
+    apart = np.concatenate([verts, verts + [9, 0, 0]])
+    both = surface_of(OrientedPoints(apart, np.concatenate([verts, verts]))).reference
+    assert (both.cleaned["stray_points"], both.topology.components) == (0, 2)
 
 
 def test_noise_is_refused_before_anything_costly_is_made_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    for mesh, known in ((icosphere(0), 1), (torus(n=6, m=4), 3), (grid(2), 1), (join(torus(), torus()), 6)):
+        verts, faces = arrays(mesh)
+        assert topology(faces, glue(verts, faces)).fewest_faces == known
     values = np.random.default_rng(0).normal(size=(20, 20, 20))
     values[[0, -1]] = values[:, [0, -1]] = values[:, :, [0, -1]] = 1
     noise = DistanceGrid(values, np.zeros(3), np.ones(3))
@@ -168,27 +182,7 @@ def test_noise_is_refused_before_anything_costly_is_made_of_it(monkeypatch: pyte
         surface_of(noise)
 
 
-def test_a_surface_needs_as_many_faces_as_its_handles_and_holes_ask_for() -> None:
-    for mesh, known in ((icosphere(0), 1), (torus(n=6, m=4), 3), (grid(2), 1), (join(torus(), torus()), 6)):
-        verts, faces = arrays(mesh)
-        assert topology(faces, glue(verts, faces)).fewest_faces == known
-
-
-def test_a_stray_point_does_not_make_the_rest_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)
-    verts, _ = arrays(icosphere(4))
-    points = np.concatenate([verts, [[50.0, 0.0, 0.0], [0.0, 70.0, 0.0]]])
-    normals = np.concatenate([verts, [[1.0, 0.0, 0.0]] * 2])
-    found = surface_of(OrientedPoints(points, normals)).reference
-    assert found.cleaned["stray_points"] == 2
-    assert np.linalg.norm(found.verts, axis=1) == pytest.approx(1, abs=0.02)
-    # Many of them are a part of the surface.
-    apart = np.concatenate([verts, verts + [9, 0, 0]])
-    both = surface_of(OrientedPoints(apart, np.concatenate([verts, verts]))).reference
-    assert (both.cleaned["stray_points"], both.topology.components) == (0, 2)
-
-
-def test_an_error_of_nothing_is_none() -> None:
+def test_an_error_of_nothing_is_none_and_a_coarse_input_is_not_held_against_a_field() -> None:
     verts, faces = arrays(icosphere(1))
     count = len(verts)
 
@@ -207,10 +201,7 @@ def test_an_error_of_nothing_is_none() -> None:
     assert 0 < found["geodesics"]["sources"] < 4
     assert found["geodesics"]["mean_relative_error"] < 0.5
     json.dumps(found, allow_nan=False)
-
-
-def test_a_coarse_input_is_not_held_against_a_field_that_meets_it() -> None:
-    """Eigenvalues of a cube are far off on its twelve triangles; the same cube in 12,288 has none of that error."""
+    # Eigenvalues of a cube are far off on its twelve triangles; the same cube in 12,288 has none of that error.
     coarse = clean(*arrays(box(1)))
     verts, faces = divided(coarse.verts, coarse.faces, 12 * 4**5)
     assert len(faces) == 12 * 4**5
