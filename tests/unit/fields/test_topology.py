@@ -133,7 +133,7 @@ def test_a_distance_grid_becomes_its_torus() -> None:
     assert normal[1] == pytest.approx([0, -1, 0], abs=0.05)
 
 
-def test_noisy_points_become_a_closed_surface_within_the_noise_without_strays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noisy_points_become_a_closed_surface_within_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)
     random = np.random.default_rng(0)
     normals = random.normal(size=(1500, 3))
