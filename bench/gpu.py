@@ -24,10 +24,10 @@ import torch
 from bench.true_size import Clock, build, measure, report
 from meshdeform.deformation.loop import Deformation
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.goals import score_distillation
 
 ROOT = Path(__file__).resolve().parents[1]
 LEVELS = {4: "5,120", 5: "20,480", 6: "81,920"}
@@ -36,8 +36,8 @@ SEED = 1
 
 def run(level: int, device: str, steps: int) -> Deformation:
     """Return a run of the builtin prior on a sphere."""
+    guidance = ScoreDistillation(load_prior("builtin", device=device), "a mushroom", guidance_scale=7.5)
     params = resolve(DeformParams(steps=steps, seed=SEED, orientation="keep"))
-    guidance = score_distillation(load_prior("builtin", device=device), "a mushroom", params)
     return Deformation(icosphere(level, 0.6), guidance, params, device=device)
 
 

@@ -46,7 +46,6 @@ from meshdeform.priors import load_prior
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.goals import score_distillation
 
 ROOT = Path(__file__).resolve().parents[1]
 RADIUS = 0.6
@@ -265,7 +264,7 @@ def main() -> None:
         solves((3, 4, 5), options.repeats)
     if "render" in wanted:
         renderers((3, 4, 5), options.repeats, options.mitsuba)
-    guidance = score_distillation(load_prior("builtin", device="cpu"), "a mushroom", resolve(DeformParams()))
+    guidance = ScoreDistillation(load_prior("builtin", device="cpu"), "a mushroom", guidance_scale=7.5)
     if "step" in wanted:
         steps_of(guidance, options.repeats)
     if "fit" in wanted:

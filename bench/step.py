@@ -27,14 +27,14 @@ from unittest import mock
 
 from meshdeform.deformation.loop import Deformation
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.devices import use_threads
-from meshdeform.runs.goals import score_distillation
 
 WARM = 10
 PARTS = {
-    "network": "meshdeform.priors.builtin.prior.BuiltinPrior._predict",
+    "network": "meshdeform.priors.builtin.prior.BuiltinPrior.predict_noise",
     "guidance": "meshdeform.guidance.sds.ScoreDistillation.loss",
     "drawing, forward": "meshdeform.rendering.shading.Renderer.render",
     "solve": "meshdeform.deformation.variables.JacobianField.solve",
@@ -98,7 +98,7 @@ def run_of(options: argparse.Namespace) -> Iterator[object]:
     given = {"orientation": "keep", **{name: json.loads(value) for name, value in named.items()}}
     params = resolve(DeformParams(steps=50_000, **given))
     prior = load_prior("builtin", device="cpu", dtype=options.dtype)
-    guidance = score_distillation(prior, options.prompt, params)
+    guidance = ScoreDistillation(prior, options.prompt, guidance_scale=params.guidance_scale)
     return iter(Deformation(icosphere(options.subdivisions, 0.6), guidance, params))
 
 

@@ -29,9 +29,9 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from meshdeform.deformation.loop import Deformation
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.goals import score_distillation
 
 __all__ = ["EXPECTED", "STEPS", "count_step", "counted"]
 
@@ -97,7 +97,7 @@ def count_step() -> dict[str, Counts]:
     try:
         prior, mesh = load_prior("builtin", device="cpu", dtype="float32"), icosphere(4, 0.6)
         params = resolve(DeformParams(steps=50_000, orientation="auto"))
-        guidance = score_distillation(prior, "a mushroom", params)
+        guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=params.guidance_scale)
         runs: list[Deformation] = []
 
         def begin() -> None:

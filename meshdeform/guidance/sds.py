@@ -22,9 +22,6 @@ inflates, to that of the prompted prediction::
 
     x0_hat <- x0_hat (phi std(x0_text) / std(x0_hat) + 1 - phi)
 
-A prior that was distilled for this scale and rescaling predicts the guided eps_hat of a prompt in one pass; the rest is
-the same.
-
 Several prompts share the picture, timestep, noise, and the prediction for nothing; all predictions are one batch. Their
 gradients are added with their weights, which, if the weights add up to 1, is the conjunction of composable diffusion::
 
@@ -32,8 +29,7 @@ gradients are added with their weights, which, if the weights add up to 1, is th
 
 Sources: Poole et al. 2023, DreamFusion, eq. 3 (gradient); Xu et al. 2024, FusionDeformer, eq. 7 (weighting 1 - abar_t);
 Ho & Salimans 2022, eq. 6, in diffusers' convention of s; Lin et al. 2024, Common diffusion noise schedules, eq. 15 and
-16 (rescaling); Liu et al. 2022, Compositional visual generation with composable diffusion models, concept conjunction;
-Meng et al. 2023, On distillation of guided diffusion models (one pass).
+16 (rescaling); Liu et al. 2022, Compositional visual generation with composable diffusion models, concept conjunction.
 """
 
 from __future__ import annotations
@@ -48,7 +44,6 @@ from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
-from meshdeform.priors.base import PredictsGuided
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -190,9 +185,6 @@ class ScoreDistillation:
         self._texts = Texts(prior, prompts, negative_prompt)
         self._scale, self._rescale = guidance_scale, guidance_rescale
         self._low, self._high = timestep_min, (timestep_max, timestep_max_end)
-        self._one_pass: PredictsGuided | None = None
-        if isinstance(prior, PredictsGuided) and not negative_prompt.strip():
-            self._one_pass = prior if prior.one_pass == (guidance_scale, guidance_rescale) else None
 
     @property
     def style(self) -> RenderStyle:
@@ -312,12 +304,8 @@ class ScoreDistillation:
         """Return ``eps_hat - eps`` of each group for newly drawn noise; `level` is abar_t of each picture."""
         noise = torch.randn(z0.shape, generator=context.generator, dtype=torch.float32).to(z0.device)
         noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
-        rows, timestep = self._texts.rows, timestep.to(z0.device)
-        if self._one_pass:
-            prompted = rows[[text for _, text in self._texts.pairs]]
-            predictions = self._one_pass.predict_guided(noisy, timestep, prompted, context.cameras)
-            return self._texts.grouped([predicted - noise for predicted in predictions])
-        predictions = self._prior.predict_noise(noisy, timestep, rows, context.cameras)
+        rows = self._texts.rows
+        predictions = self._prior.predict_noise(noisy, timestep.to(z0.device), rows, context.cameras)
         guided = []
         for base, text in self._texts.pairs:
             predicted = predictions[base] + self._scale * (predictions[text] - predictions[base])

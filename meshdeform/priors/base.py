@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from meshdeform.rendering.shading import RenderStyle
     from meshdeform.requests.choices import Encoder
 
-__all__ = ["HasEncoders", "PredictsGuided", "Prior"]
+__all__ = ["HasEncoders", "Prior"]
 
 
 class Prior(Protocol):
@@ -101,15 +101,3 @@ class HasEncoders(Protocol):
         ModelError
             The model has no such encoder, or it does not fit.
         """
-
-
-@runtime_checkable
-class PredictsGuided(Protocol):
-    """A prior that predicts guided noise in one pass; score distillation asks others with and without a text."""
-
-    @property
-    def one_pass(self) -> tuple[float, float] | None:
-        """Scale s and rescaling phi of the guidance that is predicted (`guidance/sds.py`); None if it cannot be."""
-
-    def predict_guided(self, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras) -> tuple[Tensor, ...]:
-        """Predict eps, guided away from the empty text, for each text; else like `Prior.predict_noise`."""

@@ -214,8 +214,7 @@ class DeformParams(StrictModel):
     encoder: Encoder = ENCODER
     guidance_scale: float = of_preset(
         100.0,
-        "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5; other "
-        "scales, guidance_rescale or negative_prompt take it longer.",
+        "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",
         ge=0.0,
         le=1_000.0,
         form={"label": "Guidance scale", "help": "How strongly the prompt pulls."},

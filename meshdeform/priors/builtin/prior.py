@@ -8,9 +8,6 @@ views or a single view, depending on the number of cameras.
 
     eps_hat = eps(z_t, nothing) + s (eps(z_t, prompt) - eps(z_t, nothing))
 
-A second network in the package, its student, predicts this in one pass for the scale and the rescaling of the presets
-(`training/distil.py`); other scales, negative prompts and taught weights take the two passes.
-
 The noise schedule, and the network's prediction of the clean picture as noise::
 
     x_t     = sqrt(abar) x0 + sqrt(1 - abar) eps
@@ -29,18 +26,17 @@ SNR); Li & He 2025, Back to basics (predict x0 where patches are wide).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from meshdeform.errors import ModelError, ShapeError
+from meshdeform.errors import ShapeError
 from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
-from meshdeform.priors.builtin.network import PriorNetwork, null_tokens
+from meshdeform.priors.builtin.network import null_tokens
 from meshdeform.priors.builtin.style import STYLE
 from meshdeform.priors.builtin.taught import words_of
-from meshdeform.priors.builtin.weights_file import GUIDED, WEIGHTS, file_sha256, read_network
+from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
 from meshdeform.priors.native_precision import is_fast_in_bfloat16
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
@@ -101,27 +97,18 @@ class BuiltinPrior:
         float16, a precision of other models, is float32.
     weights : pathlib.Path
         A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
-    guided : pathlib.Path, optional
-        The student of these weights, written by `distil.py`; by default that in the package for the package's weights.
 
     Raises
     ------
     ModelError
-        The weights are missing, unreadable or of another vocabulary, or the student is that of other weights.
+        The weights are missing, unreadable or of another vocabulary.
     """
 
     style = STYLE
     """Style of the four views of a grid; a single view has twice that size."""
     num_timesteps = NUM_TIMESTEPS
 
-    def __init__(
-        self,
-        *,
-        device: str | torch.device = "cpu",
-        weights: Path = WEIGHTS,
-        dtype: str = "float32",
-        guided: Path | None = None,
-    ) -> None:
+    def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS, dtype: str = "float32") -> None:
         network, metadata = read_network(weights)
         self.device = torch.device(device)
         self.dtype = _dtype(dtype, self.device)
@@ -133,12 +120,6 @@ class BuiltinPrior:
             "revision": f"{metadata.get('steps', '?')} steps, seed {metadata.get('seed', '?')}",
             "sha256": file_sha256(weights),
         }
-        self.one_pass: tuple[float, float] | None = None
-        if guided := guided or (GUIDED if weights == WEIGHTS else None):
-            student, told = read_network(guided)
-            self.one_pass = _guidance_of(guided, told, self.identity["sha256"])
-            self._student = student.computing_in(self.dtype).to(self.device)
-            self.identity["guided_sha256"] = file_sha256(guided)
 
     @torch.no_grad()
     def encode_texts(self, prompt: str, *others: str) -> Tensor:
@@ -186,16 +167,6 @@ class BuiltinPrior:
         ShapeError
             The input is neither a grid of four views nor single views with one camera each.
         """
-        return self._predict(self._network, z_t, timestep, embedding, cameras)
-
-    @torch.no_grad()
-    def predict_guided(self, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras) -> tuple[Tensor, ...]:
-        """Predict the noise with the guidance of `one_pass` for each text; else like `predict_noise`."""
-        return self._predict(self._student, z_t, timestep, embedding, cameras)
-
-    def _predict(
-        self, network: PriorNetwork, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras
-    ) -> tuple[Tensor, ...]:
         count, azimuths = z_t.shape[0], cameras.azimuths_deg
         grid = count == 1 and len(azimuths) == NUM_VIEWS
         if not grid and len(azimuths) != count:
@@ -209,15 +180,5 @@ class BuiltinPrior:
         azimuth = torch.tensor((azimuths[:1] if grid else azimuths) * texts, device=self.device)
         single = None if grid else torch.ones(texts * count, dtype=torch.bool, device=self.device)
         embeddings = embedding.repeat_interleave(count, 0)
-        clean = network(inputs, steps, embeddings, azimuth, single)
+        clean = self._network(inputs, steps, embeddings, azimuth, single)
         return noise_from_clean(clean, inputs, steps, self.alphas_cumprod).chunk(texts)
-
-
-def _guidance_of(path: Path, metadata: Mapping[str, str], teacher: str) -> tuple[float, float]:
-    """Return scale and rescaling of a student, given the SHA-256 of the weights that should be its teacher."""
-    if metadata.get("teacher") != teacher:
-        raise ModelError(
-            f"The weights in {path} were distilled from others than those beside them.",
-            advice="Install meshdeform again, or distil them: python -m meshdeform.priors.builtin.training.distil.",
-        )
-    return float(metadata["guidance_scale"]), float(metadata["guidance_rescale"])

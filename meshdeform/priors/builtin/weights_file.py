@@ -23,7 +23,6 @@ from meshdeform.priors.builtin.taught import MAX_FILE_BYTES, check, words_of
 from meshdeform.support.files import write_files
 
 __all__ = [
-    "GUIDED",
     "REPLAY",
     "WEIGHTS",
     "file_sha256",
@@ -37,8 +36,6 @@ __all__ = [
 REPLAY = "replay."
 """Tensors whose name begins so are pictures, and no part of the network."""
 WEIGHTS = Path(__file__).parent / "weights" / "prior.safetensors"
-GUIDED = WEIGHTS.with_name("guided.safetensors")
-"""Of the network that predicts guided pictures in one pass (`training/distil.py`)."""
 _LARGEST = 512
 _ADVICE = (
     "Install meshdeform again (the weights are part of the package), or train them: "

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation, WeightedPrompt, rescaled
+from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation, rescaled
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
@@ -260,41 +260,3 @@ def test_a_negative_prompt_takes_the_place_of_nothing() -> None:
         wanted = pictures[negative] + 3.0 * (pictures["a dog"] - pictures[negative])
         pull = 2 * (1 - level) * (level / (1 - level)).sqrt() * 2 * (0.5 - wanted) * REFERENCE_ELEMENTS / image.numel()
         assert_close(image.grad, pull, rtol=1e-3, atol=1e-2)
-
-
-class OnePassPrior(PicturesPrior):
-    """Predicts in one pass what guidance by the scale 3 and the rescaling 0.5 gives."""
-
-    one_pass = (3.0, 0.5)
-    asked = 0
-
-    def predict_guided(self, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras) -> tuple[Tensor, ...]:
-        self.asked += 1
-        nothing = torch.eye(len(self.names))[[self.names.index("")]]
-        base, *texts = self.predict_noise(z_t, timestep, torch.cat([nothing, embedding]), cameras)
-        level = self.alphas_cumprod[timestep].view(-1, 1, 1, 1)
-        scale, phi = self.one_pass
-        return tuple(rescaled(base + scale * (text - base), text, z_t, level, phi) for text in texts)
-
-
-@each_case(
-    "scale, rescale, negative, asked",
-    [(3.0, 0.5, "", 1), (3.0, 0.5, " ", 1), (3.0, 0.5, "a dog", 0), (7.5, 0.5, "", 0), (3.0, 0.0, "", 0)],
-)
-def test_a_prior_that_was_distilled_for_the_scale_is_asked_once(
-    scale: float, rescale: float, negative: str, asked: int
-) -> None:
-    generator = torch.Generator().manual_seed(3)
-    pictures = {name: torch.rand(1, 3, 16, 16, generator=generator) for name in ("", " ", "a dog", "a cat", "a cow")}
-    prompts = [WeightedPrompt("a cat", 0.25), WeightedPrompt("a cow", 0.75)]
-    gradients = []
-    for prior in (PicturesPrior(pictures), OnePassPrior(pictures)):
-        image = torch.full((1, 3, 16, 16), 0.5, requires_grad=True)
-        options = {"guidance_scale": scale, "guidance_rescale": rescale}
-        loss, _ = ScoreDistillation(prior, prompts, negative_prompt=negative, **options).loss(image, context())
-        loss.backward()
-        gradients.append(image.grad)
-    assert isinstance(prior, OnePassPrior)
-    assert prior.asked == asked
-    if negative != " ":  # this prior knows another picture for a space than for nothing
-        assert_close(*gradients, rtol=1e-4, atol=1e-6)

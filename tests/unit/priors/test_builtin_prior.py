@@ -7,7 +7,6 @@ import torch
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.guidance.sds import rescaled
 from meshdeform.priors.builtin import taught
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.prior import BuiltinPrior, add_noise
@@ -49,25 +48,6 @@ def test_guidance_extrapolates_from_nothing_through_the_prompt(weights: Path) ->
     assert_close(strong, nothing + 7.5 * (prompted - nothing), atol=1e-4, rtol=1e-4)
     other = text_rows(prior, "a dog")
     assert_close(guided(*prior.predict_noise(z_t, at, other, cameras), 0.0), nothing)
-
-
-def test_the_student_predicts_what_both_passes_give() -> None:
-    """On a member of another noun, as in the first steps of a run."""
-    prior = BuiltinPrior()
-    assert prior.one_pass is not None
-    scale, phi = prior.one_pass
-    shape = member("bench", (), np.random.default_rng(5))
-    verts, cameras = torch.from_numpy(shape.verts), fixed_cameras(20.0, 10.0)
-    clean = prior.encode_image(
-        combine_views(Renderer(torch.from_numpy(shape.faces), len(verts), STYLE).render(verts, cameras))
-    )
-    at = torch.tensor([850])
-    noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(0))
-    z_t = add_noise(clean, noise, at, prior.alphas_cumprod)
-    nothing, prompted = prior.predict_noise(z_t, at, text_rows(prior, "a giraffe"), cameras)
-    wanted = rescaled(guided(nothing, prompted, scale), prompted, z_t, prior.alphas_cumprod[at].view(1, 1, 1, 1), phi)
-    (predicted,) = prior.predict_guided(z_t, at, prior.encode_texts("a giraffe"), cameras)
-    assert (predicted - wanted).square().mean() < 0.5 * (prompted - wanted).square().mean()
 
 
 def test_single_views_are_predicted_each_with_its_own_camera(weights: Path) -> None:

@@ -6,16 +6,13 @@ import sys
 from pathlib import Path
 
 import pytest
-import torch
 
-from meshdeform.errors import ModelError
 from meshdeform.judge.network import JudgeNetwork, read_judge
 from meshdeform.judge.training import train as judge_training
 from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.priors.builtin.training import distil, train
+from meshdeform.priors.builtin.training import train
 from tests.cases import each_case
 
 TWO_NOUNS = {noun: NOUNS[noun] for noun in ("bowl", "heart")}
@@ -40,31 +37,6 @@ def test_the_prior_is_trained_for_a_step_and_written(tmp_path: Path, monkeypatch
     assert network.config == small
     assert metadata["steps"] == "1"
     assert sorted(path.name for path in cache.iterdir()) == ["bowl.safetensors", "heart.safetensors"]
-
-
-def test_the_guidance_is_distilled_for_a_step_and_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    torch.manual_seed(0)
-    network = PriorNetwork(ModelConfig(channels=(8, 16, 16), embedding=16, text_width=16))
-    teacher, student = tmp_path / "prior.safetensors", tmp_path / "guided.safetensors"
-    state = network.state_dict()
-    for tensor in state.values():
-        if not tensor.any():  # with these at zero it would predict the same for every prompt
-            tensor.normal_(std=0.2)
-    weights_file.write_weights(teacher, state, network.config, {"steps": "7"})
-    monkeypatch.setattr(distil, "FAMILIES", ["bowl", "heart"])
-    options = "--steps 2 --members 1 --pictures 1 --batch 2 --device cpu --save-every 1"
-    files = ["--cache", str(tmp_path / "pictures"), "--teacher", str(teacher), "--output", str(student)]
-    monkeypatch.setattr(sys, "argv", ["distil", *options.split(), *files])
-    distil.main()
-    prior = BuiltinPrior(weights=teacher, guided=student)
-    assert prior.one_pass == (7.5, 0.7)
-    taught, _ = weights_file.read_network(teacher)
-    learned, metadata = weights_file.read_network(student)
-    assert metadata["teacher"] == prior.identity["sha256"]
-    assert all(torch.equal(a, b) for a, b in zip(taught.text.parameters(), learned.text.parameters(), strict=True))
-    assert not torch.equal(taught.out.weight, learned.out.weight)
-    with pytest.raises(ModelError, match="distilled from others"):
-        BuiltinPrior(guided=student)
 
 
 @each_case("odds", ["dragonfly=1", "bowl", "bowl=-1", "bowl=often"])

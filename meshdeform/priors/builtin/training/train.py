@@ -32,7 +32,7 @@ from meshdeform.priors.builtin.training.warm_start import warm_start
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
 from meshdeform.support.heaps import keep_freed_memory
 
-__all__ = ["TrainConfig", "Trainer", "fit", "main"]
+__all__ = ["TrainConfig", "Trainer", "main"]
 
 _log = logging.getLogger(__name__)
 _TIMED_STEPS = 30
@@ -175,7 +175,7 @@ class Trainer:
         self.provenance = state_dict["provenance"]
 
 
-def fit(trainer: Trainer, minutes: float, state: Path, weights: Path, save_every: int) -> None:
+def _fit(trainer: Trainer, minutes: float, state: Path, weights: Path, save_every: int) -> None:
     """Run the trainer to its end; if the number of steps is not set, time a few steps and set it."""
     keep_freed_memory()
     begun, smooth = time.monotonic(), 0.0
@@ -274,7 +274,7 @@ def main() -> None:
         trainer.total_steps = arguments.steps or 10_000
     parameters = sum(parameter.numel() for parameter in trainer.network.parameters())
     _log.info("%d pictures, %d parameters, batch %d, %s", len(data), parameters, batch, arguments.device)
-    fit(trainer, arguments.minutes or 0.0, state, arguments.output, arguments.save_every)
+    _fit(trainer, arguments.minutes or 0.0, state, arguments.output, arguments.save_every)
 
 
 if __name__ == "__main__":
