@@ -75,8 +75,8 @@ class Settings(BaseSettings):
     dtype: Literal["auto", "float32", "float16", "bfloat16"] = Field(
         "auto",
         description="Precision of the diffusion prior. `auto`: of a Stable Diffusion model, float32 on the CPU, "
-        "bfloat16 on a GPU that supports it, else float16; of the builtin one, bfloat16 on a CPU with `amx_bf16`, "
-        "else float32.",
+        "bfloat16 on a GPU that supports it, else float16; of the builtin one, bfloat16 on a CPU that is faster in it "
+        "(`amx_bf16`, or AMD with `avx512_bf16`), else float32.",
     )
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
     threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per usable core.")

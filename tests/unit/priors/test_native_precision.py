@@ -20,19 +20,23 @@ CPUINFO = Path("/proc/cpuinfo")
 
 @pytest.mark.skipif(platform.machine() != "x86_64" or not CPUINFO.exists(), reason="reads the flags of Linux on x86")
 def test_torch_knows_what_the_kernel_says_of_this_processor() -> None:
-    assert is_fast_in_bfloat16("cpu") == bool(re.search(r"\bamx_bf16\b", CPUINFO.read_text()))
+    told = CPUINFO.read_text()
+    flag = r"\bavx512_bf16\b" if re.search(r"^model name\s*: AMD", told, re.MULTILINE) else r"\bamx_bf16\b"
+    assert is_fast_in_bfloat16("cpu") == bool(re.search(flag, told))
 
 
 @each_case(
     ("features", "expected"),
     [
         ({"avx512_bf16": True, "amx_bf16": True}, torch.bfloat16),
-        ({"avx512_f": True, "avx512_bf16": True, "amx_bf16": False}, torch.float32),
+        ({"avx512_f": True, "avx512_bf16": True, "amx_bf16": False, "cpu_name": "Intel(R) Xeon(R)"}, torch.float32),
+        ({"avx512_f": True, "avx512_bf16": True, "amx_bf16": False, "cpu_name": "AMD EPYC"}, torch.bfloat16),
+        ({"avx512_f": True, "avx512_bf16": False, "amx_bf16": False, "cpu_name": "AMD EPYC"}, torch.float32),
         ({"neon": True}, torch.float32),
     ],
 )
 def test_auto_follows_the_processor(
-    features: dict[str, bool], expected: torch.dtype, monkeypatch: pytest.MonkeyPatch
+    features: dict[str, bool | str], expected: torch.dtype, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: features)
     prior = load_prior("builtin", device="cpu")
