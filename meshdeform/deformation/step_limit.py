@@ -75,7 +75,6 @@ class StepRepair:
         find_broken: Callable[[], _Flags],
         old: Mapping[str, Tensor],
         optimizer: Adam,
-        excuse: Callable[[], bool] | None = None,
     ) -> _Flags:
         """Revert as much of the step as needed until no element is broken.
 
@@ -87,8 +86,6 @@ class StepRepair:
             The variables before the step, from `copy`.
         optimizer : Adam
             Loses the momentum of what is reset.
-        excuse : callable, optional
-            Called before a whole component is held back: allows what is not worth that, and returns whether it did.
 
         Returns
         -------
@@ -108,10 +105,7 @@ class StepRepair:
                 self._reset_momentum(optimizer, held)
                 return held
         if not self._hold_regions(find_broken, old, new, held, broken):
-            allowed = excuse is not None and excuse()
             self._set(new)
-            if allowed:
-                return self.repair(find_broken, old, optimizer)
             held |= self._shorten(find_broken, old, new)
         self._reset_momentum(optimizer, held)
         return held

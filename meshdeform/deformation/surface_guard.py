@@ -4,11 +4,11 @@ The shape is checked every few steps. Faces that were fine at rest and are now f
 through others, are reset to the last intact shape, and their neighbourhood in part (`step_limit.py`). So every checked
 shape of a run is intact, including the last one.
 
-Faults that the asset already has at rest are allowed. Faces that are folded at rest, or almost, may stay folded.
+Faults that the asset already has at rest are allowed, and a crease may bend by a right angle before it is a fold.
 Components that cut or touch each other at rest (a head in a collar, a vase on a table) may do so anywhere, and so may
 the faces around places where a component cuts or touches itself (a lining in a shell). A rigid body does not give way,
 so it may also cut the components within half a cell of it (a wheel and its arch). Faces without area at rest cannot
-fold. Slivers on a lattice may fold where otherwise the whole asset would be held back.
+fold.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from meshdeform.deformation.step_limit import StepRepair
 from meshdeform.deformation.variables import Variables, placed
 from meshdeform.geometry.intersections import cutting_pairs, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import FOLD_MARGIN, FaceNeighbours
+from meshdeform.geometry.quality import FaceNeighbours
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import samples_of
 from meshdeform.requests.document import Safeguard
@@ -37,10 +37,6 @@ EVERY_STEPS = 5
 _LOOSE_RINGS = 2
 _CONTACT, _CONTACT_OF_EDGE = 1e-4, 0.1
 """Faces touch up to this share of the diagonal, and of their longest edge: in dense scans every face is near others."""
-
-_SLIVER = 0.1
-"""Height of a face, in cells of a lattice, below which its folds may be allowed: the lattice moves its corners by one
-smooth map, but its long edges are chords of that map, and such a face turns with them."""
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
@@ -67,10 +63,7 @@ class SurfaceGuard:
         self._repair = StepRepair(variables)
         self._copy = self._repair.copy
         self._solid = np.flatnonzero(self._rest.solid)
-        self._neighbours = FaceNeighbours(self._faces[self._solid])
-        corners = self._rest.verts.numpy()[self._faces]
-        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
-        self._slivers = 2 * self._rest.areas < _SLIVER * variables.resolution * longest
+        self._neighbours = FaceNeighbours(self._faces[self._solid], self._rest.verts.numpy())
         self._component = self._rest.components.numpy()[self._faces[:, 0]]
         self._folded = np.zeros(count, bool)
         self._loose = np.zeros(count, bool)
@@ -103,7 +96,7 @@ class SurfaceGuard:
 
     def _allow_faults(self, verts: _Floats) -> None:
         """Allow the faults of this shape in addition to those already allowed."""
-        self._folded |= self._folds(verts, margin=FOLD_MARGIN)
+        self._folded |= self._folds(verts)
         if self._kind is not Safeguard.INTERSECTIONS:
             return
         contacts = touching_pairs(verts, self._faces, self._reach(verts))
@@ -160,17 +153,9 @@ class SurfaceGuard:
         Share of the elements that were reset: 0 if the shape was intact, all of a component if nothing else helped.
         """
         elements = self._variables.elements
-        held = self._repair.repair(
-            lambda: elements.of_faces(self._find_broken()), self._intact, optimizer, self._excuse_slivers
-        )
+        held = self._repair.repair(lambda: elements.of_faces(self._find_broken()), self._intact, optimizer)
         self._intact = self._copy()
         return float(held.mean())
-
-    def _excuse_slivers(self) -> bool:
-        """Allow the folds of faces that are too thin for the variables to control; return whether there are any."""
-        folded = self._folds(placed(self._variables).detach().numpy()) & ~self._folded & self._slivers
-        self._folded |= folded
-        return bool(folded.any())
 
     def _find_broken(self) -> _Flags:
         """Return flags (F,) of the faces that are broken and not allowed to be."""
@@ -185,7 +170,7 @@ class SurfaceGuard:
             broken[cuts[~allowed].ravel()] = True
         return broken
 
-    def _folds(self, verts: _Floats, *, margin: float = 0.0) -> _Flags:
+    def _folds(self, verts: _Floats) -> _Flags:
         folded = np.zeros(len(self._faces), bool)
-        folded[self._solid] = self._neighbours.folded(verts, margin=margin)
+        folded[self._solid] = self._neighbours.folded(verts)
         return folded

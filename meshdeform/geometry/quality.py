@@ -31,7 +31,6 @@ from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces,
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 
 __all__ = [
-    "FOLD_MARGIN",
     "FaceNeighbours",
     "MeshQuality",
     "TextureStretch",
@@ -52,10 +51,6 @@ _TOUCHING = 1e-6
 """Distance, as a share of the bounding box's diagonal, up to which faces touch."""
 _ROUNDING = 1e-15
 """Of the largest coordinate: what entering and leaving another frame may change."""
-
-FOLD_MARGIN = 0.2
-"""Faces with a smaller cosine to their neighbours at rest (at a sharp crease, beside a much larger face) are so near
-folds that bending of the crease cannot be distinguished from folding."""
 
 
 @dataclass(frozen=True)
@@ -127,11 +122,10 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     weights = a[~collapsed]
     volume = _volume(rest_verts, faces)
     ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
-    beside = FaceNeighbours(f)
+    folded = FaceNeighbours(f, rest_verts).folded(verts)
     cuts_before, cuts_after = intersecting_faces(rest_verts, faces), intersecting_faces(verts, faces)
-    folded_before, folded_after = beside.folded(rest_verts, margin=FOLD_MARGIN), beside.folded(verts)
     return MeshQuality(
-        flipped_faces=int((folded_after & ~folded_before & ~collapsed).sum()),
+        flipped_faces=int((folded & ~collapsed).sum()),
         collapsed_faces=int(collapsed.sum()),
         min_angle_p1_deg_before=_min_angle_p1(rest_verts, f),
         min_angle_p1_deg_after=_min_angle_p1(verts, f[~collapsed]),
@@ -209,6 +203,15 @@ def _symmetric_dirichlet(rest: _Floats, verts: _Floats, faces: _Faces, scale: fl
 class FaceNeighbours:
     """Neighbours of each face and their relative winding, to detect folds in any shape of the same faces.
 
+    A face is folded if its area vector points against the sum of its neighbours' and, where the shape at rest is given,
+    if the creases to them were bent by more than a right angle since::
+
+        sum_g A_f . A_g < 0    and    sum_g |A_f| |A_g| cos(theta_fg - theta_fg at rest) < 0
+
+    with the dihedral angle theta_fg, 0 where two faces are in one plane. The second sum makes bending a crease of the
+    asset a little further no fold: a narrow strip beside a large face points against it once their crease has 91
+    degrees. At rest nothing is folded.
+
     Neighbours are two faces at an edge of no other face. Faces of the same three vertices count as one face, whatever
     their winding, and neighbours may have inconsistent winding: folds do not depend on orientation, so a Moebius strip,
     a double-sided sheet and inconsistent winding have none at rest.
@@ -216,9 +219,11 @@ class FaceNeighbours:
     Parameters
     ----------
     faces : (F, 3) int64
+    rest : (V, 3) float64, optional
+        The shape whose creases are no folds; without it, a surface that is smooth there.
     """
 
-    def __init__(self, faces: _Faces) -> None:
+    def __init__(self, faces: _Faces, rest: _Floats | None = None) -> None:
         ordered, self._same = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
         self._faces = ordered
         count, n = len(ordered), int(faces.max(initial=0)) + 1
@@ -229,19 +234,33 @@ class FaceNeighbours:
         _, first, counts = np.unique(key[order], return_index=True, return_counts=True)
         f, g = order[first[counts == 2]], order[first[counts == 2] + 1]
         sign = np.where(upward[f] == upward[g], -1.0, 1.0)
-        rows, columns = np.concatenate([owner[f], owner[g]]), np.concatenate([owner[g], owner[f]])
-        self._signs = sparse.csr_matrix((np.tile(sign, 2), (rows, columns)), shape=(count, count))
+        self._rows, self._columns = np.concatenate([owner[f], owner[g]]), np.concatenate([owner[g], owner[f]])
+        self._sign, self._edges = np.tile(sign, 2), np.tile(np.stack(np.divmod(key[f], n), 1), (2, 1))
+        self._signs = sparse.csr_matrix((self._sign, (self._rows, self._columns)), shape=(count, count))
+        self._rest = None if rest is None else np.ascontiguousarray(rest)
 
-    def folded(self, verts: _Floats, *, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Find the folded faces (F,), whose area vectors point against the sum of their neighbours'.
-
-        With a `margin`, include faces whose cosine to that sum is below it.
-        """
+    def folded(self, verts: _Floats) -> NDArray[np.bool_]:
+        """Find the folded faces (F,)."""
         cross = area_vectors(np.ascontiguousarray(verts), self._faces)
-        around = self._signs @ cross
-        limit = margin * np.linalg.norm(around, axis=1) * np.linalg.norm(cross, axis=1) if margin else 0.0
-        against = (around * cross).sum(1) < limit
+        against = ((self._signs @ cross) * cross).sum(1) < 0
+        if self._rest is not None and against.any():
+            beside = np.flatnonzero(against[self._rows])
+            face = self._rows[beside]
+            cosine, sine = self._dihedral(self._rest, area_vectors(self._rest, self._faces), beside).T
+            length = np.hypot(cosine, sine)
+            cosine, sine = np.where(length > 0, cosine, 1.0), np.where(length > 0, sine, 0.0)
+            now = self._dihedral(verts, cross, beside)
+            bent = (now[:, 0] * cosine + now[:, 1] * sine) / np.where(length > 0, length, 1.0)
+            against &= np.bincount(face, bent, len(against)) < 0
         return np.asarray(against[self._same.reshape(-1)])
+
+    def _dihedral(self, verts: _Floats, cross: _Floats, pairs: NDArray[np.int64]) -> _Floats:
+        """Return the cosine and the sine (P, 2) of the angles between faces, times the areas of both."""
+        own, other = cross[self._rows[pairs]], self._sign[pairs, None] * cross[self._columns[pairs]]
+        ends = verts[self._edges[pairs]]
+        along = ends[:, 1] - ends[:, 0]
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+        return np.stack([(own * other).sum(1), (own * np.cross(along, other)).sum(1)], 1)
 
 
 _STRONG = 2.0

@@ -21,13 +21,18 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.requests.document import DeformParams, Safeguard, resolve
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.creased import creased
 
 MESH = icosphere(2)
 
 
 def broken(mesh: TriangleMesh, verts: torch.Tensor) -> int:
     faces = mesh.faces.numpy()
-    return int((FaceNeighbours(faces).folded(verts.numpy()) | intersecting_faces(verts.numpy(), faces)).sum())
+    return int(
+        (
+            FaceNeighbours(faces, mesh.verts.numpy()).folded(verts.numpy()) | intersecting_faces(verts.numpy(), faces)
+        ).sum()
+    )
 
 
 def poked(variables: Variables, mesh: TriangleMesh, depth: float) -> None:
@@ -48,6 +53,19 @@ def test_a_whole_shape_is_left_as_it_is() -> None:
     optimizer = Adam([{"params": list(variables.tensors.values()), "lr": 1.0}])
     assert guard.correct(optimizer) == 0
     assert torch.equal(placed(variables), before)
+
+
+def test_a_crease_beside_a_large_face_may_bend() -> None:
+    """A strip that was bent up by 70 degrees and now is by 100: it used to hold back a whole asset on its lattice."""
+    mesh = creased(70)
+    variables = VertexDisplacements(mesh)
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, variables)
+    tensor = variables.tensors["displacements"]
+    optimizer = Adam([{"params": [tensor], "lr": 1.0}])
+    for degrees, held in ((100, False), (175, True)):
+        with torch.no_grad():
+            tensor.copy_(creased(degrees).verts - mesh.verts)
+        assert (guard.correct(optimizer) > 0) is held
 
 
 def test_what_went_through_is_put_back_and_the_rest_keeps_its_gain() -> None:
@@ -188,7 +206,7 @@ def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeg
         for _ in run:
             pass
     assert torch.equal(whole.verts(), resumed.verts())
-    folded = FaceNeighbours(mesh.faces.numpy()).folded(whole.verts().numpy()).any()
+    folded = FaceNeighbours(mesh.faces.numpy(), mesh.verts.numpy()).folded(whole.verts().numpy()).any()
     cut = intersecting_faces(whole.verts().numpy(), mesh.faces.numpy()).any()
     assert bool(folded) is (safeguard is Safeguard.NONE)
     assert bool(cut) is (safeguard is not Safeguard.INTERSECTIONS)

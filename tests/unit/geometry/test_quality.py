@@ -15,6 +15,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import MeshQuality, measure
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
 from tests.cases import each_case
+from tests.creased import creased
 
 
 def compare(mesh: TriangleMesh, verts: torch.Tensor) -> MeshQuality:
@@ -45,6 +46,14 @@ def test_a_stretched_plane_by_hand() -> None:
     assert found.min_angle_p1_deg_before == pytest.approx(45.0)
     assert found.min_angle_p1_deg_after == pytest.approx(math.degrees(math.atan(0.25)))
     assert found.volume_ratio == 0.0
+
+
+@each_case(
+    ("before", "after", "flipped"), [(0, 80, 0), (0, 100, 1), (70, 100, 0), (70, 150, 0), (70, 175, 1), (95, 60, 0)]
+)
+def test_a_crease_is_folded_once_it_bends_by_a_right_angle(before: float, after: float, flipped: int) -> None:
+    """Against the large square alone, a strip would be folded from 91 degrees on: so are many of hard-edged assets."""
+    assert compare(creased(before), creased(after).verts).flipped_faces == flipped
 
 
 def test_a_vertex_pulled_over_its_neighbours_flips_faces() -> None:
