@@ -110,7 +110,7 @@ def _mesh(part: Part) -> TriangleMesh:
     return TriangleMesh(torch.from_numpy(part.verts), torch.from_numpy(part.faces))
 
 
-def _deformed(prior: Prior, source: TriangleMesh, prompt: str, params: DeformParams) -> TriangleMesh:
+def deformed(prior: Prior, source: TriangleMesh, prompt: str, params: DeformParams) -> TriangleMesh:
     """Return the result of a job of these parameters, in the source's frame."""
     frame = Frame.around(source.verts)
     resolved = resolve(params)
@@ -120,7 +120,7 @@ def _deformed(prior: Prior, source: TriangleMesh, prompt: str, params: DeformPar
     return TriangleMesh(frame.leave(run.verts()), source.faces)
 
 
-def _pictures(meshes: Sequence[TriangleMesh]) -> Image.Image:
+def pictures(meshes: Sequence[TriangleMesh]) -> Image.Image:
     """Draw each mesh from two sides, one column each."""
     columns = [
         np.concatenate([draw(mesh, fixed_cameras((azimuth,), 15.0), SIZE)[0].numpy() for azimuth in (30.0, 120.0)])
@@ -167,7 +167,7 @@ def main() -> None:
         for seed in options.seeds:
             source = source_mesh(name)
             params = DeformParams(preset="balanced", steps=options.steps, model=str(options.weights), seed=seed)
-            result = _deformed(prior, source, options.prompt, params)
+            result = deformed(prior, source, options.prompt, params)
             found, quality = classifier.noun_of(result), measures(source, result)
             hits += found == noun
             results.append(result)
@@ -182,7 +182,7 @@ def main() -> None:
     low, high = interval(hits, len(results))
     print(f"{hits} of {len(results)} look like the noun: {hits / len(results):.0%} ({low:.0%} to {high:.0%})")
     if options.picture:
-        _pictures(results).save(options.picture)
+        pictures(results).save(options.picture)
 
 
 if __name__ == "__main__":
