@@ -115,4 +115,6 @@ def _serve(pipe: Connection[Any, Any], start: Callable[[], Callable[[Any], Any]]
         while True:
             pipe.send(("done", work(pipe.recv())))
     except (EOFError, BrokenPipeError, ConnectionResetError):
-        return  # the parent has exited or closed the pipe
+        # The parent has exited or closed the pipe. If it also terminates this process, nothing is left to clean up, and
+        # an exception while the interpreter shuts down would be printed.
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -1,5 +1,7 @@
 """Draw the contact sheet: a row per prompt, a column per source, the first seed's result after the last step.
 
+With one source, or where most sources have few of the prompts, the results follow each other in rows of twelve instead.
+
 A green frame marks a hit, a red one a miss (with the prompt retrieved instead), a grey one a result that was not
 judged; a crossed tile failed, an empty one is not done. Prompts without any finished item have no row.
 """
@@ -23,6 +25,7 @@ _TILE = 144
 _FRAME = 4
 _LEFT = 180
 _TOP = 20
+_ACROSS = 12
 _HIT, _MISS, _UNJUDGED = (46, 125, 50), (198, 40, 40), (150, 150, 150)
 
 
@@ -31,6 +34,8 @@ def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str
     sources, prompts, seed = list(manifest["sources"]), manifest["prompts"], manifest["seeds"][0]
     found = {(record["source"], record["prompt"]): record for record in records if record["seed"] == seed}
     prompts = [prompt for prompt in prompts if any(done == prompt for _, done in found)]
+    if len(sources) == 1 or 2 * len(found) < len(sources) * len(prompts):
+        return _png(_in_rows(folder, sources, found))
     sheet = Image.new("RGB", (_LEFT + _TILE * len(sources), _TOP + _TILE * (len(prompts) + 1)), "white")
     draw = ImageDraw.Draw(sheet)
     for column, source in enumerate(sources):
@@ -44,6 +49,27 @@ def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str
                 _result(sheet, (x, _TOP + row * _TILE), folder, record)
     for row, prompt in enumerate(["source", *prompts]):
         draw.text((6, _TOP + row * _TILE + _TILE // 2 - 6), prompt, fill="black")
+    return _png(sheet)
+
+
+def _in_rows(folder: Path, sources: list[str], found: dict[tuple[str, str], dict[str, Any]]) -> Image.Image:
+    """Return the sources and then the results, each below its name."""
+    tiles: list[tuple[str, str | None]] = [(source, None) for source in sources]
+    tiles += sorted(found, key=lambda pair: (sources.index(pair[0]), pair[1]))
+    across = min(_ACROSS, len(tiles))
+    sheet = Image.new("RGB", (_TILE * across, (_TOP + _TILE) * -(-len(tiles) // across)), "white")
+    for number, (source, prompt) in enumerate(tiles):
+        x, y = number % across * _TILE, number // across * (_TOP + _TILE)
+        name = " ".join(filter(None, (Path(source).stem if len(sources) > 1 or not prompt else "", prompt)))
+        ImageDraw.Draw(sheet).text((x + 6, y + 4), name, fill="black")
+        if prompt:
+            _result(sheet, (x, y + _TOP), folder, found[source, prompt])
+        elif (path := source_path(folder, source)).exists():
+            _tile(sheet, (x, y + _TOP), picture_png(read_ply(path.read_bytes())), "white")
+    return sheet
+
+
+def _png(sheet: Image.Image) -> bytes:
     out = io.BytesIO()
     sheet.save(out, "PNG", optimize=True)
     return out.getvalue()
