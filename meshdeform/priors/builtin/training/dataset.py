@@ -38,7 +38,7 @@ __all__ = ["SINGLES_EACH", "PictureFolder", "PictureSet", "draw_prompt", "drawn_
 
 _log = logging.getLogger(__name__)
 
-_ATTRIBUTE_COUNT_ODDS = (0.55, 0.35, 0.10)
+_ATTRIBUTE_COUNT_ODDS = (0.45, 0.42, 0.13)
 """Odds of none, one and two attributes."""
 SINGLES_EACH = 1
 """Single views of every member, in addition to its grids."""

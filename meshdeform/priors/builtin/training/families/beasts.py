@@ -179,20 +179,20 @@ def crocodile(rng: Rng, traits: Traits) -> Part:
 
 def mouse(rng: Rng, traits: Traits) -> Part:
     """Draw a crouching mouse: a drop-shaped body with a pointed nose, large round ears, a long curving tail."""
-    ears = traits.draw(rng, "ears", (0.1, 0.13), (0.28, 0.34), (0.54, 0.64))
-    tail = traits.draw(rng, "tail", (0.1, 0.18), (0.85, 1.05), (1.7, 2.0))
+    ears = traits.draw(rng, "ears", (0.12, 0.16), (0.32, 0.38), (0.56, 0.66))
+    tail = traits.draw(rng, "tail", (0.1, 0.18), (0.7, 0.85), (1.6, 1.9))
     girth, length = rng.uniform(0.36, 0.46), rng.uniform(0.47, 0.63)
     parts = [ellipsoid([0, girth * 0.9, -0.1], [girth, girth * 0.95, length])]
     skull = np.array([0.0, girth * 0.95, length * 0.62])
-    parts.append(limb([skull, skull + [0, -0.14, 0.46]], [0.27, 0.07]))
+    parts.append(limb([skull, skull + [0, -0.14, 0.46]], [0.3, 0.09]))
     parts.append(ellipsoid(skull + [0, -0.14, 0.52], 0.085, rings=8))
-    disc = turned(ellipsoid([0, 0, 0], [ears, ears, 0.085], rings=10), rng.uniform(15, 30), "y")
+    disc = turned(ellipsoid([0, 0, 0], [ears, ears, 0.12], rings=10), rng.uniform(15, 30), "y")
     parts += pair(moved(disc, skull + [0.16 + 0.6 * ears, 0.18 + 0.7 * ears, 0.0]))
     parts += pair(ellipsoid([girth * 0.6, 0.08, 0.3], [0.11, 0.09, 0.18], rings=8))
     parts += pair(ellipsoid([girth * 0.75, 0.12, -0.3], [0.16, 0.13, 0.26], rings=8))
     root, swing = np.array([0.0, 0.16, -length]), rng.uniform(0.2, 0.4) * rng.choice([-1.0, 1.0])
     along = [[0, 0, 0], [swing * 0.6, -0.05, -0.4], [-swing * 0.3, 0.02, -0.75], [-swing * 0.6, 0.22, -1.05]]
-    parts.append(limb(root + tail * np.array(along), [0.085, 0.08, 0.07, 0.06], segments=10))
+    parts.append(limb(root + tail * np.array(along), [0.11, 0.1, 0.09, 0.08], segments=10))
     return join(parts)
 
 
@@ -204,14 +204,14 @@ def hedgehog(rng: Rng, traits: Traits) -> Part:
     centre = np.array([0.0, 0.12 + 0.5 * girth, 0.0])
     radii = np.array([girth, girth, length])
     parts = [ellipsoid(centre, radii)]
-    for layer, (lift, count) in enumerate([(0.0, 11), (0.4, 10), (0.75, 7), (1.0, 1)]):
+    for layer, (lift, count) in enumerate([(0.0, 9), (0.45, 8), (0.82, 5), (1.0, 1)]):
         for k in range(count):
             # Circles about the upright axis, open in front, where the face is.
             angle = np.radians(40 + 280 * (k + 0.5 * (layer % 2)) / max(count - 1 + layer % 2, 1))
             wide = np.sqrt(1 - lift**2)
             out = np.array([wide * np.sin(angle), lift, wide * np.cos(angle)])
             root = centre + 0.9 * radii * out
-            parts.append(limb([root, root + (0.12 + spikes) * (out + [0, 0.1, -0.3])], [0.12, 0.035], segments=8))
+            parts.append(limb([root, root + (0.12 + spikes) * (out + [0, 0.1, -0.3])], [0.15, 0.05], segments=8))
     face = centre + [0, -0.06, length * 0.75]
     tip = face + [0, -0.08, 0.24 + nose]
     parts.append(limb([face, tip], [0.27, 0.08]))

@@ -170,8 +170,8 @@ def windmill(rng: Rng, traits: Traits) -> Part:
     cap = ellipsoid([0, tall + 0.02, 0.03], [neck * 1.2, 0.3, neck * 1.35])
     hub, front = tall + 0.06, neck + 0.26
     axle = limb([[0, hub, 0], [0, hub, front + 0.06]], [0.12, 0.12], segments=10)
-    blade = extrude([(-0.08, 0.14), (0.26, 0.14), (0.3, 0.1 + sail), (-0.08, 0.1 + sail)], 0.12, bevel=0.25)
+    blade = extrude([(-0.14, 0.14), (0.3, 0.14), (0.36, 0.1 + sail), (-0.14, 0.1 + sail)], 0.16, bevel=0.25)
     vane = [blade, limb([[0, 0, 0.02], [0, 0.14 + sail, 0.02]], [0.075, 0.07], segments=8)]
-    turn = rng.uniform(30, 60)
+    turn = rng.uniform(38, 52)
     sails = [moved(turned(part, turn + 90 * step, "z"), [0, hub, front]) for step in range(4) for part in vane]
     return join([tower, deck, cap, axle, *sails, _arch(0.26, 0.3, 0.14, [0, 0, foot - 0.05])])

@@ -51,9 +51,9 @@ def bear(rng: Rng, traits: Traits) -> Part:
 def monkey(rng: Rng, traits: Traits) -> Part:
     """Draw a sitting monkey: large ears at the sides of a broad face, long arms, bent knees, a tail in a curl."""
     arms = traits.draw(rng, "arms", (0.18, 0.24), (0.68, 0.8), (1.25, 1.45))
-    ears = traits.draw(rng, "ears", (0.05, 0.07), (0.19, 0.23), (0.36, 0.42))
+    ears = traits.draw(rng, "ears", (0.06, 0.09), (0.23, 0.27), (0.4, 0.46))
     tail = traits.draw(rng, "tail", (0.12, 0.18), (0.72, 0.85), (1.35, 1.55))
-    head, girth, height = rng.uniform(0.3, 0.36), rng.uniform(0.26, 0.34), rng.uniform(0.44, 0.56)
+    head, girth, height = rng.uniform(0.36, 0.42), rng.uniform(0.3, 0.36), rng.uniform(0.44, 0.54)
     parts = [ellipsoid([0, height * 0.85, 0], [girth, height * 0.95, girth * 0.9])]
     skull = np.array([0.0, height * 1.65 + 0.7 * head, 0.05])
     parts.append(ellipsoid(skull, head))
@@ -61,19 +61,21 @@ def monkey(rng: Rng, traits: Traits) -> Part:
     parts += pair(
         ellipsoid(skull + [0.3 * head, 0.28 * head, 0.75 * head], [0.26 * head, 0.3 * head, 0.25 * head], rings=8)
     )
-    parts += pair(ellipsoid(skull + [head * 0.8 + 0.75 * ears, 0.02, -0.02], [ears, ears * 1.1, 0.09], rings=10))
+    parts += pair(ellipsoid(skull + [head * 0.8 + 0.75 * ears, 0.02, -0.02], [ears, ears * 1.1, 0.12], rings=10))
     shoulder = np.array([girth * 0.75, height * 1.4, 0.02])
     elbow = shoulder + arms * np.array([0.5, -0.3, 0.05])
     hand = elbow + arms * np.array([0.05, rng.uniform(0.35, 0.55), 0.3])
-    parts += pair(limb([shoulder, elbow, hand], [0.11, 0.1, 0.095], segments=10))
-    parts += pair(ellipsoid(hand, [0.13, 0.14, 0.12], rings=8))
+    parts += pair(limb([shoulder, elbow, hand], [0.13, 0.12, 0.115], segments=10))
+    parts += pair(ellipsoid(hand, [0.15, 0.16, 0.14], rings=8))
     knee = np.array([girth * 1.5, 0.42, 0.42])
-    parts += pair(limb([[girth * 0.6, 0.14, 0.0], [*knee], [girth * 1.15, 0.09, 0.55]], [0.14, 0.12, 0.1], segments=10))
+    parts += pair(
+        limb([[girth * 0.6, 0.14, 0.0], [*knee], [girth * 1.15, 0.09, 0.55]], [0.16, 0.14, 0.12], segments=10)
+    )
     parts += pair(ellipsoid([girth * 1.15, 0.08, 0.66], [0.12, 0.085, 0.2], rings=8))
     rump = np.array([0.0, 0.12, -girth * 0.6])
     curl = [(0.0, 0.0), (-0.45, -0.02), (-0.75, 0.2), (-0.75, 0.6), (-0.5, 0.85), (-0.25, 0.75), (-0.28, 0.52)]
     path = curved([rump + tail * np.array([0.0, y, z]) for z, y in curl])
-    parts.append(limb(path, np.linspace(0.1, 0.065, len(path)), segments=10, samples=1))
+    parts.append(limb(path, np.linspace(0.12, 0.09, len(path)), segments=10, samples=1))
     return join(parts)
 
 

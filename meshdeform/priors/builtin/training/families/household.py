@@ -65,7 +65,7 @@ def lamp(rng: Rng, traits: Traits) -> Part:
     """Draw a table lamp: a heavy foot, a pole and a conical shade."""
     stem = traits.draw(rng, "stem", (0.3, 0.38), (0.6, 0.8), (1.15, 1.4))
     shade = traits.draw(rng, "shade", (0.26, 0.31), (0.48, 0.56), (0.78, 0.9))
-    foot, pole = rng.uniform(0.32, 0.4), rng.uniform(0.08, 0.1)
+    foot, pole = rng.uniform(0.4, 0.48), rng.uniform(0.12, 0.15)
     rod = [(pole, height) for height in np.linspace(0.22, stem + 0.4, 6)]
     base = lathe([(foot, 0.0), (foot, 0.08), (foot * 0.6, 0.16), *rod])
     bottom, height = 0.2 + stem, 1.05 * shade

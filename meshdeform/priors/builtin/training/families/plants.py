@@ -116,21 +116,21 @@ def flower(rng: Rng, traits: Traits) -> Part:
     head = traits.draw(rng, "head", (0.2, 0.25), (0.52, 0.6), (1.0, 1.15))
     stem = traits.draw(rng, "stem", (0.44, 0.54), (0.95, 1.15), (2.1, 2.4))
     leaf = traits.draw(rng, "leaves", (0.1, 0.16), (0.42, 0.52), (1.0, 1.2))
-    petals, tilt, bow = int(rng.integers(6, 9)), rng.uniform(15, 35), rng.uniform(-0.08, 0.08)
+    petals, tilt, bow = int(rng.integers(5, 8)), rng.uniform(15, 35), rng.uniform(-0.08, 0.08)
     parts = [
         limb(
             [[0.0, 0.0, 0.0], [bow, stem / 2, 0], [0, stem, 0], [0, stem + 0.1, 0]],
-            [0.1, 0.09, 0.09, 0.09],
+            [0.13, 0.12, 0.12, 0.12],
             segments=10,
         )
     ]
     bloom = [ellipsoid([0, 0, 0.1 * head], [0.34 * head, 0.34 * head, 0.26 * head], rings=10)]
-    petal = ellipsoid([0, 0.62 * head, 0], [2.0 * head / petals, 0.42 * head, 0.14 * head], rings=10)
+    petal = ellipsoid([0, 0.62 * head, 0], [2.1 * head / petals, 0.44 * head, 0.2 * head], rings=10)
     bloom += [turned(turned(petal, -12, "x"), 360 * number / petals, "z") for number in range(petals)]
     parts.append(moved(turned(join(bloom), -tilt, "x"), [0, stem + 0.1, 0.06]))
     for side, level in ((0.0, 0.25), (180.0, 0.4)):
         path = [[0.0, 0.0, 0.0], [0.5 * leaf, 0.34 * leaf, 0], [leaf, 0.5 * leaf, 0]]
-        blade = limb(path, [[0.08, 0.08], [0.17, 0.08], [0.04, 0.05]], segments=10)
+        blade = limb(path, [[0.1, 0.1], [0.2, 0.1], [0.06, 0.07]], segments=10)
         parts.append(moved(turned(blade, side + rng.uniform(-20, 20), "y"), [0, level * stem, 0]))
     return join(parts)
 

@@ -12,7 +12,7 @@ __all__ = ["crab", "frog", "snail", "snake", "spider"]
 
 def crab(rng: Rng, traits: Traits) -> Part:
     """Draw a crab: a wide low shell, eyes on stalks, three bent legs a side, two raised claws with open pincers."""
-    claws = traits.draw(rng, "claws", (0.12, 0.14), (0.26, 0.3), (0.46, 0.52))
+    claws = traits.draw(rng, "claws", (0.12, 0.15), (0.32, 0.38), (0.54, 0.62))
     legs = traits.draw(rng, "legs", (0.04, 0.1), (0.32, 0.4), (0.85, 1.0))
     wide, deep = rng.uniform(0.61, 0.77), rng.uniform(0.46, 0.58)
     y = 0.26 + 0.35 * legs
@@ -21,12 +21,12 @@ def crab(rng: Rng, traits: Traits) -> Part:
     parts += pair(limb([stalk, stalk + [0.02, 0.24, 0.04]], [0.07, 0.06], segments=8))
     parts += pair(ellipsoid(stalk + [0.02, 0.28, 0.05], 0.1, rings=8))
     for turn in (-42.0, -12.0, 18.0):
-        path = [[wide * 0.6, y, 0], [wide + 0.55 * legs, y + 0.08 + 0.12 * legs, 0], [wide + 0.15 + legs, 0.06, 0]]
-        parts += pair(turned(limb(path, [0.125, 0.11, 0.07], segments=10), -turn, "y"))
+        path = [[wide * 0.6, y, 0], [wide + 0.5 * legs, y + 0.06 + 0.1 * legs, 0], [wide + 0.1 + 0.85 * legs, 0.06, 0]]
+        parts += pair(turned(limb(path, [0.15, 0.14, 0.1], segments=10), -turn, "y"))
     shoulder = np.array([wide * 0.75, y, deep * 0.5])
     elbow = shoulder + [0.28, 0.06, 0.26]
     wrist = elbow + [-0.04, 0.28, 0.14]
-    parts += pair(limb([shoulder, elbow, wrist], [0.13, 0.12, 0.12], segments=10))
+    parts += pair(limb([shoulder, elbow, wrist], [0.15, 0.14, 0.14], segments=10))
     palm = wrist + [0, 0.8 * claws, 0.02]
     parts += pair(ellipsoid(palm, [0.85 * claws, claws, 0.6 * claws], rings=10))
     for out in (0.55, -0.55):

@@ -172,16 +172,15 @@ def chest(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has o
 
 def dumbbell(rng: Rng, traits: Traits) -> Part:
     """Draw a dumbbell lying along X: a thick handle between two stacks of round plates."""
-    grip = traits.draw(rng, "handle", (0.12, 0.18), (0.6, 0.75), (1.6, 1.9))
-    plate, thick = rng.uniform(0.42, 0.6), rng.uniform(0.18, 0.3)
+    grip = traits.draw(rng, "handle", (0.12, 0.2), (0.7, 0.85), (1.6, 1.9))
+    plate, thick = rng.uniform(0.46, 0.58), rng.uniform(0.26, 0.36)
     inner, outer = grip / 2, grip / 2 + thick
     small = plate * rng.uniform(0.66, 0.76)
     side = [
         disc(plate, inner, outer, edge=0.06),
-        disc(small, outer - 0.04, outer + thick * 0.8, edge=0.05),
-        disc(0.15, outer, outer + thick * 0.8 + 0.13),
+        disc(small, outer - 0.04, outer + thick * 0.5, edge=0.05),
     ]
-    handle = limb([[-outer, 0.0, 0.0], [0.0, 0.0, 0.0], [outer, 0.0, 0.0]], [0.12, 0.135, 0.12])
+    handle = limb([[-outer, 0.0, 0.0], [0.0, 0.0, 0.0], [outer, 0.0, 0.0]], [0.17, 0.185, 0.17])
     return join([handle, *(end for part in side for end in pair(turned(part, -90, "z")))])
 
 
