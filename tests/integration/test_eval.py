@@ -83,7 +83,7 @@ def test_a_run_leaves_records_meshes_pictures_tables_and_a_sheet(finished: Path)
     assert (two.verts - rest.verts).norm(dim=1).max() < 0.2
     with Image.open(place / "steps-000002.png") as picture, Image.open(finished / "sheet.png") as sheet:
         assert picture.size == (192, 192)
-        assert sheet.size == (180 + 4 * 144, 20 + 4 * 144)
+        assert sheet.size == (7 * 144, 164)  # three results of twelve: after the four sources, in a row
     assert "By source, after 2 steps" in (finished / "table.md").read_text()
 
 
