@@ -28,11 +28,8 @@ MESH = icosphere(2)
 
 def broken(mesh: TriangleMesh, verts: torch.Tensor) -> int:
     faces = mesh.faces.numpy()
-    return int(
-        (
-            FaceNeighbours(faces, mesh.verts.numpy()).folded(verts.numpy()) | intersecting_faces(verts.numpy(), faces)
-        ).sum()
-    )
+    folded = FaceNeighbours(faces, mesh.verts.numpy()).folded(verts.numpy())
+    return int((folded | intersecting_faces(verts.numpy(), faces)).sum())
 
 
 def poked(variables: Variables, mesh: TriangleMesh, depth: float) -> None:
