@@ -49,7 +49,9 @@ class FileReference(_Strict):
     )
     artifact: str = Field(
         "result.glb",
-        pattern=r"^[\w.-]{1,128}$",
+        # Not `{1,128}` in the expression: all letters of Unicode would be in memory 128 times.
+        max_length=128,
+        pattern=r"^[\w.-]+$",
         description="The name of the job's artifact.",
         examples=["result.glb"],
     )
