@@ -103,7 +103,8 @@ def _put_in_frame(app: FastAPI) -> None:
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings = app.state.settings or Settings()
     start_tracing("api")
-    state = AppState.open(settings)
+    # A program that brings its own settings is more than a server.
+    state = AppState.open(settings, alone=app.state.settings is None)
     app.state.app_state = state
     app.state.gate = Gate(settings, state.record.keys)
     app.state.metrics.watch(state.record, settings.queue)

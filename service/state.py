@@ -137,15 +137,21 @@ class AppState:
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))
 
     @classmethod
-    def open(cls, settings: Settings) -> AppState:
+    def open(cls, settings: Settings, *, alone: bool = False) -> AppState:
         """Open the connections that the settings describe.
+
+        Parameters
+        ----------
+        settings : Settings
+        alone : bool
+            Whether the process is a server and nothing else: what it needs once is then done in another one.
 
         Raises
         ------
         UnavailableError, DependencyError
             A connection cannot be opened. Redis may be unavailable: it is not contacted here.
         """
-        record = JobRecord(settings.resolved_database_url)
+        record = JobRecord(settings.resolved_database_url, upgrade_elsewhere=alone)
         store = ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url)
         workspace = Workspace()
         return cls(

@@ -77,8 +77,8 @@ class JobRecord:
         Here and in every method: the database does not answer.
     """
 
-    def __init__(self, url: str, connections: int = MAX_CONNECTIONS) -> None:
-        self.database = self._database = Database(url, connections)
+    def __init__(self, url: str, connections: int = MAX_CONNECTIONS, *, upgrade_elsewhere: bool = False) -> None:
+        self.database = self._database = Database(url, connections, upgrade_elsewhere=upgrade_elsewhere)
         self.leases = Leases(self._database)
         self.upkeep = Upkeep(self._database)
         self.files = FileLedger(self._database)
