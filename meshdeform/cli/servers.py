@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import shlex
-import signal
-import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,14 +15,11 @@ from meshdeform.cli.options import JsonOption
 from meshdeform.cli.output import emit
 from meshdeform.errors import ParameterError
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
-from meshdeform.support.heaps import limit_heaps
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
 __all__ = ["api", "serve", "worker"]
-
-_API_GRACE_S = 10
 
 _HostOption = Annotated[str, typer.Option(help="Address to listen on.")]
 _PortOption = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
@@ -94,44 +88,24 @@ def api(
     ] = None,
     no_auth: _NoAuthOption = False,
     as_json: JsonOption = False,
-    fd: Annotated[int | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run the HTTP API alone; requires MESHDEFORM_REDIS_URL."""
     require("fastapi", "service")
-    limit_heaps()
-    import uvicorn
-
-    from meshdeform.serving.connections import http_options, raise_open_files
+    from meshdeform.serving.processes import python_command
     from meshdeform.serving.stack import listen
-    from meshdeform.support.telemetry import ACCESS_LOG, configure_logging
 
     _require_redis()
-    settings = load_settings(auth="off" if no_auth else None)
-    if fd is None:
-        settings = _guarded(settings, host, None)
-        listening = listen(host, port)
-    else:
-        listening = socket.socket(fileno=fd)
-    # The application reads its settings from the environment.
-    os.environ["MESHDEFORM_AUTH"] = settings.auth
-    configure_logging(settings)
+    settings = _guarded(load_settings(auth="off" if no_auth else None), host, None)
+    listening = listen(host, port)
     if as_json:
         address, taken = listening.getsockname()[:2]
         emit({"event": "listening", "host": address, "port": taken, "pid": os.getpid()})
-    if not (settings.log_format == "json" if access_log is None else access_log):
-        logging.getLogger(ACCESS_LOG).setLevel(logging.WARNING)
-    raise_open_files()
-    config = uvicorn.Config(
-        "service.app:create_app",
-        factory=True,
-        log_config=None,
-        timeout_graceful_shutdown=_API_GRACE_S,
-        **http_options(settings),
-    )
-    # uvicorn raises the signal that stopped it again at the end; a clean stop must give exit code 0.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)
-    uvicorn.Server(config).run(sockets=[listening])
+    # The server reads its settings from the environment.
+    os.environ["MESHDEFORM_AUTH"] = settings.auth
+    listening.set_inheritable(True)
+    logged = [] if access_log is None else ["--access-log" if access_log else "--no-access-log"]
+    command = python_command("service", "--fd", str(listening.fileno()), *logged)
+    os.execv(command[0], command)  # noqa: S606 - one process less, and the command line does not stay in memory
 
 
 @clean_errors

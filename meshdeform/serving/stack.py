@@ -188,7 +188,7 @@ class Stack:
                 self._parts.append(redis)
             environment = _environment(self._settings, redis_url)
             cleanup.callback(self._stop_parts, self._parts[:])
-            self._start("api", ["meshdeform", "api", "--fd", str(listening.fileno())], environment, lock, listening)
+            self._start("api", ["service", "--fd", str(listening.fileno())], environment, lock, listening)
             self._start("worker", ["worker"], environment, lock)
             self._supervise(inbox, _url(listening))
 

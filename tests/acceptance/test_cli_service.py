@@ -154,7 +154,7 @@ def test_watch_goes_on_through_an_api_that_is_killed(folder: Path, service: Serv
 def _kill_api(service: Service) -> None:
     for process in service.family():
         with contextlib.suppress(psutil.Error):
-            if "api" in process.cmdline()[-3:]:
+            if "service" in process.cmdline()[-3:]:
                 process.kill()
                 return
     raise AssertionError("there is no API process")

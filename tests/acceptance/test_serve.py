@@ -99,7 +99,8 @@ def test_the_api_comes_back_when_it_is_killed(service: Service) -> None:
 
 def _api(service: Service) -> psutil.Process:
     return until(
-        "an API", lambda: next((p for p in service.family() if "api" in p.cmdline() and "--fd" in p.cmdline()), None)
+        "an API",
+        lambda: next((p for p in service.family() if "service" in p.cmdline() and "--fd" in p.cmdline()), None),
     )
 
 

@@ -201,7 +201,7 @@ def test_a_job_goes_on_on_the_page_after_a_reload_and_after_the_api_died(
         page.reload()
         assert shown_job(page) == job_id
         expect(page.get_by_label("Progress").locator(".progress-numbers")).to_contain_text("Step 1 of 12")
-        (api,) = {process for process in service.family() if "api" in process.cmdline()}
+        (api,) = {process for process in service.family() if "service" in process.cmdline()}
         api.send_signal(signal.SIGKILL)
         api.wait()
         assert service.job(job_id)["state"] == "running"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
+import sqlite3
 import subprocess
 import sys
 import tomllib
@@ -64,6 +66,21 @@ sys.meta_path.insert(0, Refuse())
 """
 
 
+# Starts the API as `python -m service` does, up to the moment at which it would answer, and tells what is loaded.
+_START = """
+import asyncio, json, sys
+import service.__main__, uvicorn
+from service.app import create_app
+app = create_app()
+async def start():
+    async with app.router.lifespan_context(app):
+        print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+asyncio.run(start())
+"""
+# What the command line needs, and what upgrades a record: neither stays in the memory of a server.
+NOT_IN_A_SERVER = ["typer", "rich", "alembic", "mako", "pygments", "httpx", "obstore", "pg8000"]
+
+
 def loaded_by(*modules: str, before: str = "") -> dict[str, str]:
     """Return the top-level names that a fresh interpreter has loaded, each with the first module that brought it."""
     probe = [sys.executable, "-c", before + _PROBE, *modules]
@@ -88,8 +105,17 @@ def test_the_package_itself_imports_nothing_but_the_standard_library() -> None:
     assert set(result.stdout.split()) - set(bare) - sys.stdlib_module_names == {"meshdeform"}
 
 
-def test_the_api_and_the_client_load_no_numpy() -> None:
+def test_the_api_and_the_client_load_no_numpy_and_a_new_server_keeps_nothing_of_its_start(tmp_path: Path) -> None:
     assert among(loaded_by(*NUMPY_FREE), ["numpy", *HEAVY]) == {}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("MESHDEFORM", "OTEL"))}
+    environment |= {"MESHDEFORM_DATA_DIR": str(tmp_path), "MESHDEFORM_REDIS_URL": "redis://127.0.0.1:1/0"}
+    started = subprocess.run(
+        [sys.executable, "-c", _START], env=environment, check=True, capture_output=True, text=True
+    )
+    assert set(json.loads(started.stdout)) & {*NOT_IN_A_SERVER, "numpy", *HEAVY} == set()
+    record = sqlite3.connect(tmp_path / "meshdeform.sqlite")
+    assert record.execute("SELECT count(*) FROM alembic_version").fetchone() == (1,)
+    record.close()
 
 
 def test_what_is_torch_free_loads_no_torch() -> None:
