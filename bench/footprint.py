@@ -1,11 +1,14 @@
-"""Measure the time and memory of a run and of the API: ``python bench/footprint.py [--preset NAME] [--prompt TEXT]``.
+"""Measure the time and memory of a run and of the API.
+
+    python bench/footprint.py [--preset NAME] [--prompt TEXT]
+    python bench/footprint.py --posts 1000        the API alone, and its memory after so many posts
 
 * run: `meshdeform run` from shell to file on a sphere of 5,120 faces: wall seconds, CPU seconds, peak resident memory
 * api: `meshdeform api` on an empty SQLite record: seconds until `/healthz` answers, resident memory then and after
-  checking 20 posted assets
+  checking 20 posted assets; with `--posts`, also after so many in all, sent by 30 clients, and ten seconds later
 
-Both are whole processes, measured by the operating system. Times depend on the machine; the ratio of wall to CPU
-seconds shows how busy it was.
+A MB is 2**20 bytes. Both are whole processes, measured by the operating system. Times depend on the machine; the ratio
+of wall to CPU seconds shows how busy it was.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -27,6 +31,7 @@ from meshdeform.serving.redis_server import RedisServer
 
 ROOT = Path(__file__).resolve().parents[1]
 SPHERE = ROOT / "examples" / "sphere.glb"
+FIRST, CLIENTS, LATER_S = 20, 30, 10.0
 
 
 def run(preset: str, prompt: str, folder: Path) -> None:
@@ -39,7 +44,7 @@ def run(preset: str, prompt: str, folder: Path) -> None:
     print(f"run   {wall:6.1f} s wall  {cpu:6.1f} s CPU  {used.ru_maxrss / 1024:6.0f} MB peak  ({preset}, {prompt!r})")
 
 
-def api(folder: Path) -> None:
+def api(folder: Path, posts: int) -> None:
     redis = RedisServer(folder / "redis")
     child = redis.start_and_wait()
     with socket.socket() as probe:
@@ -59,11 +64,25 @@ def api(folder: Path) -> None:
             up = time.perf_counter() - start
             process = psutil.Process(server.pid)
             idle = process.memory_info().rss / 2**20
-            for _ in range(20):
-                files = {"asset": SPHERE.read_bytes()}
-                client.post("/v1/jobs", files=files, data={"request": '{"prompt": "a vase"}'}).raise_for_status()
+            asset = SPHERE.read_bytes()
+
+            def post(_: int) -> None:
+                answer = client.post("/v1/jobs", files={"asset": asset}, data={"request": '{"prompt": "a vase"}'})
+                answer.raise_for_status()
+
+            for number in range(FIRST):
+                post(number)
             busy = process.memory_info().rss / 2**20
-        print(f"api   {up:6.2f} s until /healthz  {idle:6.0f} MB at first  {busy:6.0f} MB after 20 posts")
+            print(f"api   {up:6.2f} s until /healthz  {idle:6.0f} MB at first  {busy:6.0f} MB after {FIRST} posts")
+            if posts > FIRST:
+                before = sum(process.cpu_times()[:2])
+                with ThreadPoolExecutor(CLIENTS) as clients:
+                    list(clients.map(post, range(posts - FIRST)))
+                most = process.memory_info().rss / 2**20
+                spent = 1000 * (sum(process.cpu_times()[:2]) - before) / (posts - FIRST)
+                time.sleep(LATER_S)
+                left = process.memory_info().rss / 2**20
+                print(f"      {most:6.0f} MB after {posts} posts  {left:6.0f} MB later  {spent:6.1f} ms CPU for one")
     finally:
         server.terminate()
         server.wait()
@@ -74,10 +93,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--preset", default="preview")
     parser.add_argument("--prompt", default="a mushroom")
+    parser.add_argument("--posts", type=int, default=0, help="measure the API alone, also after so many posts")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        api(Path(folder))
-        run(arguments.preset, arguments.prompt, Path(folder))
+        api(Path(folder), arguments.posts)
+        if not arguments.posts:
+            run(arguments.preset, arguments.prompt, Path(folder))
 
 
 if __name__ == "__main__":

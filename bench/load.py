@@ -1,9 +1,11 @@
-"""Measure one API with two hundred clients and ten thousand jobs in its record.
+"""Measure one API process with two hundred clients and ten thousand jobs in its record.
 
-    python bench/load.py                          PostgreSQL
-    python bench/load.py --database sqlite
-    python bench/load.py --jobs 1000 --clients 50 --rounds 1 --pause 0.5      a minute
+    python -m bench.load                          PostgreSQL and Redis, both started here
+    python -m bench.load --database sqlite        SQLite and Redis
+    python -m bench.load --jobs 1000 --clients 50 --rounds 1 --pause 0.5      a minute
+    python -m bench.load --pause 0                200 clients that never pause: the most that one process can answer
 
+Each of the `--clients` (200) creates a job, and then asks `--rounds` times for two jobs, for events and for a list.
 Prints p50 and p99 of creating, getting and following jobs, each also relative to a single client in the same run, the
 CPU time that the API spends on one of each kind, its memory before and after, and all unexpected answers. No worker
 runs: the jobs stay queued, so only the API, its database and Redis are measured. They share the machine with the
