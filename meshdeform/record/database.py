@@ -292,6 +292,9 @@ def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
             time.sleep(0.01)
     connection.execute("PRAGMA synchronous=FULL")
     connection.execute("PRAGMA foreign_keys=ON")
+    # Of its default of 2 MB, each of a process's connections keeps as much as it has ever read or written; what
+    # another connection writes makes it void, and the system caches the file anyway.
+    connection.execute("PRAGMA cache_size=-512")
 
 
 def _begin_sqlite(connection: sa.Connection) -> None:

@@ -82,14 +82,15 @@ def test_a_database_that_does_not_answer_is_unavailable() -> None:
     assert time.monotonic() - started < DEADLINE_S
 
 
-def test_sqlite_is_durable(tmp_path) -> None:
+def test_sqlite_is_durable_and_keeps_few_pages(tmp_path) -> None:
     database = Database(f"sqlite:///{tmp_path}/deep/er/record.sqlite")
     with database.read() as connection:
         pragma = {
             name: connection.exec_driver_sql(f"PRAGMA {name}").scalar_one()
-            for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout")
+            for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout", "cache_size")
         }
-    assert pragma == {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "busy_timeout": 30_000}
+    kept = {"cache_size": -512}  # kB in each connection
+    assert pragma == {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "busy_timeout": 30_000, **kept}
     database.close()
 
 
