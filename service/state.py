@@ -183,7 +183,7 @@ class AppState:
         self.record.close()
 
 
-def _app_state(request: Request) -> AppState:
+async def _app_state(request: Request) -> AppState:  # not `def`: FastAPI would call that in a thread
     app: AppState = request.app.state.app_state
     return app
 
