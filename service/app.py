@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -14,6 +15,7 @@ from meshdeform import __version__
 from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.settings import Settings
+from meshdeform.support.heaps import return_freed_memory
 from meshdeform.support.telemetry import start_tracing, stop_tracing
 from meshdeform.webhooks.delivery import WebhookDelivery
 from service.documentation.reference import reference_page
@@ -35,6 +37,8 @@ from service.uploads import routes as upload_routes
 from service.webhooks import routes as webhook_routes
 
 __all__ = ["create_app"]
+
+_RETURN_MEMORY_S = 30.0  # seldom: the pages that are needed again have to be fetched again
 
 # The page has inline styles and loads nothing but this server's fonts.
 _PAGE_POLICY = {
@@ -114,9 +118,19 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             WebhookDelivery(state.record, settings),
             on_termination(state.waiters.close),
         ):
-            async with state.waiters.running():
-                yield
+            returning = asyncio.create_task(_return_memory())
+            try:
+                async with state.waiters.running():
+                    yield
+            finally:
+                returning.cancel()
     finally:
         app.state.gate.close()
         state.close()
         stop_tracing()
+
+
+async def _return_memory() -> None:
+    while True:
+        await asyncio.sleep(_RETURN_MEMORY_S)
+        return_freed_memory()

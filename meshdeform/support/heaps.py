@@ -6,7 +6,7 @@ import ctypes
 import os
 from contextlib import suppress
 
-__all__ = ["HEAPS", "keep_freed_memory", "limit_heaps"]
+__all__ = ["HEAPS", "keep_freed_memory", "limit_heaps", "return_freed_memory"]
 
 HEAPS = 2
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
@@ -32,6 +32,15 @@ def keep_freed_memory() -> None:
     """
     _set(_M_MMAP_THRESHOLD, _LARGEST, "MALLOC_MMAP_THRESHOLD_")
     _set(_M_TRIM_THRESHOLD, _KEPT, "MALLOC_TRIM_THRESHOLD_")
+
+
+def return_freed_memory() -> None:
+    """Return the pages to the system on which nothing lies any more; this takes less than a millisecond.
+
+    By itself glibc returns only what is free at the end of a heap, where something of every burst of requests stays.
+    """
+    with suppress(OSError, AttributeError, TypeError):  # macOS, musl, Windows
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _set(option: int, value: int, variable: str) -> None:

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from meshdeform.support.heaps import HEAPS, keep_freed_memory, limit_heaps
+from meshdeform.support.heaps import HEAPS, keep_freed_memory, limit_heaps, return_freed_memory
 
 PROGRAM = """
 import ctypes, threading
@@ -43,6 +43,25 @@ print(step())
 """
 
 
+# Frees 40 MB below a block that stays at the end of the heap, and prints how much of it the process still has, before
+# and after it returns what is free.
+BURST = """
+import os
+from meshdeform.support.heaps import return_freed_memory
+def resident():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGESIZE") / 2**20
+resident()
+before = resident()
+blocks = [bytes(range(200)) * 100 for _ in range(2000)]
+last = blocks[-1]
+blocks = None
+print(resident() - before)
+return_freed_memory()
+print(resident() - before)
+"""
+
+
 def heaps(*, limited: bool, **environment: str) -> int:
     """Return the number of heaps of a process of twelve threads."""
     program = PROGRAM.format(limited=limited)
@@ -64,10 +83,15 @@ only_glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only 
 
 
 @only_glibc
-def test_threads_share_a_few_heaps_unless_the_environment_says_otherwise() -> None:
+def test_threads_share_a_few_heaps_and_return_them_unless_the_environment_says_otherwise() -> None:
     assert heaps(limited=False) > HEAPS
     assert heaps(limited=True) == HEAPS
     assert heaps(limited=True, MALLOC_ARENA_MAX="5") == 5
+    usual = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}
+    ran = subprocess.run([sys.executable, "-c", BURST], check=True, capture_output=True, text=True, env=usual)
+    kept, left = map(float, ran.stdout.split())
+    assert kept > 30
+    assert left < 10
 
 
 @only_glibc
@@ -87,5 +111,6 @@ def test_other_libraries_of_c_are_left_alone(monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.setattr("ctypes.CDLL", missing)
         limit_heaps()
         keep_freed_memory()
+        return_freed_memory()
     monkeypatch.setattr("ctypes.CDLL", lambda _: object())
     limit_heaps()
