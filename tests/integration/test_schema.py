@@ -82,7 +82,7 @@ def test_a_database_that_does_not_answer_is_unavailable() -> None:
     assert time.monotonic() - started < DEADLINE_S
 
 
-def test_sqlite_is_durable_and_keeps_few_pages(tmp_path) -> None:
+def test_sqlite_is_durable(tmp_path) -> None:
     database = Database(f"sqlite:///{tmp_path}/deep/er/record.sqlite")
     with database.read() as connection:
         pragma = {
