@@ -44,7 +44,7 @@ from meshdeform.deformation.variables import Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext
+from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
 from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
 from meshdeform.rendering.views import Views, views_for
@@ -216,7 +216,8 @@ class Deformation:
             A loss or a gradient is not finite.
         """
         while not self.done:
-            losses = self._advance()
+            with torch_threads_for(self._guidance):
+                losses = self._advance()
             self.step += 1
             yield Step(self.step, losses)
 

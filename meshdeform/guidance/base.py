@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
 
-__all__ = ["Guidance", "RegionalGuidance", "ShapeGuidance", "StepContext"]
+__all__ = ["Guidance", "HeavyGuidance", "RegionalGuidance", "ShapeGuidance", "StepContext", "torch_threads_for"]
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,15 @@ class RegionalGuidance(Protocol):
 
 
 @runtime_checkable
+class HeavyGuidance(Protocol):
+    """A guidance that may have a network large enough for torch's threads; operations of all others are short."""
+
+    @property
+    def is_heavy(self) -> bool:
+        """Whether torch's threads should share the operations of a step."""
+
+
+@runtime_checkable
 class ShapeGuidance(Protocol):
     """A guidance that compares the shape itself as well, and places it."""
 
@@ -105,3 +116,21 @@ class ShapeGuidance(Protocol):
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Continue from `state`."""
+
+
+@contextmanager
+def torch_threads_for(guidance: Guidance) -> Iterator[None]:
+    """Let torch compute on one thread inside the block, unless the guidance is heavy.
+
+    Its threads meet after every operation. Those of a step on a surface are so short that they would wait longer than
+    they compute; what takes long is shared by `support.threads.in_ranges`.
+    """
+    threads = torch.get_num_threads()
+    if threads == 1 or (isinstance(guidance, HeavyGuidance) and guidance.is_heavy):
+        yield
+        return
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

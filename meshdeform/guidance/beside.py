@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.guidance.base import Guidance, StepContext
+from meshdeform.guidance.base import Guidance, HeavyGuidance, StepContext
 from meshdeform.guidance.silhouettes import SilhouetteTerm
 from meshdeform.rendering.cameras import Cameras
 from meshdeform.rendering.shading import RenderStyle
@@ -75,6 +75,11 @@ class BesideSilhouettes(SilhouetteGuidance):
         super().__init__(term, weight, identity)
         self._guidance = guidance
         self.style = guidance.style
+
+    @property
+    def is_heavy(self) -> bool:
+        """Whether the guidance is."""
+        return isinstance(self._guidance, HeavyGuidance) and self._guidance.is_heavy
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
         """Return the loss of the guidance on the views."""

@@ -43,7 +43,8 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
-from meshdeform.guidance.base import StepContext
+from meshdeform.guidance.base import StepContext, torch_threads_for
+from meshdeform.support.threads import in_ranges
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -197,6 +198,11 @@ class ScoreDistillation:
         """Identity of the prior."""
         return self._prior.identity
 
+    @property
+    def is_heavy(self) -> bool:
+        """Whether torch's threads should share the prior's operations: all but those on bytes, which share texts."""
+        return self._prior.dtype is not torch.int8
+
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
         """Draw a timestep and noise, predict the noise, and return the loss with the gradient on z0.
 
@@ -280,10 +286,18 @@ class ScoreDistillation:
         level = self._prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
         noise = torch.randn(z0.shape, generator=generator, dtype=torch.float32).to(z0.device)
         noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
-        found = []
-        for cameras in poses:
-            (text,) = self._prior.predict_noise(noisy, timestep.to(z0.device), self._texts.first, cameras)
-            found.append((((1 - level) / level) * (text - noise).square()).mean())
+
+        @torch.no_grad()  # of each thread
+        def grade(first: int, end: int) -> list[Tensor]:
+            grades = []
+            for cameras in poses[first:end]:
+                (text,) = self._prior.predict_noise(noisy, timestep.to(z0.device), self._texts.first, cameras)
+                grades.append((((1 - level) / level) * (text - noise).square()).mean())
+            return grades
+
+        with torch_threads_for(self):
+            ranges = [grade(0, len(poses))] if self.is_heavy else in_ranges(grade, len(poses))
+        found = [value for graded in ranges for value in graded]
         return torch.stack(found).double().cpu()
 
     def timestep_bounds(self, context: StepContext) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 """Colour pixels by the normals of their faces on the CPU: `normals` of `shading`, compiled, with its gradient.
 
-Nothing is kept between the two passes but what was given: to compute the normals again is cheaper than to store them.
-Sums are added up in float64, in the order of pixels and faces, so the same input gives the same bits.
+Views are shared among threads. Sums are added up in float64, of each view in the order of its pixels and faces
+and then of the views in their order, so the same input gives the same bits with any number of threads.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
+from meshdeform.support.threads import in_ranges
 
 __all__ = ["SLIM_SHAPE", "TRUST_FROM", "TRUST_OVER", "colour_by_normals"]
 
@@ -55,10 +56,10 @@ def _facing(normals: _Floats, verts: _Floats, faces: _Index, eye: _Floats, view:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _draw(verts: _Floats, faces: _Index, eye: _Floats, axes: _Floats, face_ids: _Index, image: _Floats) -> None:
-    """Colour the covered pixels of an image (B, H, W, 3)."""
-    normals = area_vectors(verts, faces)
-    _scaled(normals)
+def _draw(
+    verts: _Floats, normals: _Floats, faces: _Index, eye: _Floats, axes: _Floats, face_ids: _Index, image: _Floats
+) -> None:
+    """Colour the covered pixels of an image (B, H, W, 3) by unit normals (F, 3)."""
     for view in range(face_ids.shape[0]):
         for row in range(face_ids.shape[1]):
             for column in range(face_ids.shape[2]):
@@ -91,19 +92,8 @@ def _shares(verts: _Floats, faces: _Index, lengths: _Floats) -> _Floats:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _backward(
-    verts: _Floats,
-    clip: _Floats,
-    faces: _Index,
-    eye: _Floats,
-    axes: _Floats,
-    face_ids: _Index,
-    gradient: _Floats,
-    d_verts: _Floats,
-    d_clip: _Floats,
-) -> None:
-    """Add to the gradients of the vertices (V, 3) and of their places in the pictures (B, V, 4)."""
-    height, width = face_ids.shape[1], face_ids.shape[2]
+def _normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats, _Floats, _Floats]:
+    """Return unit normals (F, 3) of the faces, their lengths before and shares (F,), and unit normals (V, 3)."""
     normals = area_vectors(verts, faces)
     smooth = np.zeros((len(verts), 3))
     for f in range(len(faces)):
@@ -112,8 +102,26 @@ def _backward(
                 smooth[faces[f, i], c] += normals[f, c]
     _scaled(smooth)
     lengths = _scaled(normals)
-    share = _shares(verts, faces, lengths)
-    d_normals = np.zeros((len(faces), 3))
+    return normals, lengths, _shares(verts, faces, lengths), smooth
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _backward(
+    verts: _Floats,
+    clip: _Floats,
+    faces: _Index,
+    eye: _Floats,
+    axes: _Floats,
+    face_ids: _Index,
+    normals: _Floats,
+    share: _Floats,
+    smooth: _Floats,
+    gradient: _Floats,
+    d_normals: _Floats,
+    d_clip: _Floats,
+) -> None:
+    """Add to the gradients of each view's unit normals (B, F, 3) and of the vertices' places in it (B, V, 4)."""
+    height, width = face_ids.shape[1], face_ids.shape[2]
     x, y, g, d = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for view in range(face_ids.shape[0]):
         for row in range(height):
@@ -126,7 +134,7 @@ def _backward(
                 r, s, t = gradient[view, row, column, 0], gradient[view, row, column, 1], gradient[view, row, column, 2]
                 for c in range(3):
                     d[c] = half * (axes[view, 0, c] * r + axes[view, 1, c] * s + axes[view, 2, c] * t)
-                    d_normals[f, c] += d[c]
+                    d_normals[view, f, c] += d[c]
                 # Of the smooth normals only the motion counts, as `_motion_only` says.
                 px, py = (column + 0.5) * (2.0 / width) - 1.0, 1.0 - (row + 0.5) * (2.0 / height)
                 for i in range(3):
@@ -161,7 +169,6 @@ def _backward(
                     d_clip[view, v, 0] += dx
                     d_clip[view, v, 1] += dy
                     d_clip[view, v, 3] -= px * dx + py * dy
-    _through_normals(verts, faces, normals, lengths, d_normals, d_verts)
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -236,20 +243,40 @@ class _Colour(torch.autograd.Function):
         face_ids: Tensor,
         backdrop: Tensor,
     ) -> Tensor:
-        given = [t.detach().contiguous().numpy() for t in (verts, clip, faces, eye, axes, face_ids)]
+        points, places, corners, eyes, turns, ids = (
+            t.detach().contiguous().numpy() for t in (verts, clip, faces, eye, axes, face_ids)
+        )
         image = backdrop.clone(memory_format=torch.contiguous_format).view(*face_ids.shape, 3)
-        _draw(given[0], *given[2:], image.numpy())
-        ctx.saved = given  # type: ignore[attr-defined]
+        pixels = image.numpy()
+        kept = _normals(points, corners)
+
+        def draw(begin: int, end: int) -> None:
+            at = slice(begin, end)
+            _draw(points, kept[0], corners, eyes[at], turns[at], ids[at], pixels[at])
+
+        in_ranges(draw, len(ids))
+        ctx.saved = (points, places, corners, eyes, turns, ids, kept)  # type: ignore[attr-defined]
         return image
 
     @staticmethod
     @once_differentiable
     def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        given: list[NDArray[np.generic]] = ctx.saved  # type: ignore[attr-defined]
-        d_verts, d_clip = np.zeros(given[0].shape), np.zeros(given[1].shape)
-        _backward(*given, gradient.contiguous().numpy(), d_verts, d_clip)
+        verts, clip, faces, eye, axes, face_ids, kept = ctx.saved  # type: ignore[attr-defined]
+        normals, lengths, share, smooth = kept
+        given = gradient.contiguous().numpy()
+        d_verts, d_clip, d_normals = np.zeros(verts.shape), np.zeros(clip.shape), np.zeros((len(clip), *faces.shape))
+
+        def through_views(begin: int, end: int) -> None:
+            at = slice(begin, end)
+            _backward(
+                verts, clip[at], faces, eye[at], axes[at], face_ids[at], normals, share, smooth, given[at],
+                d_normals[at], d_clip[at],
+            )  # fmt: skip
+
+        in_ranges(through_views, len(clip))
+        _through_normals(verts, faces, normals, lengths, d_normals.sum(0), d_verts)
         return (
-            torch.from_numpy(d_verts.astype(given[0].dtype)),
-            torch.from_numpy(d_clip.astype(given[1].dtype)),
+            torch.from_numpy(d_verts.astype(verts.dtype)),
+            torch.from_numpy(d_clip.astype(clip.dtype)),
             *[None] * 5,
         )

@@ -6,7 +6,7 @@ import torch
 
 from meshdeform.errors import ParameterError
 from meshdeform.support.heaps import keep_freed_memory
-from meshdeform.support.threads import default_threads
+from meshdeform.support.threads import choose_threads, default_threads
 
 __all__ = ["resolve_device", "use_threads"]
 
@@ -36,11 +36,12 @@ def resolve_device(name: str) -> str:
 
 
 def use_threads(count: int) -> int:
-    """Set torch's number of CPU threads and return it; 0 chooses as `support.threads.default_threads` does.
+    """Set the number of CPU threads, torch's and ours, and return it; 0 is `support.threads.default_threads`.
 
     The process also keeps the memory of freed tensors (`support.heaps.keep_freed_memory`).
     """
     keep_freed_memory()
     threads = count or default_threads()
+    choose_threads(threads)
     torch.set_num_threads(threads)
     return threads

@@ -1,4 +1,4 @@
-"""How many threads to compute with, and how they wait for each other.
+"""How many threads to compute with, how they wait for each other, and how they share work.
 
 torch's threads meet after every operation. libgomp, its thread library on Linux, makes a thread that arrives first spin
 for milliseconds before it sleeps. Where other programs use the cores too, that time is taken from the very thread that
@@ -9,10 +9,17 @@ from __future__ import annotations
 
 import math
 import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
+from typing import TypeVar
 
-__all__ = ["default_threads", "limit_spinning"]
+__all__ = ["choose_threads", "default_threads", "in_ranges", "limit_spinning", "usable_threads"]
+
+T = TypeVar("T")
 
 _SPINS = "10000"
 """Rounds that a thread spins before it sleeps; libgomp's own number is 300,000. Fewer rounds are cheaper still on a
@@ -58,3 +65,57 @@ def _container_cores(cgroup: Path) -> int:
         if quota_us > 0:
             return math.ceil(quota_us / period_us)
     return 1 << 30
+
+
+_chosen = 0
+_sharing = threading.local()
+_pools: dict[tuple[int, int], ThreadPoolExecutor] = {}
+"""By process, because a forked child has none of the threads, and by the number of threads."""
+
+
+def choose_threads(count: int) -> None:
+    """Let `in_ranges` use this many threads from now on, in the whole process."""
+    global _chosen
+    _chosen = count
+
+
+def usable_threads() -> int:
+    """Return the number of threads that was chosen, or else `default_threads`."""
+    if not _chosen:
+        choose_threads(default_threads())
+    return _chosen
+
+
+def in_ranges(work: Callable[[int, int], T], count: int) -> list[T]:
+    """Call ``work(begin, end)`` for consecutive ranges of ``range(count)``, side by side, and return what they return.
+
+    Worth it for work of a tenth of a millisecond or more that releases the interpreter's lock. The calling thread takes
+    the first range. With one thread (`choose_threads`), or inside of such work, it takes everything.
+
+    Parameters
+    ----------
+    work : callable
+        Called with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
+    count : int
+    """
+    parts = 1 if getattr(_sharing, "already", False) else max(1, min(usable_threads(), count))
+    bounds = [count * part // parts for part in range(parts + 1)]
+    if parts == 1:
+        return [work(0, count)]
+
+    def share(begin: int, end: int) -> T:
+        _sharing.already = True
+        try:
+            return work(begin, end)
+        finally:
+            _sharing.already = False
+
+    key = (os.getpid(), parts - 1)
+    pool = _pools.get(key) or _pools.setdefault(key, ThreadPoolExecutor(parts - 1, "meshdeform"))
+    others = [pool.submit(share, begin, end) for begin, end in pairwise(bounds[1:])]
+    try:
+        first = share(bounds[0], bounds[1])
+    finally:
+        # Also after an error: others must not go on writing into what the caller no longer holds.
+        results = [other.result() for other in others]
+    return [first, *results]

@@ -25,6 +25,7 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.rendering.rasterizer import backend
 from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
+from meshdeform.support.threads import in_ranges
 
 __all__ = ["SilhouetteEdges", "antialias", "antialias_compiled"]
 
@@ -137,6 +138,26 @@ def _walk(
     return where[:count], what[:count]
 
 
+def _crossings_of(
+    clip: _Floats,
+    ends: _Index,
+    opposite: _Index,
+    depth: NDArray[np.float32],
+    removed: NDArray[np.float32] | None,
+) -> tuple[_Index, _Floats]:
+    """Find what `_walk` finds, with the views shared among threads."""
+
+    def walk(begin: int, end: int) -> tuple[_Index, _Floats]:
+        views = slice(begin, end)
+        where, what = _walk(clip[views], ends, opposite, depth[views], None if removed is None else removed[views])
+        where[:, :2] += begin * depth.shape[1] * depth.shape[2]
+        where[:, 2:] += begin * clip.shape[1]
+        return where, what
+
+    where, what = zip(*in_ranges(walk, len(clip)), strict=True)
+    return (where[0], what[0]) if len(where) == 1 else (np.concatenate(where), np.concatenate(what))
+
+
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _blend(flat: _Floats, where: _Index, what: _Floats, out: _Floats) -> None:
     for n in range(len(where)):
@@ -197,7 +218,7 @@ class _Antialias(torch.autograd.Function):
     ) -> Tensor:
         flat, points = image.detach().reshape(-1, image.shape[-1]).numpy(), clip.detach().contiguous().numpy()
         limit = None if removed is None else removed.contiguous().numpy()
-        where, what = _walk(
+        where, what = _crossings_of(
             points, ends.contiguous().numpy(), opposite.contiguous().numpy(), depth.contiguous().numpy(), limit
         )
         out = flat.copy()

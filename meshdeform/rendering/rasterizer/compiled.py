@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
+from meshdeform.support.threads import in_ranges
 
 __all__ = ["rasterize_compiled"]
 
@@ -111,5 +112,16 @@ def rasterize_compiled(
     face_ids = torch.full((clip.shape[0], height, width), -1, dtype=torch.int64)
     depth = torch.full((clip.shape[0], height, width), EMPTY_DEPTH, dtype=torch.float32)
     limit = None if behind is None else behind.contiguous().numpy()
-    _rasterize(clip.double().contiguous().numpy(), faces.contiguous().numpy(), face_ids.numpy(), depth.numpy(), limit)
+    points, corners, ids, depths = (
+        clip.double().contiguous().numpy(),
+        faces.contiguous().numpy(),
+        face_ids.numpy(),
+        depth.numpy(),
+    )
+
+    def draw(begin: int, end: int) -> None:
+        views = slice(begin, end)
+        _rasterize(points[views], corners, ids[views], depths[views], None if limit is None else limit[views])
+
+    in_ranges(draw, len(points))
     return face_ids, depth

@@ -219,3 +219,20 @@ def test_a_needle_that_fills_a_row_of_pixels_does_not_drown_the_rest(shading) ->
         assert verts.grad is not None
         largest.append(float(verts.grad[2:6].abs().max()))
     assert 0.5 * largest[0] < largest[1] < 1.5 * largest[0]
+
+
+@each_case("shading", ["normals", "lambert"])
+def test_several_threads_draw_the_same_bits(shading, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = join(icosphere(4, 0.6), box(3))
+    renderer = Renderer(mesh.faces, mesh.verts.shape[0], RenderStyle(shading=shading))
+    drawn = []
+    for threads in (1, 2, 3):
+        monkeypatch.setattr("meshdeform.support.threads._chosen", threads)
+        verts = mesh.verts.clone().requires_grad_()
+        image = renderer.render(verts, fixed_cameras(20.0, 10.0))
+        image.square().sum().backward()
+        assert verts.grad is not None
+        drawn.append((image.detach(), verts.grad))
+    for image, gradient in drawn[1:]:
+        assert torch.equal(image, drawn[0][0])
+        assert torch.equal(gradient, drawn[0][1])

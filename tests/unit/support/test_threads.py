@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
 from meshdeform.runs.devices import use_threads
-from meshdeform.support.threads import default_threads, limit_spinning
+from meshdeform.support.threads import default_threads, in_ranges, limit_spinning
 from tests.cases import each_case
 
 
@@ -58,6 +59,7 @@ def test_omp_num_threads_decides_where_the_setting_does_not(
 def test_the_setting_comes_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
     monkeypatch.setattr("torch.set_num_threads", asked.append)
+    monkeypatch.setattr("meshdeform.support.threads._chosen", 0)
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     assert [use_threads(2), use_threads(0)] == asked == [2, 3]
 
@@ -90,3 +92,32 @@ program.main()
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("GOMP_", "OMP_"))}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout == "10000\n"
+
+
+def test_ranges_cover_everything_once_and_come_back_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    for count in range(1, 7):
+        for threads in range(1, 5):
+            monkeypatch.setattr("meshdeform.support.threads._chosen", threads)
+            ranges = in_ranges(lambda begin, end: (begin, end, threading.get_ident()), count)
+            assert [number for begin, end, _ in ranges for number in range(begin, end)] == list(range(count))
+            assert len(ranges) == min(count, threads)
+            assert ranges[0][2] == threading.get_ident()
+    # Work that is shared already is not shared again: its threads would wait for themselves.
+    nested = in_ranges(lambda begin, end: in_ranges(lambda *bounds: bounds, end - begin), 6)
+    assert nested == [[(0, 1)], [(0, 2)], [(0, 1)], [(0, 2)]]
+
+
+def test_an_error_is_raised_once_no_range_is_being_worked_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("meshdeform.support.threads._chosen", 2)
+    failed, finished = threading.Event(), threading.Event()
+
+    def work(begin: int, _: int) -> None:
+        if begin == 0:
+            failed.set()
+            raise ValueError("the first range")
+        assert failed.wait(10)
+        finished.set()
+
+    with pytest.raises(ValueError, match="the first range"):
+        in_ranges(work, 2)
+    assert finished.is_set()
