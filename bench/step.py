@@ -166,7 +166,7 @@ def main() -> None:
     parser.add_argument("--subdivisions", type=int, default=4, help="icosphere of 20 * 4^n faces (4: 5,120)")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--dtype", default="auto", help="precision of the prior: auto, float32 or bfloat16")
+    parser.add_argument("--dtype", default="auto", help="precision of the prior: auto, float32, bfloat16 or int8")
     parser.add_argument("--prompt", default="a mushroom")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change this parameter")
     parser.add_argument("--against", metavar="CHECKOUT", help="compare with this working copy")

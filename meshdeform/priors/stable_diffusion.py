@@ -55,7 +55,7 @@ class StableDiffusionPrior:
     device : str or torch.device
     revision : str
         Branch, tag or commit of a hub model.
-    dtype : "auto", "float32", "float16" or "bfloat16"
+    dtype : "auto", "float32", "float16", "bfloat16" or "int8"
         Precision of the networks. `auto` is float32 on the CPU, bfloat16 on a GPU that supports it, else float16.
 
     Raises
@@ -287,8 +287,11 @@ class StableDiffusionPrior:
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
-    """Return the torch dtype of a setting; `auto` is float32 on the CPU, else bfloat16 if supported, else float16."""
-    if name != "auto":
+    """Return the torch dtype of a setting; `auto` is float32 on the CPU, else bfloat16 if supported, else float16.
+
+    `int8`, a precision of the builtin model, is the same as `auto`.
+    """
+    if name not in ("auto", "int8"):
         found: torch.dtype = getattr(torch, name)
         return found
     if device.type == "cpu":

@@ -186,6 +186,8 @@ class PriorNetwork(nn.Module):
         self.text = TextEncoder(self.config.text_width, self.config.text_layers, e, words)
         self.azimuth = nn.Linear(4, e)
         self.time = nn.Sequential(nn.Linear(64, e), nn.SiLU(), nn.Linear(e, e))
+        # What the blocks get: the condition itself, or all that they would make of it (`quantized`).
+        self.modulate: nn.Module = nn.Identity()
         self.stem = nn.Conv2d(3, c0, 8, stride=4, padding=2)
         self.down0 = ResidualBlock(c0, c0, e)
         self.pool0 = nn.Conv2d(c0, c1, 3, stride=2, padding=1)
@@ -208,6 +210,7 @@ class PriorNetwork(nn.Module):
         self.up1 = nn.ModuleList([ResidualBlock(c2 + c1, c1, e), ResidualBlock(c1, c1, e)])
         self.up0 = nn.ModuleList([ResidualBlock(c1 + c0, c0, e), ResidualBlock(c0, c0, e)])
         self.norm = nn.GroupNorm(8, c0)
+        self.activation = nn.SiLU()
         self.out = nn.Conv2d(c0, 3 * 16, 3, padding=1)
         nn.init.zeros_(self.out.weight)
 
@@ -233,11 +236,19 @@ class PriorNetwork(nn.Module):
         -------
         (B, 3, 128, 128) float32, whatever the layers compute in (`computing_in`).
         """
+        return self.paint(x, self.condition(timestep, text, azimuth_deg, single), azimuth_deg, single)
+
+    def condition(self, timestep: Tensor, text: Tensor, azimuth_deg: Tensor, single: Tensor | None = None) -> Tensor:
+        """Return what the residual blocks get, one row per picture, of the arguments of `forward`."""
         conditions = self._condition(timestep, text, azimuth_deg)
         if single is not None:
             conditions = conditions + single[:, None] * self.single
-        dtype = self.stem.weight.dtype
-        condition = functional.silu(conditions).to(dtype)
+        result: Tensor = self.modulate(functional.silu(conditions).to(self.place.dtype))
+        return result
+
+    def paint(self, x: Tensor, condition: Tensor, azimuth_deg: Tensor, single: Tensor | None = None) -> Tensor:
+        """Predict x0 from noisy pictures and their conditions, the result of `condition`; see `forward`."""
+        dtype = self.place.dtype
         cameras = camera_map(azimuth_deg, single, IMAGE_SIZE // 4).to(dtype)
         h0 = self.down0(self.stem(x.to(dtype)) + self.camera_fine(cameras), condition)
         h1 = self.pool0(h0)
@@ -255,7 +266,7 @@ class PriorNetwork(nn.Module):
         h = torch.cat([functional.interpolate(h, scale_factor=2.0), h0], 1)
         for block in self.up0:
             h = block(h, condition)
-        return functional.pixel_shuffle(self.out(functional.silu(self.norm(h))).float(), 4)
+        return functional.pixel_shuffle(self.out(self.activation(self.norm(h))).float(), 4)
 
     def computing_in(self, dtype: torch.dtype) -> PriorNetwork:
         """Convert the layers on pictures, in place; texts, times and azimuths, which cost nothing, stay in float32."""

@@ -37,7 +37,7 @@ from meshdeform.priors.builtin.network import null_tokens
 from meshdeform.priors.builtin.style import STYLE
 from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
-from meshdeform.priors.native_precision import is_fast_in_bfloat16
+from meshdeform.priors.native_precision import is_fast_in_bfloat16, is_fast_in_int8
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
 __all__ = ["NUM_TIMESTEPS", "BuiltinPrior", "add_noise", "cosine_alphas_cumprod", "loss_weight", "noise_from_clean"]
@@ -47,7 +47,9 @@ _LARGEST_WEIGHT = 5.0
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
-    """Return the torch dtype of a setting. On a GPU `auto` is float32: nobody has measured what bfloat16 does there."""
+    """Return the torch dtype of a setting. On a GPU `auto` is float32: nobody has measured what others do there."""
+    if name in ("auto", "int8") and is_fast_in_int8(device):
+        return torch.int8
     half = name == "bfloat16" or (name == "auto" and device.type == "cpu" and is_fast_in_bfloat16(device))
     return torch.bfloat16 if half else torch.float32
 
@@ -92,9 +94,10 @@ class BuiltinPrior:
     ----------
     device : str or torch.device
         Device of the network.
-    dtype : "auto", "float32", "float16" or "bfloat16"
-        What the network computes in. `auto` is bfloat16 on a CPU that has matrix instructions for it, else float32;
-        float16, a precision of other models, is float32.
+    dtype : "auto", "float32", "float16", "bfloat16" or "int8"
+        What the network computes in. `auto` is int8 on a CPU with instructions for it (`is_fast_in_int8`), otherwise
+        bfloat16 on a CPU that is faster in it, else float32. float16, a precision of other models, is float32, and so
+        is int8 without such instructions.
     weights : pathlib.Path
         A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
 
@@ -112,7 +115,13 @@ class BuiltinPrior:
         network, metadata = read_network(weights)
         self.device = torch.device(device)
         self.dtype = _dtype(dtype, self.device)
-        self._network = network.computing_in(self.dtype).to(self.device)
+        if self.dtype is torch.int8:
+            # Only here: it compiles kernels, which nothing else needs.
+            from meshdeform.priors.builtin.quantized import quantized
+
+            self._network = quantized(network)
+        else:
+            self._network = network.computing_in(self.dtype).to(self.device)
         self.words = words_of(metadata, weights)
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
         self.identity = {
@@ -180,5 +189,19 @@ class BuiltinPrior:
         azimuth = torch.tensor((azimuths[:1] if grid else azimuths) * texts, device=self.device)
         single = None if grid else torch.ones(texts * count, dtype=torch.bool, device=self.device)
         embeddings = embedding.repeat_interleave(count, 0)
-        clean = self._network(inputs, steps, embeddings, azimuth, single)
+
+        condition = self._network.condition(steps, embeddings, azimuth, single)
+
+        def predict(first: int, end: int) -> Tensor:
+            rows = slice(first * count, end * count)
+            with torch.no_grad():  # of this thread
+                only = None if single is None else single[rows]
+                return self._network.paint(inputs[rows], condition[rows], azimuth[rows], only)
+
+        if self.dtype is torch.int8:
+            from meshdeform.priors.builtin.quantized import side_by_side
+
+            clean = side_by_side(predict, texts)
+        else:
+            clean = predict(0, texts)
         return noise_from_clean(clean, inputs, steps, self.alphas_cumprod).chunk(texts)

@@ -1,4 +1,4 @@
-"""The builtin prior computes in bfloat16 where the processor does, unless a setting says otherwise."""
+"""The builtin prior computes in what the processor is fastest in, unless a setting says otherwise."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import pytest
 import torch
 
 from meshdeform.priors import load_prior
+from meshdeform.priors.builtin.prior import _dtype as builtin_dtype
 from meshdeform.priors.builtin.teaching.teacher import fastest_precision
-from meshdeform.priors.native_precision import is_fast_in_bfloat16
+from meshdeform.priors.native_precision import is_fast_in_bfloat16, is_fast_in_int8
 from meshdeform.priors.stable_diffusion import _dtype
 from tests.cases import each_case
 
@@ -23,34 +24,46 @@ def test_torch_knows_what_the_kernel_says_of_this_processor() -> None:
     told = CPUINFO.read_text()
     flag = r"\bavx512_bf16\b" if re.search(r"^model name\s*: AMD", told, re.MULTILINE) else r"\bamx_bf16\b"
     assert is_fast_in_bfloat16("cpu") == bool(re.search(flag, told))
+    assert is_fast_in_int8("cpu") == bool(re.search(r"\bavx512_vnni\b", told))
+
+
+INTEL, AMD = {"cpu_name": "Intel(R) Xeon(R)"}, {"cpu_name": "AMD EPYC"}
 
 
 @each_case(
-    ("features", "expected"),
+    ("features", "expected", "teaching"),
     [
-        ({"avx512_bf16": True, "amx_bf16": True}, torch.bfloat16),
-        ({"avx512_f": True, "avx512_bf16": True, "amx_bf16": False, "cpu_name": "Intel(R) Xeon(R)"}, torch.float32),
-        ({"avx512_f": True, "avx512_bf16": True, "amx_bf16": False, "cpu_name": "AMD EPYC"}, torch.bfloat16),
-        ({"avx512_f": True, "avx512_bf16": False, "amx_bf16": False, "cpu_name": "AMD EPYC"}, torch.float32),
-        ({"neon": True}, torch.float32),
+        ({**INTEL, "avx512_vnni": True, "avx512_bf16": True, "amx_bf16": True}, torch.int8, "bf16"),
+        ({**INTEL, "avx512_vnni": True, "avx512_bf16": True, "amx_bf16": False}, torch.int8, "fp32"),
+        ({**AMD, "avx512_vnni": True, "avx512_bf16": True, "amx_bf16": False}, torch.int8, "bf16"),
+        ({**AMD, "avx512_vnni": False, "avx512_bf16": True, "amx_bf16": False}, torch.bfloat16, "bf16"),
+        ({**AMD, "avx512_vnni": False, "avx512_bf16": False, "amx_bf16": False}, torch.float32, "fp32"),
+        ({"neon": True}, torch.float32, "fp32"),
     ],
 )
 def test_auto_follows_the_processor(
-    features: dict[str, bool | str], expected: torch.dtype, monkeypatch: pytest.MonkeyPatch
+    features: dict[str, bool | str], expected: torch.dtype, teaching: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: features)
-    prior = load_prior("builtin", device="cpu")
-    assert prior.dtype is expected
-    weights = {name: tensor.dtype for name, tensor in prior._network.state_dict().items()}  # type: ignore[attr-defined]
-    assert {dtype for name, dtype in weights.items() if name.startswith("middle")} == {expected}
-    assert {dtype for name, dtype in weights.items() if name.startswith("text")} == {torch.float32}
-    assert fastest_precision("cpu") == ("bf16" if expected is torch.bfloat16 else "fp32")
-    # Asked for by name, a precision is what it was; that of Stable Diffusion on a CPU does not change.
-    assert load_prior("builtin", device="cpu", dtype="float32").dtype is torch.float32
-    assert load_prior("builtin", device="cpu", dtype="bfloat16").dtype is torch.bfloat16
-    assert _dtype("auto", torch.device("cpu")) is torch.float32
+    device = torch.device("cpu")
+    assert builtin_dtype("auto", device) is expected
+    assert fastest_precision("cpu") == teaching
+    # Asked for by name, a precision is what it was, except bytes where there are no instructions for them; that of
+    # Stable Diffusion on a CPU does not change.
+    assert builtin_dtype("float32", device) is torch.float32
+    assert builtin_dtype("bfloat16", device) is torch.bfloat16
+    assert builtin_dtype("int8", device) is (torch.int8 if expected is torch.int8 else torch.float32)
+    assert _dtype("auto", device) is _dtype("int8", device) is torch.float32
 
 
 def test_an_older_torch_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(torch.cpu, "get_capabilities")
     assert load_prior("builtin", device="cpu").dtype is torch.float32
+
+
+def test_what_concerns_pictures_computes_in_the_precision(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", dict)
+    prior = load_prior("builtin", device="cpu", dtype="bfloat16")
+    weights = {name: tensor.dtype for name, tensor in prior._network.state_dict().items()}  # type: ignore[attr-defined]
+    assert {dtype for name, dtype in weights.items() if name.startswith("middle")} == {torch.bfloat16}
+    assert {dtype for name, dtype in weights.items() if name.startswith("text")} == {torch.float32}

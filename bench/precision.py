@@ -1,8 +1,8 @@
-"""Measure the builtin prior's network in bfloat16: ``python -m bench.half_precision``.
+"""Measure the builtin prior's network in bfloat16 and in int8: ``python -m bench.precision``.
 
-Prints the CPU time of a pass for two texts, and of a training step's two passes for a batch of 16, as ratios to
-float32, the medians of many taken in turns, and the root mean square difference of the predicted pictures, which lie in
-[-1, 1]. Where bfloat16 is faster, and the prior uses it by itself, is said in `native_precision.py`.
+Prints the CPU time of a pass for two texts, and of a training step's two passes in bfloat16 for a batch of 16, as
+ratios to float32, the medians of many taken in turns, and the root mean square difference of the predicted pictures,
+which lie in [-1, 1]. Where the prior uses one of them by itself is said in `native_precision.py`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from torch import Tensor
 
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.builtin.weights_file import WEIGHTS, read_network
-from meshdeform.priors.native_precision import is_fast_in_bfloat16
+from meshdeform.priors.native_precision import is_fast_in_int8
 
 TIMESTEPS = (100, 500, 900)
 
@@ -40,13 +40,14 @@ def _training(repeats: int) -> float:
 
 
 def main() -> None:
-    """Compare the two precisions."""
-    parser = argparse.ArgumentParser(prog="python -m bench.half_precision", description=(__doc__ or "").splitlines()[0])
+    """Compare the precisions."""
+    parser = argparse.ArgumentParser(prog="python -m bench.precision", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--repeats", type=int, default=30)
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
-    priors = {name: BuiltinPrior(dtype=name) for name in ("float32", "bfloat16")}
+    names = ["float32", "bfloat16", *(["int8"] if is_fast_in_int8("cpu") else [])]
+    priors = {name: BuiltinPrior(dtype=name) for name in names}
     embedding, azimuth = priors["float32"].encode_texts("a mushroom", ""), torch.tensor([20.0, 20.0])
     noise = torch.randn(2, 3, 128, 128, generator=torch.Generator().manual_seed(0))
     noisy = noise.to(memory_format=torch.channels_last)
@@ -62,12 +63,14 @@ def main() -> None:
             begun = time.process_time()
             predicted(500, name)
             times.append(time.process_time() - begun)
-    print(f"bfloat16 by default: {'yes' if is_fast_in_bfloat16('cpu') else 'no'}")
-    print(f"CPU time of a pass: {median(taken['bfloat16'][2:]) / median(taken['float32'][2:]):.2f} of that in float32")
-    print(f"CPU time of a training step: {_training(max(3, options.repeats // 6)):.2f} of that in float32")
-    for timestep in TIMESTEPS:
-        difference = (predicted(timestep, "bfloat16") - predicted(timestep, "float32")).square().mean().sqrt()
-        print(f"timestep {timestep}: {float(difference):.4f} apart")
+    print(f"by default: {str(BuiltinPrior(dtype='auto').dtype).removeprefix('torch.')}")
+    for name in names[1:]:
+        ratio = median(taken[name][2:]) / median(taken["float32"][2:])
+        print(f"{name}: {ratio:.2f} of the CPU time of a pass in float32")
+        for timestep in TIMESTEPS:
+            difference = (predicted(timestep, name) - predicted(timestep, "float32")).square().mean().sqrt()
+            print(f"{name}, timestep {timestep}: {float(difference):.4f} apart")
+    print(f"bfloat16: {_training(max(3, options.repeats // 6)):.2f} of the CPU time of a training step in float32")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,217 @@
+"""Compute the network of the builtin prior in 8-bit integers, on processors with instructions for them.
+
+A convolution multiplies unsigned bytes of the picture by signed bytes of the weights, adds up in 32-bit integers, and
+returns float32; oneDNN, which torch brings along, does this. Weights have one step per output channel. Pictures have
+one each, which follows their extremes in every pass, so nothing is calibrated, and what is predicted of a picture does
+not depend on the others of its batch. Texts, times, azimuths and the sums of the residual blocks stay in float32.
+
+Source: Jacob et al. 2018, Quantization and training of neural networks for efficient integer-arithmetic-only inference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from meshdeform.priors.builtin.compiled_activations import dequantize, quantize, quantize_normed
+from meshdeform.priors.builtin.network import AttentionBlock, PriorNetwork, ResidualBlock
+from meshdeform.support.threads import in_ranges
+
+__all__ = ["quantized", "side_by_side"]
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """Pictures (B, C, H, W) of bytes, whose channels come last in memory, with a border.
+
+    `steps` (B, 2) has of each picture the step between two levels and the level of 0: ``step (values - zero)``.
+    """
+
+    values: Tensor
+    steps: NDArray[np.float32]
+
+
+def _rows(picture: Tensor) -> Tensor:
+    """Return a picture (B, C, H, W) as (B, H, W, C), without a copy if its channels come last in memory."""
+    return picture.permute(0, 2, 3, 1).contiguous()
+
+
+def _room(picture: Tensor, border: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    batch, channels, height, width = picture.shape
+    values = np.empty((batch, height + 2 * border, width + 2 * border, channels), np.uint8)
+    return values, np.empty((batch, 2), np.float32)
+
+
+def _levels(picture: Tensor, border: int = 0) -> _Levels:
+    """Quantise a picture (B, C, H, W) float32."""
+    values, steps = _room(picture, border)
+    quantize(_rows(picture).numpy(), border, values, steps)
+    return _Levels(torch.from_numpy(values).permute(0, 3, 1, 2), steps)
+
+
+def _normed(
+    picture: Tensor, gain: Tensor, shift: Tensor, groups: int, *, silu: bool = True, border: int = 1
+) -> _Levels:
+    """Quantise a picture (B, C, H, W) float32 after a group norm, scaled and shifted by (B, C) each, and SiLU."""
+    values, steps = _room(picture, border)
+    quantize_normed(_rows(picture).numpy(), gain.numpy(), shift.numpy(), groups, silu, border, values, steps)
+    return _Levels(torch.from_numpy(values).permute(0, 3, 1, 2), steps)
+
+
+class _Norm(nn.Module):
+    """A group norm, with SiLU behind it unless `silu` is false, whose output is bytes."""
+
+    def __init__(self, norm: nn.GroupNorm, *, silu: bool = True, border: int = 1) -> None:
+        super().__init__()
+        self._gain, self._shift = norm.weight.detach()[None], norm.bias.detach()[None]
+        self._groups, self._silu, self._border = norm.num_groups, silu, border
+
+    def forward(self, x: Tensor) -> _Levels:
+        """Quantise the norm of a picture (B, C, H, W) float32."""
+        gain, shift = self._gain, self._shift
+        return _normed(x, gain, shift, self._groups, silu=self._silu, border=self._border)
+
+
+class _Convolution(nn.Module):
+    """A convolution whose weights are bytes; its output is float32.
+
+    Its input has a border in place of padding. So every weight meets a pixel, and what the zero point adds is the same
+    everywhere. oneDNN would add up the weights again in each call, on one thread.
+    """
+
+    def __init__(self, layer: nn.Conv2d) -> None:
+        super().__init__()
+        weight = layer.weight.detach().float()
+        self._steps = weight.abs().amax((1, 2, 3)).clamp_min(1e-12) / 127
+        self._signed = (weight / self._steps[:, None, None, None]).round().to(torch.int8)
+        self._stride, self._border = list(layer.stride), int(layer.padding[0])
+        self._zeros = torch.zeros(len(weight), dtype=torch.int64)
+        bias = torch.zeros(len(weight)) if layer.bias is None else layer.bias.detach().float()
+        self._bias, self._sums = bias.numpy(), (self._signed.sum((1, 2, 3)) * self._steps).numpy()
+        self._packed: Tensor | None = None
+
+    def forward(self, picture: Tensor | _Levels, added: Tensor | None = None) -> Tensor:
+        """Convolve a picture (B, C, H, W) float32, or one of bytes, and add another to the result."""
+        x = picture if isinstance(picture, _Levels) else _levels(picture, self._border)
+        if self._packed is None:
+            # In an order that suits the first picture. Without its size, each call would reorder all weights.
+            self._packed = torch.ops.onednn.qconv_prepack(
+                self._signed, self._steps, 1.0, 0, self._stride, [0, 0], [1, 1], 1, x.values.shape
+            )
+        result: Tensor = torch.ops.onednn.qconv2d_pointwise(
+            x.values, 1.0, 0, self._packed, self._steps, self._zeros, None,
+            self._stride, [0, 0], [1, 1], 1, 1.0, 0, torch.float32, "none", [], None,
+        )  # fmt: skip
+        other = None if added is None else _rows(added).flatten(1, 2).numpy()
+        dequantize(_rows(result).flatten(1, 2).numpy(), x.steps, self._sums, self._bias, other)
+        return result
+
+
+class _Modulation(nn.Module):
+    """One product for the second norms of all residual blocks.
+
+    Such a norm is scaled by ``gamma (1 + scale)`` and shifted by ``beta (1 + scale) + offset``, where a layer makes
+    scale and offset of the condition. Both are linear in the condition.
+    """
+
+    def __init__(self, blocks: Iterable[ResidualBlock]) -> None:
+        super().__init__()
+        weights, biases = [], []
+        for block in blocks:
+            gamma, beta, layer = block.norm_out.weight, block.norm_out.bias, block.condition
+            (scale, offset), (scale_bias, offset_bias) = layer.weight.chunk(2), layer.bias.chunk(2)
+            weights += [gamma[:, None] * scale, beta[:, None] * scale + offset]
+            biases += [gamma * (1 + scale_bias), beta * (1 + scale_bias) + offset_bias]
+        self._weight, self._bias = torch.cat(weights).detach(), torch.cat(biases).detach()
+
+    def forward(self, condition: Tensor) -> Tensor:
+        """Return the gains and shifts (B, sum of 2 C) of all blocks in turn, of a condition (B, E) float32."""
+        return functional.linear(condition, self._weight, self._bias)
+
+
+class _ResidualBlock(nn.Module):
+    """`network.ResidualBlock` in bytes; what `_Modulation` returns has its gains and shifts from column `begin` on."""
+
+    def __init__(self, block: ResidualBlock, begin: int) -> None:
+        super().__init__()
+        self.norm_in, self._groups = _Norm(block.norm_in), block.norm_out.num_groups
+        self._begin, self._channels = begin, block.norm_out.num_channels
+        self.conv_in, self.conv_out = _Convolution(block.conv_in), _Convolution(block.conv_out)
+        self.skip = block.skip if isinstance(block.skip, nn.Identity) else _Convolution(block.skip)
+
+    def forward(self, x: Tensor, modulation: Tensor) -> Tensor:
+        """Map (B, inner, H, W) float32 to (B, outer, H, W)."""
+        columns = modulation.narrow(1, self._begin, 2 * self._channels)
+        gain, shift = (half.contiguous() for half in columns.chunk(2, 1))
+        h = _normed(self.conv_in(self.norm_in(x)), gain, shift, self._groups)
+        result: Tensor = self.conv_out(h, self.skip(x))
+        return result
+
+
+class _AttentionBlock(nn.Module):
+    """`network.AttentionBlock` with its products of weights in bytes."""
+
+    def __init__(self, block: AttentionBlock) -> None:
+        super().__init__()
+        self.heads, self.norm = block.heads, _Norm(block.norm, silu=False, border=0)
+        self.qkv, self.out = _Convolution(block.qkv), _Convolution(block.out)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map (B, C, H, W) float32 to the same shape."""
+        batch, channels, height, width = x.shape
+        qkv = _rows(self.qkv(self.norm(x))).view(batch, height * width, 3, self.heads, -1)
+        query, key, value = qkv.permute(2, 0, 3, 1, 4).unbind(0)
+        mixed = functional.scaled_dot_product_attention(query, key, value).transpose(1, 2)
+        picture = mixed.reshape(batch, height, width, channels).permute(0, 3, 1, 2)
+        result: Tensor = self.out(picture, x)
+        return result
+
+
+def quantized(network: PriorNetwork) -> PriorNetwork:
+    """Replace the layers of a network in float32 by layers in bytes, in place, and return it."""
+    layers = dict(network.named_modules())
+    blocks = {name: layer for name, layer in layers.items() if isinstance(layer, ResidualBlock)}
+    begins = accumulate((2 * block.norm_out.num_channels for block in blocks.values()), initial=0)
+    made: dict[str, nn.Module] = {
+        "modulate": _Modulation(blocks.values()),
+        "norm": _Norm(network.norm),
+        "activation": nn.Identity(),
+        **{name: _Convolution(layers[name]) for name in ("pool0", "pool1", "out")},
+        **{name: _ResidualBlock(block, begin) for (name, block), begin in zip(blocks.items(), begins, strict=False)},
+        **{name: _AttentionBlock(layer) for name, layer in layers.items() if isinstance(layer, AttentionBlock)},
+    }
+    for name, layer in made.items():
+        parent, _, last = name.rpartition(".")
+        setattr(network.get_submodule(parent), last, layer)
+    return network
+
+
+def side_by_side(predict: Callable[[int, int], Tensor], texts: int) -> Tensor:
+    """Predict for several texts, shared among threads, each of which computes for its own texts alone.
+
+    Layers take a tenth of a millisecond or two. If threads met after each of them, as torch's do, they would wait
+    about as long as they compute, and on a busy machine much longer (docs/performance.md). The result is the same.
+
+    Parameters
+    ----------
+    predict : callable
+        Predicts for the texts from `first` to `end`.
+    texts : int
+    """
+    threads = torch.get_num_threads()
+
+    def alone(first: int, end: int) -> Tensor:
+        torch.set_num_threads(1)  # of this thread, and of those that begin later
+        return predict(first, end)
+
+    try:
+        return torch.cat(in_ranges(alone, texts))
+    finally:
+        torch.set_num_threads(threads)

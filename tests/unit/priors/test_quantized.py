@@ -1,0 +1,108 @@
+"""The builtin prior's network in 8-bit integers: exact where it can be, and close to float32 as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+from torch.nn import functional
+
+from meshdeform.priors.builtin.compiled_activations import quantize, quantize_normed
+from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.priors.native_precision import is_fast_in_int8
+from meshdeform.rendering.cameras import fixed_cameras
+from tests.cases import each_case
+
+needs_instructions = pytest.mark.skipif(not is_fast_in_int8("cpu"), reason="this CPU has no avx512_vnni")
+
+
+def _random(*shape: int, seed: int = 0) -> torch.Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def _meant(values: np.ndarray, steps: np.ndarray) -> torch.Tensor:
+    """Return the numbers that bytes (B, ...) mean."""
+    step, zero = (torch.from_numpy(steps[:, k]).view(-1, 1, 1, 1) for k in range(2))
+    return step * (torch.from_numpy(values).float() - zero)
+
+
+@each_case("silu", [True, False])
+def test_a_quantised_norm_is_within_half_a_step_of_that_of_torch(silu: bool) -> None:
+    batch, channels, side, border = 2, 24, 5, 2
+    x, gain, shift = (
+        _random(batch, channels, side, side),
+        _random(batch, channels, seed=1),
+        _random(batch, channels, seed=2),
+    )
+    expected = functional.group_norm(x, 8) * gain[:, :, None, None] + shift[:, :, None, None]
+    expected = functional.silu(expected) if silu else expected
+    found = np.empty((batch, side + 2 * border, side + 2 * border, channels), np.uint8)
+    rows = x.permute(0, 2, 3, 1).contiguous().numpy()
+    steps = np.empty((batch, 2), np.float32)
+    quantize_normed(rows, gain.numpy(), shift.numpy(), 8, silu, border, found, steps)
+    values = _meant(found, steps).permute(0, 3, 1, 2)
+    apart = (values[:, :, border:-border, border:-border] - expected).abs()
+    assert (apart.amax((1, 2, 3)) <= 0.5001 * torch.from_numpy(steps[:, 0])).all()
+    assert all(picture.max() - picture.min() >= 250 for picture in found)  # hardly a level is wasted
+    around = torch.ones_like(values, dtype=torch.bool)
+    around[:, :, border:-border, border:-border] = False
+    assert not values[around].any()
+
+
+@each_case(("low", "high"), [(-3.0, 5.0), (2.0, 5.0), (-5.0, -2.0), (0.0, 0.0)])
+def test_zero_is_always_a_level(low: float, high: float) -> None:
+    x = torch.linspace(low, high, 2 * 3 * 3 * 4).view(2, 3, 3, 4)
+    found = np.empty((2, 5, 5, 4), np.uint8)
+    steps = np.empty((2, 2), np.float32)
+    quantize(x.numpy(), 1, found, steps)
+    values = _meant(found, steps)
+    assert not values[:, 0].any()
+    assert ((steps[:, 1] >= 0) & (steps[:, 1] <= 255)).all()
+    assert ((values[:, 1:-1, 1:-1] - x).abs().amax((1, 2, 3)) <= 0.5001 * torch.from_numpy(steps[:, 0])).all()
+
+
+@needs_instructions
+@each_case(
+    "layer", [nn.Conv2d(6, 5, 3, padding=1), nn.Conv2d(6, 5, 3, stride=2, padding=1), nn.Conv2d(6, 5, 1, bias=False)]
+)
+def test_a_convolution_of_bytes_is_that_of_the_numbers_they_mean(layer: nn.Conv2d) -> None:
+    from meshdeform.priors.builtin import quantized
+
+    with torch.no_grad():
+        layer.weight.copy_(_random(*layer.weight.shape))
+        steps = layer.weight.abs().amax((1, 2, 3), keepdim=True) / 127
+        rounded = (layer.weight / steps).round() * steps
+        x = _random(2, 6, 8, 8, seed=3) + 0.7
+        levels = quantized._levels(x, int(layer.padding[0]))
+        border = int(layer.padding[0])
+        meant = _meant(levels.values.permute(0, 2, 3, 1).numpy(), levels.steps).permute(0, 3, 1, 2)
+        inner = meant[:, :, border : 8 + border, border : 8 + border]
+        expected = functional.conv2d(inner, rounded, layer.bias, layer.stride, layer.padding)
+        made = quantized._Convolution(layer)
+        torch.testing.assert_close(made(levels), expected, rtol=1e-4, atol=1e-4)
+        torch.testing.assert_close(made(levels, added=expected), 2 * expected, rtol=1e-4, atol=1e-4)
+        # Packed for one size, it takes others; and a picture does not depend on those beside it.
+        for n in range(2):
+            assert torch.equal(made(x[n : n + 1])[0], made(x)[n])
+
+
+@needs_instructions
+def test_the_network_in_bytes_predicts_what_it_predicts_in_float32(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact, rough = (BuiltinPrior(dtype=name) for name in ("float32", "int8"))
+    assert rough.dtype is torch.int8
+    rows = exact.encode_texts("a tall mushroom", "", "a dog")
+    torch.testing.assert_close(rough.encode_texts("a tall mushroom", "", "a dog"), rows)
+    noise = _random(1, 3, 128, 128)
+    for cameras in (fixed_cameras(20.0, 10.0), fixed_cameras((20.0,), 10.0)):
+        for texts in (1, 2, 3):
+            one, other = (
+                torch.stack(prior.predict_noise(noise, torch.tensor([600]), rows[:texts], cameras))
+                for prior in (exact, rough)
+            )
+            # In units of the noise; its own standard deviation is 1.
+            assert (one - other).square().mean().sqrt() < 0.03
+            with monkeypatch.context() as threads:
+                threads.setattr("meshdeform.support.threads._chosen", 3)
+                shared = torch.stack(rough.predict_noise(noise, torch.tensor([600]), rows[:texts], cameras))
+            assert torch.equal(other, shared)
