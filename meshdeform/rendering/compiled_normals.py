@@ -17,7 +17,7 @@ from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 from meshdeform.support.threads import in_ranges
 
-__all__ = ["SLIM_SHAPE", "TRUST_FROM", "TRUST_OVER", "colour_by_normals"]
+__all__ = ["SLIM_SHAPE", "TRUST_FROM", "TRUST_OVER", "colour_by_normals", "shrink"]
 
 SLIM_SHAPE = 1e-2
 """Below this area over longest edge squared, a face passes on a smaller share of its pixels' gradients.
@@ -57,14 +57,24 @@ def _facing(normals: _Floats, verts: _Floats, faces: _Index, eye: _Floats, view:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _draw(
-    verts: _Floats, normals: _Floats, faces: _Index, eye: _Floats, axes: _Floats, face_ids: _Index, image: _Floats
+    verts: _Floats,
+    normals: _Floats,
+    faces: _Index,
+    eye: _Floats,
+    axes: _Floats,
+    face_ids: _Index,
+    backdrop: _Floats,
+    image: _Floats,
 ) -> None:
-    """Colour the covered pixels of an image (B, H, W, 3) by unit normals (F, 3)."""
+    """Fill in an image (B, H, W, 3): unit normals (F, 3), or a backdrop (B, H, W, 3) or (1, 1, 1, 3)."""
+    alike = backdrop.shape[1] == 1
     for view in range(face_ids.shape[0]):
         for row in range(face_ids.shape[1]):
             for column in range(face_ids.shape[2]):
                 f = face_ids[view, row, column]
                 if f < 0:
+                    for c in range(3):
+                        image[view, row, column, c] = backdrop[0, 0, 0, c] if alike else backdrop[view, row, column, c]
                     continue
                 half = 0.5 * _facing(normals, verts, faces, eye, view, f)
                 for c in range(3):
@@ -202,6 +212,68 @@ def _through_normals(
         d_verts[i, 2] -= jz + kz
 
 
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _shrink(image: _Floats, factor: int, out: _Floats) -> None:
+    """Fill in the means (H, W, C) of squares of an image (factor H, factor W C)."""
+    height, width, channels = out.shape
+    share = out.dtype.type(1.0 / (factor * factor))
+    sums = np.empty(image.shape[1], out.dtype)
+    for row in range(height):
+        sums[:] = image[row * factor]
+        for i in range(1, factor):
+            sums += image[row * factor + i]
+        for column in range(width):
+            begin = column * factor * channels
+            for c in range(channels):
+                total = sums[begin + c]
+                for j in range(1, factor):
+                    total += sums[begin + j * channels + c]
+                out[row, column, c] = total * share
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _spread(gradient: _Floats, factor: int, out: _Floats) -> None:
+    """Fill in the gradient (factor H, factor W C) of `_shrink`."""
+    height, width, channels = gradient.shape
+    share = out.dtype.type(1.0 / (factor * factor))
+    for row in range(height):
+        first = out[row * factor]
+        for column in range(width):
+            begin = column * factor * channels
+            for j in range(factor):
+                for c in range(channels):
+                    first[begin + j * channels + c] = gradient[row, column, c] * share
+        for i in range(1, factor):
+            out[row * factor + i] = first
+
+
+class _Shrink(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: FunctionCtx, image: Tensor, factor: int) -> Tensor:
+        views, height, width, channels = image.shape
+        ctx.factor = factor  # type: ignore[attr-defined]
+        out = torch.empty((views, height // factor, width // factor, channels), dtype=image.dtype)
+        rows = image.detach().contiguous().view(views * height, width * channels)
+        _shrink(rows.numpy(), factor, out.flatten(0, 1).numpy())
+        return out
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor, None]:
+        factor: int = ctx.factor  # type: ignore[attr-defined]
+        views, height, width, channels = gradient.shape
+        out = torch.empty((views, height * factor, width * factor, channels), dtype=gradient.dtype)
+        rows = out.view(views * height * factor, width * factor * channels)
+        _spread(gradient.contiguous().flatten(0, 1).numpy(), factor, rows.numpy())
+        return out, None
+
+
+def shrink(image: Tensor, factor: int) -> Tensor:
+    """Return the means (B, H, W, C) of squares of pixels of an image (B, factor H, factor W, C) on the CPU."""
+    result: Tensor = _Shrink.apply(image, factor)  # type: ignore[no-untyped-call]
+    return result
+
+
 def colour_by_normals(
     verts: Tensor, clip: Tensor, faces: Tensor, eye: Tensor, axes: Tensor, face_ids: Tensor, backdrop: Tensor
 ) -> Tensor:
@@ -246,13 +318,17 @@ class _Colour(torch.autograd.Function):
         points, places, corners, eyes, turns, ids = (
             t.detach().contiguous().numpy() for t in (verts, clip, faces, eye, axes, face_ids)
         )
-        image = backdrop.clone(memory_format=torch.contiguous_format).view(*face_ids.shape, 3)
+        # One colour stays one: to repeat three numbers for each pixel takes longer than to draw.
+        alike = backdrop.stride(0) == 0
+        behind = (backdrop[:1].view(1, 1, 1, 3) if alike else backdrop.view(*face_ids.shape, 3)).contiguous().numpy()
+        image = torch.empty((*face_ids.shape, 3), dtype=backdrop.dtype)
         pixels = image.numpy()
         kept = _normals(points, corners)
 
         def draw(begin: int, end: int) -> None:
             at = slice(begin, end)
-            _draw(points, kept[0], corners, eyes[at], turns[at], ids[at], pixels[at])
+            seen = behind if alike else behind[at]
+            _draw(points, kept[0], corners, eyes[at], turns[at], ids[at], seen, pixels[at])
 
         in_ranges(draw, len(ids))
         ctx.saved = (points, places, corners, eyes, turns, ids, kept)  # type: ignore[attr-defined]

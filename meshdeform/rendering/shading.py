@@ -30,7 +30,7 @@ from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import CameraRig, Cameras
-from meshdeform.rendering.compiled_normals import SLIM_SHAPE, TRUST_FROM, TRUST_OVER, colour_by_normals
+from meshdeform.rendering.compiled_normals import SLIM_SHAPE, TRUST_FROM, TRUST_OVER, colour_by_normals, shrink
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, backend, interpolate, rasterize
 from meshdeform.rendering.scenes import Scene, sample_scene
 
@@ -210,6 +210,8 @@ class Renderer:
     def _pooled(self, image: Tensor) -> Tensor:
         if self.style.supersample == 1:
             return image
+        if backend.is_compiled(image):
+            return shrink(image, self.style.supersample)
         return functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
 
     def _compiled_normals(self, verts: Tensor, cameras: Cameras, scene: Scene | None) -> Tensor:
