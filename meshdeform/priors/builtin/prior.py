@@ -49,7 +49,11 @@ _LARGEST_WEIGHT = 5.0
 def _dtype(name: str, device: torch.device) -> torch.dtype:
     """Return the torch dtype of a setting. On a GPU `auto` is float32: nobody has measured what others do there."""
     if name in ("auto", "int8") and is_fast_in_int8(device):
-        return torch.int8
+        # Only here: it loads compiled kernels, which nothing else needs.
+        from meshdeform.priors.builtin.quantized import is_usable
+
+        if is_usable():
+            return torch.int8
     half = name == "bfloat16" or (name == "auto" and device.type == "cpu" and is_fast_in_bfloat16(device))
     return torch.bfloat16 if half else torch.float32
 
@@ -116,7 +120,6 @@ class BuiltinPrior:
         self.device = torch.device(device)
         self.dtype = _dtype(dtype, self.device)
         if self.dtype is torch.int8:
-            # Only here: it compiles kernels, which nothing else needs.
             from meshdeform.priors.builtin.quantized import quantized
 
             self._network = quantized(network)

@@ -45,6 +45,7 @@ def test_auto_follows_the_processor(
     features: dict[str, bool | str], expected: torch.dtype, teaching: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: features)
+    monkeypatch.setattr("meshdeform.priors.builtin.quantized.is_usable", lambda: True)
     device = torch.device("cpu")
     assert builtin_dtype("auto", device) is expected
     assert fastest_precision("cpu") == teaching
@@ -54,6 +55,10 @@ def test_auto_follows_the_processor(
     assert builtin_dtype("bfloat16", device) is torch.bfloat16
     assert builtin_dtype("int8", device) is (torch.int8 if expected is torch.int8 else torch.float32)
     assert _dtype("auto", device) is _dtype("int8", device) is torch.float32
+    # Another version of torch may have another operator.
+    monkeypatch.setattr("meshdeform.priors.builtin.quantized.is_usable", lambda: False)
+    assert builtin_dtype("int8", device) is torch.float32
+    assert builtin_dtype("auto", device) is {"bf16": torch.bfloat16, "fp32": torch.float32}[teaching]
 
 
 def test_an_older_torch_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:

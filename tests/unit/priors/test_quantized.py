@@ -88,6 +88,18 @@ def test_a_convolution_of_bytes_is_that_of_the_numbers_they_mean(layer: nn.Conv2
 
 
 @needs_instructions
+def test_an_operator_that_computes_something_else_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    from meshdeform.priors.builtin import quantized
+
+    assert quantized.is_usable()
+    packed = quantized._Convolution.forward
+    monkeypatch.setattr(quantized._Convolution, "forward", lambda self, x: packed(self, x) + 1)
+    assert not quantized.is_usable.__wrapped__()
+    monkeypatch.setattr(quantized._Convolution, "forward", lambda *_: torch.ops.onednn.no_such_operator())
+    assert not quantized.is_usable.__wrapped__()
+
+
+@needs_instructions
 def test_the_network_in_bytes_predicts_what_it_predicts_in_float32(monkeypatch: pytest.MonkeyPatch) -> None:
     exact, rough = (BuiltinPrior(dtype=name) for name in ("float32", "int8"))
     assert rough.dtype is torch.int8
