@@ -12,6 +12,7 @@ import socket
 from collections.abc import Sequence
 
 from meshdeform.settings import Settings
+from meshdeform.support.collector import collection_paused
 from meshdeform.support.heaps import limit_heaps
 from meshdeform.support.telemetry import ACCESS_LOG, configure_logging
 
@@ -44,6 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         timeout_graceful_shutdown=_GRACE_S,
         **http_options(settings),
     )
+    with collection_paused(keep=True):
+        config.load()
     # uvicorn raises the signal that stopped it again at the end; a clean stop must give exit code 0.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)

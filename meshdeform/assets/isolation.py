@@ -25,9 +25,11 @@ __all__ = [
     "run_child",
 ]
 
-# Our package's folder comes last, so that a file beside it cannot replace an installed module.
+# Our package's folder comes last, so that a file beside it cannot replace an installed module. A child lives for
+# seconds, most of which are imports: they make a million objects that would be searched for garbage after each 700.
 _PROGRAM = """
-import sys
+import gc, sys
+gc.set_threshold(20_000)
 sys.path.append(sys.argv.pop(1))
 from {module} import main
 sys.exit(main())
