@@ -69,6 +69,8 @@ WebGL2RenderingContext.prototype.shaderSource = function (shader, source) {
   shaderSource.call(this, shader, source.replace(/(#define GGX_SAMPLES) \\d+u/, "$1 8u"));
 };
 """
+# A quarter of the pixels, each as large as four: what a test looks for covers thousands of them.
+_FEW_PIXELS = 'Object.defineProperty(window, "devicePixelRatio", { get: () => 0.5 });'
 _REFUSED = re.compile(r"Failed to load resource: the server responded with a status of (\d+)")
 _OUTCOME = pytest.StashKey[dict[str, pytest.TestReport]]()
 
@@ -217,6 +219,7 @@ def watched(
     watch = Watch(base_url)
     watch.attach(context)
     context.add_init_script(FEW_SAMPLES)
+    context.add_init_script(_FEW_PIXELS)
     if request.node.get_closest_marker("without_3d"):
         context.add_init_script(_NO_WEBGL)
     if request.node.get_closest_marker("without_pictures"):

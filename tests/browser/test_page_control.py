@@ -21,7 +21,6 @@ from tests.browser.steps import (
     open_form,
     set_steps,
     start,
-    until_drawn,
     until_noted,
     until_shown,
 )
@@ -202,6 +201,7 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     expect(rows).to_have_count(3)
 
 
+@pytest.mark.without_pictures
 def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service, tmp_path: Path) -> None:
     held: list[Route] = []
 
@@ -232,7 +232,7 @@ def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service
     page.set_input_files("#target-file", two_parts(tmp_path / "balls.glb"))
     expect(page.get_by_label("Prompt", exact=True)).to_be_hidden()
     source, target = page.locator(".asset-panel .viewer").nth(0), page.locator(".asset-panel .viewer").nth(1)
-    until_drawn(target)
+    until_shown(page, LOWER)
     page.get_by_role("button", name="Click pairs of points").click()
     pairs = page.get_by_role("list", name="Pairs of points").get_by_role("listitem")
 

@@ -39,6 +39,7 @@ def draw(page: Page, stroke: list[tuple[float, float]]) -> None:
     page.mouse.up()
 
 
+@pytest.mark.without_pictures
 def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watch: Watch) -> None:
     watch.allow("422.*sketches:guess")
     open_form(page)
