@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -13,10 +14,16 @@ TEXT = (ROOT / "docs/testing.md").read_text()
 PROMISES = sorted(set(re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", TEXT)))
 
 
+@functools.cache
+def _functions(file: str) -> dict[str, ast.FunctionDef]:
+    """Return the functions of a file, which holds several promises."""
+    tree = ast.parse((ROOT / file).read_text())
+    return {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
 @each_case(("file", "test"), PROMISES)
 def test_a_test_that_holds_a_promise_exists_and_is_in_the_suite_or_said_to_be_long(file: str, test: str) -> None:
-    tree = ast.parse((ROOT / file).read_text())
-    found = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    found = _functions(file)
     assert test in found
     marks = {ast.unparse(mark) for mark in found[test].decorator_list}
     left_out = bool(marks & {"pytest.mark.long", "pytest.mark.training"})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.metadata as metadata
+import os
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -48,14 +49,16 @@ def test_every_import_is_a_declared_requirement(folders: tuple[str, ...], dev: b
     assert undeclared == set()
 
 
-def _installed(path: Path) -> bool:
-    """Whether it lies in what the scripts install beside the tests."""
-    return any(part == "node_modules" or part.startswith(".") for part in path.parts)
+def _own_files(folder: Path) -> Iterator[Path]:
+    """Find the Python files, without reading through what the scripts install beside the tests."""
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if name != "node_modules" and not name.startswith(".")]
+        yield from (Path(place, name) for name in names if name.endswith(".py"))
 
 
 def _third_party_imports(folder: Path) -> Iterator[tuple[Path, str]]:
     ours = {"meshdeform", "service", "worker", "tests", "bench", "docs", "release"}
-    for path in sorted(path for path in folder.rglob("*.py") if not _installed(path.relative_to(folder))):
+    for path in sorted(_own_files(folder)):
         for node in ast.walk(ast.parse(path.read_text())):
             modules = []
             if isinstance(node, ast.Import):

@@ -30,12 +30,14 @@ def check(folder: Path) -> subprocess.CompletedProcess[str]:
 
 def test_it_is_green_while_a_supervisor_lives(tmp_path: Path) -> None:
     folder = tmp_path / "data"
-    assert (check(folder).returncode, check(folder).stderr) == (1, "no supervisor has run here\n")
+    before = check(folder)
+    assert (before.returncode, before.stderr) == (1, "no supervisor has run here\n")
     with sign_of_life(Settings(data_dir=folder)):
         with sign_of_life(Settings(data_dir=folder)):
             assert check(folder).returncode == 0
         assert check(folder).returncode == 0
-    assert (check(folder).returncode, check(folder).stderr) == (1, "the supervisor has ended\n")
+    after = check(folder)
+    assert (after.returncode, after.stderr) == (1, "the supervisor has ended\n")
 
 
 def test_it_is_red_after_a_supervisor_was_killed(tmp_path: Path) -> None:
