@@ -93,12 +93,13 @@ def test_a_large_object_goes_up_in_parts_and_is_there_at_once(store: ObjectStore
 def test_the_memory_stays_flat(store: ObjectStore, s3_store_url: str, tmp_path: Path) -> None:
     source = tmp_path / "source"
     with source.open("wb") as file:
-        file.truncate(160 << 20)  # more than the bound below
+        file.truncate(96 << 20)  # more than the bound below
+    # Not the peak of getrusage, which a process inherits from the one that started it.
     program = """
-import resource, sys
+import sys
 from pathlib import Path
 from meshdeform.storage import ObjectStore
-peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // (1024 if sys.platform == "linux" else 1 << 20)
+peak = lambda: int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) // 1024
 store = ObjectStore(sys.argv[1])
 store.put("small", b"x" * 1000)
 store.get("small")
@@ -110,8 +111,8 @@ print(peak() - before)
     done = subprocess.run(
         [sys.executable, "-c", program, s3_store_url, source], check=True, capture_output=True, text=True
     )
-    assert int(done.stdout) < 128
-    assert store.size("big") == 160 << 20
+    assert int(done.stdout) < 80
+    assert store.size("big") == 96 << 20
 
 
 class TestSignedUrls:
@@ -291,16 +292,17 @@ class TestOutages:
         assert beyond.get("a") == DATA
         assert dict(beyond.list()) == {"a": len(DATA)}
 
-    @pytest.mark.parametrize("count", [0, 100, 1_000, 10_000])
     def test_a_download_that_is_cut_is_an_error(
-        self, count: int, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore, tmp_path: Path
+        self, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore, tmp_path: Path, subtests: pytest.Subtests
     ) -> None:
         store.put("big", BIG)
-        proxy.cut_after(count)
-        for read in (lambda: beyond.get("big"), lambda: beyond.fetch("big", tmp_path / "big")):
-            with pytest.raises(UnavailableError):
-                read()
-        assert list(tmp_path.iterdir()) == []
+        for count in (0, 100, 1_000, 10_000):
+            with subtests.test(count):
+                proxy.cut_after(count)
+                for read in (lambda: beyond.get("big"), lambda: beyond.fetch("big", tmp_path / "big")):
+                    with pytest.raises(UnavailableError):
+                        read()
+                assert list(tmp_path.iterdir()) == []
         proxy.pass_through()
         assert beyond.get("big") == BIG
 
