@@ -19,6 +19,17 @@ if TYPE_CHECKING:
 
     from tests.browser.conftest import Watch
 
+_KEPT_FILES = """() => new Promise((resolve) => {
+  const opening = indexedDB.open("meshdeform", 1);
+  opening.onsuccess = () => {
+    const read = opening.result.transaction("drafts").objectStore("drafts").getAll();
+    read.onsuccess = () => {
+      opening.result.close();
+      resolve(read.result.flatMap(({ name, files }) => [name, ...Object.values(files).map((file) => file.name)]));
+    };
+  };
+})"""
+
 
 def expect(what: Page | Locator) -> Any:
     """Return Playwright's assertions, which wait for a minute.
@@ -42,6 +53,11 @@ def choose(page: Page, asset: Path) -> None:
     """Choose a file as the asset."""
     page.set_input_files("#asset-file", asset)
     page.locator("#asset-facts", has_text=asset.name).wait_for()
+
+
+def kept_files(page: Page) -> list[str]:
+    """The names of the files that drafts have: the browser writes them a moment after the last change."""
+    return list(page.evaluate(_KEPT_FILES))
 
 
 def set_steps(page: Page, steps: int, seed: int = 7) -> None:

@@ -18,6 +18,7 @@ from tests.browser.steps import (
     choose,
     difference,
     expect,
+    kept_files,
     open_form,
     set_steps,
     start,
@@ -243,7 +244,8 @@ def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service
 
     until("the tools are loaded", paired)
     number = pairs.count()
-    page.reload()  # a draft has both files
+    until("both files are kept", lambda: {"sphere.glb", "balls.glb"} <= {*kept_files(page)})
+    page.reload()  # a draft has both
     expect(pairs).to_have_count(number)
     expect(target.locator(".viewer-tag")).to_have_text("Target")
     expect(page.locator("#estimate")).to_contain_text("2 steps")

@@ -9,24 +9,13 @@ import pytest
 
 from tests.acceptance.service import until
 from tests.browser.conftest import Watch
-from tests.browser.steps import choose, expect, open_form, set_steps
+from tests.browser.steps import choose, expect, kept_files, open_form, set_steps
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 
 pytestmark = pytest.mark.without_3d
-
-KEPT_FILES = """() => new Promise((resolve) => {
-  const opening = indexedDB.open("meshdeform", 1);
-  opening.onsuccess = () => {
-    const read = opening.result.transaction("drafts").objectStore("drafts").getAll();
-    read.onsuccess = () => {
-      opening.result.close();
-      resolve(read.result.map(({ name }) => name));
-    };
-  };
-})"""
 
 
 def expect_draft(page: Page, prompt: str, seed: str) -> None:
@@ -46,7 +35,7 @@ def test_a_draft_survives_back_a_reload_and_a_closed_tab(page: Page, small_spher
     page.get_by_role("heading", level=1, name="Jobs").wait_for()
     page.go_back()
     expect_draft(page, "a tall vase", "4711")
-    until("the file is kept", lambda: "sphere.obj" in page.evaluate(KEPT_FILES))
+    until("the file is kept", lambda: "sphere.obj" in kept_files(page))
     # What was typed last of all counts, a wrong number too.
     prompt.fill("a tall thin vase")
     page.get_by_label("Variation", exact=True).fill("-5")
