@@ -22,6 +22,7 @@ import typer.testing
 from tests.acceptance.service import Service, serving
 from tests.s3_fixtures import s3_server, s3_store_url  # noqa: F401 - fixtures
 from tests.servers import NotInstalledError, postgres_server, redis_server
+from tests.smaller.sitecustomize import SMALLER
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -141,14 +142,6 @@ def _one_torch_thread() -> None:
     """Keep torch on one thread where a test has imported it; never import it for a test that does not."""
     if torch := sys.modules.get("torch"):
         torch.set_num_threads(1)
-
-
-SMALLER = {
-    "meshdeform.geometry.fit_quality": ("_SAMPLES", 2000),
-    "meshdeform.guidance.points": ("SAMPLES", 2000),
-    "meshdeform.rendering.studio": ("_SIZE", 32),
-}
-"""What takes a short job longer than its steps: previews, and the samples by which it fits and measures fits."""
 
 
 _shipped: dict[str, int] = {}

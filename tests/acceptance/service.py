@@ -20,6 +20,8 @@ import psutil
 
 T = TypeVar("T")
 DEADLINE_S = 120.0
+SMALLER = Path(__file__).parents[1] / "smaller"
+"""On the module path of a service, its jobs draw small previews and measure with few samples."""
 TERMINAL = {"succeeded", "failed", "canceled", "expired"}
 
 
@@ -87,6 +89,7 @@ class Service:
             [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", str(data_dir), *flags],
             env={
                 **os.environ,
+                "PYTHONPATH": os.pathsep.join(filter(None, [str(SMALLER), os.environ.get("PYTHONPATH")])),
                 "MESHDEFORM_THREADS": "1",
                 "MESHDEFORM_LEASE_S": "5",
                 "MESHDEFORM_FAILPOINTS": f"worker.step=pause:{self.gate.path}",
