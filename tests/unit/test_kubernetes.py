@@ -108,20 +108,22 @@ def test_every_pod_is_restricted() -> None:
             assert "sizeLimit" in volume["emptyDir"]
 
 
-def test_the_user_is_that_of_the_images(repository: Path) -> None:
+def test_pods_have_the_version_and_the_user_of_the_images(repository: Path) -> None:
+    tags = {image["newTag"] for document in manifests() for image in document.get("images", ()) if "newTag" in image}
+    assert tags == {__version__, f"{__version__}-cuda"}
     for dockerfile in ("docker/service.Dockerfile", "docker/worker.Dockerfile"):
         assert "USER 10001:10001" in (repository / dockerfile).read_text()
     assert {pod["securityContext"]["runAsUser"] for pod in pods().values()} == {10001}
 
 
 def test_pods_stop_in_the_time_that_they_have() -> None:
-    from meshdeform.cli.servers import _API_GRACE_S
+    from service.__main__ import _GRACE_S
 
     worker, api = pods()["worker"], pods()["api"]
     assert "lifecycle" not in worker["containers"][0]
     assert worker["terminationGracePeriodSeconds"] >= STOP_GRACE_S + 15
     pause = api["containers"][0]["lifecycle"]["preStop"]["sleep"]["seconds"]
-    assert api["terminationGracePeriodSeconds"] >= pause + _API_GRACE_S + 10
+    assert api["terminationGracePeriodSeconds"] >= pause + _GRACE_S + 10
 
 
 def test_what_is_scaled_has_no_fixed_number_and_fits_postgresql() -> None:
@@ -134,11 +136,6 @@ def test_what_is_scaled_has_no_fixed_number_and_fits_postgresql() -> None:
     service = named("Service", "meshdeform-api")
     assert monitor["spec"]["selector"]["matchLabels"].items() <= service["metadata"]["labels"].items()
     assert monitor["spec"]["endpoints"][0]["port"] == service["spec"]["ports"][0]["name"]
-
-
-def test_images_have_the_version() -> None:
-    tags = {image["newTag"] for document in manifests() for image in document.get("images", ()) if "newTag" in image}
-    assert tags == {__version__, f"{__version__}-cuda"}
 
 
 def test_keda_asks_the_record_for_the_unfinished_jobs(tmp_path: Path) -> None:

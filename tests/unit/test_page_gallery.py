@@ -37,7 +37,7 @@ def test_the_examples_are_named_once_and_small_together() -> None:
 
 
 @each_case("example", EXAMPLES, ids=lambda example: example["id"])
-def test_a_result_is_its_source_in_another_shape(example: dict[str, Any]) -> None:
+def test_a_result_is_its_source_in_another_shape_by_the_request_beside_it(example: dict[str, Any]) -> None:
     data, made = (FOLDER / example["asset"]).read_bytes(), (FOLDER / example["result"]).read_bytes()
     source, result = load_asset(data).surface, load_asset(made).surface
     np.testing.assert_array_equal(result.triangles, source.triangles)
@@ -50,10 +50,11 @@ def test_a_result_is_its_source_in_another_shape(example: dict[str, Any]) -> Non
         kept = np.unique(source.triangles[inside[source.triangles].all(1)])
         assert len(kept) > 100
         assert not moved[kept].any()
+    _check_request(example)
+    _check_picture(example)
 
 
-@each_case("example", EXAMPLES, ids=lambda example: example["id"])
-def test_the_request_beside_a_result_made_it(example: dict[str, Any]) -> None:
+def _check_request(example: dict[str, Any]) -> None:
     request = JobRequest.model_validate(example["document"])
     params = resolve(request.params)
     said = recorded((FOLDER / example["result"]).read_bytes())
@@ -68,8 +69,8 @@ def test_the_request_beside_a_result_made_it(example: dict[str, Any]) -> None:
     assert example["report"]["likeness"]["matches"] is True
 
 
-@each_case("example", EXAMPLES, ids=lambda example: example["id"])
-def test_a_picture_has_both_side_by_side(example: dict[str, Any]) -> None:
+def _check_picture(example: dict[str, Any]) -> None:
+    """It has both side by side."""
     picture = Image.open(io.BytesIO((FOLDER / example["picture"]).read_bytes()))
     assert (picture.format, picture.width) == ("WEBP", 2 * picture.height)
     pixels = np.asarray(picture.convert("RGB"), dtype=np.int16)

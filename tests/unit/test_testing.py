@@ -31,9 +31,7 @@ def test_the_gradient_points_from_the_optimum_whatever_the_noise() -> None:
         factor = image.grad / known
         assert_close(factor, factor.mean().expand_as(factor), rtol=1e-2, atol=0.0)
         assert factor.mean() > 0
-
-
-def test_a_mesh_is_its_own_optimum_from_every_side() -> None:
+    # A mesh is its own optimum, from every side.
     mesh = icosphere(2, 0.7)
     prior = FakePrior(mesh)
     renderer = Renderer(mesh.faces, mesh.verts.shape[0], prior.style)
