@@ -8,13 +8,13 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from meshdeform.priors.builtin.compiled_activations import quantize, quantize_normed
+from meshdeform.priors.builtin.compiled_quantization import quantize, quantize_normed, round_weights
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.native_precision import is_fast_in_int8
 from meshdeform.rendering.cameras import fixed_cameras
 from tests.cases import each_case
 
-needs_instructions = pytest.mark.skipif(not is_fast_in_int8("cpu"), reason="this CPU has no avx512_vnni")
+needs_instructions = pytest.mark.skipif(not is_fast_in_int8("cpu"), reason="this CPU has no instructions for bytes")
 
 
 def _random(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -60,6 +60,35 @@ def test_a_quantised_norm_is_within_half_a_step_of_that_of_torch(silu: bool) -> 
         assert ((values[:, 1:-1, 1:-1] - x).abs().amax((1, 2, 3)) <= 0.5001 * torch.from_numpy(steps[:, 0])).all()
 
 
+def test_weights_are_rounded_so_that_their_sums_are_kept() -> None:
+    weights = np.array([[[0.4, 0.35, 0.45, 0.4]], [[-0.4, -0.4, -0.3, -0.3]], [[1.2, -3.0, 0.9, 2.0]]], np.float32)
+    assert round_weights(weights, 3).tolist() == [[[1, 0, 1, 0]], [[-1, 0, 0, 0]], [[1, -3, 1, 2]]]
+    # Each kernel by itself, then the whole filter.
+    weights = np.array([[[0.4], [0.4], [0.3]]], np.float32)
+    assert round_weights(weights, 3).tolist() == [[[1], [0], [0]]]
+    weights = (63 * np.random.default_rng(0).uniform(-1, 1, (7, 40, 9))).astype(np.float32)
+    weights[:, :, 0] = 63.0  # where there is no other neighbour
+    error = weights - round_weights(weights, 63)
+    assert (np.abs(error) < 1).all()
+    assert (np.abs(round_weights(weights, 63)) <= 63).all()
+    assert (np.abs(error.sum((1, 2), np.float64)) <= 0.5001).all()
+    nearest = weights - np.round(weights)
+    assert np.abs(error.sum(2)).mean() < 0.5 * np.abs(nearest.sum(2)).mean()
+
+
+@needs_instructions
+@each_case("value", [1.0, -1.0])
+def test_no_sum_of_bytes_is_cut_off(value: float) -> None:
+    # AVX2 adds up two products of bytes in 16 bits and cuts off what is more: with weights of 8 bits, this would be.
+    from meshdeform.priors.builtin import quantized
+
+    layer = nn.Conv2d(64, 8, 3, padding=1, bias=False)
+    with torch.no_grad():
+        layer.weight.fill_(value)
+        found = quantized._Convolution(layer)(torch.ones(1, 64, 4, 4))
+        torch.testing.assert_close(found, layer(torch.ones(1, 64, 4, 4)), rtol=1e-4, atol=1e-4)
+
+
 @needs_instructions
 @each_case(
     "layer", [nn.Conv2d(6, 5, 3, padding=1), nn.Conv2d(6, 5, 3, stride=2, padding=1), nn.Conv2d(6, 5, 1, bias=False)]
@@ -69,8 +98,9 @@ def test_a_convolution_of_bytes_is_that_of_the_numbers_they_mean(layer: nn.Conv2
 
     with torch.no_grad():
         layer.weight.copy_(_random(*layer.weight.shape))
-        steps = layer.weight.abs().amax((1, 2, 3), keepdim=True) / 127
-        rounded = (layer.weight / steps).round() * steps
+        steps = layer.weight.abs().amax((1, 2, 3), keepdim=True) / 63
+        signed = round_weights((layer.weight / steps).flatten(2).numpy(), 63)
+        rounded = torch.from_numpy(signed).view_as(layer.weight) * steps
         x = _random(2, 6, 8, 8, seed=3) + 0.7
         levels = quantized._levels(x, int(layer.padding[0]))
         border = int(layer.padding[0])

@@ -1,6 +1,6 @@
-"""Normalise, activate and quantise pictures on the CPU in two walks over them, and undo it, compiled.
+"""Quantise weights and pictures on the CPU, and undo it, compiled.
 
-::
+Pictures are normalised and activated in the same two walks::
 
     y = a_c x + b_c               the group norm, scaled and shifted, per channel
     s = y sigmoid(y)              SiLU (optional)
@@ -11,7 +11,8 @@ bound s before it is computed, so nothing is stored between the walks. sigmoid(y
 rational approximation of tanh that Eigen uses: unlike an exponential it becomes vector instructions, and its error is
 far below a step of 8 bits.
 
-Sources: Wu & He 2018 (group norm); Jacob et al. 2018, Quantization and training of neural networks, eq. 1.
+Sources: Wu & He 2018 (group norm); Jacob et al. 2018, Quantization and training of neural networks, eq. 1; Guo et al.
+2022, SQuant: on-the-fly data-free quantization (rounding that keeps sums).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["dequantize", "quantize", "quantize_normed"]
+__all__ = ["dequantize", "quantize", "quantize_normed", "round_weights"]
 
 _Floats = NDArray[np.float32]
 _Bytes = NDArray[np.uint8]
@@ -206,3 +207,53 @@ def dequantize(x: _Floats, levels: _Floats, sums: _Floats, bias: _Floats, added:
             else:
                 for c in range(len(bias)):
                     row[c] = row[c] * step + shift[c]
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _keep_sum(x: _Floats, rounded: NDArray[np.int8], largest: int) -> None:
+    """Move some of the rounded numbers to their other neighbour, so that their sum is within half a step of that of x.
+
+    Those move first that lie closest to it. None goes beyond `largest`.
+    """
+    error = 0.0
+    for i in range(len(x)):
+        error += x[i] - rounded[i]
+    direction = 1 if error > 0 else -1
+    for _ in range(int(np.floor(abs(error) + 0.5))):
+        best, at = -1.0, -1
+        for i in range(len(x)):
+            apart = direction * (x[i] - rounded[i])
+            if apart > best and abs(rounded[i] + direction) <= largest:
+                best, at = apart, i
+        if at < 0:
+            return
+        rounded[at] += direction
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def round_weights(x: _Floats, largest: int) -> NDArray[np.int8]:
+    """Round weights so that the errors of a kernel, and those of a whole filter, add up to at most half a step.
+
+    A picture varies little from a pixel to its neighbours, and most of its channels are positive, so that errors which
+    add up to zero hardly change a convolution. Rounding each weight to the nearest step would let them add up.
+
+    Parameters
+    ----------
+    x : (O, I, K) float32
+        Weights in steps, from ``-largest`` to ``largest``; K are those of a kernel.
+    largest : int
+
+    Returns
+    -------
+    (O, I, K) int8
+    """
+    outputs, inputs, size = x.shape
+    rounded = np.empty((outputs, inputs * size), np.int8)
+    for o in range(outputs):
+        for i in range(inputs):
+            kernel = rounded[o, i * size : (i + 1) * size]
+            for k in range(size):
+                kernel[k] = np.int8(np.floor(x[o, i, k] + np.float32(0.5)))
+            _keep_sum(x[o, i], kernel, largest)
+        _keep_sum(x[o].reshape(inputs * size), rounded[o], largest)
+    return rounded.reshape(outputs, inputs, size)
