@@ -7,9 +7,9 @@ Pictures are normalised and activated in the same two walks::
     q = round(s / step) + zero    unsigned, 8 bits; one step, and one level that means 0, for each picture
 
 The first walk finds the sums and the extremes of each channel. Since y is linear in x, and SiLU has one minimum, they
-bound s before it is computed, so nothing is stored between the walks. sigmoid(y) = (1 + tanh(y / 2)) / 2, with the
-rational approximation of tanh that Eigen uses: unlike an exponential it becomes vector instructions, and its error is
-far below a step of 8 bits.
+bound s before it is computed, so nothing is stored between the walks. sigmoid(y) = (1 + tanh(y / 2)) / 2, with a
+rational approximation of tanh: unlike an exponential it becomes vector instructions. SiLU is off by at most 0.0002, far
+less than a step of 8 bits.
 
 Sources: Wu & He 2018 (group norm); Jacob et al. 2018, Quantization and training of neural networks, eq. 1; Guo et al.
 2022, SQuant: on-the-fly data-free quantization (rounding that keeps sums).
@@ -30,11 +30,11 @@ _f = np.float32
 _LEVELS = 254.0
 """One less than there are: rounding the level of 0 may move all others by half a level, and none may leave the byte."""
 _SILU_MINIMUM = -0.27846454
-_TANH_BOUND = _f(7.9)
-"""Beyond it, tanh is 1 in float32."""
-_A1, _A3, _A5, _A7 = _f(4.89352455891786e-3), _f(6.37261928875436e-4), _f(1.48572235717979e-5), _f(5.12229709037114e-8)
-_A9, _A11, _A13 = _f(-8.60467152213735e-11), _f(2.00018790482477e-13), _f(-2.76076847742355e-16)
-_B0, _B2, _B4, _B6 = _f(4.89352518554385e-3), _f(2.268434632439e-3), _f(1.18534705686654e-4), _f(1.19825839466702e-6)
+_BOUND = _f(5.5)
+_A1, _A3, _A5 = _f(9.98813525e-01), _f(9.75553740e-02), _f(5.60992395e-04)
+_B2, _B4 = _f(4.28842890e-01), _f(1.15567037e-02)
+"""tanh(z) is about z (A1 + A3 z^2 + A5 z^4) / (1 + B2 z^2 + B4 z^4), with z kept within the bound. The numbers make the
+largest error of SiLU smallest."""
 _EPSILON = 1e-5
 """Added to the variance, as in `torch.nn.GroupNorm`."""
 
@@ -44,12 +44,23 @@ _EPSILON = 1e-5
 @numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _measure(x: _Floats, total: _Floats, squares: _Floats, low: _Floats, high: _Floats) -> None:
     """Fill in the sum, the sum of squares, the smallest and the largest number of each channel of x (P, C)."""
-    for c in range(x.shape[1]):
+    pixels, channels = x.shape
+    for c in range(channels):
         total[c] = squares[c] = _f(0)
         low[c] = high[c] = x[0, c]
-    for p in range(x.shape[0]):
+    # Four pixels at a time, because reading and writing what is found takes longer than to find it.
+    whole = pixels - pixels % 4
+    for p in range(0, whole, 4):
+        row_0, row_1, row_2, row_3 = x[p], x[p + 1], x[p + 2], x[p + 3]
+        for c in range(channels):
+            v0, v1, v2, v3 = row_0[c], row_1[c], row_2[c], row_3[c]
+            total[c] += (v0 + v1) + (v2 + v3)
+            squares[c] += (v0 * v0 + v1 * v1) + (v2 * v2 + v3 * v3)
+            low[c] = min(low[c], min(min(v0, v1), min(v2, v3)))
+            high[c] = max(high[c], max(max(v0, v1), max(v2, v3)))
+    for p in range(whole, pixels):
         row = x[p]
-        for c in range(x.shape[1]):
+        for c in range(channels):
             value = row[c]
             total[c] += value
             squares[c] += value * value
@@ -63,14 +74,12 @@ def _write_activated(x: _Floats, a: _Floats, b: _Floats, inverse: _f, zero: _f, 
     for p in range(x.shape[0]):
         row, to = x[p], out[p]
         for c in range(x.shape[1]):
-            y = row[c] * a[c] + b[c]
-            z = _f(0.5) * y
-            z = -_TANH_BOUND if z < -_TANH_BOUND else z
-            z = _TANH_BOUND if z > _TANH_BOUND else z
+            half = _f(0.5) * (row[c] * a[c] + b[c])
+            z = -_BOUND if half < -_BOUND else half
+            z = _BOUND if z > _BOUND else z
             w = z * z
-            above = ((((((_A13 * w + _A11) * w + _A9) * w + _A7) * w + _A5) * w + _A3) * w + _A1) * z
-            below = ((_B6 * w + _B4) * w + _B2) * w + _B0
-            level = y * (_f(0.5) + _f(0.5) * above / below) * inverse + zero + _f(0.5)
+            tanh = ((_A5 * w + _A3) * w + _A1) * z / ((_B4 * w + _B2) * w + _f(1))
+            level = half * inverse * (_f(1) + tanh) + zero + _f(0.5)
             to[c] = np.uint8(np.int32(level))
 
 

