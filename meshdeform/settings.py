@@ -75,8 +75,8 @@ class Settings(BaseSettings):
     dtype: Literal["auto", "float32", "float16", "bfloat16", "int8"] = Field(
         "auto",
         description="Precision of the diffusion prior. `auto`: of a Stable Diffusion model, float32 on the CPU, "
-        "bfloat16 on a GPU that supports it, else float16; of the builtin one, int8 on a CPU with instructions for it "
-        "(`avx512_vnni`), else float32. `int8` is for the builtin model; others take it as `auto`.",
+        "bfloat16 on a GPU that supports it, else float16; of the builtin one, int8 on a CPU with vector instructions "
+        "for it (`avx2`), else float32. `int8` is for the builtin model; others take it as `auto`.",
     )
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
     threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per usable core.")

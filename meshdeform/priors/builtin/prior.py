@@ -37,7 +37,7 @@ from meshdeform.priors.builtin.network import null_tokens
 from meshdeform.priors.builtin.style import STYLE
 from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
-from meshdeform.priors.native_precision import is_fast_in_bfloat16, is_fast_in_int8
+from meshdeform.priors.native_precision import is_fast_in_int8
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
 __all__ = ["NUM_TIMESTEPS", "BuiltinPrior", "add_noise", "cosine_alphas_cumprod", "loss_weight", "noise_from_clean"]
@@ -54,8 +54,7 @@ def _dtype(name: str, device: torch.device) -> torch.dtype:
 
         if is_usable():
             return torch.int8
-    half = name == "bfloat16" or (name == "auto" and device.type == "cpu" and is_fast_in_bfloat16(device))
-    return torch.bfloat16 if half else torch.float32
+    return torch.bfloat16 if name == "bfloat16" else torch.float32
 
 
 def cosine_alphas_cumprod(steps: int = NUM_TIMESTEPS) -> Tensor:
@@ -99,9 +98,8 @@ class BuiltinPrior:
     device : str or torch.device
         Device of the network.
     dtype : "auto", "float32", "float16", "bfloat16" or "int8"
-        What the network computes in. `auto` is int8 on a CPU with instructions for it (`is_fast_in_int8`), otherwise
-        bfloat16 on a CPU that is faster in it, else float32. float16, a precision of other models, is float32, and so
-        is int8 without such instructions.
+        What the network computes in. `auto` is int8 on a CPU with instructions for it (`is_fast_in_int8`), else
+        float32. float16, a precision of other models, is float32, and so is int8 without such instructions.
     weights : pathlib.Path
         A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
 
