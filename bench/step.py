@@ -1,7 +1,8 @@
 """Measure what a step costs, part by part, in CPU time: ``python bench/step.py [--against CHECKOUT]``.
 
-Prints each part's share of the steps of a run with the builtin prior. The parts are timed where they are called, in the
-run itself: *drawing, backward* is what is left of the backward pass when the parts that are timed apart are taken off.
+Prints how long a step of a run with the builtin prior lasts, and each part's share of its CPU time. The parts are
+timed where they are called, in the run itself: *drawing, backward* is what is left of the backward pass when the parts
+that are timed apart are taken off.
 
 With ``--against CHECKOUT`` (another working copy of Meshdeform; also this one), prints the ratio of this code's CPU
 time of a step to that one's instead: two processes walk through the same steps in turns, so that what else the machine
@@ -106,10 +107,14 @@ def table(options: argparse.Namespace) -> None:
     """Print the parts of a step."""
     steps = run_of(options)
     list(islice(steps, WARM))
+    begun = time.perf_counter()
+    list(islice(steps, options.steps))
+    wall = time.perf_counter() - begun
     with measured() as clock:
         list(islice(steps, options.steps))
     whole = sum(clock.taken.values())
-    print(f"{20 * 4**options.subdivisions} faces, {options.threads} threads, CPU time of {options.steps} steps")
+    lasts = f"{options.threads} threads: a step in {wall / options.steps * 1e3:.1f} ms"
+    print(f"{20 * 4**options.subdivisions} faces, {lasts}; its CPU time:")
     print(f"{'part':<20}{'ms':>8}{'share':>8}{'/ network':>11}")
     for name, value in clock.taken.items():
         name = {"backward": "drawing, backward"}.get(name, name)
