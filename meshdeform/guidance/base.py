@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
+
+from meshdeform.geometry.torch_threads import one_torch_thread
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -118,19 +119,10 @@ class ShapeGuidance(Protocol):
         """Continue from `state`."""
 
 
-@contextmanager
-def torch_threads_for(guidance: Guidance) -> Iterator[None]:
+def torch_threads_for(guidance: Guidance) -> AbstractContextManager[None]:
     """Let torch compute on one thread inside the block, unless the guidance is heavy.
 
-    Its threads meet after every operation. Those of a step on a surface are so short that they would wait longer than
-    they compute; what takes long is shared by `support.threads.in_ranges`.
+    Operations of a step on a surface are short; what takes long is shared by `share_work`.
     """
-    threads = torch.get_num_threads()
-    if threads == 1 or (isinstance(guidance, HeavyGuidance) and guidance.is_heavy):
-        yield
-        return
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
+    heavy = isinstance(guidance, HeavyGuidance) and guidance.is_heavy
+    return nullcontext() if heavy else one_torch_thread()

@@ -43,8 +43,8 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
-from meshdeform.guidance.base import StepContext, torch_threads_for
-from meshdeform.support.threads import in_ranges
+from meshdeform.geometry.torch_threads import share_work
+from meshdeform.guidance.base import StepContext
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -295,8 +295,7 @@ class ScoreDistillation:
                 grades.append((((1 - level) / level) * (text - noise).square()).mean())
             return grades
 
-        with torch_threads_for(self):
-            ranges = [grade(0, len(poses))] if self.is_heavy else in_ranges(grade, len(poses))
+        ranges = [grade(0, len(poses))] if self.is_heavy else share_work(grade, len(poses))
         found = [value for graded in ranges for value in graded]
         return torch.stack(found).double().cpu()
 

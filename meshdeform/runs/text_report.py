@@ -29,6 +29,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.judge import Judge
 from meshdeform.priors.builtin.grammar import parse
@@ -338,6 +339,7 @@ def appearance_report(params: ResolvedParams, deformation: Deformation) -> dict[
 _log = logging.getLogger(__name__)
 
 
+@one_torch_thread()
 def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
     """Compare a mesh with the noun of a prompt of the builtin prior.
 

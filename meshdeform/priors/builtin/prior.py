@@ -32,6 +32,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
+from meshdeform.geometry.torch_threads import share_work
 from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
 from meshdeform.priors.builtin.network import null_tokens
 from meshdeform.priors.builtin.style import STYLE
@@ -199,10 +200,6 @@ class BuiltinPrior:
                 only = None if single is None else single[rows]
                 return self._network.paint(inputs[rows], condition[rows], azimuth[rows], only)
 
-        if self.dtype is torch.int8:
-            from meshdeform.priors.builtin.quantized import side_by_side
-
-            clean = side_by_side(predict, texts)
-        else:
-            clean = predict(0, texts)
+        # Each of our threads predicts for its own texts; torch's share the longer operations on floating numbers.
+        clean = torch.cat(share_work(predict, texts)) if self.dtype is torch.int8 else predict(0, texts)
         return noise_from_clean(clean, inputs, steps, self.alphas_cumprod).chunk(texts)

@@ -12,7 +12,7 @@ Source: Jacob et al. 2018, Quantization and training of neural networks for effi
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -24,9 +24,8 @@ from torch.nn import functional
 
 from meshdeform.priors.builtin.compiled_quantization import dequantize, quantize, quantize_normed, round_weights
 from meshdeform.priors.builtin.network import AttentionBlock, PriorNetwork, ResidualBlock
-from meshdeform.support.threads import in_ranges
 
-__all__ = ["is_usable", "quantized", "side_by_side"]
+__all__ = ["is_usable", "quantized"]
 
 
 _LARGEST_WEIGHT = 63
@@ -213,27 +212,3 @@ def quantized(network: PriorNetwork) -> PriorNetwork:
         parent, _, last = name.rpartition(".")
         setattr(network.get_submodule(parent), last, layer)
     return network
-
-
-def side_by_side(predict: Callable[[int, int], Tensor], texts: int) -> Tensor:
-    """Predict for several texts, shared among threads, each of which computes for its own texts alone.
-
-    Layers take a tenth of a millisecond or two. If threads met after each of them, as torch's do, they would wait
-    about as long as they compute, and on a busy machine much longer (docs/performance.md). The result is the same.
-
-    Parameters
-    ----------
-    predict : callable
-        Predicts for the texts from `first` to `end`.
-    texts : int
-    """
-    threads = torch.get_num_threads()
-
-    def alone(first: int, end: int) -> Tensor:
-        torch.set_num_threads(1)  # of this thread, and of those that begin later
-        return predict(first, end)
-
-    try:
-        return torch.cat(in_ranges(alone, texts))
-    finally:
-        torch.set_num_threads(threads)
