@@ -18,7 +18,6 @@ from typing import Any
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
-from tests.acceptance.service import SMALLER
 
 DEADLINE_S = 120.0
 
@@ -29,15 +28,8 @@ def command(*arguments: object) -> list[str]:
 
 
 def environment(**more: str) -> dict[str, str]:
-    """The environment for it: one thread, small previews, and a terminal that knows what terminals know."""
-    return {
-        **os.environ,
-        "PYTHONPATH": str(SMALLER),
-        "MESHDEFORM_THREADS": "1",
-        "TERM": "xterm",
-        "COLUMNS": "100",
-        **more,
-    }
+    """The environment for it: one thread, and a terminal that knows what terminals know."""
+    return {**os.environ, "MESHDEFORM_THREADS": "1", "TERM": "xterm", "COLUMNS": "100", **more}
 
 
 def run(*arguments: object, cwd: Path, **more: str) -> subprocess.CompletedProcess[str]:

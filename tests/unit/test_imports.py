@@ -11,7 +11,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-from tests.acceptance.service import SMALLER
 from tests.cases import each_case
 
 HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
@@ -141,12 +140,7 @@ def test_the_extra_deform_is_enough_to_deform_and_loads_no_compiler(repository: 
     arguments = ["run", str(repository / "examples/cube.glb"), "a vase", "--steps", "1", "-o", "vase.glb"]
     arguments += ["--set", "orientation=keep"]
     done = subprocess.run(
-        [sys.executable, "-c", program, *arguments],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(SMALLER)},
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, "-c", program, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["vase.glb", "vase.preview.png", "vase.report.json"]
