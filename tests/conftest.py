@@ -104,6 +104,8 @@ def pytest_collection() -> Generator[None, Any, Any]:
         return (yield)
     finally:
         gc.freeze()
+        # Seldom, as in the processes of the API: nothing that a test leaves behind is large.
+        gc.set_threshold(20_000)
         gc.enable()
 
 

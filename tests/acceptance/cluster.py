@@ -280,13 +280,13 @@ class Cluster(Followed):
     def check(self, job_id: str, *, steps: int = 12, state: JobState = JobState.SUCCEEDED) -> Job:
         """Wait for the end and hold the job against the promises: all of them that can be seen from outside."""
         job = self.finished(job_id)
-        story = f"{self.story(job_id)}\n{self.logs}"
-        assert job.state is state, f"{job.error}\n{story}"
+        assert job.state is state, f"{job.error}\n{self.story(job_id)}\n{self.logs}"
         self.check_events(job_id)
         published = self.record.artifacts(job_id)
         if state is JobState.SUCCEEDED:
-            assert [artifact.name for artifact in published] == ["result.glb"], story
-            assert self.store.get(published[0].key) == sum_after(steps), f"not the uninterrupted result\n{story}"
+            assert [artifact.name for artifact in published] == ["result.glb"], self.story(job_id)
+            result = self.store.get(published[0].key)
+            assert result == sum_after(steps), f"not the uninterrupted result\n{self.story(job_id)}\n{self.logs}"
             assert f"/{job.attempt}/" in published[0].key
             assert job.progress.fraction == 1.0
         else:
@@ -296,13 +296,13 @@ class Cluster(Followed):
     def check_events(self, job_id: str) -> None:
         """Contiguous, one terminal event and that the last, a fraction that never goes back."""
         events = self.events(job_id)
-        story = self.story(job_id)
-        assert [event.seq for event in events] == list(range(1, len(events) + 1)), story
-        assert [event.type.terminal for event in events] == [False] * (len(events) - 1) + [True], story
+        assert [event.seq for event in events] == list(range(1, len(events) + 1)), self.story(job_id)
+        ends = [event.type.terminal for event in events]
+        assert ends == [False] * (len(events) - 1) + [True], self.story(job_id)
         fractions = [event.data["fraction"] for event in events if event.type == "progress"]
-        assert fractions == sorted(fractions), story
+        assert fractions == sorted(fractions), self.story(job_id)
         attempts = [event.attempt for event in events]
-        assert attempts == sorted(attempts), story
+        assert attempts == sorted(attempts), self.story(job_id)
 
     def clean_up(self) -> None:
         """End everything that was started."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from tests.acceptance.cli import call, run, started
+from tests.acceptance.cli import call, started
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Service, until
 
@@ -64,7 +64,7 @@ def test_a_local_batch_that_is_killed_goes_on_where_it_was(folder: Path, tmp_pat
     with (out / "ledger.jsonl").open("ab") as file:
         file.write(b'{"event": "done", "key": "half a li')
     kept = {path: path.stat().st_mtime_ns for path in out.glob("*/result.glb")}
-    again = run(*arguments, "--json", cwd=tmp_path)
+    again = call(*arguments, "--json", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     lines = [json.loads(line) for line in again.stdout.splitlines()]
     assert len(lines) == ROWS - len(before) + 1
@@ -80,7 +80,7 @@ def test_a_local_batch_that_is_killed_goes_on_where_it_was(folder: Path, tmp_pat
     assert [row["state"] for row in table] == ["succeeded"] * ROWS
     assert [row["seed"] for row in table] == ["0", "1", "2"]
     assert (out / "sheet.png").read_bytes()[:4] == b"\x89PNG"
-    whole = run(*arguments, cwd=tmp_path)
+    whole = call(*arguments, cwd=tmp_path)
     assert whole.returncode == 0
     assert f"{ROWS} of {ROWS} rows are finished already" in whole.stderr
 
@@ -96,7 +96,7 @@ def test_a_batch_at_a_service_that_is_killed_makes_no_job_twice(folder: Path, tm
     over = done_rows(out)
     forgotten = next(n for n in reversed(waiting) if json.loads(lines[n])["key"] not in over)
     (out / "ledger.jsonl").write_bytes(b"".join(lines[:forgotten] + lines[forgotten + 1 :]))
-    again = run(*arguments, cwd=tmp_path)
+    again = call(*arguments, cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     listed = service.http.get("/v1/jobs", params={"limit": 100}).json()["jobs"]
     jobs = [job for job in listed if "batch" in job["metadata"]]

@@ -56,12 +56,12 @@ def test_a_job_from_its_submission_to_its_files(folder: Path, service: Service, 
     assert {file["name"] for file in files} == {"morph.glb", "preview.png", "report.json", "result.glb"}
     for file in files:
         assert (folder / file["path"]).read_bytes() == service.artifact(job, file["name"])
-    one = run("fetch", job, "-o", tmp_path / "one", "--name", "result.glb", "--url", url, cwd=folder)
+    one = call("fetch", job, "-o", tmp_path / "one", "--name", "result.glb", "--url", url, cwd=folder)
     assert one.stdout.splitlines() == [str(tmp_path / "one/result.glb")]
     listed = answer("jobs", "--state", "succeeded", "--url", url, cwd=folder)["jobs"]
     assert job in {entry["id"] for entry in listed}
-    assert run("wait", job, "--url", url, cwd=folder).stdout == f"{job}  succeeded\n"
-    assert run("cancel", job, "--url", url, cwd=folder).returncode == 3, "what is over stays as it is"
+    assert call("wait", job, "--url", url, cwd=folder).stdout == f"{job}  succeeded\n"
+    assert call("cancel", job, "--url", url, cwd=folder).returncode == 3, "what is over stays as it is"
 
 
 def test_jobs_are_found_by_label_branched_retried_fetched_and_deleted(
@@ -169,7 +169,7 @@ def test_what_is_wrong_has_its_exit_code_and_costs_no_job(folder: Path, url: str
         (("watch", "job_00000000000000000000000000"), 3),
         (("jobs", "--state", "sleeping"), 2),
     ):
-        done = run(*arguments, "--json", "--url", url, cwd=folder)
+        done = call(*arguments, "--json", "--url", url, cwd=folder)
         assert done.returncode == code, (arguments, done.stderr)
         assert done.stdout == ""
         assert json.loads(done.stderr.splitlines()[-1])["exit_code"] == code

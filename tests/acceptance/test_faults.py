@@ -29,6 +29,8 @@ API_POINTS = [name for name in FAILPOINTS if name.startswith("api.")]
 SUPERVISOR_POINTS = ["worker.told", "worker.step", "worker.checkpoint.stored", "worker.results.stored"]
 """Where the suite kills a supervisor; the other points of its worker differ little, and are `-m long`."""
 STEPS = 12
+SELDOM = 20
+"""Checkpoints of jobs that are long, so that something can happen to them: each costs more than the steps before it."""
 
 
 @pytest.fixture(scope="module")
@@ -213,7 +215,7 @@ def _kill_redis_at(cluster: Cluster, points: list[str]) -> None:
 
 
 def test_a_redis_that_is_away_for_a_while_delays_jobs_only(running: Cluster) -> None:
-    job_id = running.submit(400)
+    job_id = running.submit(400, every=SELDOM)
     running.at_step(job_id, 20)
     running.redis.kill()
     posted = running.post(STEPS)
@@ -224,7 +226,7 @@ def test_a_redis_that_is_away_for_a_while_delays_jobs_only(running: Cluster) -> 
 
 
 def test_jobs_that_redis_forgot_are_told_again(running: Cluster) -> None:
-    first = running.submit(400)
+    first = running.submit(600, every=SELDOM)
     running.at_step(first, 1)
     waiting = [running.submit(STEPS) for _ in range(21)]
     import redis
@@ -232,7 +234,7 @@ def test_jobs_that_redis_forgot_are_told_again(running: Cluster) -> None:
     with redis.Redis.from_url(running.redis.url) as connection:
         connection.flushall()
     assert {running.job(job_id).state for job_id in waiting} == {JobState.QUEUED}, "too late"
-    assert running.check(first, steps=400).attempt == 1
+    assert running.check(first, steps=600).attempt == 1
     for job_id in waiting:
         assert running.check(job_id, steps=STEPS).attempt == 1
 
@@ -242,7 +244,7 @@ def test_jobs_that_redis_forgot_are_told_again(running: Cluster) -> None:
 
 def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster) -> None:
     sleeper = cluster.start_worker("sleeper", MESHDEFORM_STEP_TIMEOUT_S="600")
-    job_id = cluster.submit(200)
+    job_id = cluster.submit(300, every=SELDOM)
     cluster.at_step(job_id, 30)
     asleep = sleeper.child()
     cluster.put_to_sleep(asleep)
@@ -251,7 +253,7 @@ def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster)
     cluster.when(job_id, "the second attempt", lambda job: job.attempt == 2)
     asleep.send_signal(signal.SIGCONT)
     sleeper.send(signal.SIGCONT)
-    job = cluster.check(job_id, steps=200)
+    job = cluster.check(job_id, steps=300)
     assert job.attempt == 2
     until("the sleeper noticed", lambda: "lost its lease" in sleeper.log)
     last = cluster.events(job_id)[-1].seq
@@ -302,13 +304,13 @@ def test_a_postgresql_that_crashes_and_comes_back_loses_nothing(tmp_path: Path, 
             try:
                 cluster.start_api()
                 cluster.start_worker()
-                job_id = cluster.submit(300)
+                job_id = cluster.submit(400, every=SELDOM)
                 cluster.at_step(job_id, 20)
                 server.kill()
                 assert cluster.post(STEPS).status_code == 503
                 server.start()
                 later = until("posting works again", lambda: _accepted(cluster))
-                cluster.check(job_id, steps=300)
+                cluster.check(job_id, steps=400)
                 cluster.check(later, steps=STEPS)
             finally:
                 cluster.clean_up()
@@ -342,7 +344,7 @@ def test_a_clock_that_is_set_back_or_forward_delays_a_recovery_by_a_lease_at_mos
 
 
 def test_a_cancel_while_parts_die_ends_in_one_state(running: Cluster) -> None:
-    job_id, worker = running.submit(20_000), running.parts["worker"]
+    job_id, worker = running.submit(20_000, every=SELDOM), running.parts["worker"]
     running.at_step(job_id, 10)
     running.put_to_sleep(worker.child())
     answer = running.http.post(f"/v1/jobs/{job_id}/cancel")
@@ -361,7 +363,7 @@ def test_a_worker_that_dies_in_every_attempt_fails_the_job(cluster: Cluster) -> 
 
 
 def test_sigterm_stores_a_checkpoint_and_counts_no_attempt_as_lost(cluster: Cluster) -> None:
-    job_id = cluster.submit(300)
+    job_id = cluster.submit(400, every=SELDOM)
     worker = cluster.start_worker("first")
     reached = cluster.at_step(job_id, 25).progress.step
     assert worker.stop() == 0
@@ -369,4 +371,4 @@ def test_sigterm_stores_a_checkpoint_and_counts_no_attempt_as_lost(cluster: Clus
     assert job.state is JobState.QUEUED
     assert cluster.record.leases.checkpoints(job_id)[0].step >= reached
     cluster.start_worker("second", MESHDEFORM_MAX_ATTEMPTS="1")
-    cluster.check(job_id, steps=300)
+    cluster.check(job_id, steps=400)

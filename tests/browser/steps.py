@@ -141,17 +141,19 @@ def straight_way(page: Page, watch: Watch) -> None:
     page.route("**/result.glb?strength=*", lambda route: route.fulfill(status=422, headers=headers, json=refusal))
 
 
-def barriers(page: Page, axe: str) -> list[str]:
-    """What axe-core finds, of whatever impact."""
+RULES = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}
+OF_COLOURS = {"type": "rule", "values": ["color-contrast", "link-in-text-block"]}
+
+
+def barriers(page: Page, axe: str, rules: dict[str, Any] = RULES) -> list[str]:
+    """What axe-core finds, of whatever impact; `OF_COLOURS` are the rules that look at colours."""
     if not page.evaluate("() => 'axe' in window"):
         # By the debugger, which the page's policy does not bind.
         page.evaluate(axe)
     # A colour on its way from light to dark is neither.
     page.evaluate("() => Promise.allSettled(document.getAnimations().map((animation) => animation.finished))")
     found: list[dict[str, Any]] = page.evaluate(
-        """async () => (await axe.run(document, {
-          runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
-        })).violations"""
+        "async (rules) => (await axe.run(document, { runOnly: rules })).violations", rules
     )
     return [
         f"{each['impact']}: {each['id']}: {each['help']}: "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +24,20 @@ from tests.integration.conftest import DEADLINE_S, Api, serving
 from tests.integration.http_calls import check_document, check_problem
 from tests.worker_world import working
 
-VASE = drawing_of("vase")
 BINARY = {"Content-Type": "application/octet-stream"}
 
 
+@cache
+def vase() -> bytes:
+    """A drawing of a vase."""
+    return drawing_of("vase")
+
+
 def test_guesses_have_parameters_with_ranges_and_meshes(api: Api, openapi: dict[str, Any], tmp_path: Path) -> None:
-    answer = api.http.post("/v1/sketches:guess", content=VASE, headers=BINARY)
+    answer = api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY)
     assert answer.status_code == 200, answer.text
     check_document(answer.json(), "SketchGuesses", openapi)
-    expected = guess(VASE)
+    expected = guess(vase())
     found = SketchGuesses.model_validate(answer.json())
     assert [(each.family, each.probability, each.values, each.glb) for each in found.guesses] == [
         (each.family, each.probability, each.values, each.glb()) for each in expected
@@ -41,7 +47,7 @@ def test_guesses_have_parameters_with_ranges_and_meshes(api: Api, openapi: dict[
     assert (named["lip"].minimum, named["lip"].maximum, named["lip"].default) == (0.08, 0.3, 0.16)
     assert named["handles"].options == ["none", "one", "two"]
     drawing = tmp_path / "drawing.png"
-    drawing.write_bytes(VASE)
+    drawing.write_bytes(vase())
     with Client(api.url) as client:
         (only,) = client.guess_sketch(drawing, family="lamp").guesses
         assert only.family == "lamp"
@@ -50,7 +56,7 @@ def test_guesses_have_parameters_with_ranges_and_meshes(api: Api, openapi: dict[
 
     async def ask() -> tuple[SketchGuesses, bytes]:
         async with AsyncClient(api.url) as client:
-            return await client.guess_sketch(VASE), await client.make_sketch_mesh("lamp")
+            return await client.guess_sketch(vase()), await client.make_sketch_mesh("lamp")
 
     assert asyncio.run(ask()) == (found, member_glb("lamp", {}))
 
@@ -69,10 +75,10 @@ def test_corrected_parameters_make_a_mesh(api: Api) -> None:
 def test_what_cannot_be_read_is_refused(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
     check_problem(api.http.post("/v1/sketches:guess", content=b"no picture", headers=BINARY), 422, "not_a_drawing")
     check_problem(api.http.post("/v1/sketches:guess", content=b"", headers=BINARY), 422, "not_a_drawing")
-    wrong = api.http.post("/v1/sketches:guess?family=sofa", content=VASE, headers=BINARY)
+    wrong = api.http.post("/v1/sketches:guess?family=sofa", content=vase(), headers=BINARY)
     assert "chair" in check_problem(wrong, 422, "parameter_invalid")["advice"]
     monkeypatch.setattr("service.sketches.routes._MAX_BYTES", 100)
-    large = check_problem(api.http.post("/v1/sketches:guess", content=VASE, headers=BINARY), 422, "not_a_drawing")
+    large = check_problem(api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY), 422, "not_a_drawing")
     assert "larger than 100 bytes" in large["detail"]
 
 
@@ -83,7 +89,7 @@ def test_a_server_without_numpy_says_so(api: Api, monkeypatch: pytest.MonkeyPatc
     }
     monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
     problem = check_problem(
-        api.http.post("/v1/sketches:guess", content=VASE, headers=BINARY), 500, DependencyError.code
+        api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY), 500, DependencyError.code
     )
     assert "numpy is not installed" in problem["detail"]
     assert "meshdeform sketch" in problem["advice"]
@@ -101,15 +107,15 @@ def test_a_drawing_is_checked_with_its_job(api: Api, sphere: bytes) -> None:
         files = {"asset": ("a.glb", sphere), "sketch": ("vase.png", drawing), "request": (None, document)}
         return api.http.post("/v1/jobs:validate", files=files)
 
-    found = sent(VASE)
+    found = sent(vase())
     assert found.status_code == 200, found.text
     picture = found.json()["pictures"]["sketch"]
     assert (picture["format"], picture["width"], picture["height"]) == ("png", 300, 300)
     assert 0 < picture["box"][0] < picture["box"][2] < 1
     problem = check_problem(sent(blank_page()), 422, "not_a_drawing")
     assert "`sketch`" in problem["detail"]
-    check_problem(sent(VASE, guidance="sds"), 422, "parameter_invalid")
-    wrong = check_problem(sent(VASE, sketch={"family": "vase", "values": {"legs": "four"}}), 422, "parameter_invalid")
+    check_problem(sent(vase(), guidance="sds"), 422, "parameter_invalid")
+    wrong = check_problem(sent(vase(), sketch={"family": "vase", "values": {"legs": "four"}}), 422, "parameter_invalid")
     assert wrong["errors"][0]["loc"] == ["params", "sketch"]
 
 
@@ -117,7 +123,7 @@ def test_a_worker_fits_the_asset_to_the_drawn_shape(tmp_path: Path, redis_url: s
     settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-sketch")
     asset, drawing = tmp_path / "sphere.glb", tmp_path / "my vase.png"
     asset.write_bytes(sphere)
-    drawing.write_bytes(VASE)
+    drawing.write_bytes(vase())
     corrected = {"family": "vase", "values": {"handles": "two"}}
     params = {"preset": "preview", "steps": 2, "guidance": "target", "sketch": corrected}
     with serving(settings) as url, working(settings, start_run), Client(url) as client:
@@ -127,7 +133,7 @@ def test_a_worker_fits_the_asset_to_the_drawn_shape(tmp_path: Path, redis_url: s
         assert done.state.value == "succeeded", done.error
         report = json.loads(client.read(job, "report.json"))
         target = client.read(job, "target.glb")
-    first = guess(VASE)[0]
+    first = guess(vase())[0]
     assert report["sketch"] == {
         "family": "vase",
         "values": {**first.values, "handles": "two"},

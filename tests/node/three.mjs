@@ -1,5 +1,7 @@
-// Loads GLBs with three.js' GLTFLoader, prints as JSON what each has on screen: node three.mjs FILE...
+// Loads GLBs with three.js' GLTFLoader: for each line of standard input, a list of paths as JSON, a line that says what
+// each of the files has on screen, or {"failed": "why"}.
 import { readFileSync } from "node:fs";
+import { createInterface } from "node:readline";
 
 // What the loader asks of a browser: pictures are not looked at here.
 globalThis.self = globalThis;
@@ -39,4 +41,10 @@ async function count(file) {
   };
 }
 
-console.log(JSON.stringify(await Promise.all(process.argv.slice(2).map(count))));
+for await (const line of createInterface({ input: process.stdin })) {
+  try {
+    console.log(JSON.stringify(await Promise.all(JSON.parse(line).map(count))));
+  } catch (error) {
+    console.log(JSON.stringify({ failed: String(error) }));
+  }
+}

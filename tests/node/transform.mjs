@@ -1,4 +1,6 @@
-// Reads GLBs with glTF-Transform, compressed ones too, prints as JSON what each has: node transform.mjs FILE...
+// Reads GLBs with glTF-Transform, compressed ones too: for each line of standard input, a list of paths as JSON, a line
+// that says what each of the files has, or {"failed": "why"}.
+import { createInterface } from "node:readline";
 import { NodeIO } from "@gltf-transform/core";
 import { ALL_EXTENSIONS } from "@gltf-transform/extensions";
 import draco3d from "draco3dgltf";
@@ -28,4 +30,10 @@ async function count(file) {
   };
 }
 
-console.log(JSON.stringify(await Promise.all(process.argv.slice(2).map(count))));
+for await (const line of createInterface({ input: process.stdin })) {
+  try {
+    console.log(JSON.stringify(await Promise.all(JSON.parse(line).map(count))));
+  } catch (error) {
+    console.log(JSON.stringify({ failed: String(error) }));
+  }
+}

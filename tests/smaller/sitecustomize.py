@@ -13,11 +13,13 @@ from types import ModuleType
 from typing import Any
 
 SMALLER = {
+    "meshdeform.fields.surface_sources": ("_POINT_CELLS", 32),
     "meshdeform.geometry.fit_quality": ("_SAMPLES", 2000),
     "meshdeform.guidance.points": ("SAMPLES", 2000),
     "meshdeform.rendering.studio": ("_SIZE", 32),
 }
-"""What takes a short job longer than its steps: previews, and the samples by which it fits and measures fits."""
+"""What takes a short job longer than its steps: previews, the samples by which it fits and measures fits, and the grid
+that points are made a surface on."""
 
 
 class _Changing(Loader):

@@ -7,7 +7,8 @@ import importlib.metadata as metadata
 import os
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 from packaging.requirements import Requirement
@@ -39,7 +40,7 @@ def declared(repository: Path, *, dev: bool) -> set[str]:
     ids=["shipped", "development"],
 )
 def test_every_import_is_a_declared_requirement(folders: tuple[str, ...], dev: bool, repository: Path) -> None:
-    known, providers = declared(repository, dev=dev), metadata.packages_distributions()
+    known, providers = declared(repository, dev=dev), _providers()
     undeclared = {
         f"{path.relative_to(repository)}: {name}"
         for folder in folders
@@ -49,6 +50,12 @@ def test_every_import_is_a_declared_requirement(folders: tuple[str, ...], dev: b
     assert undeclared == set()
 
 
+@cache
+def _providers() -> Mapping[str, list[str]]:
+    """Return the distributions of each module; it reads the list of files of every one of them."""
+    return metadata.packages_distributions()
+
+
 def _own_files(folder: Path) -> Iterator[Path]:
     """Find the Python files, without reading through what the scripts install beside the tests."""
     for place, folders, names in os.walk(folder):
@@ -56,10 +63,19 @@ def _own_files(folder: Path) -> Iterator[Path]:
         yield from (Path(place, name) for name in names if name.endswith(".py"))
 
 
+def _statements(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements at any depth, and none of the expressions, which are most of a file."""
+    for name in ("body", "orelse", "handlers", "finalbody", "cases"):
+        found = getattr(tree, name, [])
+        for node in found if isinstance(found, list) else []:
+            yield node
+            yield from _statements(node)
+
+
 def _third_party_imports(folder: Path) -> Iterator[tuple[Path, str]]:
     ours = {"meshdeform", "service", "worker", "tests", "bench", "docs", "release"}
     for path in sorted(_own_files(folder)):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in _statements(ast.parse(path.read_text())):
             modules = []
             if isinstance(node, ast.Import):
                 modules = [alias.name for alias in node.names]

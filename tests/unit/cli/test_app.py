@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import re
 import signal
 import subprocess
@@ -20,6 +19,7 @@ from meshdeform import errors
 from meshdeform.cli.app import app
 from meshdeform.cli.exits import ExitCode, exit_code
 from meshdeform.support.files import write_files
+from tests.acceptance.service import until
 from tests.cases import each_case
 
 
@@ -47,11 +47,6 @@ def _write_obj(path: Path, height: float) -> Path:
 
 def meshdeform_command(*arguments: object) -> list[str]:
     return [sys.executable, "-P", "-m", "meshdeform", *(str(argument) for argument in arguments)]
-
-
-def run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command as a person does."""
-    return subprocess.run(meshdeform_command(*arguments), cwd=cwd, capture_output=True, text=True, check=False)
 
 
 def run_here(*arguments: object, cwd: Path) -> Result:
@@ -119,8 +114,8 @@ def test_wrong_use_says_what_is_wrong(arguments: list[str], code: ExitCode, said
 
 
 def test_a_run_writes_everything_beside_the_result(sphere: Path, egg: Path, tmp_path: Path) -> None:
-    result = run("run", sphere, "--target", egg, "--steps", 3, "--morph", "-o", "egg.glb", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
+    result = run_here("run", sphere, "--target", egg, "--steps", 3, "--morph", "-o", "egg.glb", cwd=tmp_path)
+    assert result.exit_code == 0, result.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "egg.glb",
         "egg.morph.glb",
@@ -225,8 +220,7 @@ def test_ctrl_c_writes_nothing_half_and_keeps_the_state(sphere: Path, egg: Path,
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as child:
         give_up = threading.Timer(120.0, child.kill)
         give_up.start()
-        while not (tmp_path / "state").exists() and child.poll() is None:
-            os.sched_yield()
+        until("the state is written", lambda: (tmp_path / "state").exists() or child.poll() is not None)
         child.send_signal(signal.SIGINT)
         _, said = child.communicate()
         give_up.cancel()

@@ -70,6 +70,7 @@ def through(run: JobRun) -> dict[str, ArtifactData]:
     return run.finish()
 
 
+@pytest.mark.as_shipped
 def test_points_become_a_mesh_that_is_deformed_and_reported() -> None:
     shown: dict[str, ArtifactData] = {}
     phases: list[str] = []
