@@ -150,8 +150,17 @@ def barriers(page: Page, axe: str, rules: dict[str, Any] = RULES) -> list[str]:
     if not page.evaluate("() => 'axe' in window"):
         # By the debugger, which the page's policy does not bind.
         page.evaluate(axe)
-    # A colour on its way from light to dark is neither.
-    page.evaluate("() => Promise.allSettled(document.getAnimations().map((animation) => animation.finished))")
+    # A colour on its way from light to dark is neither. An element that inherits one sets out a frame after its parent.
+    page.evaluate(
+        """async () => {
+          for (let still = 0; still < 2; still += 1) {
+            await new Promise((done) => requestAnimationFrame(done));
+            const moving = document.getAnimations().filter((animation) => animation.playState === "running");
+            if (moving.length) still = -1;
+            await Promise.allSettled(moving.map((animation) => animation.finished));
+          }
+        }"""
+    )
     found: list[dict[str, Any]] = page.evaluate(
         "async (rules) => (await axe.run(document, { runOnly: rules })).violations", rules
     )
