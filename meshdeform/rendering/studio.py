@@ -9,7 +9,6 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 import torch
@@ -20,7 +19,7 @@ from torch.nn import functional
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.appearance import Appearance
-from meshdeform.geometry.torch_threads import share_work
+from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
 from meshdeform.rendering.rasterizer import rasterize
@@ -85,6 +84,7 @@ class Studio:
         self._framing = _framing(self._cameras(azimuths_deg), ((shown - self._centre) * self._scale).float())
 
     @torch.no_grad()
+    @one_torch_thread()
     def photograph(self, pose: Pose, azimuths_deg: Sequence[float]) -> NDArray[np.uint8]:
         """Draw a state from several sides.
 
@@ -97,16 +97,10 @@ class Studio:
         cameras = replace(cameras, view_proj=self._framing @ cameras.view_proj)
         shadow, ground = self._shadow(positions), float(positions[self._used, 1].min())
         normals = torch.from_numpy(pose.normals)
-
-        @torch.no_grad()  # of each thread
-        def draw(begin: int, end: int) -> list[Tensor]:
-            drawn = []
-            for b in range(begin, end):
-                one = _one(cameras, b)
-                drawn.append(self._renderer.render(positions, normals, one, self._backdrop(one, shadow, ground))[0])
-            return drawn
-
-        views = list(chain.from_iterable(share_work(draw, len(azimuths_deg))))
+        views = []
+        for b in range(len(azimuths_deg)):
+            one = _one(cameras, b)
+            views.append(self._renderer.render(positions, normals, one, self._backdrop(one, shadow, ground))[0])
         pixels: NDArray[np.uint8] = (torch.stack(views) * 255).round().to(torch.uint8).numpy()
         return pixels
 
