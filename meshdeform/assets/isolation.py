@@ -26,13 +26,17 @@ __all__ = [
 ]
 
 # Our package's folder comes last, so that a file beside it cannot replace an installed module. A child lives for
-# seconds, most of which are imports: they make a million objects that would be searched for garbage after each 700.
+# seconds, most of which are imports: they make a million objects that would be searched for garbage after each 700, and
+# again as it ends (`support.collector`).
 _PROGRAM = """
 import gc, sys
 gc.set_threshold(20_000)
 sys.path.append(sys.argv.pop(1))
 from {module} import main
-sys.exit(main())
+try:
+    sys.exit(main())
+finally:
+    gc.freeze()
 """
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "PXR_WORK_THREAD_LIMIT")
 # fmt: off

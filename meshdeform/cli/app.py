@@ -40,6 +40,7 @@ from meshdeform.cli.unfold import unfold
 from meshdeform.cli.variants import variants
 from meshdeform.cli.version import print_version, version
 from meshdeform.cli.waiting import wait, watch
+from meshdeform.support.collector import skip_last_collections
 from meshdeform.support.threads import limit_spinning
 
 __all__ = ["app", "main"]
@@ -147,4 +148,7 @@ app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 def main() -> None:
     """Run the command that the arguments name, and exit."""
     limit_spinning()  # before a command imports torch
-    app()
+    try:
+        app()
+    finally:
+        skip_last_collections()

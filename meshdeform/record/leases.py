@@ -160,6 +160,7 @@ class Leases:
         """Store progress, and write an event if `as_event`; return the job's state, which may be `canceling`.
 
         The fraction never decreases, even across attempts. With `lease_s`, the lease is renewed for so many seconds.
+        `progress` says which stage runs; the attempt is the one given.
         """
         # The databases have no common function: SQLite has max(), PostgreSQL greatest().
         furthest = sa.case((jobs.c.fraction > progress.fraction, jobs.c.fraction), else_=progress.fraction)
@@ -178,7 +179,9 @@ class Leases:
         # What workers do most, and so one statement.
         change = sa.update(jobs).where(rows.fenced(job_id, attempt)).values(version=jobs.c.version + 1, **values)
         statement = (
-            with_progress_event(self._database, change, progress) if as_event else change.returning(jobs.c.state)
+            with_progress_event(self._database, change, progress.model_copy(update={"attempt": attempt}))
+            if as_event
+            else change.returning(jobs.c.state)
         )
         with self._database.write_once() as connection:
             state = connection.execute(statement).scalar_one_or_none()

@@ -21,7 +21,7 @@ from meshdeform.record.models import (
 )
 from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.document import JobRequest, read_stored
-from meshdeform.requests.stages import stage_at
+from meshdeform.requests.stages import stage_at, stages_of
 
 __all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "job_files", "new_job"]
 
@@ -85,8 +85,6 @@ def job_files(job_id: str, new: NewJob) -> list[dict[str, Any]]:
 def job(row: Row) -> Job:
     """Return the job of a row."""
     request = read_stored(row.request)
-    # Parameters of another kind of job have no stages.
-    stages = getattr(request.params, "stages", ())
     return Job(
         id=row.id,
         state=JobState(row.state),
@@ -105,7 +103,7 @@ def job(row: Row) -> Job:
             losses=row.losses,
             eta_s=row.eta_s,
             attempt=row.attempt,
-            stage=stage_at(stages, row.step, row.total_steps),
+            stage=stage_at(stages_of(request.params), row.step, row.total_steps),
         ),
         attempt=row.attempt,
         version=row.version,

@@ -34,6 +34,7 @@ __all__ = [
     "of_stage",
     "prompt_words",
     "stage_at",
+    "stages_of",
     "with_target_models",
 ]
 
@@ -186,6 +187,12 @@ STAGES: Any = Field(
     "each. They replace the prompt and `guidance`, and the job also writes `morph.glb` ([Control](control.md)).",
     examples=[[{"prompt": "a pear"}, {"prompt": "a mushroom"}]],
 )
+
+
+def stages_of(params: object) -> Sequence[Stage]:
+    """Return the stages of a job's parameters; those of other kinds of job have none."""
+    found: Sequence[Stage] = getattr(params, "stages", ())
+    return found
 
 
 def stage_at(stages: Sequence[Stage], step: int, total_steps: int) -> StageProgress | None:

@@ -1,4 +1,4 @@
-"""Keep Python's cyclic garbage collector from searching what a program loads. Standard library only."""
+"""Keep Python's cyclic garbage collector from searching what a program has loaded. Standard library only."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["collection_paused"]
+__all__ = ["collection_paused", "skip_last_collections"]
 
 
 @contextmanager
@@ -31,3 +31,12 @@ def collection_paused(*, keep: bool = False) -> Iterator[None]:
         if keep:
             gc.freeze()
         gc.enable()
+
+
+def skip_last_collections() -> None:
+    """Let the interpreter end without a search for garbage; call it last in a program of our own.
+
+    As it ends, Python looks for cycles several times among all that was ever loaded, which takes longer with torch than
+    everything else that ends. What was to be done at the end (`atexit`, `weakref.finalize`) is done as before.
+    """
+    gc.freeze()

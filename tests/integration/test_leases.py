@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 
 import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import ConflictError, StaleAttemptError
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, JobError, JobState, Progress
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs as jobs_table
+from meshdeform.runs.base import StepReport
 from tests.integration.conftest import new_job
 from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, ids, posted
+from worker.watch import JobWatch
 
 pytestmark = pytest.mark.both_databases
+
+
+class Silence:
+    """Nobody cancels the job."""
+
+    def wait(self, timeout_s: float) -> bool:
+        threading.Event().wait(timeout_s)
+        return False
 
 
 def test_of_many_that_claim_one_job_at_once_one_gets_it(record: JobRecord, database_url: str) -> None:
@@ -317,6 +330,20 @@ def test_the_fraction_never_goes_back_across_a_recovery(record: JobRecord) -> No
     assert [(data["step"], data["fraction"], data["attempt"]) for data in told] == [
         (6, 0.6, 1), (2, 0.6, 2), (5, 0.6, 2), (7, 0.7, 2),
     ]  # fmt: skip
+
+
+def test_a_progress_event_tells_what_the_job_tells(record: JobRecord) -> None:
+    job = claimed(record, posted(record, prompt="", params={"stages": [{"prompt": "a pear"}, {"prompt": "a vase"}]}))
+    identity = WorkerIdentity("worker", "meshdeform", "cpu")
+    with JobWatch(record.leases, identity, job, lambda: nullcontext(Silence()), LEASE_S) as watch:
+        watch.phase("optimizing")
+        watch.step(StepReport(6, 10, {"guidance": 0.25}))
+    told = record.events.after(job.id)[-1]
+    found = record.get(job.id).progress
+    assert told.type == "progress"
+    assert told.data == found.model_dump(mode="json")
+    assert found.stage is not None
+    assert (found.step, found.attempt, found.stage.number, found.stage.name) == (6, 1, 2, "a vase")
 
 
 @pytest.mark.both_databases(long=True)
