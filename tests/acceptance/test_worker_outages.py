@@ -55,7 +55,7 @@ def test_a_store_that_is_away_when_a_job_begins_is_waited_for(
             job_id = cluster.submit(STEPS, every=20)
             proxy.refuse()
             worker = cluster.start_worker()
-            until("the asset cannot be read", lambda: "the asset: " in worker.log)
+            until("the asset cannot be read", lambda: "the file asset: " in worker.log)
             proxy.pass_through()
             assert cluster.check(job_id, steps=STEPS).attempt == 1
 

@@ -128,7 +128,7 @@ def test_points_that_are_deformed_are_shown_as_the_mesh_that_was_fitted(
     assert answer.status_code == 202, answer.text
     job = str(answer.json()["id"])
     page.goto(f"/?job={job}")
-    expect(badge(page)).to_have_text("Succeeded")
+    expect(badge(page)).to_have_text("Succeeded", timeout=240_000)
     for title in ("Before", "After"):
         until_drawn(page.locator(".job-stage .viewer", has_text=title).first)
     expect(page.get_by_label("Morph", exact=True)).to_be_visible()  # both have the same triangles
