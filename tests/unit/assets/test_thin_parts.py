@@ -6,10 +6,10 @@ import io
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 
 from meshdeform.assets.surface_files import read_surface_file, summary_of
 from meshdeform.assets.thin_parts import thin_warnings
+from tests.cases import each_case
 
 CELL = 2 / 39
 AT = np.stack(np.meshgrid(*[np.linspace(-1, 1, 40)] * 3, indexing="ij"), -1)
@@ -23,7 +23,7 @@ def told(values: np.ndarray) -> tuple[str, ...]:
     return thin_warnings(values, np.full(3, CELL))
 
 
-@pytest.mark.parametrize("cells", [1.5, 2.0, 2.5])
+@each_case("cells", [1.5, 2.0, 2.5])
 def test_a_tube_of_few_cells_is_told(cells: float) -> None:
     for values in (ring(cells / 2 * CELL), np.clip(ring(cells / 2 * CELL), -3 * CELL, 3 * CELL)):
         (sentence,) = told(values)
@@ -35,7 +35,7 @@ def test_a_thin_plate_is_told_though_all_within_it_is_alike() -> None:
     assert told(np.maximum(np.abs(AT[..., :2]).max(-1) - 0.7, np.abs(AT[..., 2]) - CELL))
 
 
-@pytest.mark.parametrize(
+@each_case(
     "values",
     [
         lambda: ring(2.1 * CELL),
