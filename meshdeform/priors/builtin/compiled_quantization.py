@@ -194,27 +194,28 @@ def dequantize(x: _Floats, levels: _Floats, sums: _Floats, bias: _Floats, added:
 
     Parameters
     ----------
-    x : (B, P, C) float32
-        P pixels. Changed.
+    x : (B, H, W, C) float32
+        Changed.
     levels : (B, 2) float32
         From `quantize` or `quantize_normed`.
     sums, bias : (C,) float32
-    added : (B, P, C) float32, optional
+    added : (B, H, W, C) float32, optional
     """
-    shift = np.empty(len(bias), np.float32)
-    for n in range(x.shape[0]):
+    batch, height, width, channels = x.shape
+    shift = np.empty(channels, np.float32)
+    for n in range(batch):
         step = levels[n, 0]
-        for c in range(len(bias)):
+        for c in range(channels):
             shift[c] = bias[c] - step * levels[n, 1] * sums[c]
-        for p in range(x.shape[1]):
-            row = x[n, p]
+        for p in range(height * width):
+            row = x[n, p // width, p % width]
             # Compiled once without `added` and once with it: numba removes the branch.
             if added is not None:
-                other = added[n, p]
-                for c in range(len(bias)):
+                other = added[n, p // width, p % width]
+                for c in range(channels):
                     row[c] = row[c] * step + shift[c] + other[c]
             else:
-                for c in range(len(bias)):
+                for c in range(channels):
                     row[c] = row[c] * step + shift[c]
 
 

@@ -27,6 +27,7 @@ from meshdeform.priors.builtin.network import AttentionBlock, PriorNetwork, Resi
 
 __all__ = ["is_usable", "quantized"]
 
+_Floats = NDArray[np.float32]
 
 _LARGEST_WEIGHT = 63
 """Of 7 bits. AVX2 adds up the products of two pairs of bytes in 16 bits, where 2 x 255 x 63 is not too much."""
@@ -34,40 +35,45 @@ _LARGEST_WEIGHT = 63
 
 @dataclass(frozen=True)
 class _Levels:
-    """Pictures (B, C, H, W) of bytes, whose channels come last in memory, with a border.
+    """Pictures (B, H, W, C) of bytes with a border.
 
     `steps` (B, 2) has of each picture the step between two levels and the level of 0: ``step (values - zero)``.
     """
 
-    values: Tensor
+    values: NDArray[np.uint8]
     steps: NDArray[np.float32]
 
 
-def _rows(picture: Tensor) -> Tensor:
+def _rows(picture: Tensor) -> _Floats:
     """Return a picture (B, C, H, W) as (B, H, W, C), without a copy if its channels come last in memory."""
-    return picture.permute(0, 2, 3, 1).contiguous()
+    rows: _Floats = picture.permute(0, 2, 3, 1).contiguous().numpy()
+    return rows
 
 
-def _room(picture: Tensor, border: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    batch, channels, height, width = picture.shape
+def _picture(rows: _Floats) -> Tensor:
+    return torch.from_numpy(rows).permute(0, 3, 1, 2)
+
+
+def _room(rows: _Floats, border: int) -> _Levels:
+    batch, height, width, channels = rows.shape
     values = np.empty((batch, height + 2 * border, width + 2 * border, channels), np.uint8)
-    return values, np.empty((batch, 2), np.float32)
+    return _Levels(values, np.empty((batch, 2), np.float32))
 
 
-def _levels(picture: Tensor, border: int = 0) -> _Levels:
-    """Quantise a picture (B, C, H, W) float32."""
-    values, steps = _room(picture, border)
-    quantize(_rows(picture).numpy(), border, values, steps)
-    return _Levels(torch.from_numpy(values).permute(0, 3, 1, 2), steps)
+def _levels(rows: _Floats, border: int = 0) -> _Levels:
+    """Quantise pictures (B, H, W, C)."""
+    made = _room(rows, border)
+    quantize(rows, border, made.values, made.steps)
+    return made
 
 
 def _normed(
-    picture: Tensor, gain: Tensor, shift: Tensor, groups: int, *, silu: bool = True, border: int = 1
+    rows: _Floats, gain: _Floats, shift: _Floats, groups: int, *, silu: bool = True, border: int = 1
 ) -> _Levels:
-    """Quantise a picture (B, C, H, W) float32 after a group norm, scaled and shifted by (B, C) each, and SiLU."""
-    values, steps = _room(picture, border)
-    quantize_normed(_rows(picture).numpy(), gain.numpy(), shift.numpy(), groups, silu, border, values, steps)
-    return _Levels(torch.from_numpy(values).permute(0, 3, 1, 2), steps)
+    """Quantise pictures (B, H, W, C) after a group norm, scaled and shifted by (B, C) each, and SiLU."""
+    made = _room(rows, border)
+    quantize_normed(rows, gain, shift, groups, silu, border, made.values, made.steps)
+    return made
 
 
 class _Norm(nn.Module):
@@ -75,13 +81,16 @@ class _Norm(nn.Module):
 
     def __init__(self, norm: nn.GroupNorm, *, silu: bool = True, border: int = 1) -> None:
         super().__init__()
-        self._gain, self._shift = norm.weight.detach()[None], norm.bias.detach()[None]
+        self._gain, self._shift = norm.weight.detach()[None].numpy(), norm.bias.detach()[None].numpy()
         self._groups, self._silu, self._border = norm.num_groups, silu, border
 
     def forward(self, x: Tensor) -> _Levels:
         """Quantise the norm of a picture (B, C, H, W) float32."""
-        gain, shift = self._gain, self._shift
-        return _normed(x, gain, shift, self._groups, silu=self._silu, border=self._border)
+        return self.of_rows(_rows(x))
+
+    def of_rows(self, rows: _Floats) -> _Levels:
+        """Quantise the norm of pictures (B, H, W, C)."""
+        return _normed(rows, self._gain, self._shift, self._groups, silu=self._silu, border=self._border)
 
 
 class _Convolution(nn.Module):
@@ -104,21 +113,26 @@ class _Convolution(nn.Module):
         self._bias, self._sums = bias.numpy(), (self._signed.sum((1, 2, 3)) * self._steps).numpy()
         self._packed: Tensor | None = None
 
-    def forward(self, picture: Tensor | _Levels, added: Tensor | None = None) -> Tensor:
-        """Convolve a picture (B, C, H, W) float32, or one of bytes, and add another to the result."""
-        x = picture if isinstance(picture, _Levels) else _levels(picture, self._border)
+    def forward(self, picture: Tensor | _Levels) -> Tensor:
+        """Convolve a picture (B, C, H, W) float32, or pictures of bytes."""
+        return _picture(self.to_rows(picture if isinstance(picture, _Levels) else _rows(picture)))
+
+    def to_rows(self, rows: _Floats | _Levels, added: _Floats | None = None) -> _Floats:
+        """Convolve pictures (B, H, W, C), and add others to the result."""
+        x = rows if isinstance(rows, _Levels) else _levels(rows, self._border)
+        levels = torch.from_numpy(x.values).permute(0, 3, 1, 2)
         if self._packed is None:
             # In an order that suits the first picture. Without its size, each call would reorder all weights.
             self._packed = torch.ops.onednn.qconv_prepack(
-                self._signed, self._steps, 1.0, 0, self._stride, [0, 0], [1, 1], 1, x.values.shape
+                self._signed, self._steps, 1.0, 0, self._stride, [0, 0], [1, 1], 1, levels.shape
             )
         result: Tensor = torch.ops.onednn.qconv2d_pointwise(
-            x.values, 1.0, 0, self._packed, self._steps, self._zeros, None,
+            levels, 1.0, 0, self._packed, self._steps, self._zeros, None,
             self._stride, [0, 0], [1, 1], 1, 1.0, 0, torch.float32, "none", [], None,
         )  # fmt: skip
-        other = None if added is None else _rows(added).flatten(1, 2).numpy()
-        dequantize(_rows(result).flatten(1, 2).numpy(), x.steps, self._sums, self._bias, other)
-        return result
+        out = _rows(result)
+        dequantize(out, x.steps, self._sums, self._bias, added)
+        return out
 
 
 class _Modulation(nn.Module):
@@ -148,18 +162,18 @@ class _ResidualBlock(nn.Module):
 
     def __init__(self, block: ResidualBlock, begin: int) -> None:
         super().__init__()
-        self.norm_in, self._groups = _Norm(block.norm_in), block.norm_out.num_groups
-        self._begin, self._channels = begin, block.norm_out.num_channels
-        self.conv_in, self.conv_out = _Convolution(block.conv_in), _Convolution(block.conv_out)
-        self.skip = block.skip if isinstance(block.skip, nn.Identity) else _Convolution(block.skip)
+        self._norm_in, self._groups = _Norm(block.norm_in), block.norm_out.num_groups
+        self._gains = slice(begin, begin + block.norm_out.num_channels)
+        self._shifts = slice(self._gains.stop, self._gains.stop + block.norm_out.num_channels)
+        self._conv_in, self._conv_out = _Convolution(block.conv_in), _Convolution(block.conv_out)
+        self._skip = None if isinstance(block.skip, nn.Identity) else _Convolution(block.skip)
 
     def forward(self, x: Tensor, modulation: Tensor) -> Tensor:
         """Map (B, inner, H, W) float32 to (B, outer, H, W)."""
-        columns = modulation.narrow(1, self._begin, 2 * self._channels)
-        gain, shift = (half.contiguous() for half in columns.chunk(2, 1))
-        h = _normed(self.conv_in(self.norm_in(x)), gain, shift, self._groups)
-        result: Tensor = self.conv_out(h, self.skip(x))
-        return result
+        rows, both = _rows(x), modulation.numpy()
+        gain, shift = (np.ascontiguousarray(both[:, columns]) for columns in (self._gains, self._shifts))
+        h = _normed(self._conv_in.to_rows(self._norm_in.of_rows(rows)), gain, shift, self._groups)
+        return _picture(self._conv_out.to_rows(h, self._skip.to_rows(rows) if self._skip else rows))
 
 
 class _AttentionBlock(nn.Module):
@@ -172,13 +186,12 @@ class _AttentionBlock(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Map (B, C, H, W) float32 to the same shape."""
-        batch, channels, height, width = x.shape
-        qkv = _rows(self.qkv(self.norm(x))).view(batch, height * width, 3, self.heads, -1)
-        query, key, value = qkv.permute(2, 0, 3, 1, 4).unbind(0)
+        rows = _rows(x)
+        batch, height, width, channels = rows.shape
+        qkv = self.qkv.to_rows(self.norm.of_rows(rows)).reshape(batch, height * width, 3, self.heads, -1)
+        query, key, value = torch.from_numpy(qkv).permute(2, 0, 3, 1, 4).unbind(0)
         mixed = functional.scaled_dot_product_attention(query, key, value).transpose(1, 2)
-        picture = mixed.reshape(batch, height, width, channels).permute(0, 3, 1, 2)
-        result: Tensor = self.out(picture, x)
-        return result
+        return _picture(self.out.to_rows(mixed.reshape(batch, height, width, channels).numpy(), rows))
 
 
 @functools.cache

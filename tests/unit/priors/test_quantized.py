@@ -103,14 +103,15 @@ def test_a_convolution_of_bytes_is_that_of_the_numbers_they_mean(layer: nn.Conv2
         signed = round_weights((layer.weight / steps).flatten(2).numpy(), 63)
         rounded = torch.from_numpy(signed).view_as(layer.weight) * steps
         x = _random(2, 6, 8, 8, seed=3) + 0.7
-        levels = quantized._levels(x, int(layer.padding[0]))
         border = int(layer.padding[0])
-        meant = _meant(levels.values.permute(0, 2, 3, 1).numpy(), levels.steps).permute(0, 3, 1, 2)
+        levels = quantized._levels(x.permute(0, 2, 3, 1).contiguous().numpy(), border)
+        meant = _meant(levels.values, levels.steps).permute(0, 3, 1, 2)
         inner = meant[:, :, border : 8 + border, border : 8 + border]
         expected = functional.conv2d(inner, rounded, layer.bias, layer.stride, layer.padding)
         made = quantized._Convolution(layer)
         torch.testing.assert_close(made(levels), expected, rtol=1e-4, atol=1e-4)
-        torch.testing.assert_close(made(levels, added=expected), 2 * expected, rtol=1e-4, atol=1e-4)
+        rows = expected.permute(0, 2, 3, 1).contiguous()
+        torch.testing.assert_close(torch.from_numpy(made.to_rows(levels, rows.numpy())), 2 * rows, rtol=1e-4, atol=1e-4)
         # Packed for one size, it takes others; and a picture does not depend on those beside it.
         for n in range(2):
             assert torch.equal(made(x[n : n + 1])[0], made(x)[n])
