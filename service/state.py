@@ -152,7 +152,8 @@ class AppState:
             A connection cannot be opened. Redis may be unavailable: it is not contacted here.
         """
         record = JobRecord(settings.resolved_database_url, upgrade_elsewhere=alone)
-        store = ObjectStore(settings.resolved_storage_url, public_url=settings.storage_public_url)
+        location, public_url = settings.resolved_storage_url, settings.storage_public_url
+        store = ObjectStore(location, public_url=public_url, create=not record.files.any())
         workspace = Workspace()
         return cls(
             settings=settings,

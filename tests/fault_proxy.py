@@ -10,7 +10,12 @@ from types import TracebackType
 
 __all__ = ["FaultProxy"]
 
-_503 = b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+_ANSWERS = {
+    "error503": b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n",
+    # What a gateway says that has lost the way to its server.
+    "error404": b"HTTP/1.1 404 Not Found\r\nContent-Type: text/html\r\nContent-Length: 25\r\nConnection: close\r\n\r\n"
+    b"<html>No such page</html>",
+}
 
 
 class FaultProxy:
@@ -60,6 +65,10 @@ class FaultProxy:
     def error503(self) -> None:
         """Answer every HTTP request with 503, and ask nobody."""
         self._switch("error503")
+
+    def error404(self) -> None:
+        """Answer every HTTP request with a page that says 404, and ask nobody."""
+        self._switch("error404")
 
     def cut_after(self, count: int, *, upload: bool = False) -> None:
         """Pass `count` bytes of each connection, of the answers or (`upload`) of the requests, then end it."""
@@ -115,8 +124,8 @@ class FaultProxy:
                 return
             mode = self._mode
             with contextlib.suppress(OSError):
-                if mode == "error503":
-                    _answer_503(client)
+                if mode in _ANSWERS:
+                    _answer(client, _ANSWERS[mode])
                 elif mode != "refuse":
                     self._connect(client)
 
@@ -171,14 +180,14 @@ class FaultProxy:
             connection.close()
 
 
-def _answer_503(client: socket.socket) -> None:
+def _answer(client: socket.socket, answer: bytes) -> None:
     head = b""
     while b"\r\n\r\n" not in head:
         part = client.recv(65_536)
         if not part:
             return
         head += part
-    client.sendall(_503)
+    client.sendall(answer)
     client.shutdown(socket.SHUT_WR)
     # The rest of the request: closing with bytes unread would reset the connection, and the answer be lost.
     while client.recv(65_536):

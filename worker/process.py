@@ -311,7 +311,7 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
     context = WorkerContext(
         settings=settings,
         record=record,
-        store=ObjectStore(settings.resolved_storage_url),
+        store=ObjectStore(settings.resolved_storage_url, create=not record.files.any()),
         listen=JobQueue(settings.redis_url, settings.queue).listen_for_cancel,
         start=engine.start,
         load_prior=engine.load_prior,

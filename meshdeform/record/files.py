@@ -102,6 +102,11 @@ class FileLedger:
             connection.execute(self._database.prepared(_unpin), {"file": key})
         return None
 
+    def any(self) -> bool:
+        """Return whether there is any stored file: then the object store must not be a new one."""
+        with self._database.read() as connection:
+            return connection.execute(sa.select(files.c.key).limit(1)).first() is not None
+
     def unused(self) -> list[str]:
         """Return the unused files among the next few hundred; repeated calls go through all files in turn.
 

@@ -95,13 +95,13 @@ def parts_of(source: BinaryIO) -> Iterator[bytes]:
 
 
 @contextmanager
-def file_errors(what: str) -> Iterator[None]:
-    """Translate the operating system's file errors into Meshdeform's."""
+def file_errors(what: str | None = None) -> Iterator[None]:
+    """Translate the operating system's file errors into Meshdeform's; without a name, nothing may be missing."""
     try:
         yield
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError) as error:
-        raise NotFoundError(f"The object store has no {what}.") from error
     except OSError as error:
+        if what is not None and isinstance(error, FileNotFoundError | NotADirectoryError | IsADirectoryError):
+            raise NotFoundError(f"The object store has no {what}.") from error
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise UnavailableError(
                 f"The disk is full ({error.strerror}).",

@@ -10,7 +10,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from meshdeform.errors import DependencyError, NotFoundError, UnavailableError
+from meshdeform.errors import DependencyError, MeshdeformError, NotFoundError, UnavailableError
 from meshdeform.storage.base import is_key
 
 __all__ = ["Bucket"]
@@ -23,6 +23,9 @@ _WHOLE = timedelta(hours=1)
 # A part must be sent within the patience. Four at a time limit the memory to 32 MiB for any object size.
 _PART, _AT_A_TIME = 8 << 20, 4
 _NO_SUCH_RANGE = ("416 ", "range")
+# The codes in the body of a 404: S3 and Google, Azure. Without one, not the store has answered but a gateway before it.
+_NO_OBJECT = ("<Code>NoSuchKey</Code>", "<Code>BlobNotFound</Code>")
+_NO_BUCKET = ("<Code>NoSuchBucket</Code>", "<Code>ContainerNotFound</Code>")
 
 
 class Bucket:
@@ -70,7 +73,7 @@ class Bucket:
     def ping(self, timeout_s: float | None = None) -> None:
         """Return once the bucket can be listed."""
         found = self._api.list(self._store, prefix="ping", chunk_size=1)
-        with self._errors("the bucket", absent=UnavailableError):
+        with self._errors("the bucket"):
             if timeout_s is None:
                 next(iter(found), None)
                 return
@@ -84,7 +87,7 @@ class Bucket:
         """
         # No character allowed in a key needs escaping here.
         disposition = f'attachment; filename="{key.rpartition("/")[2]}"'
-        with self._errors(key, absent=UnavailableError):
+        with self._errors(key):
             self._api.put(
                 self._store,
                 key,
@@ -96,13 +99,12 @@ class Bucket:
 
     def size(self, key: str) -> int:
         """Return the size of an object in bytes."""
-        try:
-            with self._errors(key):
+        with self._errors(key):
+            try:
                 return int(self._api.head(self._store, key)["size"])
-        except NotFoundError:
-            # The response to HEAD has no body to tell a missing object from a missing bucket.
-            self.ping()
-            raise
+            except FileNotFoundError:
+                # The response to HEAD has no body that says what is missing.
+                return int(self._api.get(self._store, key).meta["size"])
 
     def stream(self, key: str, start: int, end: int | None, chunk: int) -> Iterator[bytes]:
         """Yield the bytes of one request; if the connection breaks, obstore retries the rest a few times."""
@@ -142,7 +144,7 @@ class Bucket:
 
     def list(self, folder: str) -> Iterator[tuple[str, int]]:
         """Yield every object below a prefix that has a valid key."""
-        with self._errors(folder, absent=UnavailableError):
+        with self._errors(folder):
             for batch in self._api.list(self._store, prefix=folder or None):
                 yield from ((entry["path"], int(entry["size"])) for entry in batch if is_key(entry["path"]))
 
@@ -169,25 +171,33 @@ class Bucket:
             return str(self._api.sign(self._signing, method, key, timedelta(seconds=expires_s)))
 
     @contextmanager
-    def _errors(self, what: str, absent: type[NotFoundError | UnavailableError] = NotFoundError) -> Iterator[None]:
-        refused = (self._api.exceptions.PermissionDeniedError, self._api.exceptions.UnauthenticatedError)
+    def _errors(self, what: str) -> Iterator[None]:
         try:
             yield
-        except (self._api.exceptions.NotFoundError, FileNotFoundError) as error:
-            # Tell a missing object from a missing bucket: with the bucket missing, no object may be treated as lost.
-            if absent is UnavailableError or "NoSuchBucket" in str(error):
-                raise UnavailableError(
-                    "The object store's bucket does not exist.",
-                    advice="Create the bucket that MESHDEFORM_STORAGE_URL names.",
-                ) from error
-            raise NotFoundError(f"The object store has no {what}.") from error
-        except refused as error:
-            raise UnavailableError(
+        except (self._api.exceptions.BaseError, OSError, ValueError) as error:
+            raise self._translated(error, what) from error
+
+    def _translated(self, error: Exception, what: str) -> MeshdeformError:
+        """Return our error for obstore's; an object is missing only if the store itself says so."""
+        text = str(error)
+        if any(code in text for code in _NO_BUCKET):
+            return UnavailableError(
+                "The object store's bucket does not exist.",
+                advice="Create the bucket that MESHDEFORM_STORAGE_URL names.",
+            )
+        if isinstance(error, FileNotFoundError | self._api.exceptions.NotFoundError):
+            if any(code in text for code in _NO_OBJECT) or isinstance(self._store, self._api.store.MemoryStore):
+                return NotFoundError(f"The object store has no {what}.")
+            return UnavailableError(
+                "The object store's address answers 404, but not as an object store does.",
+                advice="Check the gateway in front of the store, MESHDEFORM_STORAGE_URL and the endpoint's address.",
+            )
+        if isinstance(error, self._api.exceptions.PermissionDeniedError | self._api.exceptions.UnauthenticatedError):
+            return UnavailableError(
                 "The object store refuses the credentials.",
                 advice="Check the AWS_* variables (or those of your store), the bucket's policy and the clock.",
-            ) from error
-        except (self._api.exceptions.BaseError, OSError, ValueError) as error:
-            raise UnavailableError(f"The object store does not answer ({type(error).__name__}).") from error
+            )
+        return UnavailableError(f"The object store does not answer ({type(error).__name__}).")
 
 
 async def _first(found: Any) -> None:

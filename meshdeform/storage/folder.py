@@ -1,4 +1,8 @@
-"""Store each object as a file in a folder, synced to the disk before `put` returns."""
+"""Store each object as a file in a folder, synced to the disk before `put` returns.
+
+A network disk that is not mounted looks like an empty folder, or like none. A marker file at the root tells such a
+store, which is away, from one that lacks an object: an object is missing only while the marker is there.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +11,23 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import NotFoundError, UnavailableError
 from meshdeform.storage.base import CHUNK, file_errors, is_key
 
-__all__ = ["Folder", "rename_into_place", "sync_folder"]
+__all__ = ["MARKER", "Folder", "sync_folder"]
 
+T = TypeVar("T")
+MARKER = ".meshdeform-store"
+_MARKER_TEXT = "This folder is an object store of Meshdeform. Without this file it counts as away, as if not mounted.\n"
 _PARTIAL = ".partial"
 _PARTIAL_KEPT_S = 86_400.0
+# Folders that stores of editions without the marker have.
+_CONTENTS = ("assets", "jobs")
 
 
 class Folder:
@@ -27,80 +36,117 @@ class Folder:
     Parameters
     ----------
     root : Path
-        Created if missing.
+    create : bool
+        Whether a missing or empty folder becomes a new store. Otherwise it counts as a store that is away.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, *, create: bool = True) -> None:
         self.root = root.absolute()
         self._partial = self.root / _PARTIAL
-        with file_errors("the folder"):
-            self._partial.mkdir(parents=True, exist_ok=True)
+        with suppress(UnavailableError):
+            self.ping()
+            self._clean_up()
+            return
+        if create:
+            with file_errors():
+                self.root.mkdir(parents=True, exist_ok=True)
+                self._mark()
+
+    def ping(self, timeout_s: float | None = None) -> None:  # noqa: ARG002
+        """Return if the store is there; mark a store of an earlier edition."""
+        with file_errors():
+            if (self.root / MARKER).exists():
+                return
+            if any((self.root / name).is_dir() for name in _CONTENTS):
+                self._mark()
+                return
+        raise UnavailableError(
+            f"The object store's folder {self.root.name} is missing or empty.",
+            advice=f"Mount it. If it is to be an empty store, create the file {MARKER} in it.",
+        )
+
+    def _mark(self) -> None:
+        (self.root / MARKER).write_text(_MARKER_TEXT)
+        sync_folder(self.root)
+
+    def _clean_up(self) -> None:
+        """Remove what processes left that died while writing; no write takes a day."""
+        with file_errors(), suppress(FileNotFoundError):
             for left_over in self._partial.iterdir():
-                # Left by a process that died while writing; no write takes a day.
                 with suppress(FileNotFoundError):
                     if time.time() - left_over.stat().st_mtime > _PARTIAL_KEPT_S:
                         left_over.unlink()
 
-    def ping(self, timeout_s: float | None = None) -> None:  # noqa: ARG002
-        """Return if the folder exists."""
-        with file_errors("the folder"):
-            os.stat(self._partial)  # noqa: PTH116 - a missing folder must raise, which `exists` does not
+    @contextmanager
+    def errors(self, what: str) -> Iterator[None]:
+        """Translate file errors; a file is only missing if the store is there."""
+        try:
+            with file_errors(what):
+                yield
+        except NotFoundError:
+            self.ping()
+            raise
+
+    def _ask(self, key: str, question: Callable[[Path], T]) -> T:
+        """Ask about a file, again if it is missing: the store may have come back between the miss and the check."""
+        with suppress(NotFoundError), self.errors(key):
+            return question(self.root / key)
+        with self.errors(key):
+            return question(self.root / key)
 
     def put(self, key: str, source: BinaryIO, content_type: str) -> None:  # noqa: ARG002 - the record keeps it
         """Write a temporary file, sync it, rename it and sync the folders."""
-        with file_errors(key):
+        self.ping()
+        with file_errors():
+            self._partial.mkdir(exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=self._partial)
             try:
                 with os.fdopen(handle, "wb") as file:
                     shutil.copyfileobj(source, file, CHUNK)
                     file.flush()
                     os.fsync(file.fileno())
-                rename_into_place(Path(temporary), self.root / key, self.root)
+                self.rename_into_place(Path(temporary), key)
             finally:
                 Path(temporary).unlink(missing_ok=True)
 
     def size(self, key: str) -> int:
         """Return the size of a file in bytes."""
-        with file_errors(key):
-            found = (self.root / key).stat()
-            if not stat.S_ISREG(found.st_mode):
-                raise IsADirectoryError(key)
-            return found.st_size
+        return self._ask(key, _size)
 
     def stream(self, key: str, start: int, end: int | None, chunk: int) -> Iterator[bytes]:
         """Open the file immediately and read it as the chunks are consumed."""
-        with file_errors(key):
-            file = (self.root / key).open("rb")
+        file = self._ask(key, lambda path: path.open("rb"))
+        with file_errors():
             size = os.fstat(file.fileno()).st_size
             file.seek(start)
         return _parts(key, file, (size if end is None else min(end, size)) - start, chunk)
 
     def copy(self, source: str, destination: str) -> None:
         """Copy a file. A hard link would keep the original's age, and some file systems have none."""
-        with file_errors(source):
-            file = (self.root / source).open("rb")
-        with file:
+        with self._ask(source, lambda path: path.open("rb")) as file:
             self.put(destination, file, "")
 
     def list(self, folder: str) -> Iterator[tuple[str, int]]:
         """Yield every file below a folder, sorted by name."""
-        with file_errors(folder):
-            try:
+        self.ping()  # an empty folder in place of the store lists nothing
+        try:
+            with self.errors(folder):
                 entries = sorted(os.scandir(self.root / folder), key=lambda entry: entry.name)
-            except (FileNotFoundError, NotADirectoryError):
-                return
+        except NotFoundError:
+            return
         for entry in entries:
             key = f"{folder}/{entry.name}" if folder else entry.name
             if not is_key(key):
                 continue
-            with file_errors(key):
+            with file_errors():
                 if entry.is_dir(follow_symlinks=False):
                     yield from self.list(key)
                     continue
-                try:
+            try:
+                with self.errors(key):
                     found = entry.stat()
-                except FileNotFoundError:
-                    continue  # removed since the folder was read
+            except NotFoundError:
+                continue  # removed since the folder was read
             if stat.S_ISREG(found.st_mode):
                 yield key, found.st_size
 
@@ -109,38 +155,38 @@ class Folder:
         for parent in (self.root / key).parents:
             if not parent.is_relative_to(self.root):
                 break
-            with file_errors(key):
+            with self.errors(key):
                 sync_folder(parent)
 
     def delete(self, key: str) -> None:
         """Remove a file."""
-        with file_errors(key):
-            (self.root / key).unlink()
+        self._ask(key, Path.unlink)
 
     def delete_folder(self, folder: str) -> None:
         """Remove a folder with all its contents."""
-        with file_errors(folder), suppress(FileNotFoundError):
-            shutil.rmtree(self.root / folder)
+        with suppress(NotFoundError):
+            self._ask(folder, shutil.rmtree)
+
+    def rename_into_place(self, temporary: Path, key: str) -> None:
+        """Rename a file and sync every folder with a new entry, so that the name survives a power cut."""
+        path = self.root / key
+        self.ping()  # so that no folder is made where the store is not mounted
+        missing = [folder for folder in path.parents if folder.is_relative_to(self.root) and not folder.exists()]
+        while True:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                temporary.replace(path)
+                break
+            except FileNotFoundError:
+                # `delete_folder` removed the folder in between. Retry, unless the temporary file is missing, too.
+                if not temporary.exists():
+                    raise
+        for folder in {path.parent, *(folder.parent for folder in missing)}:
+            sync_folder(folder)
 
     def presign(self, method: str, key: str, expires_s: int) -> str | None:  # noqa: ARG002
         """Return None: only the API serves the folder, and it signs its own URLs."""
         return None
-
-
-def rename_into_place(temporary: Path, path: Path, root: Path) -> None:
-    """Rename a file and sync every folder with a new entry, so that the name survives a power cut."""
-    missing = [folder for folder in path.parents if folder.is_relative_to(root) and not folder.exists()]
-    while True:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            temporary.replace(path)
-            break
-        except FileNotFoundError:
-            # `delete_folder` removed the folder in between. Retry, unless the temporary file is missing, too.
-            if not temporary.exists():
-                raise
-    for folder in {path.parent, *(folder.parent for folder in missing)}:
-        sync_folder(folder)
 
 
 def sync_folder(folder: Path) -> None:
@@ -152,8 +198,15 @@ def sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
+def _size(path: Path) -> int:
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise IsADirectoryError(path.name)
+    return status.st_size
+
+
 def _parts(key: str, file: BinaryIO, left: int, chunk: int) -> Iterator[bytes]:
-    with file, file_errors(key):
+    with file, file_errors():
         while left > 0 and (part := file.read(min(chunk, left))):
             left -= len(part)
             yield part

@@ -36,22 +36,27 @@ class ObjectStore:
         Seconds for which a bucket's connection may stall before the store counts as unavailable.
     public_url : str
         Base of signed URLs to an S3 store, if clients reach it at another address than this process.
+    create : bool
+        Whether a missing or empty folder becomes a new store. False if a record refers to objects: then the store is
+        away, for example not mounted. Buckets are never created.
 
     Raises
     ------
     UnavailableError
-        The location cannot be used. Every method raises this if the store does not answer.
+        The location cannot be used. Every method raises this while the store is away or does not answer.
     """
 
-    def __init__(self, location: str | Path, *, patience_s: float = PATIENCE_S, public_url: str = "") -> None:
+    def __init__(
+        self, location: str | Path, *, patience_s: float = PATIENCE_S, public_url: str = "", create: bool = True
+    ) -> None:
         text = str(location)
         self._backend: Backend
         self._uploads: UploadArea | None = None
         if "://" in text and not text.startswith("file://"):
             self._backend = Bucket(text, patience_s, public_url)
         else:
-            self._backend = folder = Folder(Path(text.removeprefix("file://")))
-            self._uploads = UploadArea(folder.root)
+            self._backend = folder = Folder(Path(text.removeprefix("file://")), create=create)
+            self._uploads = UploadArea(folder)
 
     def ping(self, timeout_s: float | None = None) -> None:
         """Return once the store answers. Must not be called on an event loop.
@@ -204,7 +209,7 @@ class ObjectStore:
             The local disk is full.
         """
         parts = self.stream(key)
-        with file_errors(f"folder {path.parent.name}"):
+        with file_errors():
             handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
             try:
                 with os.fdopen(handle, "wb") as file:

@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 from meshdeform.errors import AssetTooLargeError, ConflictError, MeshdeformError, NotFoundError
 from meshdeform.storage.base import StoredObject, file_errors, is_key, measured, parts_of
-from meshdeform.storage.folder import rename_into_place, sync_folder
+from meshdeform.storage.folder import Folder, sync_folder
 
 __all__ = ["UploadArea"]
 
@@ -24,16 +24,10 @@ _UPLOADS = ".uploads"
 
 
 class UploadArea:
-    """The unfinished uploads in a folder.
+    """The unfinished uploads in the folder of an object store."""
 
-    Parameters
-    ----------
-    root : Path
-        The object store's folder.
-    """
-
-    def __init__(self, root: Path) -> None:
-        self._root, self._area = root, root / _UPLOADS
+    def __init__(self, folder: Folder) -> None:
+        self._folder, self._area = folder, folder.root / _UPLOADS
 
     def append(self, upload_id: str, offset: int, chunks: Iterable[bytes], max_bytes: int) -> int:
         """Append bytes; see `ObjectStore.append`."""
@@ -51,35 +45,36 @@ class UploadArea:
 
     def appended(self, upload_id: str) -> StoredObject:
         """Return the size and digest of the bytes received so far."""
-        with file_errors("such upload"), self._path(upload_id).open("rb") as file:
+        with self._folder.errors("such upload"), self._path(upload_id).open("rb") as file:
             return measured(parts_of(file))
 
     def size(self, upload_id: str) -> int:
         """Return the number of bytes received so far."""
-        with file_errors("such upload"):
+        with self._folder.errors("such upload"):
             return self._path(upload_id).stat().st_size
 
     def commit(self, upload_id: str, key: str) -> StoredObject:
         """Turn the upload into an object; see `ObjectStore.commit_append`."""
-        path, destination = self._path(upload_id), self._root / key
+        path, destination = self._path(upload_id), self._folder.root / key
         try:
-            with self._locked(path) as file, file_errors(key):
+            with self._locked(path) as file, self._folder.errors(key):
                 found = measured(parts_of(file))
                 # The bytes of an interrupted append may not be on the disk yet.
                 os.fsync(file.fileno())
-                rename_into_place(path, destination, self._root)
+                self._folder.rename_into_place(path, key)
                 return found
         except NotFoundError:
             # Already renamed, by a process that died before it could record it.
-            with file_errors("such upload"), destination.open("rb") as file:
+            with self._folder.errors("such upload"), destination.open("rb") as file:
                 found = measured(parts_of(file))
                 sync_folder(destination.parent)
                 return found
 
     def discard(self, upload_id: str) -> None:
         """Remove the bytes received so far."""
-        with file_errors("such upload"):
-            self._path(upload_id).unlink(missing_ok=True)
+        path = self._path(upload_id)
+        with suppress(NotFoundError), self._folder.errors("such upload"):
+            path.unlink()
 
     def _path(self, upload_id: str) -> Path:
         if not is_key(upload_id) or "/" in upload_id:
@@ -87,18 +82,19 @@ class UploadArea:
         return self._area / upload_id
 
     def _create(self, path: Path) -> None:
-        with file_errors("the folder"):
+        self._folder.ping()
+        with file_errors():
             if path.exists():
                 return
             if not self._area.exists():
                 self._area.mkdir(exist_ok=True)
-                sync_folder(self._root)
+                sync_folder(self._folder.root)
             os.close(os.open(path, os.O_WRONLY | os.O_CREAT, 0o600))
             sync_folder(self._area)
 
     @contextmanager
     def _locked(self, path: Path) -> Iterator[BinaryIO]:
-        with file_errors("such upload"):
+        with self._folder.errors("such upload"):
             file = path.open("r+b", buffering=0)
         with file:
             try:
@@ -107,7 +103,7 @@ class UploadArea:
                 raise ConflictError(
                     "Another request is writing to this upload.", advice="Request its offset and resume there."
                 ) from error
-            with file_errors("such upload"):
+            with self._folder.errors("such upload"):
                 # Between opening and locking, another process may have committed or removed it.
                 if not os.path.samestat(os.fstat(file.fileno()), path.stat()):
                     raise FileNotFoundError(errno.ENOENT, "replaced")
@@ -121,14 +117,14 @@ def _write(file: BinaryIO, present: int, chunks: Iterable[bytes], max_bytes: int
             for chunk in chunks:
                 if size + len(chunk) > max_bytes:
                     raise AssetTooLargeError(f"The upload is over {max_bytes} bytes.")
-                with file_errors("such upload"):
+                with file_errors():
                     rest = memoryview(chunk)
                     while rest:
                         rest = rest[file.write(rest) :]
                 size += len(chunk)
         finally:
             # Also if the sender disconnected: keep the received bytes, so that it can resume.
-            with file_errors("such upload"):
+            with file_errors():
                 os.fsync(file.fileno())
     except MeshdeformError:
         # Over the limit, or the disk is full: discard the bytes of this call.

@@ -59,7 +59,7 @@ def proxied(
 
 
 @pytest.mark.parametrize(
-    "fault", ["error503", pytest.param("cut", marks=pytest.mark.long)]
+    "fault", ["error503", "error404", pytest.param("cut", marks=pytest.mark.long)]
 )  # one that refuses is in test_worker_outages.py
 def test_a_store_that_fails_for_a_while_delays_jobs_only(proxied: tuple[Cluster, FaultProxy], fault: str) -> None:
     cluster, proxy = proxied

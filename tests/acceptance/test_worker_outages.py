@@ -60,6 +60,45 @@ def test_a_store_that_is_away_when_a_job_begins_is_waited_for(
             assert cluster.check(job_id, steps=STEPS).attempt == 1
 
 
+@pytest.mark.parametrize("empty", [False, True], ids=["missing", "empty"])
+def test_a_folder_that_is_not_mounted_costs_no_attempt(tmp_path: Path, empty: bool) -> None:
+    with cluster_with(tmp_path) as cluster:
+        cluster.start_api()
+        worker = cluster.start_worker()
+        running, queued = cluster.submit(STEPS, every=20), cluster.submit(12)
+        cluster.at_step(running, 20)
+        store, elsewhere = tmp_path / "objects", tmp_path / "elsewhere"
+        store.rename(elsewhere)
+        if empty:
+            store.mkdir()
+        # What starts while the store is away must not take the empty folder for a new store.
+        cluster.parts["api"].kill()
+        cluster.start_api()
+        answers = [cluster.post(), cluster.http.get(f"/v1/jobs/{running}/asset"), cluster.http.get("/readyz")]
+        assert [answer.status_code for answer in answers] == [503] * 3
+        assert answers[-1].json()["store"]["status"] == "unavailable"
+        until("a checkpoint is missed", lambda: "is not stored: " in worker.log)
+        until("an upload failed", lambda: "result.glb: " in worker.log)
+        assert not empty or list(store.iterdir()) == []
+        if empty:
+            store.rmdir()
+        elsewhere.rename(store)
+        for job_id, steps in ((running, STEPS), (queued, 12)):
+            assert cluster.check(job_id, steps=steps).attempt == 1
+        assert cluster.http.get(f"/v1/jobs/{running}/asset").status_code == 200
+
+
+def test_a_job_that_begins_while_its_folder_is_not_mounted_waits(tmp_path: Path) -> None:
+    with cluster_with(tmp_path) as cluster:
+        job_id = cluster.submit(12)
+        (tmp_path / "objects").rename(tmp_path / "elsewhere")
+        worker = cluster.start_worker()
+        until("the asset cannot be read", lambda: "the file asset: " in worker.log)
+        assert not (tmp_path / "objects").exists()
+        (tmp_path / "elsewhere").rename(tmp_path / "objects")
+        assert cluster.check(job_id, steps=12).attempt == 1
+
+
 @pytest.mark.long
 def test_a_record_that_is_away_costs_no_attempt(tmp_path: Path, postgres_port: int, postgres_url: str) -> None:
     with FaultProxy(postgres_port) as proxy:

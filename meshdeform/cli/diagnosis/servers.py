@@ -181,8 +181,10 @@ def check_store(subject: Subject) -> Iterator[Finding]:
     folder = (
         None if "://" in location and not location.startswith("file://") else Path(location.removeprefix("file://"))
     )
-    # A store that has not been used yet would create its folders.
-    if folder is not None and not (folder / ".partial").is_dir():
+    from meshdeform.storage import ObjectStore
+
+    # A store that has not been used yet would be created.
+    if folder is not None and not (folder.is_dir() and any(folder.iterdir())):
         found = nearest(folder)
         try:
             with tempfile.TemporaryFile(dir=found):
@@ -190,12 +192,10 @@ def check_store(subject: Subject) -> Iterator[Finding]:
         except OSError as error:
             yield fail("object store", f"{found} cannot be written: {error.strerror}", "Make it writable.")
         return
-    from meshdeform.storage import ObjectStore
-
     where = folder or _where(location)
     key, data = f"doctor-{uuid.uuid4().hex}", b"probe"
     try:
-        store = ObjectStore(location, patience_s=subject.timeout_s)
+        store = ObjectStore(location, patience_s=subject.timeout_s, create=False)
         try:
             store.put(key, data)
             same = store.get(key) == data

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import NotFoundError, UnavailableError
 from meshdeform.storage import ObjectStore
 from tests.servers import free_port
 
@@ -33,6 +38,77 @@ def test_a_bucket_that_is_away_is_unavailable_before_anybody_loses_patience(monk
     for call in calls:
         with pytest.raises(UnavailableError, match="does not answer"):
             call()
+
+
+GATEWAY = b"<html><body>404 Not Found</body></html>"
+NO_OBJECT = b'<?xml version="1.0"?><Error><Code>NoSuchKey</Code><Message>None such</Message></Error>'
+NO_BUCKET = b'<?xml version="1.0"?><Error><Code>NoSuchBucket</Code><Message>None such</Message></Error>'
+
+
+@contextmanager
+def answering_404(body: bytes) -> Iterator[str]:
+    """A server that answers every request with 404, and its address."""
+
+    class Answer(BaseHTTPRequestHandler):
+        def answer(self) -> None:
+            self.rfile.read(int(self.headers.get("Content-Length") or 0))
+            self.send_response(404)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            if self.command != "HEAD":
+                self.wfile.write(body)
+
+        do_GET = do_HEAD = do_PUT = do_POST = do_DELETE = answer
+
+        def log_message(self, *arguments: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Answer) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
+
+
+def calls_of(store: ObjectStore, folder: Path) -> list[Callable[[], object]]:
+    return [
+        lambda: store.get("a"),
+        lambda: b"".join(store.stream("a", 1, 2)),
+        lambda: store.size("a"),
+        lambda: store.exists("a") or store.size("a"),
+        lambda: store.fetch("a", folder / "fetched"),
+        lambda: store.copy("a", "b"),
+    ]
+
+
+@pytest.mark.parametrize(("body", "says"), [(GATEWAY, "not as"), (b"", "not as"), (NO_BUCKET, "bucket")])
+def test_only_the_store_itself_can_miss_an_object(
+    body: bytes, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AWS_ALLOW_HTTP", "true")
+    with answering_404(body) as address:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", address)
+        store = ObjectStore("s3://bucket/prefix")
+        changes = [lambda: store.delete("a"), lambda: store.put("a", DATA)]
+        for call in [*calls_of(store, tmp_path), *changes]:
+            with pytest.raises(UnavailableError, match=says):
+                call()
+        for call in (store.ping, lambda: list(store.list()), lambda: store.delete_prefix("jobs/")):
+            with pytest.raises(UnavailableError):
+                call()
+
+
+def test_an_object_is_missing_if_the_store_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_ALLOW_HTTP", "true")
+    with answering_404(NO_OBJECT) as address:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", address)
+        store = ObjectStore("s3://bucket/prefix")
+        for call in calls_of(store, tmp_path):
+            with pytest.raises(NotFoundError):
+                call()
+        assert not store.exists("a")
+        store.delete("a")
 
 
 def signed(store: ObjectStore) -> tuple[str, str, dict[str, list[str]]]:

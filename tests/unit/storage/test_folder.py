@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 
 from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
 from meshdeform.storage import ObjectStore
+from meshdeform.storage.folder import MARKER, Folder
 
 
 def test_no_key_leads_out_of_the_folder(tmp_path: Path) -> None:
@@ -23,12 +25,106 @@ def test_no_key_leads_out_of_the_folder(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["store"]
 
 
-def test_a_folder_that_vanished_does_not_answer(tmp_path: Path) -> None:
-    store = ObjectStore(tmp_path / "store")
-    (tmp_path / "store" / ".partial").rmdir()
-    (tmp_path / "store").rmdir()
-    with pytest.raises(MeshdeformError):
-        store.ping()
+DATA = b"bytes of an object"
+
+
+def leave(root: Path, *, empty: bool) -> Path:
+    """Take a store away, as an unmounted disk is, and return where it is."""
+    elsewhere = root.with_name("elsewhere")
+    root.rename(elsewhere)
+    if empty:
+        root.mkdir()
+    return elsewhere
+
+
+def come_back(root: Path, elsewhere: Path) -> None:
+    if root.exists():
+        root.rmdir()
+    elsewhere.rename(root)
+
+
+@pytest.mark.parametrize("empty", [False, True], ids=["missing", "empty"])
+@pytest.mark.parametrize("create", [False, True], ids=["opened", "created"])
+def test_a_store_that_is_away_lacks_nothing(tmp_path: Path, empty: bool, create: bool) -> None:
+    root = tmp_path / "store"
+    store = ObjectStore(root)
+    store.put("jobs/a/1/x", DATA)
+    store.append("upload", 0, [DATA], 1000)
+    elsewhere = leave(root, empty=empty)
+    if not create:
+        store = ObjectStore(root, create=False)
+    calls: dict[str, Callable[[], object]] = {
+        "ping": store.ping,
+        "get": lambda: store.get("jobs/a/1/x"),
+        "get of none": lambda: store.get("jobs/b"),
+        "size": lambda: store.size("jobs/a/1/x"),
+        "exists": lambda: store.exists("jobs/a/1/x"),
+        "holds": lambda: store.holds("jobs/a/1/x", "0" * 64),
+        "measure": lambda: store.measure("jobs/a/1/x"),
+        "fetch": lambda: store.fetch("jobs/a/1/x", tmp_path / "fetched"),
+        "copy": lambda: store.copy("jobs/a/1/x", "jobs/b"),
+        "list": lambda: list(store.list()),
+        "delete": lambda: store.delete("jobs/a/1/x"),
+        "delete_prefix": lambda: store.delete_prefix("jobs/a/"),
+        "put": lambda: store.put("jobs/a/2/x", DATA),
+        "append": lambda: store.append("upload", len(DATA), [DATA], 1000),
+        "begin": lambda: store.append("another", 0, [DATA], 1000),
+        "appended": lambda: store.appended("upload"),
+        "appended_size": lambda: store.appended_size("upload"),
+        "commit": lambda: store.commit_append("upload", "assets/u"),
+        "discard": lambda: store.discard_append("upload"),
+    }
+    for name, call in calls.items():
+        with pytest.raises(UnavailableError, match="missing or empty"):
+            pytest.fail(f"{name} gave {call()!r}")
+    assert not root.exists() or list(root.iterdir()) == []
+    come_back(root, elsewhere)
+    assert store.get("jobs/a/1/x") == DATA
+    assert [key for key, _ in store.list()] == ["jobs/a/1/x"]
+    assert store.commit_append("upload", "assets/u").size == len(DATA)
+    assert not store.exists("jobs/b")
+
+
+def test_a_store_of_an_earlier_edition_gets_the_marker(tmp_path: Path) -> None:
+    ObjectStore(tmp_path).put("jobs/a", DATA)
+    (tmp_path / MARKER).unlink()
+    store = ObjectStore(tmp_path, create=False)
+    assert store.get("jobs/a") == DATA
+    assert (tmp_path / MARKER).exists()
+
+
+def test_a_store_that_comes_back_during_a_read_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = tmp_path / "store"
+    store = ObjectStore(root)
+    store.put("jobs/a", DATA)
+    elsewhere = leave(root, empty=True)
+    real = Folder.ping
+
+    def ping(folder: Folder, timeout_s: float | None = None) -> None:
+        if elsewhere.exists():
+            come_back(root, elsewhere)
+        real(folder, timeout_s)
+
+    monkeypatch.setattr(Folder, "ping", ping)
+    assert store.get("jobs/a") == DATA
+
+
+def test_a_store_that_goes_during_a_write_gets_no_folders(tmp_path: Path) -> None:
+    root = tmp_path / "store"
+    store = ObjectStore(root)
+    elsewhere = tmp_path / "elsewhere"
+
+    class Unmounting(io.BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            if root.exists() and not elsewhere.exists():
+                leave(root, empty=True)
+            return super().read(size)
+
+    with pytest.raises(UnavailableError):
+        Folder(root).put("jobs/a/1/x", Unmounting(DATA), "")
+    assert list(root.iterdir()) == []
+    come_back(root, elsewhere)
+    assert not store.exists("jobs/a/1/x")
 
 
 def test_a_folder_that_cannot_be_made_is_unavailable(tmp_path: Path) -> None:
@@ -85,6 +181,7 @@ def test_readers_see_the_old_bytes_or_the_new_and_never_half(tmp_path: Path) -> 
 def test_what_a_dead_process_left_aside_goes_after_a_day(tmp_path: Path) -> None:
     ObjectStore(tmp_path)
     old, new = tmp_path / ".partial" / "old", tmp_path / ".partial" / "new"
+    old.parent.mkdir()
     for path, age_s in ((old, 100_000), (new, 10)):
         path.write_bytes(b"half")
         os.utime(path, (time.time() - age_s,) * 2)

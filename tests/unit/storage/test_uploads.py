@@ -15,7 +15,7 @@ import pytest
 
 from meshdeform.errors import AssetTooLargeError, ConflictError, NotFoundError, UnavailableError
 from meshdeform.storage import ObjectStore, StoredObject
-from meshdeform.storage import uploads as uploads_module
+from meshdeform.storage.folder import Folder
 from tests.cases import each_case
 
 DATA = bytes(range(256)) * 17
@@ -152,19 +152,19 @@ def test_a_commit_may_be_repeated_after_a_crash_before_or_after_the_rename(
     class Crash(BaseException):
         pass
 
-    real = uploads_module.rename_into_place
+    real = Folder.rename_into_place
 
-    def before(aside: Path, path: Path, root: Path) -> None:
+    def before(folder: Folder, aside: Path, key: str) -> None:
         raise Crash
 
-    def after(aside: Path, path: Path, root: Path) -> None:
-        real(aside, path, root)
+    def after(folder: Folder, aside: Path, key: str) -> None:
+        real(folder, aside, key)
         raise Crash
 
     for key, crash in (("a", before), ("b", after)):
         store.append(f"upload-{key}", 0, [DATA], LIMIT)
         with monkeypatch.context() as patch:
-            patch.setattr(uploads_module, "rename_into_place", crash)
+            patch.setattr(Folder, "rename_into_place", crash)
             with pytest.raises(Crash):
                 store.commit_append(f"upload-{key}", key)
         for _ in range(2):
