@@ -175,7 +175,7 @@ class ArtifactList(_Open):
 
 
 class SignedUrl(views.SignedUrl):
-    """A URL that needs no API key."""
+    """An absolute URL that needs no API key."""
 
     model_config = _OPEN
 

@@ -116,14 +116,21 @@ def checkpoints(job: JobLike, policy: Policy) -> Operation[list[CheckpointView]]
 
 def signed_url(job: JobLike, name: str, policy: Policy) -> Operation[SignedUrl]:
     """Return a URL of an artifact that needs no key."""
-    answer = yield from answered(Call("POST", job_path(job, "artifacts", name, "url")), policy)
-    return read(SignedUrl, answer.json(), answer.url)
+    return (yield from _link(Call("POST", job_path(job, "artifacts", name, "url")), policy))
 
 
 def job_link(job: JobLike, policy: Policy) -> Operation[SignedUrl]:
     """Return a link to a job's page that needs no key."""
-    answer = yield from answered(Call("POST", job_path(job, "url")), policy)
-    return read(SignedUrl, answer.json(), answer.url)
+    return (yield from _link(Call("POST", job_path(job, "url")), policy))
+
+
+def _link(call: Call, policy: Policy) -> Operation[SignedUrl]:
+    """Return the link that a service answers with, absolute: services name their own pages by path."""
+    answer = yield from answered(call, policy)
+    link = read(SignedUrl, answer.json(), answer.url)
+    if "://" in link.url:
+        return link
+    return link.model_copy(update={"url": answer.url.rpartition("/v1/jobs/")[0] + link.url})
 
 
 def limits(policy: Policy) -> Operation[Limits]:

@@ -22,6 +22,7 @@ from pydantic import Field
 from meshdeform.client import AsyncClient, EventView, JobView, WaitTimeoutError
 from meshdeform.errors import MeshdeformError, ParameterError
 from meshdeform.mcp.files import Folders
+from meshdeform.requests.document import DeformParams
 
 __all__ = ["Tools", "explained"]
 
@@ -32,11 +33,12 @@ Asset = Annotated[
         "an earlier job."
     ),
 ]
+_PRESET = DeformParams.model_fields["preset"]
 Params = Annotated[
     dict[str, Any] | None,
     Field(
-        description='Parameters of the job, for example {"preset": "preview", "seed": 7}. preset: preview (fast), '
-        "balanced (default) or quality."
+        description='Parameters of the job, for example {"preset": "preview", "seed": 7}. '
+        f"preset (default: {_PRESET.default}): {_PRESET.description}"
     ),
 ]
 JobId = Annotated[str, Field(description="The id that deform or fit_to_mesh returned.")]
@@ -194,7 +196,7 @@ class Tools:
             return {"path": str(written), "bytes": written.stat().st_size}
 
     async def link(self, job_id: JobId, ctx: Context, name: Name = "result.glb") -> dict[str, Any]:
-        """Return a URL of an artifact that needs no API key and expires."""
+        """Return an absolute URL of an artifact that needs no API key and expires."""
         async with self._client(ctx) as client:
             return (await client.signed_url(job_id, name)).model_dump(mode="json")
 

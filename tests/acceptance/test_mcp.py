@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import base64
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import anyio
 import pytest
 
+from meshdeform.requests.choices import Preset
 from tests.acceptance.cli import command, environment
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Service
@@ -60,6 +62,13 @@ def test_an_agent_goes_from_a_file_to_a_file(service: Service, tmp_path: Path) -
             assert {"deform", "fit_to_mesh", "wait", "preview", "apply_strength", "download"} <= set(tools)
             assert "upload_asset" not in tools, "files of this machine have paths"
             assert all(tool.description for tool in tools.values())
+
+            # Every preset that an agent is told of is one that the service takes, and none is kept from it.
+            told_params = tools["deform"].input_schema["properties"]["params"]["description"]
+            assert set(re.findall(r"`(\w+)`", told_params)) == set(Preset)
+            for preset in Preset:
+                wanted = {"asset": "sphere.obj", "prompt": "a vase", "params": {"preset": preset.value}}
+                assert (await found(client, "validate", wanted))["params"]["preset"] == preset
 
             models = await found(client, "list_models", {})
             assert any(model["id"] == "builtin" for model in models["models"])

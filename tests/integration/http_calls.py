@@ -12,8 +12,9 @@ from typing import Any
 import httpx
 import jsonschema_rs
 
-from meshdeform.record.models import Artifact, JobState
-from tests.integration.conftest import DEADLINE_S, Api, new_job
+from meshdeform.record.models import Artifact, JobState, NewJob
+from meshdeform.requests.document import JobRequest
+from tests.integration.conftest import DEADLINE_S, Api, stored_file
 
 PROMPT = {"prompt": "a mushroom"}
 
@@ -53,12 +54,12 @@ def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
     return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
 
 
-def finished_job(api: Api, content: bytes = bytes(range(256)) * 64) -> str:
+def finished_job(api: Api, content: bytes = bytes(range(256)) * 64, owner_id: str = "") -> str:
     """A job that a worker has brought to its end, with one artifact."""
-    job = new_job(api.record)
+    job = api.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored_file()}, owner_id=owner_id))
     assert api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
-    stored = api.store.put(key, content)
+    stored = api.store.put(key, content, "model/gltf-binary")
     made = Artifact(
         name="result.glb",
         content_type="model/gltf-binary",

@@ -47,26 +47,9 @@ def owner(api: Api, name: str) -> tuple[str, dict[str, str]]:
     return key.owner_id, {"Authorization": f"Bearer {text}"}
 
 
-def owned_job(api: Api, owner_id: str) -> str:
-    """A job of theirs that is over, with one artifact."""
-    job = api.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored_file()}, owner_id=owner_id))
-    assert api.record.leases.claim(job.id, "worker", 60.0)
-    stored = api.store.put(f"jobs/{job.id}/1/result.glb", CONTENT, "model/gltf-binary")
-    made = Artifact(
-        name="result.glb",
-        content_type="model/gltf-binary",
-        size=stored.size,
-        sha256=stored.sha256,
-        key=f"jobs/{job.id}/1/result.glb",
-        created_at=datetime.now(UTC),
-    )
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
-    return job.id
-
-
 def test_what_is_not_yours_is_not_there(closed: Api) -> None:
     (mine, key), (_, other) = owner(closed, "mine"), owner(closed, "other")
-    job_id = owned_job(closed, mine)
+    job_id = finished_job(closed, owner_id=mine)
     paths = [f"/v1/jobs/{job_id}{rest}" for rest in ("/artifacts", "/artifacts/result.glb", "/events", "/checkpoints")]
     for path in paths:
         assert closed.http.get(path, headers=key).status_code == 200, path
@@ -80,7 +63,7 @@ def test_what_is_not_yours_is_not_there(closed: Api) -> None:
 
 def test_a_signed_url_needs_no_key_and_opens_one_thing(closed: Api, openapi: dict[str, Any]) -> None:
     mine, key = owner(closed, "mine")
-    job_id, another = owned_job(closed, mine), owned_job(closed, mine)
+    job_id, another = finished_job(closed, owner_id=mine), finished_job(closed, owner_id=mine)
     path = f"/v1/jobs/{job_id}/artifacts/result.glb"
     answer = closed.http.post(f"{path}/url", headers=key)
     assert answer.status_code == 200, answer.text
@@ -121,7 +104,7 @@ def test_a_signed_url_needs_no_key_and_opens_one_thing(closed: Api, openapi: dic
 
 def test_a_signed_url_that_is_over_its_time_is_refused(closed: Api) -> None:
     mine, _ = owner(closed, "mine")
-    path = f"/v1/jobs/{owned_job(closed, mine)}/artifacts/result.glb"
+    path = f"/v1/jobs/{finished_job(closed, owner_id=mine)}/artifacts/result.glb"
     secret = closed.record.secret("signed-urls")
     late = check_problem(
         closed.http.get(f"{path}?{sign_path('GET', path, int(time.time()), secret)}"), 403, "forbidden"
@@ -136,7 +119,7 @@ def test_every_process_of_the_deployment_takes_the_same_urls(
     closed: Api, tmp_path: Path, database_url: str, redis_url: str
 ) -> None:
     mine, key = owner(closed, "mine")
-    url = closed.http.post(f"/v1/jobs/{owned_job(closed, mine)}/artifacts/result.glb/url", headers=key).json()["url"]
+    url = closed.http.post(f"/v1/jobs/{finished_job(closed, owner_id=mine)}/artifacts/result.glb/url", headers=key).json()["url"]
     with closed_server(tmp_path, database_url, redis_url) as second:
         assert second.http.get(url).content == CONTENT
 
@@ -146,7 +129,7 @@ def test_of_a_bucket_the_url_is_its_own(
 ) -> None:
     with closed_server(tmp_path, database_url, redis_url, storage_url=s3_store_url) as api:
         mine, key = owner(api, "mine")
-        path = f"/v1/jobs/{owned_job(api, mine)}/artifacts/result.glb"
+        path = f"/v1/jobs/{finished_job(api, owner_id=mine)}/artifacts/result.glb"
         url = api.http.post(f"{path}/url", headers=key).json()["url"]
         assert not url.startswith(("/", api.url))
         answer = httpx.get(url, timeout=DEADLINE_S)

@@ -18,8 +18,10 @@ import uvicorn
 from meshdeform.record.repository import JobRecord
 from meshdeform.serving.stack import listen
 from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
 from tests.acceptance.service import until
-from tests.integration.conftest import new_job, serving
+from tests.integration.conftest import Api, new_job, serving
+from tests.integration.http_calls import finished_job
 
 
 @contextlib.contextmanager
@@ -62,10 +64,12 @@ def test_agents_act_with_their_own_key_and_see_no_file_of_the_server(
         queue=f"test-{uuid.uuid4().hex}",
         auth="on",
     )
-    _, key = record.keys.create("studio")
+    owner, key = record.keys.create("studio")
     _, other = record.keys.create("other")
     nobodys = new_job(record).id
-    with serving(settings) as service, mcp_server(service) as url:
+    with serving(settings) as service, mcp_server(service) as url, httpx.Client(base_url=service) as http:
+        api = Api(service, settings, record, ObjectStore(settings.resolved_storage_url), http)
+        done = finished_job(api, sphere, owner.owner_id)
         hello = {"jsonrpc": "2.0", "id": 1, "method": "tools/list", "params": {}}
         for header in ({}, {"Authorization": "Bearer nonsense"}, {"Authorization": f"Basic {key}"}):
             answer = httpx.post(url, json=hello, headers=header)
@@ -89,6 +93,9 @@ def test_agents_act_with_their_own_key_and_see_no_file_of_the_server(
                 started = await client.call_tool("deform", {"asset": asset, "prompt": "a vase"})
                 assert not started.is_error, started.content
                 assert (await client.call_tool("wait", {"job_id": nobodys})).is_error
+                link = (await client.call_tool("link", {"job_id": done})).structured_content["url"]
+                fetched = httpx.get(link)  # by somebody without a key, as it stands
+                assert (fetched.status_code, fetched.content) == (200, sphere)
                 return str(started.structured_content["job_id"])
 
         async def second(job: str) -> None:

@@ -94,6 +94,21 @@ def test_address_and_key_come_from_the_environment(monkeypatch: pytest.MonkeyPat
 
 
 @each_case(
+    ("answered", "link"),
+    [
+        ("/v1/jobs/j/artifacts/result.glb?signature=s", "https://x/mesh/v1/jobs/j/artifacts/result.glb?signature=s"),
+        ("/#/shared/j/token", "https://x/mesh/#/shared/j/token"),
+        ("https://bucket/result.glb?X-Amz-Signature=s", "https://bucket/result.glb?X-Amz-Signature=s"),
+    ],
+)
+def test_links_are_absolute_and_tell_no_password(answered: str, link: str) -> None:
+    document = {"url": answered, "expires_at": "2026-01-31T13:00:00Z"}
+    transport = httpx.MockTransport(lambda _: httpx.Response(200, json=document))
+    client = Client("https://user:secret@x/mesh/", http=httpx.Client(transport=transport))
+    assert client.signed_url("j", "result.glb").url == client.job_link("j").url == link
+
+
+@each_case(
     ("options", "words"),
     [
         ({"base_url": "127.0.0.1:8765"}, "not a URL"),
