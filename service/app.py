@@ -40,6 +40,12 @@ __all__ = ["create_app"]
 
 _RETURN_MEMORY_S = 30.0  # seldom: the pages that are needed again have to be fetched again
 
+_log = logging.getLogger(__name__)
+_NO_KEY = (
+    "Every request is refused, because no API key exists. Create one: meshdeform keys create --owner me. "
+    "With Docker: docker compose exec service meshdeform keys create --owner me"
+)
+
 # The page has inline styles and loads nothing but this server's fonts.
 _PAGE_POLICY = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; font-src 'self'; frame-ancestors 'none'"
@@ -111,6 +117,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     state = AppState.open(settings, alone=app.state.settings is None)
     app.state.app_state = state
     app.state.gate = Gate(settings, state.record.keys)
+    if settings.auth == "on" and not state.record.keys.any_active():
+        _log.warning(_NO_KEY)
     app.state.metrics.watch(state.record, settings.queue)
     try:
         with (

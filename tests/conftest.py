@@ -77,6 +77,7 @@ SHARING = {
         "tests/acceptance/test_storage_faults.py",
         "tests/acceptance/test_worker_outages.py",
         "tests/integration/test_api_uploads.py",
+        "tests/integration/test_compose_commands.py",
         "tests/integration/test_doctor_servers.py",
         "tests/integration/test_downloads.py",
         "tests/integration/test_s3.py",

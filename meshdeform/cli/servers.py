@@ -69,8 +69,9 @@ def serve(
         if open_page:
             _open_in_browser(page)
 
+    _require_key(settings, host, data_dir)
     stack = Stack(
-        _guarded(settings, host, data_dir),
+        _decided(settings, host),
         host=host,
         port=port,
         announce=announce,
@@ -95,7 +96,7 @@ def api(
     from meshdeform.serving.stack import listen
 
     _require_redis()
-    settings = _guarded(load_settings(auth="off" if no_auth else None), host, None)
+    settings = _decided(load_settings(auth="off" if no_auth else None), host)
     listening = listen(host, port)
     if as_json:
         address, taken = listening.getsockname()[:2]
@@ -122,19 +123,21 @@ def worker(as_json: JsonOption = False) -> None:
     os.execv(command[0], command)  # noqa: S606 - signals must reach the supervisor itself
 
 
-def _guarded(settings: Settings, host: str, data_dir: Path | None) -> Settings:
-    """Return the settings with `auth` decided by the address that the API listens on.
-
-    Raises
-    ------
-    ParameterError
-        Requests require a key, and there is none.
-    """
+def _decided(settings: Settings, host: str) -> Settings:
+    """Return the settings with `auth` decided by the address that the API listens on."""
     from meshdeform.serving.access import needs_keys
 
-    if not needs_keys(settings.auth, host):
-        return settings
-    if not _has_key(settings):
+    # Required on every connection, loopback included.
+    return settings.model_copy(update={"auth": "on"}) if needs_keys(settings.auth, host) else settings
+
+
+def _require_key(settings: Settings, host: str, data_dir: Path | None) -> None:
+    """Raise ParameterError if requests require a key and there is none.
+
+    For a person at a terminal. The API alone is started by supervisors, which would start it again and again: it starts
+    without a key, lets nobody in, and says so.
+    """
+    if _decided(settings, host).auth == "on" and not _has_key(settings):
         place = f" --data-dir {shlex.quote(str(data_dir))}" if data_dir is not None else ""
         reason = f"Others can reach {host}" if settings.auth == "auto" else "MESHDEFORM_AUTH is on"
         raise ParameterError(
@@ -142,8 +145,6 @@ def _guarded(settings: Settings, host: str, data_dir: Path | None) -> Settings:
             advice=f"Create one: meshdeform keys create --owner me{place}. "
             "If a proxy in front of the service authenticates requests: --no-auth, or MESHDEFORM_AUTH=off.",
         )
-    # Required on every connection, loopback included.
-    return settings.model_copy(update={"auth": "on"})
 
 
 def _has_key(settings: Settings) -> bool:

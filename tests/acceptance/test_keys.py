@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,18 +16,15 @@ import pytest
 from tests.acceptance.cli import call
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Service, serving, until
-from tests.servers import free_port
 
 pytestmark = pytest.mark.acceptance
 
 REQUEST: dict[str, Any] = {"params": {"guidance": "target", "steps": 3}}
 
 
-def meshdeform(*arguments: str, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+def meshdeform(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-P", "-m", "meshdeform", *arguments]
-    return subprocess.run(
-        command, capture_output=True, text=True, check=False, env={**os.environ, **(environment or {})}, timeout=120
-    )
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
 
 
 def test_serve_refuses_an_open_address_without_a_key_and_says_how_to_make_one(server_folder: Path) -> None:
@@ -45,18 +41,6 @@ def test_serve_refuses_an_open_address_without_a_key_and_says_how_to_make_one(se
     assert call("keys", "revoke", key, "--data-dir", data, cwd=server_folder).returncode == 0
     again = meshdeform("serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", str(data))
     assert (again.returncode, command in again.stderr) == (3, True)
-
-
-@pytest.mark.long  # `serve` refuses by the same function
-def test_the_api_alone_refuses_too(server_folder: Path) -> None:
-    environment = {
-        "MESHDEFORM_DATA_DIR": str(server_folder / "api alone"),
-        "MESHDEFORM_REDIS_URL": f"redis://127.0.0.1:{free_port()}/0",
-    }
-    for host, more in (("0.0.0.0", {}), ("::", {}), ("127.0.0.1", {"MESHDEFORM_AUTH": "on"})):
-        refused = meshdeform("api", "--host", host, "--port", "0", environment={**environment, **more})
-        assert refused.returncode == 3, (host, refused.stderr)
-        assert "meshdeform keys create --owner me." in refused.stderr
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,10 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.record.models import Artifact, JobState, NewJob
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore, sign_path
-from tests.integration.conftest import DEADLINE_S, Api, serving, stored_file
+from tests.integration.conftest import DEADLINE_S, Api, serving
 from tests.integration.http_calls import check_document, check_problem, finished_job
 
 CONTENT = bytes(range(256)) * 64
@@ -119,7 +117,8 @@ def test_every_process_of_the_deployment_takes_the_same_urls(
     closed: Api, tmp_path: Path, database_url: str, redis_url: str
 ) -> None:
     mine, key = owner(closed, "mine")
-    url = closed.http.post(f"/v1/jobs/{finished_job(closed, owner_id=mine)}/artifacts/result.glb/url", headers=key).json()["url"]
+    job_id = finished_job(closed, owner_id=mine)
+    url = closed.http.post(f"/v1/jobs/{job_id}/artifacts/result.glb/url", headers=key).json()["url"]
     with closed_server(tmp_path, database_url, redis_url) as second:
         assert second.http.get(url).content == CONTENT
 

@@ -11,7 +11,7 @@ import sqlalchemy as sa
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
-from meshdeform.cli.servers import _guarded
+from meshdeform.cli.servers import _decided, _require_key
 from meshdeform.errors import NotFoundError, ParameterError, UnauthorizedError
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import api_keys
@@ -146,17 +146,19 @@ def test_the_commands_work_on_the_record_that_the_settings_name(
 def test_who_listens_where_others_are_asks_everybody_for_a_key(record: JobRecord, database_url: str, host: str) -> None:
     settings = Settings(database_url=database_url)
     with pytest.raises(ParameterError, match="none exists") as caught:
-        _guarded(settings, host, None)
+        _require_key(settings, host, None)
     assert "meshdeform keys create --owner me. " in caught.value.advice_text
     record.keys.create("studio")
+    _require_key(settings, host, None)
     # Not `auto` any more: a connection over loopback would need none.
-    assert _guarded(settings, host, None).auth == "on"
+    assert _decided(settings, host).auth == "on"
     off = Settings(database_url=database_url, auth="off")
-    assert _guarded(off, host, None) == off
+    assert _decided(off, host) == off
 
 
 def test_loopback_asks_nobody_unless_it_is_told_to(record: JobRecord, database_url: str) -> None:
     settings = Settings(database_url=database_url)
-    assert _guarded(settings, "127.0.0.1", None) == settings
+    _require_key(settings, "127.0.0.1", None)
+    assert _decided(settings, "127.0.0.1") == settings
     with pytest.raises(ParameterError, match="MESHDEFORM_AUTH is on"):
-        _guarded(Settings(database_url=database_url, auth="on"), "127.0.0.1", None)
+        _require_key(Settings(database_url=database_url, auth="on"), "127.0.0.1", None)
