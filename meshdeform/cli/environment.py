@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from meshdeform.errors import DependencyError, ParameterError
+from meshdeform.errors import DependencyError, ParameterError, install_command
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -44,5 +44,5 @@ def require(module: str, extra: str) -> None:
     if find_spec(module) is None:
         raise DependencyError(
             f"This command needs {module}, which is not installed.",
-            advice=f'Install it: pip install "meshdeform[{extra}]".',
+            advice=f"Install it: {install_command(extra)}.",
         )

@@ -98,6 +98,7 @@ from meshdeform.errors.running import (
     StoredFileError,
     UnavailableError,
     WorkerLostError,
+    install_command,
 )
 
 __all__ = [
@@ -143,4 +144,5 @@ __all__ = [
     "VocabularyError",
     "WebhookAddressError",
     "WorkerLostError",
+    "install_command",
 ]

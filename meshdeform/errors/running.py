@@ -13,6 +13,7 @@ __all__ = [
     "StoredFileError",
     "UnavailableError",
     "WorkerLostError",
+    "install_command",
 ]
 
 
@@ -64,6 +65,11 @@ class DependencyError(MeshdeformError):
 
     code = "dependency_missing"
     advice = "Install what the message names."
+
+
+def install_command(extra: str = "") -> str:
+    """Return what advice says about installing Meshdeform, or an extra of it: no index of packages has it."""
+    return f'pip install -e "{f".[{extra}]" if extra else "."}", in a clone of Meshdeform'
 
 
 class ShapeError(ValueError):

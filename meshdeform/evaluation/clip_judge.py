@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.errors import DependencyError, ModelError, ParameterError
+from meshdeform.errors import DependencyError, ModelError, ParameterError, install_command
 from meshdeform.evaluation.picture import draw
 from meshdeform.evaluation.retrieval import ranked
 from meshdeform.geometry.mesh import TriangleMesh
@@ -62,7 +62,7 @@ class ClipJudge:
         except ImportError as error:
             raise DependencyError(
                 f"CLIP R-precision needs a package that cannot be imported: {error}.",
-                advice='Install the extra: pip install "meshdeform[sd]".',
+                advice=f"Install the extra: {install_command('sd')}.",
             ) from error
         try:
             model, loading = CLIPModel.from_pretrained(

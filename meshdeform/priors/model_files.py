@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from meshdeform.errors import DependencyError, ModelError
+from meshdeform.errors import DependencyError, ModelError, install_command
 from meshdeform.requests.choices import Encoder
 
 __all__ = ["CONVERT", "ModelFiles", "PartFiles", "check", "find", "find_tiny_encoder", "read_config"]
@@ -119,7 +119,7 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
     if missing:
         raise DependencyError(
             f"The model {model!r} needs {' and '.join(missing)}.",
-            advice='Install the extra on the machine that runs the worker: pip install "meshdeform[sd]".',
+            advice=f"Install the extra on the machine that runs the worker: {install_command('sd')}.",
         )
     folder = Path(model).expanduser()
     if folder.is_file():

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from meshdeform.errors import DependencyError, ModelError, PromptError
+from meshdeform.errors import DependencyError, ModelError, PromptError, install_command
 from meshdeform.priors.stable_diffusion import no_progress_bar
 from meshdeform.priors.text_to_3d import GeneratedMesh
 
@@ -49,7 +49,7 @@ class ShapE:
         except ImportError as error:
             raise DependencyError(
                 f"Text-to-3D models need a package that cannot be imported: {error}.",
-                advice='Install the extra: pip install "meshdeform[sd]".',
+                advice=f"Install the extra: {install_command('sd')}.",
             ) from error
         self._name = folder.name
         try:

@@ -30,7 +30,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError
+from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError, install_command
 from meshdeform.priors.half_precision import scaled_backward
 from meshdeform.priors.model_files import ModelFiles, PartFiles, find, find_tiny_encoder
 from meshdeform.priors.native_precision import is_fast_in_bfloat16
@@ -89,7 +89,7 @@ class StableDiffusionPrior:
         except ImportError as error:
             raise DependencyError(
                 f"Stable Diffusion models need a package that cannot be imported: {error}.",
-                advice='Install the extra: pip install "meshdeform[sd]".',
+                advice=f"Install the extra: {install_command('sd')}.",
             ) from error
         try:
             with no_progress_bar():

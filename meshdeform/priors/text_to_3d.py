@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from meshdeform.errors import DependencyError, ModelError
+from meshdeform.errors import DependencyError, ModelError, install_command
 
 if TYPE_CHECKING:
     import numpy as np
@@ -82,7 +82,7 @@ def check_generator(model: str) -> None:
     if missing:
         raise DependencyError(
             f"The model {model!r} needs {' and '.join(missing)}.",
-            advice='Install the extra on the machine that runs the worker: pip install "meshdeform[sd]".',
+            advice=f"Install the extra on the machine that runs the worker: {install_command('sd')}.",
         )
     folder = Path(model).expanduser()
     if not folder.is_dir():

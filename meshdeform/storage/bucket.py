@@ -10,7 +10,13 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from meshdeform.errors import DependencyError, MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.errors import (
+    DependencyError,
+    MeshdeformError,
+    NotFoundError,
+    UnavailableError,
+    install_command,
+)
 from meshdeform.storage.base import is_key
 
 __all__ = ["Bucket"]
@@ -48,7 +54,7 @@ class Bucket:
             import obstore.store
         except ModuleNotFoundError as error:
             raise DependencyError(
-                "The package obstore is not installed.", advice='Run: pip install "meshdeform[stack]".'
+                "The package obstore is not installed.", advice=f"Run: {install_command('stack')}."
             ) from error
         self._api: Any = obstore
         patience = {"connect_timeout": _CONNECT, "read_timeout": timedelta(seconds=patience_s), "timeout": _WHOLE}

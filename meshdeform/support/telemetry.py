@@ -24,7 +24,7 @@ from datetime import UTC, datetime
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from meshdeform.errors import DependencyError
+from meshdeform.errors import DependencyError, install_command
 from meshdeform.settings import Settings
 
 if TYPE_CHECKING:
@@ -211,7 +211,7 @@ def start_tracing(part: str) -> bool:
     except ModuleNotFoundError as error:
         raise DependencyError(
             "OTEL_EXPORTER_OTLP_ENDPOINT is set, but OpenTelemetry is not installed.",
-            advice='Run: pip install "meshdeform[otel]", or unset the variable.',
+            advice=f"Unset the variable, or run: {install_command('otel')}.",
         ) from error
     from meshdeform import __version__
 

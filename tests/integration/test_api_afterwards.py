@@ -156,7 +156,7 @@ def test_what_cannot_be_made_is_refused(api: Api, stretched: bytes, monkeypatch:
     assert "other triangles" in problem["detail"]
     monkeypatch.setattr(derive, "find_spec", lambda _name: None)
     problem = check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/result.usdz"), 500, "dependency_missing")
-    assert "meshdeform[usd]" in problem["advice"]
+    assert 'pip install -e ".[usd]"' in problem["advice"]
     assert [artifact.name for artifact in api.record.artifacts(job_id)] == ["result.glb"]
 
 

@@ -230,3 +230,16 @@ def test_links_inside_the_repository_lead_somewhere(page: str, repository: Path)
         for link in re.findall(r"\]\(([^)#\s]+)", file.read_text()):
             if "://" not in link:
                 assert (file.parent / link).exists(), (file.name, link)
+
+
+def test_nothing_advises_to_install_a_name_that_is_not_published(repository: Path) -> None:
+    # There is no release: whoever takes the name would be installed. Advice in errors: `install_command`.
+    python = r"pip3? install|pipx (?:install|run)|uvx|uv (?:add|pip install|tool (?:install|run))|conda install"
+    node = r"npx|npm (?:i|install)|yarn add|pnpm add"
+    advice = re.compile(rf"\b(?:{python}|{node})\b(?: +[^\s;|&]+)*? +[\\\"']*meshdeform(?![\w./-])")
+    tops = [path for path in repository.iterdir() if path.name[0] != "." and path.name != "CHANGELOG.md"]
+    for file in (file for top in tops for file in ([top] if top.is_file() else top.rglob("*.*"))):
+        inside = file.relative_to(repository).parts
+        made = any(part[0] == "." or part in ("node_modules", "__pycache__") for part in inside)
+        if file.is_file() and not made:
+            assert not (hit := advice.search(file.read_text(errors="replace"))), (file, hit)

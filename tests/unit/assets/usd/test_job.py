@@ -67,7 +67,7 @@ def test_without_usd_core_a_run_is_refused_before_anything_is_read(monkeypatch: 
     without_usd(monkeypatch)
     with pytest.raises(DependencyError, match="usd-core") as caught:
         text_deform.start(asset=b"nothing", filename="a.glb", request=request(usd=True))
-    assert 'pip install "meshdeform[usd]"' in caught.value.advice_text
+    assert 'pip install -e ".[usd]"' in caught.value.advice_text
 
 
 @needs_usd
@@ -129,5 +129,5 @@ def test_a_worker_without_usd_core_fails_the_job_at_once(tmp_path: Path, monkeyp
         job = worked(world)
         assert (job.state, job.progress.step) == (JobState.FAILED, 0)
         assert job.error.code == "dependency_missing"
-        assert "meshdeform[usd]" in job.error.advice
+        assert 'pip install -e ".[usd]"' in job.error.advice
         assert job.attempt == 1
