@@ -11,6 +11,7 @@ import posixpath
 import zipfile
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from urllib.parse import unquote
 
 from meshdeform.assets.container import Data
@@ -54,10 +55,18 @@ class Archive:
             name = posixpath.normpath(posixpath.join(folder, text.replace("\\", "/")))
             if name in self.files:
                 return self.files[name]
-            same = [other for other in self.files if other.lower() == name.lower()]
+            same = self._spellings.get(name.lower(), [])
             if len(same) == 1:
                 return self.files[same[0]]
         return None
+
+    @cached_property
+    def _spellings(self) -> dict[str, list[str]]:
+        """The names of the files by themselves in lower case: a hostile file may have a hundred thousand links."""
+        found: dict[str, list[str]] = {}
+        for name in self.files:
+            found.setdefault(name.lower(), []).append(name)
+        return found
 
 
 def open_archive(data: Data, limits: Limits) -> Archive:

@@ -324,14 +324,14 @@ class Asset:
         return found if isinstance(found, dict) else None
 
 
-def _unpack(archive: Archive, limits: Limits) -> bytes:
-    """Return the asset of a ZIP, with the files that it refers to, as a GLB."""
+def _unpack(archive: Archive, limits: Limits) -> tuple[bytes, tuple[str, ...]]:
+    """Return the asset of a ZIP, with the files that it refers to, as a GLB, and notices about it."""
     data = archive.files[archive.main]
     kind = asset_format(data, archive.main)
     if kind == "zip":
         raise AssetFormatError(f"{archive.main} is a ZIP within a ZIP.", advice="Unpack it, and pack the files once.")
     if kind in {"glb", "gltf"}:
-        return pack_gltf(archive, limits)
+        return pack_gltf(archive, limits), ()
     from meshdeform.assets.convert import convert_to_glb
 
     return convert_to_glb(data, kind, limits, archive)
@@ -361,16 +361,17 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
             f"The file has {len(data)} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
         )
     kind = asset_format(data, filename)
-    source = data
+    notices: tuple[str, ...] = ()
     if kind == "zip":
-        source = data = _unpack(open_archive(data, limits), limits)
+        data, notices = _unpack(open_archive(data, limits), limits)
     elif kind not in {"glb", "gltf"}:
         from meshdeform.assets.convert import convert_to_glb
 
-        source = data = convert_to_glb(data, kind, limits)
+        data, notices = convert_to_glb(data, kind, limits)
     document = Document.parse(data, limits, glb=data.startswith(GLB_MAGIC))
     summary = check_document(document.root, document.binary_length, limits, kind)
     usage = Usage.of(document.root, document.binary_length)
     decode_meshopt(document)
     decode_draco(document)
-    return Asset(document, summary, source, usage)
+    summary = dataclasses.replace(summary, warnings=(*summary.warnings, *notices))
+    return Asset(document, summary, data, usage)

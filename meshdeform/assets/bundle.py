@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import posixpath
-import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -16,14 +15,13 @@ from meshdeform.assets.container import GLB_MAGIC, Json, extension, index, integ
 from meshdeform.assets.document import Document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.materials import image_type
+from meshdeform.assets.obj_reader import linked_libraries, linked_pictures
 from meshdeform.assets.storage import MESHOPT_EXTENSIONS
 from meshdeform.assets.writer import embed_data_uris
 from meshdeform.errors import AssetExternalError, AssetTooLargeError, AssetTruncatedError
 
 __all__ = ["pack_gltf", "read_with_files"]
 
-_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", re.MULTILINE)
-_MAP = re.compile(rb"^[ \t]*map_Kd[ \t]+(.+?)[ \t\r]*$", re.MULTILINE | re.IGNORECASE)
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -98,15 +96,13 @@ def read_with_files(path: Path, limits: Limits) -> bytes:
         The file cannot be read.
     """
     data = _read(path, limits.max_bytes)
-    links = {".gltf": _gltf_links, ".obj": _obj_links}.get(path.suffix.lower())
+    links = {".gltf": _gltf_links, ".obj": linked_libraries}.get(path.suffix.lower())
     files: dict[str, bytes] = {}
     for link in links(data) if links else []:
         _add(files, path.parent, link, limits)
         if link.lower().endswith(".mtl") and link in files:
-            for picture in _MAP.findall(files[link]):
-                name = picture.decode("utf-8", "replace").replace("\\", "/")
-                for candidate in {name, name.rpartition(" ")[2]}:  # options may come before the name
-                    _add(files, path.parent, posixpath.join(posixpath.dirname(link), candidate), limits)
+            for picture in linked_pictures(files[link]):
+                _add(files, path.parent, posixpath.join(posixpath.dirname(link), picture), limits)
     if not files:
         return data
     packed = io.BytesIO()
@@ -141,7 +137,3 @@ def _gltf_links(data: bytes) -> list[str]:
     except (ValueError, AttributeError, TypeError, RecursionError):
         return []  # refused later, with the reason
     return [unquote(uri) for uri in uris if not _is_data(uri) and "://" not in uri]
-
-
-def _obj_links(data: bytes) -> list[str]:
-    return [name.decode("utf-8", "replace") for name in _LIBRARY.findall(data)]

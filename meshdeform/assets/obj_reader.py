@@ -1,0 +1,380 @@
+"""Read Wavefront OBJ and its material libraries (MTL).
+
+Lines are found, and numbers parsed, for one keyword at a time with numpy, since files have millions of lines.
+
+Source: Wavefront, Object files (.obj) and MTL material format; vertex colours after the position, as MeshLab and
+Blender write them; the PBR extension (`Pm`, `Pr`).
+"""
+
+from __future__ import annotations
+
+import codecs
+import posixpath
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets.archive import Archive
+from meshdeform.assets.build import Primitive
+from meshdeform.assets.polygons import Triangulation, cut_polygons
+from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
+
+__all__ = ["linked_libraries", "linked_pictures", "read_obj"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+_BLANKS = bytes.maketrans(b"\t\v\f\r", b"   \n")
+_INDENT = re.compile(rb"\n +")
+_CONTINUED = re.compile(rb"^(?! *#)(?:[^\n]*\\\n)+[^\n]*", re.MULTILINE)
+_COMMENT = re.compile(rb"(?<= )#[^\n]*")
+_NUMBER = re.compile(rb"[-+]?(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?|[-+]?(inf|infinity|nan)", re.IGNORECASE)
+_CORNER = re.compile(rb"[-+]?\d+(/([-+]?\d+)?){0,2}")
+# `-s 1 1 1`, `-mm 0 1`, `-clamp on`: options of a texture come before its name.
+_OPTIONS = re.compile(r"(?:-(?:[ost](?: +[-+.\deE]+){1,3}|mm +\S+ +\S+|[a-z]+ +\S+) +)*", re.IGNORECASE)
+_ELEMENTS = {b"v": ("vertex", 3, 6), b"vt": ("texture coordinate", 1, 2), b"vn": ("normal", 3, 3)}
+"""What a keyword lists, and how many numbers it has at least and at most."""
+
+
+def read_obj(data: bytes, archive: Archive | None, most_parts: int) -> tuple[list[Primitive], Triangulation]:
+    """Read an OBJ: white space and line ends of any kind, relative indices, polygons.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    archive : Archive, optional
+        Holds its material libraries and their textures.
+    most_parts : int
+        How many primitives it may have.
+
+    Returns
+    -------
+    A primitive for each object, group and material, the last one first; and how polygons were cut. Vertices of a
+    primitive differ in their index of the position, the texture coordinates or the normal. Where only some corners have
+    texture coordinates, the others have (0, 0) of the file. Normals are given if all corners have them. Colours of
+    vertices take precedence over materials.
+
+    Raises
+    ------
+    AssetError
+        A line cannot be read, or a face uses what the file does not have; the message names the line.
+    """
+    lines = _Lines(data)
+    tables = {key: _table(lines, key) for key in _ELEMENTS}
+    if not (np.abs(tables[b"v"][:, :3]) <= np.finfo(np.float32).max).all():  # NaN compares false
+        raise AssetNotFiniteError("The file has vertices that are not finite 32-bit floats.")
+    faces, sizes, corners = _faces(lines)
+    cut = cut_polygons(tables[b"v"][corners[:, 0] - 1, :3], sizes)
+    groups, states = _groups(lines, faces)
+    if not states:
+        return [], cut
+    if len(states) > most_parts:
+        raise AssetTooLargeError(f"The file has {len(states)} parts; the limit is {most_parts}.")
+    looks = _read_materials(lines, archive)
+    titles: dict[str, None] = {}
+    primitives = []
+    members = groups[cut.polygons]
+    order = np.argsort(members, kind="stable")
+    for rows, (*names, material) in zip(
+        np.split(order, np.flatnonzero(np.diff(members[order])) + 1), states, strict=True
+    ):
+        if (sizes[cut.polygons[rows]] == 4).all():  # quads alone: the first halves of all, then the second ones
+            rows = np.concatenate([rows[::2], rows[1::2]])
+        title = _title([*names, material if len(looks) > 1 else ""], titles)
+        primitives.append(_primitive(tables, corners[cut.triangles[rows]], title, looks.get(material), material))
+    return primitives, cut
+
+
+def linked_libraries(data: bytes) -> list[str]:
+    """Return the names that the material libraries of an OBJ may have: a line may list several, or one with spaces."""
+    return _Lines(data).libraries()
+
+
+def linked_pictures(library: bytes) -> list[str]:
+    """Return the paths, relative to a material library, that its base colour textures may have."""
+    return [path for key, value in _statements(library) if key == "map_kd" for path in _picture_paths(value)]
+
+
+class _Lines:
+    """The lines of an OBJ by their keyword. They have the numbers that an editor shows: line 0 is empty."""
+
+    def __init__(self, data: bytes) -> None:
+        text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").translate(_BLANKS)
+        text = b"\n%s\n" % text
+        if b"\\\n" in text:
+            text = _CONTINUED.sub(lambda m: m[0].replace(b"\\\n", b" ") + b"\n" * m[0].count(b"\\\n"), text)
+        if b"\n " in text:
+            text = _INDENT.sub(b"\n", text)
+        self._text = text
+        self._bytes = np.frombuffer(text, np.uint8)
+        self._begin = np.concatenate([[0], np.flatnonzero(self._bytes == ord("\n")) + 1])
+        self._initial = self._bytes[self._begin[:-1]]
+
+    def of(self, keyword: bytes) -> _Index:
+        """Return the numbers (L,) of the lines with a keyword."""
+        numbers: _Index = np.flatnonzero(self._initial == keyword[0])
+        for place, letter in enumerate(keyword[1:], start=1):
+            numbers = numbers[self._bytes[self._begin[numbers] + place] == letter]
+        return numbers[self._bytes[self._begin[numbers] + len(keyword)] <= ord(" ")]
+
+    def value(self, keyword: bytes, number: int) -> str:
+        """Return what follows a keyword in a line."""
+        line = self._text[self._begin[number] + len(keyword) : self._begin[number + 1]]
+        return line.decode("utf-8", "replace").strip()
+
+    def libraries(self) -> list[str]:
+        """Return what `mtllib` lines may name."""
+        values = [self.value(b"mtllib", number) for number in self.of(b"mtllib").tolist()]
+        names = (name.replace("\\", "/") for value in values for name in (value, *value.split()))
+        return list(dict.fromkeys(map(posixpath.normpath, names)))
+
+    def words(self, keyword: bytes) -> tuple[bytes, _Index, _Index]:
+        """Return the text after a keyword of all its lines, where its words begin, and how many a line has (L,)."""
+        numbers = self.of(keyword)
+        if not len(numbers):
+            return b"", np.zeros(0, np.int64), np.zeros(0, np.int64)
+        first, last = numbers[0], numbers[-1] + 1
+        chosen = np.zeros(last - first, bool)
+        chosen[numbers - first] = True
+        length = np.diff(self._begin[first : last + 1])
+        text = self._bytes[self._begin[first] : self._begin[last]]
+        text = text.copy() if chosen.all() else text[np.repeat(chosen, length)]
+        begin = np.cumsum(length[chosen]) - length[chosen]
+        for place in range(len(keyword)):
+            text[begin + place] = ord(" ")
+        if (text == ord("#")).any():
+            text = np.frombuffer(_COMMENT.sub(b"", text.tobytes()), np.uint8)
+        inside = text > ord(" ")
+        starts = np.flatnonzero(inside[1:] & ~inside[:-1]) + 1  # the text begins with the blank of a keyword
+        counts = np.diff(np.searchsorted(starts, np.flatnonzero(text == ord("\n"))), prepend=0)
+        return text.tobytes(), starts, counts
+
+    def unreadable(self, keyword: bytes, pattern: re.Pattern[bytes]) -> AssetError:
+        """Return an error about the first word after a keyword that does not fit a pattern."""
+        for number, line in zip(self.of(keyword).tolist(), self.words(keyword)[0].split(b"\n"), strict=False):
+            for word in line.split():
+                if not pattern.fullmatch(word):
+                    return _wrong(number, f"{word[:40].decode('utf-8', 'replace')!r} cannot be read")
+        return AssetError(f"The {keyword.decode()!r} lines of the OBJ file cannot be read.")
+
+
+def _wrong(number: int, what: str) -> AssetError:
+    return AssetError(f"Line {number} of the OBJ file: {what}.", advice="Export it again, best as .glb.")
+
+
+def _parse(text: bytes, kind: type[np.generic], count: int) -> NDArray[Any] | None:
+    """Return the numbers of a text, or None if they are not `count` numbers."""
+    if not count:
+        return np.zeros(0, kind)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # numpy warns, and stops, where there is no number
+        try:
+            values = np.fromstring(text, kind, sep=" ")
+        except (DeprecationWarning, ValueError):
+            return None
+    return values if len(values) == count else None
+
+
+def _table(lines: _Lines, keyword: bytes) -> _Floats:
+    """Return the numbers of all lines with a keyword (L, K); of a vertex (L, 3), or (L, 6) with NaN for no colour."""
+    what, least, most = _ELEMENTS[keyword]
+    text, _, counts = lines.words(keyword)
+    values = _parse(text, np.float64, int(counts.sum()))
+    if values is None:
+        raise lines.unreadable(keyword, _NUMBER)
+    for at in np.flatnonzero(counts < least)[:1].tolist():
+        raise _wrong(lines.of(keyword)[at], f"a {what} has at least {least} numbers, not {counts[at]}")
+    if keyword == b"v" and counts.max(initial=0) < most:
+        most = least
+    table = np.full((len(counts), most), np.nan if keyword == b"v" else 0.0)
+    starts = np.cumsum(counts) - counts
+    for column in range(most):
+        has = np.flatnonzero(counts > column)
+        table[has, column] = values[starts[has] + column]
+    return table
+
+
+def _faces(lines: _Lines) -> tuple[_Index, _Index, _Index]:
+    """Return the lines (P,) of faces, how many corners each has, and those (C, 3): v, vt, vn from 1, or 0 for none."""
+    text, starts, sizes = lines.words(b"f")
+    numbers = lines.of(b"f")
+    slashes = np.zeros(len(starts), np.int64)
+    if b"/" in text:
+        slashes = np.add.reduceat(np.frombuffer(text, np.uint8) == ord("/"), starts, dtype=np.int64)
+        for missing, zero in ((b"//", b"/0/"), (b"/ ", b"/0 "), (b"/\n", b"/0\n"), (b"/", b" ")):
+            text = text.replace(missing, zero)
+    values = _parse(text, np.int64, len(starts) + int(slashes.sum()))
+    if values is None or slashes.max(initial=0) > 2:
+        raise lines.unreadable(b"f", _CORNER)
+    corners = np.zeros((len(starts), 3), np.int64)
+    begin = np.cumsum(slashes + 1) - (slashes + 1)
+    for column in range(3):
+        has = np.flatnonzero(slashes >= column)
+        corners[has, column] = values[begin[has] + column]
+    for column, (keyword, (what, *_)) in enumerate(_ELEMENTS.items()):
+        listed, given = lines.of(keyword), corners[:, column].copy()
+        if column and not len(listed):  # some exporters number what they leave out
+            corners[:, column] = 0
+            continue
+        if (given < 0).any():
+            before = np.repeat(np.searchsorted(listed, numbers), sizes)
+            corners[:, column] = np.where(given < 0, given + before + 1, given)
+        wrong = (corners[:, column] > len(listed)) | ((corners[:, column] < 1) & ((given < 0) | (column == 0)))
+        for at in np.flatnonzero(wrong)[:1].tolist():
+            line = numbers[np.searchsorted(np.cumsum(sizes), at, side="right")]
+            raise _wrong(line, f"a face uses {what} {given[at]}; the file has {len(listed)}")
+    kept = sizes >= 3
+    return numbers[kept], sizes[kept], corners[np.repeat(kept, sizes)]
+
+
+def _groups(lines: _Lines, faces: _Index) -> tuple[_Index, list[tuple[str, ...]]]:
+    """Return the group (P,) of each face, the last one first, and the object, group and material of each group."""
+    states, columns = [], []
+    for keyword in (b"o", b"g", b"usemtl"):
+        numbers = lines.of(keyword)
+        rows, column = np.unique(np.searchsorted(numbers, faces), return_inverse=True)
+        values = [lines.value(keyword, numbers[row - 1]) if row else "" for row in rows.tolist()]
+        names = {name: number for number, name in enumerate(dict.fromkeys(values))}
+        states.append(list(names))
+        columns.append(np.array([names[value] for value in values], np.int64)[column])
+    distinct = np.stack(columns, axis=1)
+    first, groups = _distinct(distinct)
+    order = np.argsort(first)[::-1]
+    named = [tuple(names[row] for names, row in zip(states, rows, strict=True)) for rows in distinct[first[order]]]
+    return np.argsort(order)[groups], named
+
+
+def _distinct(rows: _Index) -> tuple[_Index, _Index]:
+    """Return the first of each kind of rows (N, K) of small integers, in ascending order, and the kind (N,) of each."""
+    key = rows[:, 0]
+    for column in rows.T[1:]:
+        size = int(column.max(initial=0)) + 1
+        if int(key.max(initial=0)) >= 2**62 // size:
+            key = np.unique(key, return_inverse=True)[1]
+        key = key * size + column
+    _, first, kinds = np.unique(key, return_index=True, return_inverse=True)
+    return first, kinds
+
+
+def _title(names: list[str], taken: dict[str, None]) -> str:
+    title = start = "_".join(filter(None, names)) or "geometry"
+    number = 0
+    while title in taken:
+        number += 1
+        title = f"{start}_{number}"
+    taken[title] = None
+    return title
+
+
+def _primitive(
+    tables: dict[bytes, _Floats], corners: _Index, title: str, look: _Material | None, material: str
+) -> Primitive:
+    """Return a primitive of triangles (T, 3, 3) of v, vt, vn from 1."""
+    rows = corners.reshape(-1, 3)
+    kept = [True, bool(rows[:, 1].any()), bool(rows[:, 2].all())]
+    first, index = _distinct(rows[:, kept])
+    v, vt, vn = rows[first].T - 1
+    colors = None
+    if tables[b"v"].shape[1] == 6:
+        values = tables[b"v"][v, 3:]
+        if not np.isnan(values).all():
+            values = np.where(np.isnan(values).any(axis=1, keepdims=True), 1.0, values)
+            colors = np.column_stack([np.clip(values * 255.0, 0.0, 255.0).round(), np.full(len(v), 255.0)])
+            colors, look = colors.astype(np.uint8), None
+    look, material = (look, material) if look else (_Material(), "")
+    # OBJ counts v upwards, glTF downwards.
+    texcoords = np.where(vt[:, None] < 0, 0.0, tables[b"vt"][vt]) * [1.0, -1.0] + [0.0, 1.0] if kept[1] else None
+    return Primitive(
+        tables[b"v"][v, :3],
+        index.reshape(-1, 3),
+        normals=tables[b"vn"][vn] if kept[2] else None,
+        uvs=texcoords,
+        colors=colors,
+        name=title,
+        material=material,
+        base_color=look.base_color,
+        metallic=look.metallic,
+        roughness=look.roughness,
+        texture=look.texture,
+    )
+
+
+@dataclass
+class _Material:
+    """`Kd` and `d` (None if the library does not have them), `Pm`, `Pr`, and the encoded image of `map_Kd`."""
+
+    base_color: tuple[float, float, float, float] | None = None
+    metallic: float = 0.0
+    roughness: float = 0.8
+    texture: bytes = b""
+
+
+def _read_materials(lines: _Lines, archive: Archive | None) -> dict[str, _Material]:
+    """Return the materials that an OBJ uses, with the values that its libraries in the archive give them."""
+    used = (lines.value(b"usemtl", number) for number in lines.of(b"usemtl").tolist())
+    looks = {name: _Material() for name in used if name}
+    for link in lines.libraries() if archive else []:
+        assert archive is not None
+        library = archive.find(link)
+        if library is not None:
+            beside = posixpath.normpath(posixpath.join(posixpath.dirname(archive.main), link))
+            _read_library(library, archive, beside, looks)
+    return looks
+
+
+def _read_library(library: bytes, archive: Archive, beside: str, looks: dict[str, _Material]) -> None:
+    material, color, dissolve, transparency = _Material(), (1.0, 1.0, 1.0), None, 0.0
+    for key, value in _statements(library):
+        if key == "newmtl":
+            material, color, dissolve, transparency = looks.get(value, _Material()), (1.0, 1.0, 1.0), None, 0.0
+        elif key == "map_kd":
+            found = (archive.find(path, beside) for path in _picture_paths(value))
+            material.texture = next(filter(None, found), b"")
+        numbers = _numbers(value)
+        if key == "kd" and len(numbers) >= 3:
+            color = (numbers[0], numbers[1], numbers[2])
+        elif key == "d" and numbers:
+            dissolve = numbers[0]
+        elif key == "tr" and numbers:
+            transparency = numbers[0]
+        elif key == "pm" and numbers:
+            material.metallic = numbers[0]
+        elif key == "pr" and numbers:
+            material.roughness = numbers[0]
+        if key in {"kd", "d", "tr"}:
+            # `Tr` is no part of the format, and programs disagree about its sense.
+            material.base_color = (*color, 1.0 - transparency if dissolve is None else dissolve)
+
+
+def _statements(library: bytes) -> Iterator[tuple[str, str]]:
+    """Yield the keyword, in lower case, and the rest of each line of a material library."""
+    for line in library.decode("utf-8-sig", "replace").splitlines():
+        key, _, value = line.replace("\t", " ").strip().partition(" ")
+        yield key.lower(), value.strip()
+
+
+def _picture_paths(value: str) -> list[str]:
+    """Return the paths that a texture may have: without options, and beside the library if they lead elsewhere."""
+    options = _OPTIONS.match(value)
+    name = value[options.end() if options else 0 :].replace("\\", "/")
+    return list(dict.fromkeys([name, value.rpartition(" ")[2].replace("\\", "/"), posixpath.basename(name)]))
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the leading numbers of a line, each limited to 0..1."""
+    found = []
+    for word in text.split():
+        try:
+            value = float(word)
+        except ValueError:
+            break
+        if value != value:
+            break
+        found.append(min(max(value, 0.0), 1.0))
+    return found
