@@ -113,15 +113,16 @@ class _Lines:
             text = _INDENT.sub(b"\n", text)
         self._text = text
         self._bytes = np.frombuffer(text, np.uint8)
-        self._begin = np.concatenate([[0], np.flatnonzero(self._bytes == ord("\n")) + 1])
+        self._begin: _Index = np.concatenate([[0], np.flatnonzero(self._bytes == ord("\n")) + 1])
         self._initial = self._bytes[self._begin[:-1]]
 
     def of(self, keyword: bytes) -> _Index:
         """Return the numbers (L,) of the lines with a keyword."""
-        numbers: _Index = np.flatnonzero(self._initial == keyword[0])
+        numbers = np.flatnonzero(self._initial == keyword[0])
         for place, letter in enumerate(keyword[1:], start=1):
             numbers = numbers[self._bytes[self._begin[numbers] + place] == letter]
-        return numbers[self._bytes[self._begin[numbers] + len(keyword)] <= ord(" ")]
+        ended: NDArray[np.bool_] = self._bytes[self._begin[numbers] + len(keyword)] <= ord(" ")
+        return numbers[ended]
 
     def value(self, keyword: bytes, number: int) -> str:
         """Return what follows a keyword in a line."""
