@@ -22,6 +22,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, up_axis_warnings
 from meshdeform.assets.parts import Parts, Rig, read_parts, read_rig, rig_accessors
+from meshdeform.assets.pose import posed_surface
 from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
@@ -118,6 +119,10 @@ class Asset:
             A material, texture or image is not valid.
         """
         return SceneView(self._document, copies=copies)
+
+    def posed(self) -> Surface:
+        """Return the surface as viewers show it: skins in the pose of the file's nodes, not in their bind pose."""
+        return posed_surface(self._document, self.surface, self._blocks)
 
     def appearance(self) -> Appearance:
         """Read how the surface looks, for drawing it; needs Pillow. What cannot be read is replaced and counted."""

@@ -150,7 +150,11 @@ class Evaluator:
                 shapes[step.step] = _turned(TriangleMesh(frame.leave(run.verts()), rest.faces), -angle)
             before = time.perf_counter()
         facts = (statistics.median(seconds), math.fsum(seconds), round(angle, 2), run.orientation.to_dict())
-        return rest, shapes, dict(zip(_RUN, facts, strict=True))
+        return rest, shapes, self._facts(facts)
+
+    def _facts(self, values: tuple[Any, ...]) -> dict[str, Any]:
+        """Name the facts of a run."""
+        return dict(zip(_RUN, values, strict=True))
 
     def _save(
         self, item: Item, rest: TriangleMesh, shapes: dict[int, TriangleMesh], facts: dict[str, Any]

@@ -98,6 +98,7 @@ def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dic
         "seeds": list(suite.seeds),
         "pairs": [list(pair) for pair in suite.pairs],
         "turned": suite.turned,
+        "delivered": suite.delivered,
         "sources": sources,
         "steps": list(plan.steps),
         "ablation": plan.ablation,
@@ -121,6 +122,7 @@ def plan_of(folder: Path, found: dict[str, Any], *, judge: str, clip: str, devic
         found["params"]["preset"],
         tuple((source, prompt) for source, prompt in found.get("pairs", [])),
         turned=found.get("turned", False),
+        delivered=found.get("delivered", False),
     )
     # Not validated: the parameters may be of an earlier version, and no deformation uses them.
     params = ResolvedParams.model_construct(**found["params"])

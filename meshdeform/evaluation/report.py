@@ -10,8 +10,8 @@ from typing import Any
 from meshdeform.errors import ParameterError
 from meshdeform.evaluation.plan import read_manifest
 from meshdeform.evaluation.sheet import contact_sheet
-from meshdeform.evaluation.summary import states_of, summarise
-from meshdeform.evaluation.tables import comparison, table
+from meshdeform.evaluation.summary import states_of, summarise, summarise_kept
+from meshdeform.evaluation.tables import comparison, kept_table, table
 from meshdeform.support.files import write_files
 
 __all__ = ["compare", "read_results", "write_report"]
@@ -97,6 +97,7 @@ def _sums(records: list[dict[str, Any]], steps: int, manifest: dict[str, Any]) -
         "overall": summarise(states),
         "by_prompt": by("prompt", manifest["prompts"]),
         "by_source": by("source", list(manifest["sources"])),
+        "kept": summarise_kept(states),
     }
 
 
@@ -115,6 +116,8 @@ def _page(document: dict[str, Any]) -> str:
         table("prompt", list(last["by_prompt"].items()), f"By prompt, after {last['steps']} steps"),
         table("source", sources, f"By source, after {last['steps']} steps"),
     ]
+    if last["kept"] is not None:
+        lines.insert(1, kept_table([("all", last["kept"])]))
     failed = [record for record in document["records"] if record["failed"]]
     if failed:
         lines.append("## Failed\n")

@@ -23,6 +23,7 @@ from typing import Any
 
 from meshdeform.errors import MeshdeformError, ParameterError, PromptError, VocabularyError, WorkerLostError
 from meshdeform.evaluation.clip_judge import refuse_the_guides_own
+from meshdeform.evaluation.delivered import DeliveredEvaluator
 from meshdeform.evaluation.evaluator import Evaluator, failed_record, read_record, source_path, texels_path
 from meshdeform.evaluation.mesh_file import write_ply, write_texels
 from meshdeform.evaluation.plan import Plan, check_manifest, manifest, read_manifest, write_manifest
@@ -69,7 +70,7 @@ def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) ->
     MeshdeformError
         The folder belongs to another run, or a model is not available or does not support the prompts.
     """
-    evaluator = Evaluator(plan)
+    evaluator = _evaluator(plan)
     assert evaluator.prior is not None
     # What `auto` is here, so that another machine does not go on in another precision.
     plan = replace(plan, dtype=str(evaluator.prior.dtype).removeprefix("torch."))
@@ -108,7 +109,7 @@ def rejudge(plan: Plan, *, say: Say = print) -> dict[str, Any]:
     found = read_manifest(plan.folder)
     if found is None:
         raise ParameterError(f"There is no run in {plan.folder}.", advice="Give the folder of a run with --out.")
-    evaluator = Evaluator(plan, deforms=False)
+    evaluator = _evaluator(plan, deforms=False)
     if plan.clip and not is_builtin(plan.params.model):
         refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
     judge, clip = _judge_identities(plan, evaluator)
@@ -119,8 +120,12 @@ def rejudge(plan: Plan, *, say: Say = print) -> dict[str, Any]:
     return write_report(plan.folder)
 
 
+def _evaluator(plan: Plan, *, deforms: bool = True) -> Evaluator:
+    return (DeliveredEvaluator if plan.suite.delivered else Evaluator)(plan, deforms=deforms)
+
+
 def _start(plan: Plan) -> Work:
-    return Evaluator(plan).evaluate
+    return _evaluator(plan).evaluate
 
 
 def _judge_identities(plan: Plan, evaluator: Evaluator) -> tuple[dict[str, Any], dict[str, Any]]:

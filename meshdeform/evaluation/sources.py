@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -26,14 +27,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import load_asset
+from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import texel_corners
 from meshdeform.geometry.shapes import box, join, torus
 from meshdeform.geometry.weld import weld
 
-__all__ = ["SOURCES", "mesh_sha256", "quadruped", "source_mesh", "source_texels"]
+__all__ = ["SOURCES", "PosedMesh", "mesh_sha256", "posed_mesh", "quadruped", "source_mesh", "source_texels"]
 
 _FREQUENCY = 10
 _Point = tuple[float, float, float]
@@ -105,7 +106,7 @@ SOURCES: dict[str, Callable[[], TriangleMesh]] = {
 
 @cache
 def source_mesh(name: str) -> TriangleMesh:
-    """Return one of `SOURCES`, or the welded surface of a file; computed once per process.
+    """Return one of `SOURCES`, or the welded surface of a file as viewers show it; computed once per process.
 
     Parameters
     ----------
@@ -128,11 +129,44 @@ def source_texels(name: str) -> NDArray[np.float64] | None:
     return texels if np.isfinite(texels).any() else None
 
 
+@dataclass(frozen=True)
+class PosedMesh:
+    """The welded surface of an asset in the pose that viewers show.
+
+    Attributes
+    ----------
+    mesh : TriangleMesh
+    rows : (V,) int64
+        A vertex of the file for each of the mesh.
+    triangles : (F,) int64
+        The triangle of the file of each face.
+    """
+
+    mesh: TriangleMesh
+    rows: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+
+    def moved(self, result: Asset) -> TriangleMesh:
+        """Return the mesh with the places that its vertices have in a result."""
+        return TriangleMesh(torch.from_numpy(result.posed().positions[self.rows]), self.mesh.faces)
+
+
+def posed_mesh(asset: Asset) -> PosedMesh:
+    """Weld the surface of an asset as viewers show it."""
+    posed = asset.posed()
+    welded = weld(posed.positions, posed.triangles)
+    rows = np.zeros(len(welded.mesh.verts), np.int64)
+    used = np.flatnonzero(welded.vertex_map >= 0)[::-1]  # the first of the merged vertices is assigned last
+    rows[welded.vertex_map[used]] = used
+    mesh = TriangleMesh(torch.from_numpy(posed.positions[rows]), welded.mesh.faces)
+    return PosedMesh(mesh, rows, welded.face_source)
+
+
 @cache
 def _of_file(name: str) -> tuple[TriangleMesh, NDArray[np.float64]]:
-    asset = load_asset(Path(name).read_bytes(), Path(name).name)
-    welded = weld(asset.surface.positions, asset.surface.triangles)
-    return welded.mesh, texel_corners(asset.appearance())[welded.face_source]
+    asset = load_asset(Path(name).read_bytes(), Path(name).name, Limits.unlimited())
+    posed = posed_mesh(asset)
+    return posed.mesh, texel_corners(asset.appearance())[posed.triangles]
 
 
 def mesh_sha256(mesh: TriangleMesh) -> str:

@@ -10,6 +10,11 @@ pairs that training pictures did show.
 `assets` deforms real assets, most of many parts, each by a few nouns. The files are not part of the project: the caller
 names a folder that has them (public samples of Khronos, Kenney, KayKit and others; see `ASSET_PAIRS`).
 
+`keep` asks whether anybody would keep the result: 28 real assets, half furniture, vehicles, buildings and vessels, half
+animals, people and plants, each with a near and a far prompt, chosen before any result was seen. Whole jobs run on the
+files, and the results are compared with doing nothing and with a stretch (`delivered`). `keep.json` says where each
+file is published, with its commit, SHA-256 and licence.
+
 `turned` is `small`, and `turned-assets` is `assets`, with every source turned by its own random angle about the up
 axis, which tests `orientation`.
 
@@ -24,6 +29,7 @@ of TextDeformer (Gao et al. 2023); "a dragon": the public configuration of Fusio
 from __future__ import annotations
 
 import hashlib
+import json
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +39,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt
 from meshdeform.priors.builtin.training.held_out import attributes_of, is_held_out, unseen_pairs
 
-__all__ = ["ASSET_PAIRS", "PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
+__all__ = ["ASSET_PAIRS", "KEEP_ASSETS", "PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
 
 _PROMPTS = (
     "a mushroom",
@@ -100,6 +106,12 @@ ASSET_PAIRS = (
 Racing (vehicles, tents), three.js (robot), KayKit Adventurers (knight), glTF-Transform's tests (chr_knight) and
 alecjacobson/common-3d-test-models (spot, cow)."""
 
+KEEP_ASSETS: tuple[dict[str, str], ...] = tuple(json.loads((Path(__file__).parent / "keep.json").read_text()))
+"""The assets of `keep`: `file`; `noun`: what it is; `near` and `far`: its prompts; `repository`, `commit`, `path`,
+`sha256`, `licence` and `author`."""
+
+_KEEP_PAIRS = tuple((asset["file"], asset[which]) for asset in KEEP_ASSETS for which in ("near", "far"))
+
 _OUR_PROMPTS = (
     "a dachshund",
     "a camel",
@@ -141,6 +153,8 @@ class Suite:
         Default parameters.
     pairs : tuple of (str, str), optional
         The pairs of source and prompt, if not every source is deformed by every prompt.
+    delivered : bool
+        Whether whole jobs run on the files, and their results are measured as viewers show them (`delivered`).
     turned : bool
         Whether each item's source is turned about the up axis by `turn_of`; shapes are judged turned back.
     """
@@ -152,6 +166,7 @@ class Suite:
     preset: str
     pairs: tuple[tuple[str, str], ...] = ()
     turned: bool = False
+    delivered: bool = False
 
     def items(self, limit: int | None = None) -> list[Item]:
         """Return all deformations, or the first `limit`; any P consecutive ones of P prompts have each prompt once."""
@@ -193,7 +208,7 @@ class Suite:
         Raises
         ------
         ParameterError
-            The suite needs no files, or the folder lacks one of them.
+            The suite needs no files, or the folder lacks one of them or has another file of its name.
         """
         if not self.pairs:
             raise ParameterError(f"The suite `{self.name}` needs no folder of assets.", advice="Omit --assets.")
@@ -201,7 +216,14 @@ class Suite:
         if missing := [name for name in self.sources if name not in found]:
             raise ParameterError(
                 f"{folder} has no {', '.join(missing)}.",
-                advice="meshdeform/evaluation/suite.py says where the files of this suite are published.",
+                advice="meshdeform/evaluation/suite.py and keep.json say where the files of the suites are published.",
+            )
+        known = {asset["file"]: asset["sha256"] for asset in KEEP_ASSETS} if self.delivered else {}
+        other = [name for name in known if hashlib.sha256(Path(found[name]).read_bytes()).hexdigest() != known[name]]
+        if other:
+            raise ParameterError(
+                f"{folder} has another {', '.join(other)} than the suite.",
+                advice="meshdeform/evaluation/keep.json has the commit and the SHA-256 of each file.",
             )
         pairs = tuple((found[source], prompt) for source, prompt in self.pairs)
         return replace(self, sources=tuple(found[name] for name in self.sources), pairs=pairs)
@@ -242,6 +264,15 @@ SUITES: dict[str, Suite] = {
             "balanced",
             ASSET_PAIRS,
             turned=True,
+        ),
+        Suite(
+            "keep",
+            tuple(asset["file"] for asset in KEEP_ASSETS),
+            tuple(dict.fromkeys(prompt for _, prompt in _KEEP_PAIRS)),
+            (0,),
+            "balanced",
+            _KEEP_PAIRS,
+            delivered=True,
         ),
         Suite("paper", ("sphere", "vase", "armchair", "quadruped"), PAPER_PROMPTS + _OUR_PROMPTS, (0,), "paper"),
     )

@@ -8,7 +8,7 @@ from typing import Any
 
 from meshdeform.evaluation.retrieval import wilson
 
-__all__ = ["States", "states_of", "summarise"]
+__all__ = ["States", "states_of", "summarise", "summarise_kept"]
 
 States = list[dict[str, Any]]
 
@@ -69,6 +69,33 @@ def summarise(states: States) -> dict[str, Any]:
         "neighbour_offset_mean": mean("neighbour_offset"),
         "neighbour_offset_max": max(of("neighbour_offset")),
         "texture_stretch_p95_mean": _mean_of_textured(states),
+    }
+
+
+def summarise_kept(states: States) -> dict[str, Any] | None:
+    """Compute one row of the table of what was kept (`delivered`); None if it was not measured.
+
+    Returns
+    -------
+    dict
+        `count`; `noun_first`: the share of results, of sources and of best stretches whose noun is first among all of
+        the judge; `gained`: the share of results whose noun gained a rank over the source; `structure`: the mean and
+        the largest of each figure; `worse_share`: the share of results that are worse than their source.
+    """
+    kept = [state["kept"] for state in states if state.get("kept")]
+    if not kept:
+        return None
+    ranks = [each["noun_ranks"] for each in kept if "noun_ranks" in each]
+    structure = {}
+    for name in kept[0]["structure"]:
+        values = [each["structure"][name] for each in kept if each["structure"][name] is not None]
+        structure[name] = {"mean": statistics.fmean(values), "most": max(values)} if values else None
+    return {
+        "count": len(kept),
+        "noun_first": {who: statistics.fmean(rank[who] == 1 for rank in ranks) for who in ranks[0]} if ranks else None,
+        "gained": statistics.fmean(r["result"] < r["source"] for r in ranks) if ranks else None,
+        "structure": structure,
+        "worse_share": statistics.fmean(each["worse_than_source"] for each in kept) if ranks else None,
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["comparison", "table"]
+__all__ = ["comparison", "kept_table", "table"]
 
 _COLUMNS = (
     "results",
@@ -44,6 +44,40 @@ def comparison(results: list[tuple[str, dict[str, Any]]]) -> str:
         for row in document["summary"]
     ]
     return _markdown(["run", "suite", "steps", "failed", *_COLUMNS], cells)
+
+
+_KEPT_COLUMNS = (
+    "results",
+    "noun first",
+    "stretched",
+    "source",
+    "gained",
+    "asymmetry",
+    "flatness",
+    "contacts",
+    "cut",
+    "flipped",
+    "worse than source",
+)
+
+
+def kept_table(rows: list[tuple[str, dict[str, Any]]]) -> str:
+    """Return a Markdown table of what results kept (`summary.summarise_kept`), a row for each run or source."""
+    return _markdown(["of", *_KEPT_COLUMNS], [[name, *_kept_cells(row)] for name, row in rows], "Kept")
+
+
+def _kept_cells(row: dict[str, Any]) -> list[str]:
+    first, structure = row["noun_first"], row["structure"]
+    of_100 = [f"{_of_100(structure[name])}" for name in ("asymmetry", "flatness", "contacts", "cut_share")]
+    flipped = f"{structure['flipped_faces']['mean']:.1f} ({structure['flipped_faces']['most']})"
+    judged = ["-"] * 4 if first is None else [*(_percent(first[who]) for who in ("result", "stretch", "source")),
+                                              _percent(row["gained"])]  # fmt: skip
+    worse = "-" if row["worse_share"] is None else _percent(row["worse_share"])
+    return [str(row["count"]), *judged, *of_100, flipped, worse]
+
+
+def _of_100(figure: dict[str, float] | None) -> str:
+    return "-" if figure is None else f"{100 * figure['mean']:.2f} % ({100 * figure['most']:.1f})"
 
 
 def _markdown(header: list[str], rows: list[list[str]], title: str = "") -> str:

@@ -1,0 +1,87 @@
+"""What a deformation did to the structure of an asset, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from meshdeform.evaluation.structure import measure_structure
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import box, icosphere, join
+from tests.cases import each_case
+
+Floats = NDArray[np.float64]
+
+
+def moved(mesh: TriangleMesh, verts: Floats | torch.Tensor) -> TriangleMesh:
+    return TriangleMesh(torch.as_tensor(verts, dtype=torch.float64), mesh.faces)
+
+
+def placed(mesh: TriangleMesh, size: tuple[float, float, float], at: tuple[float, float, float]) -> TriangleMesh:
+    return moved(mesh, mesh.verts * torch.tensor(size, dtype=torch.float64) + torch.tensor(at, dtype=torch.float64))
+
+
+def sled() -> TriangleMesh:
+    """Two blocks, one standing on the front of the other: a mirror image of itself across x = 0 only."""
+    low, high = placed(box(6), (1, 0.5, 2), (0, 0, 0)), placed(box(6), (0.5, 0.5, 0.5), (0, 0.5, 0.7))
+    return join(low, high)
+
+
+def test_a_source_is_its_own_result() -> None:
+    kept = measure_structure(sled(), sled())
+    assert (kept.asymmetry, kept.flatness, kept.contacts, kept.components) == (0.0, 0.0, 0.0, 2)
+
+
+@each_case("factors", [(3.0, 3.0, 3.0), (1.0, 2.0, 0.5)])
+def test_scaling_along_the_axes_keeps_symmetry_and_flatness(factors: tuple[float, float, float]) -> None:
+    kept = measure_structure(sled(), placed(sled(), factors, (5.0, -2.0, 1.0)))
+    assert kept.asymmetry == pytest.approx(0, abs=1e-9)
+    assert kept.flatness == pytest.approx(0, abs=1e-9)
+
+
+def test_a_shear_across_the_mirror_plane_is_measured() -> None:
+    source = sled()
+    verts = source.verts.numpy().copy()
+    verts[:, 0] += 0.4 * verts[:, 1]
+    kept = measure_structure(source, moved(source, verts))
+    # Mirror images at height y end up 2 |0.4 y - c| apart, with c the median of 0.4 y.
+    rng = np.random.default_rng(1)
+    a, b, c = source.verts.numpy()[source.faces.numpy()].transpose(1, 0, 2)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    face = rng.choice(len(areas), 100_000, p=areas / areas.sum())
+    root, second = np.sqrt(rng.random(100_000))[:, None], rng.random(100_000)[:, None]
+    heights = ((1 - root) * a[face] + root * (1 - second) * b[face] + root * second * c[face])[:, 1]
+    expected = 2 * 0.4 * np.abs(heights - np.median(heights)).mean() / np.linalg.norm(np.ptp(verts, axis=0))
+    assert kept.asymmetry == pytest.approx(expected, rel=0.03)
+    assert kept.flatness == pytest.approx(0, abs=1e-9)
+
+
+def test_a_bent_plate_has_lost_its_flatness() -> None:
+    plate = placed(box(12), (2, 0.01, 2), (0, 0, 0))
+    verts = plate.verts.numpy().copy()
+    verts[:, 1] += 0.1 * verts[:, 0] ** 2
+    kept = measure_structure(plate, moved(plate, verts))
+    heights = plate.verts.numpy()[:, 1]
+    top = np.flatnonzero(heights == heights.max())
+    rms = verts[top, 1].std()
+    expected = rms / np.linalg.norm(np.ptp(verts[top], axis=0))
+    assert kept.flatness == pytest.approx(expected, rel=0.05)
+
+
+def test_parts_that_come_apart_leave_a_gap() -> None:
+    source = join(placed(box(10), (1, 1, 1), (0, 0, 0)), placed(box(10), (1, 1, 1), (0, 1, 0)))
+    verts = source.verts.numpy().copy()
+    verts[verts.shape[0] // 2 :, 1] += 0.5
+    kept = measure_structure(source, moved(source, verts))
+    # Places that touched were up to a hundredth of the diagonal apart.
+    assert kept.contacts == pytest.approx(0.5 / np.linalg.norm(np.ptp(verts, axis=0)), rel=0.05)
+
+
+def test_what_a_source_does_not_have_is_not_measured() -> None:
+    blob = icosphere(4)
+    rng = np.random.default_rng(0)
+    lumpy = moved(blob, blob.verts.numpy() * (1 + 0.3 * np.sin(blob.verts.numpy() @ rng.normal(size=(3, 1)) * 2)))
+    kept = measure_structure(lumpy, lumpy)
+    assert (kept.asymmetry, kept.flatness, kept.contacts, kept.components) == (None, None, None, 1)
