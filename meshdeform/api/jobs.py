@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidation
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny
 
 from meshdeform.record.models import (
     Artifact,
@@ -48,6 +49,11 @@ _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 class _Document(BaseModel):
     # A newer server may send members that this client does not know.
     model_config = ConfigDict(frozen=True, extra="ignore")
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON document."""
+        # Stored values of other versions are shown as they are, whatever this one declares.
+        return self.model_dump(mode="json", warnings=False)
 
 
 class FileView(_Document):
@@ -106,7 +112,7 @@ class JobView(_Document):
         examples=["running"],
     )
     prompt: str = Field(description="What the asset should become.", examples=["a mushroom"])
-    params: SerializeAsAny[SkipValidation[DeformParams]] = Field(
+    params: SerializeAsAny[DeformParams] = Field(
         description="The parameters as given in the request.", examples=[{"preset": "preview"}]
     )
     output: OutputOptions = Field(description="What the job writes.", examples=[{"morph": False}])
@@ -115,7 +121,7 @@ class JobView(_Document):
     files: dict[str, FileView] = Field(
         default_factory=dict, description="Its files by the names of their parts, in the order of its kind."
     )
-    asset: FileView = Field(description="The first of `files`: the asset to deform.")
+    asset: FileView = Field(description="The first of `files`: the asset to deform; without a name if there is none.")
     target: FileView | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")
     origin: OriginView | None = Field(None, description="What it continues from; null if it starts from its files.")
     error: JobError | None = Field(None, description="Why the job failed; else null.")
@@ -134,19 +140,27 @@ class JobView(_Document):
         description="The results, sorted by name. Unless the job has succeeded, only a generated target.",
     )
 
+    unreadable: str | None = Field(
+        None,
+        description="Why this server cannot read the request, so that it neither retries nor branches the job, and "
+        "its workers leave the job to others; for example, a later version accepted it. Null: it can.",
+        examples=[None],
+    )
+
     @classmethod
-    def of(cls, job: Job) -> Self:
-        """Return the document of a job."""
+    def of(cls, job: Job) -> JobView:
+        """Return the document of a job. Nothing of its request is read, so `unreadable` is for the caller to fill."""
         files = {part: FileView.of(file) for part, file in job.files.items()}
-        return cls(
+        written = job.document
+        return cls.model_construct(
             id=job.id,
             kind=job.kind,
             state=job.state,
             prompt=job.prompt,
-            params=job.params,
-            output=job.request.output,
-            metadata=job.metadata,
-            priority=job.request.priority,
+            params=written.get("params", {}),
+            output=_over(_OUTPUT, written.get("output", {})),
+            metadata=written.get("metadata", {}),
+            priority=job.priority,
             files=files,
             asset=FileView.of(job.source),
             target=files.get("target"),
@@ -161,12 +175,15 @@ class JobView(_Document):
             artifacts=[ArtifactView.of(artifact, job.id) for artifact in job.artifacts],
         )
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the JSON document, with only those parameters that the request set."""
-        return {
-            **self.model_dump(mode="json"),
-            "params": self.params.model_dump(mode="json", exclude_unset=True),
-        }
+
+_OUTPUT = OutputOptions().model_dump(mode="json")
+
+
+def _over(defaults: Any, written: Any) -> Any:
+    """Return a document with the defaults of the members that it leaves out, at any depth."""
+    if not isinstance(defaults, Mapping) or not isinstance(written, Mapping):
+        return written
+    return {**defaults, **{name: _over(defaults.get(name), value) for name, value in written.items()}}
 
 
 class JobList(_Document):
@@ -176,10 +193,6 @@ class JobList(_Document):
     next_cursor: str | None = Field(
         None, description="Pass it as `cursor` to get the next page; null on the last one.", examples=["am9iXzAxa2c5"]
     )
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the JSON document."""
-        return {"jobs": [job.as_json() for job in self.jobs], "next_cursor": self.next_cursor}
 
 
 class ArtifactList(_Document):

@@ -232,11 +232,12 @@ class LocalJob:
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:
         path, every = self._outputs.checkpoint, self._request.params.checkpoint_every_steps
+        titles = [stage.title for stage in self._request.params.stages]
         with ctrl_c_between_steps() as interrupted:
             for report in run:
                 self._last_losses = report.losses
                 self._last_step = (report.step, report.total_steps)
-                if found := stage_at(self._request.params.stages, report.step - 1, report.total_steps):
+                if found := stage_at(titles, report.step - 1, report.total_steps):
                     progress.phase(stage_words(found.model_dump(), "optimizing"))
                 progress.step(report.step, report.total_steps, report.losses.get("total", float("nan")))
                 stop = interrupted()

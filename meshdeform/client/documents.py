@@ -25,7 +25,8 @@ from pydantic import (
 
 from meshdeform.api import jobs as views
 from meshdeform.errors import UnavailableError
-from meshdeform.record.models import EventType, JobError, JobState, Progress
+from meshdeform.record.models import EventType, JobError, JobState, OriginMode, Progress
+from meshdeform.requests.choices import member_of
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions, ResolvedParams
 
 __all__ = [
@@ -66,9 +67,7 @@ def _named(names: type[StrEnum]) -> WrapValidator:
         except ValidationError:
             if not isinstance(value, str):
                 raise
-            member = str.__new__(names, value)
-            member._name_, member._value_ = value.upper(), value
-            return member
+            return member_of(names, value)
 
     return WrapValidator(validate)
 
@@ -120,6 +119,8 @@ class _FileView(views.FileView):
 class _OriginView(views.OriginView):
     model_config = _OPEN
 
+    mode: Annotated[OriginMode, _named(OriginMode)]
+
 
 class ArtifactView(views.ArtifactView):
     """A result of a job."""
@@ -151,6 +152,11 @@ class JobView(views.JobView):
         if not isinstance(document, dict) or "files" in document:
             return document
         return {**document, "files": {name: document[name] for name in ("asset", "target") if document.get(name)}}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON document, with only those parameters that the request set."""
+        params = self.params.model_dump(mode="json", exclude_unset=True)
+        return {**super().as_json(), "params": params}
 
 
 class JobList(_Open):

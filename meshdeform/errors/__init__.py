@@ -30,6 +30,7 @@
     ├── RangeError                     416  range_not_satisfiable  the range begins past the end
     ├── ConflictError                  409  conflict               the resource's state does not allow it
     │   ├── JobNotFinishedError        409  job_not_finished       a result was requested before the job finished
+    │   ├── UnreadableJobError         409  job_unreadable         another version's request, unknown to this one
     │   ├── IdempotencyBusyError       409  idempotency_in_flight  the first request with this key is still running
     │   └── StaleAttemptError          409  stale_attempt          a worker writes after losing its lease
     ├── LimitError                     429  rate_limited           more requests than the key is allowed
@@ -64,6 +65,7 @@ from meshdeform.errors.access import (
     TooManyUploadsError,
     TooMuchStoredError,
     UnauthorizedError,
+    UnreadableJobError,
 )
 from meshdeform.errors.base import (
     MeshdeformError,
@@ -141,6 +143,7 @@ __all__ = [
     "TooMuchStoredError",
     "UnauthorizedError",
     "UnavailableError",
+    "UnreadableJobError",
     "VocabularyError",
     "WebhookAddressError",
     "WorkerLostError",

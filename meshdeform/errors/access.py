@@ -19,6 +19,7 @@ __all__ = [
     "TooManyUploadsError",
     "TooMuchStoredError",
     "UnauthorizedError",
+    "UnreadableJobError",
 ]
 
 
@@ -85,6 +86,13 @@ class JobNotFinishedError(ConflictError):
 
     code = "job_not_finished"
     advice = "Request it again after the seconds in Retry-After; GET /v1/jobs/{id} with Prefer waits for the job's end."
+
+
+class UnreadableJobError(ConflictError):
+    """Another version accepted the job's request, and this one cannot read it."""
+
+    code = "job_unreadable"
+    advice = "Use a server of the version that accepted it; any server can cancel or delete it."
 
 
 class IdempotencyBusyError(ConflictError):

@@ -66,8 +66,8 @@ class DueDelivery:
 def payload_of(job: Job, event: Event) -> dict[str, Any]:
     """Return the message of an event as the Standard Webhooks specification defines it: `type`, `timestamp`, `data`."""
     document = JobView.of(job).as_json()
-    # The artifacts are recorded after this event, which names them.
-    del document["artifacts"]
+    # The artifacts are recorded after this event, which names them; what can read the request is another process.
+    del document["artifacts"], document["unreadable"]
     return {
         "type": f"job.{event.type}",
         "timestamp": event.at.isoformat().replace("+00:00", "Z"),

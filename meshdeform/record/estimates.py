@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import sqlalchemy as sa
 
+from meshdeform.errors import UnreadableJobError
 from meshdeform.record.database import Database
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import JobState
@@ -145,5 +146,8 @@ def _steps_left(
 ) -> int:
     if total_steps:
         return max(0, total_steps - step)
-    request = read_stored(document)
+    try:
+        request = read_stored(document)
+    except UnreadableJobError:
+        return 0  # no worker that could tell takes it
     return kind_of(request.kind).steps(request, default_model, resolved)

@@ -12,6 +12,7 @@ from meshdeform.record.changes import find_job
 from meshdeform.record.database import Database
 from meshdeform.record.models import Event, JobState
 from meshdeform.record.schema import events, jobs
+from meshdeform.requests.choices import member_of
 
 __all__ = ["EventLog", "Head"]
 
@@ -57,5 +58,5 @@ class EventLog:
             query = query.where(jobs.c.id.in_(ids[start : start + _BATCH]))
             with self._database.read() as connection:
                 for row in connection.execute(query):
-                    found[row.id] = Head(row.event_seq, row.version, JobState(row.state))
+                    found[row.id] = Head(row.event_seq, row.version, member_of(JobState, row.state))
         return found

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
+from functools import cached_property
 from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from meshdeform.errors import MeshdeformError
-from meshdeform.requests.document import MAX_PRIORITY, DeformParams, JobKind, JobRequest
+from meshdeform.errors import MeshdeformError, UnreadableJobError
+from meshdeform.requests.document import MAX_PRIORITY, JobKind, JobRequest, read_stored
 from meshdeform.requests.stages import StageProgress
 
 __all__ = [
@@ -208,11 +209,15 @@ class CheckpointRef:
 
 
 class Job(_Frozen):
-    """One request, as recorded."""
+    """One request, as recorded, by this version or any other one."""
 
     id: str
+    kind: JobKind = JobKind.TEXT_DEFORM
+    """The kind of the job, which this version need not know."""
     state: JobState
-    request: JobRequest
+    document: dict[str, Any]
+    """The request, as stored."""
+    priority: int = 0
     resolved: dict[str, Any] | None = None
     """The values of all parameters; None for jobs of older versions."""
     files: dict[str, StoredFile]
@@ -235,30 +240,35 @@ class Job(_Frozen):
     artifacts: tuple[Artifact, ...] = ()
     """The results of a job that has succeeded, by name; read by `JobRecord.get` and `list_jobs` only."""
 
-    @property
-    def source(self) -> StoredFile:
-        """Its first file, which every kind of job requires."""
-        return next(iter(self.files.values()))
+    @cached_property
+    def request(self) -> JobRequest:
+        """The request.
+
+        Raises
+        ------
+        UnreadableJobError
+            It cannot be read in this process; the rest of the job can.
+        """
+        return read_stored(self.document)
 
     @property
-    def kind(self) -> JobKind:
-        """The kind of the job."""
-        return self.request.kind
+    def unreadable(self) -> str | None:
+        """Why `request` cannot be read; None if it can."""
+        try:
+            _ = self.request
+        except UnreadableJobError as error:
+            return error.detail
+        return None
+
+    @property
+    def source(self) -> StoredFile:
+        """Its first file, which every kind of job requires that this version knows; else one without a name."""
+        return next(iter(self.files.values()), StoredFile(key="", filename="", size=0, sha256=""))
 
     @property
     def prompt(self) -> str:
         """The text that describes the result."""
-        return self.request.prompt
-
-    @property
-    def params(self) -> DeformParams:
-        """The parameters as written in the request."""
-        return self.request.params
-
-    @property
-    def metadata(self) -> dict[str, Any]:
-        """The user's own labels."""
-        return dict(self.request.metadata)
+        return str(self.document.get("prompt", ""))
 
 
 @dataclass(frozen=True)

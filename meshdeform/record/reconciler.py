@@ -154,6 +154,8 @@ class Candidate:
 
 _log = logging.getLogger(__name__)
 RECONCILE_EVERY_S = 5.0
+_LONGEST_ROUNDS = 12
+"""Rounds after which a lost message is repeated at the latest."""
 _RECHECK_S = (0.1, 0.5)
 """Seconds before missing messages are counted again: much longer than a worker takes from its message to its claim."""
 
@@ -193,6 +195,8 @@ class Reconciler:
         self._every_s = min(RECONCILE_EVERY_S, lease_s / 6) if every_s is None else every_s
         self._watch = Watch(lease_s, self._every_s)
         self._announced: list[str] = []
+        self._repeated: dict[str, tuple[int, int]] = {}
+        self._round = 0
         self._done = threading.Event()
         workers = record.leases.alive_query(queue.name)
         self._repairing = Candidate(record.database, f"repair {queue.name}", self._every_s, workers)
@@ -271,12 +275,19 @@ class Reconciler:
         return self._record.upkeep.queued_count() - self._queue.length()
 
     def _announce_missing(self, count: int) -> None:
+        """Repeat so many lost messages; ever less often those of a job that nobody claims, which no worker can read."""
+        self._round += 1
         if count <= 0:
             return
         announced = self._queue.announced()
-        for job_id in [each for each in self._record.upkeep.queued_ids() if each not in announced][:count]:
+        lost = [each for each in self._record.upkeep.queued_ids() if each not in announced]
+        repeated = self._repeated = {each: self._repeated.get(each, (0, 0)) for each in lost}
+        due = [each for each in lost if repeated[each][1] <= self._round]
+        for job_id in due[: max(0, count - (len(lost) - len(due)))]:
             self._queue.enqueue(job_id)
             self._announced.append(job_id)
+            times = repeated[job_id][0]
+            repeated[job_id] = (times + 1, self._round + min(2**times, _LONGEST_ROUNDS))
             failpoint("reconciler.told")
 
     def _delete(self) -> None:

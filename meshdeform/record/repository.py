@@ -95,9 +95,16 @@ class JobRecord:
         self._database.close()
 
     def ping(self) -> None:
-        """Query the database once and return."""
-        with self._database.read() as connection:
-            connection.execute(sa.select(jobs.c.id).limit(1))
+        """Ask the database once whether it answers and takes writes.
+
+        Raises
+        ------
+        UnavailableError
+            It does not.
+        """
+        # It locks nothing, and yet only a server that takes writes accepts it; so it is with the `BEGIN` of SQLite.
+        with self._database.write_once() as connection:
+            connection.execute(sa.select(jobs.c.id).where(sa.false()).with_for_update())
 
     def create(self, new: NewJob) -> Job:
         """Record a new queued job. Its files must already be stored; their pins, if any, become references.

@@ -16,12 +16,14 @@ from meshdeform.record.models import (
     JobState,
     NewJob,
     Origin,
+    OriginMode,
     Progress,
     StoredFile,
 )
 from meshdeform.record.schema import ORIGIN, jobs
-from meshdeform.requests.document import JobRequest, read_stored
-from meshdeform.requests.stages import stage_at, stages_of
+from meshdeform.requests.choices import JobKind, member_of
+from meshdeform.requests.document import JobRequest
+from meshdeform.requests.stages import stage_at, stage_titles
 
 __all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "job_files", "new_job"]
 
@@ -83,19 +85,20 @@ def job_files(job_id: str, new: NewJob) -> list[dict[str, Any]]:
 
 
 def job(row: Row) -> Job:
-    """Return the job of a row."""
-    request = read_stored(row.request)
+    """Return the job of a row, whichever version wrote it: the request is read only when it is asked for."""
     return Job(
         id=row.id,
-        state=JobState(row.state),
-        request=request,
+        kind=member_of(JobKind, row.kind),
+        state=member_of(JobState, row.state),
+        document=row.request,
+        priority=row.priority,
         resolved=row.resolved,
         files={part: StoredFile.model_validate(file) for part, file in row.files.items()},
         error=JobError.model_validate(row.error) if row.error else None,
         created_at=row.created_at,
         started_at=row.started_at,
         finished_at=row.finished_at,
-        progress=Progress(
+        progress=Progress.model_construct(
             step=row.step,
             total_steps=row.total_steps,
             fraction=row.fraction,
@@ -103,12 +106,12 @@ def job(row: Row) -> Job:
             losses=row.losses,
             eta_s=row.eta_s,
             attempt=row.attempt,
-            stage=stage_at(stages_of(request.params), row.step, row.total_steps),
+            stage=stage_at(stage_titles(row.request), row.step, row.total_steps),
         ),
         attempt=row.attempt,
         version=row.version,
         owner_id=row.owner_id,
-        origin=Origin.model_validate(row.origin) if row.origin else None,
+        origin=_origin(row.origin) if row.origin else None,
         deadline_at=row.deadline_at,
         retain_until=row.retain_until,
         oom_attempts=row.oom_attempts,
@@ -116,6 +119,10 @@ def job(row: Row) -> Job:
         request_id=row.request_id,
         traceparent=row.traceparent,
     )
+
+
+def _origin(document: dict[str, Any]) -> Origin:
+    return Origin.model_validate({**document, "mode": member_of(OriginMode, document["mode"])})
 
 
 def artifact(row: Row) -> Artifact:
@@ -147,6 +154,5 @@ def checkpoint(row: Row) -> CheckpointRef:
 
 def event(row: Row) -> Event:
     """Return the event of a row."""
-    return Event(
-        job_id=row.job_id, seq=row.seq, type=EventType(row.type), at=row.at, attempt=row.attempt, data=row.data
-    )
+    kind = member_of(EventType, row.type)
+    return Event(job_id=row.job_id, seq=row.seq, type=kind, at=row.at, attempt=row.attempt, data=row.data)

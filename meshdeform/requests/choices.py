@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import TypeVar
 
 __all__ = [
     "AlignMode",
@@ -21,7 +22,20 @@ __all__ = [
     "Safeguard",
     "Symmetry",
     "SynthesisMode",
+    "member_of",
 ]
+
+E = TypeVar("E", bound=StrEnum)
+
+
+def member_of(names: type[E], value: str) -> E:
+    """Return the member of this value; for one of another edition, a member of its own that only has the value."""
+    try:
+        return names(value)
+    except ValueError:
+        member = str.__new__(names, value)
+        member._name_, member._value_ = value.upper(), value
+        return member
 
 
 class JobKind(StrEnum):

@@ -14,12 +14,13 @@ from pydantic import (
     Field,
     SerializeAsAny,
     StringConstraints,
+    ValidationError,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     field_validator,
 )
 
-from meshdeform.errors import ParameterError
+from meshdeform.errors import ParameterError, UnreadableJobError
 from meshdeform.requests.choices import (
     AppearanceMode,
     Carrier,
@@ -45,6 +46,7 @@ from meshdeform.requests.parameters import (
 )
 from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.stages import active_prompts, contradicted, goal_guidance
+from meshdeform.requests.unbounded import first_problem, read_unbounded
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -228,17 +230,44 @@ def _family(model: str | None) -> str:
     return "taught" if model and is_sent(model) else model or ""
 
 
+_REMOVED = frozenset({
+    "annealing", "attachment_weight", "candidate_steps", "candidates", "coarse_until", "distillation", "ism_interval",
+    "ism_stride", "learning_rate_end", "negative", "negative_weight", "noise_draws", "optimizer", "parametrization",
+    "regularizer_scale_end", "resolution_start", "rigidity", "smoothing_start", "stop_when_settled",
+    "timestep_min_end", "translation_rate", "view_prompts", "views",
+})  # fmt: skip
+"""Parameters of `text_deform` in earlier versions, which mean nothing any more, and whose names no later one may use.
+Any other unknown parameter is of a later version."""
+
+
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
-    """Read a stored request, dropping parameters that this version no longer has.
+    """Read a stored request of any version, without bounds and without parameters that have been removed since.
 
     Parameters
     ----------
     document : mapping
         As stored in the record.
+
+    Raises
+    ------
+    UnreadableJobError
+        Its kind, one of its members or one of its values is not known in this process. Without it, the job would be
+        another one than was asked for.
     """
-    known = _PARAMS[JobKind(document.get("kind", JobKind.TEXT_DEFORM))].model_fields
-    params = {name: value for name, value in document.get("params", {}).items() if name in known}
-    return JobRequest.model_validate({**document, "params": params})
+    kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
+    model = next((known for name, known in _PARAMS.items() if name == kind), None)
+    if model is None:
+        raise UnreadableJobError(f"The stored request cannot be read here: there is no kind of job {kind!r}.")
+    if model is DeformParams and isinstance(params, Mapping):
+        params = {name: value for name, value in params.items() if name not in _REMOVED}
+    try:
+        read = {"params": read_unbounded(model, params)}
+    except ValidationError as error:
+        raise UnreadableJobError(f"The stored request cannot be read here: params.{first_problem(error)}.") from error
+    try:
+        return read_unbounded(JobRequest, {**document, **read})
+    except ValidationError as error:
+        raise UnreadableJobError(f"The stored request cannot be read here: {first_problem(error)}.") from error
 
 
 def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> ResolvedParams:
@@ -285,7 +314,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     if values["rigid"] and values["length"] != LengthLimits():
         detail = "Rigid parts cannot be stretched or compressed to meet a limit of `length`."
         raise _refused("length", detail, "Leave out params.length or params.rigid.")
-    return ResolvedParams.model_validate(values)
+    return read_unbounded(ResolvedParams, values)
 
 
 def _with_goal(params: DeformParams) -> DeformParams:

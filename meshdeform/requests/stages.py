@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
@@ -34,7 +34,7 @@ __all__ = [
     "of_stage",
     "prompt_words",
     "stage_at",
-    "stages_of",
+    "stage_titles",
     "with_target_models",
 ]
 
@@ -90,7 +90,8 @@ def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:
 
 def prompt_words(prompt: str, params: Any) -> str:
     """Return all prompts of a job in one line; parameters of another kind of job have none of their own."""
-    further = [each.prompt for each in getattr(params, "prompts", ())]
+    # A client keeps parameters of a later service as they came.
+    further = [each["prompt"] if isinstance(each, Mapping) else each.prompt for each in getattr(params, "prompts", ())]
     return " + ".join(dict.fromkeys(text for text in (prompt, *further) if text))
 
 
@@ -189,19 +190,28 @@ STAGES: Any = Field(
 )
 
 
-def stages_of(params: object) -> Sequence[Stage]:
-    """Return the stages of a job's parameters; those of other kinds of job have none."""
-    found: Sequence[Stage] = getattr(params, "stages", ())
-    return found
+def stage_titles(document: Mapping[str, Any]) -> list[str]:
+    """Return the titles of the stages of a stored request, even if a later version wrote it; most have no stages."""
+    params = document.get("params")
+    stages = params.get("stages") if isinstance(params, Mapping) else None
+    return [_title(stage) for stage in stages] if isinstance(stages, list) else []
 
 
-def stage_at(stages: Sequence[Stage], step: int, total_steps: int) -> StageProgress | None:
+def _title(stage: Any) -> str:
+    if not isinstance(stage, Mapping):
+        return ""
+    target = stage.get("target")
+    goal = target.get("prompt") if isinstance(target, Mapping) else target
+    return str(stage.get("name") or stage.get("prompt") or goal or "")
+
+
+def stage_at(titles: Sequence[str], step: int, total_steps: int) -> StageProgress | None:
     """Return the stage of a job of which `step` steps are done; None if it has no stages."""
-    if not stages:
+    if not titles:
         return None
-    each = max(total_steps // len(stages), 1)
-    index = min(step // each, len(stages) - 1)
-    return StageProgress(number=index + 1, count=len(stages), name=stages[index].title)
+    each = max(total_steps // len(titles), 1)
+    index = min(step // each, len(titles) - 1)
+    return StageProgress(number=index + 1, count=len(titles), name=titles[index])
 
 
 def of_stage(params: DeformParams, stage: Stage) -> DeformParams:

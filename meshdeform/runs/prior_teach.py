@@ -13,6 +13,7 @@ from meshdeform.priors.builtin.weights_file import WEIGHTS
 from meshdeform.priors.public_names import hidden_folders
 from meshdeform.requests.models import WEIGHTS_PART, is_sent, is_taught
 from meshdeform.requests.teaching import TeachParams
+from meshdeform.requests.unbounded import read_resolved
 from meshdeform.runs import teaching
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.lesson_files import packed_meshes
@@ -33,7 +34,7 @@ def start(given: RunInput) -> PriorTeachRun:
     """
     params = params_of(given.request)
     if given.resolved is not None:  # it has the path of a model that the request names by its id
-        params = TeachParams.model_validate(dict(given.resolved))
+        params = read_resolved(TeachParams, given.resolved)
     limits = given.limits or Limits()
     with ExitStack() as stack:
         base = WEIGHTS

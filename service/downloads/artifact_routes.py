@@ -19,6 +19,7 @@ from meshdeform.errors import (
     ParameterError,
     StoredFileError,
     TooMuchStoredError,
+    UnreadableJobError,
 )
 from meshdeform.record.models import Artifact, Job, JobState
 from meshdeform.runs import kind_of
@@ -119,7 +120,7 @@ async def _at_strength(
             "`Content-Type` is the artifact's `content_type`, such as `model/gltf-binary`, `application/json` for "
             "`report.json`, or `image/png` for `preview.png`."
         ),
-        **problem_responses(ForbiddenError, JobNotFinishedError, ParameterError, DependencyError),
+        **problem_responses(ForbiddenError, JobNotFinishedError, UnreadableJobError, ParameterError, DependencyError),
     },
     openapi_extra=OPEN_TO_SIGNED,
 )
@@ -183,8 +184,11 @@ def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _N
 
 def _file_name(job: Job, artifact: Artifact) -> str:
     filenames = {part: file.filename for part, file in job.files.items()}
-    goal = kind_of(job.kind).goal(job.request, filenames)
-    seed = getattr(job.params, "seed", None)  # a kind of job may have none
+    try:
+        goal = kind_of(job.request.kind).goal(job.request, filenames)
+        seed = getattr(job.request.params, "seed", None)  # a kind of job may have none
+    except UnreadableJobError:
+        goal, seed = job.prompt, None
     return result_name(artifact.name, source=job.source.filename, goal=goal, seed=seed)
 
 

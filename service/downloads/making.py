@@ -23,7 +23,7 @@ _RESULT = "result.glb"
 
 def makeable(job: Job) -> list[str]:
     """Return the names of the artifacts that can be made of a job that has succeeded."""
-    if all(artifact.name != _RESULT for artifact in job.artifacts):
+    if job.unreadable or all(artifact.name != _RESULT for artifact in job.artifacts):
         return []
     return [kind.name for kind in kind_of(job.kind).artifacts if kind.afterwards and kind.name in DERIVED]
 

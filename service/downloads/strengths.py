@@ -44,10 +44,10 @@ class Strengths:
         ------
         ParameterError
             The artifact has only one strength.
-        DependencyError, UnavailableError
-            This server cannot make it, or cannot make it now.
+        DependencyError, UnavailableError, UnreadableJobError
+            This server cannot make it, cannot make it now, or cannot read the job's request.
         """
-        kinds = {kind.name: kind for kind in kind_of(job.kind).artifacts}
+        kinds = {kind.name: kind for kind in kind_of(job.request.kind).artifacts}
         if artifact.name not in kinds or not kinds[artifact.name].strengths:
             having = [name for name, kind in kinds.items() if kind.strengths]
             detail = f"{artifact.name} has only one strength."

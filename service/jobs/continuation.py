@@ -28,6 +28,8 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
     ------
     NotFoundError, ConflictError
         There is no such job, or it has not ended, or it has succeeded.
+    UnreadableJobError
+        This version cannot read its request.
     StoredFileError
         The stored copy of one of its files is damaged.
     RequestError, ModelError
@@ -71,6 +73,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
     ------
     NotFoundError
         There is no such job, or it has no such checkpoint.
+    UnreadableJobError
+        This version cannot read its request.
     StoredFileError
         The stored copy of one of its files is damaged.
     AssetError, RequestError, ModelError

@@ -9,7 +9,14 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Header, Path, Request, Response
 
 from meshdeform.api.jobs import JobView
-from meshdeform.errors import ConflictError, DependencyError, NotFoundError, RequestError, StoredFileError
+from meshdeform.errors import (
+    ConflictError,
+    DependencyError,
+    NotFoundError,
+    RequestError,
+    StoredFileError,
+    UnreadableJobError,
+)
 from meshdeform.runs import kinds
 from service.documentation.responses import (
     ASSET_ERRORS,
@@ -210,7 +217,13 @@ async def orient_job(
     responses={
         202: {"model": JobView, "description": "A new job.", "headers": _HEADERS},
         **problem_responses(
-            NotFoundError, ConflictError, StoredFileError, *REQUEST_ERRORS, *NEW_JOB_ERRORS, *CALLER_ERRORS
+            NotFoundError,
+            ConflictError,
+            UnreadableJobError,
+            StoredFileError,
+            *REQUEST_ERRORS,
+            *NEW_JOB_ERRORS,
+            *CALLER_ERRORS,
         ),
     },
 )
@@ -239,6 +252,7 @@ def retry_job(
             *REQUEST_ERRORS,
             *NEW_JOB_ERRORS,
             ConflictError,
+            UnreadableJobError,
             *CALLER_ERRORS,
         ),
     },

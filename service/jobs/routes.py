@@ -105,7 +105,7 @@ def list_jobs(
     page = app.record.list_jobs(
         state, cursor, limit, owner=principal.owner_id, metadata=labels, created_after=created_after, words=q
     )
-    return JSONResponse(JobList(jobs=[JobView.of(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
+    return JSONResponse(JobList(jobs=[_view(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
 
 
 @router.get(
@@ -138,7 +138,7 @@ async def get_job(
         job = await settled(app, id, viewer.owner_id, wait_s, request=request)
     if viewer.link:
         # Labels and other jobs are no part of what the owner has shown.
-        document = JobView.of(job).model_copy(update={"metadata": {}, "origin": None})
+        document = _view(job).model_copy(update={"metadata": {}, "origin": None})
         return JSONResponse(document.as_json(), headers={**job_headers(job), "Cache-Control": "no-store"})
     headers = {**job_headers(job), **applied(wait_s)}
     if matches(if_none_match, headers["ETag"]):
@@ -195,7 +195,12 @@ def delete_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response
 
 def shown(job: Job, *, status: int = 200, headers: dict[str, str] | None = None) -> JSONResponse:
     """Return a response with a job as its body."""
-    return JSONResponse(JobView.of(job).as_json(), status, {**job_headers(job), **(headers or {})})
+    return JSONResponse(_view(job).as_json(), status, {**job_headers(job), **(headers or {})})
+
+
+def _view(job: Job) -> JobView:
+    """Return the document of a job as this server sees it."""
+    return JobView.of(job).model_copy(update={"unreadable": job.unreadable})
 
 
 def _labels(request: Request) -> dict[str, str]:

@@ -26,7 +26,7 @@ def test_a_new_job_comes_back_as_it_was_written(record: JobRecord) -> None:
     assert found == made
     assert (found.state, found.attempt, found.version) == (JobState.QUEUED, 0, 1)
     assert found.request == request
-    assert found.params.model_fields_set == {"steps"}
+    assert found.request.params.model_fields_set == {"steps"}
     assert found.files["target"] == stored_file("b", "target.obj")
     assert found.created_at.tzinfo is not None
     assert abs(found.created_at - datetime.now(UTC)) < timedelta(minutes=5)
@@ -41,7 +41,7 @@ def test_a_job_of_an_earlier_version_is_read_without_the_parameters_that_are_gon
     new_job(record)
     assert old.id in [job.id for job in record.list_jobs().jobs]
     found = record.get(old.id)
-    assert found.params.model_dump(mode="json") == {"seed": 4}
+    assert found.request.params.model_dump(mode="json") == {"seed": 4}
     assert found.prompt == "a vase"
     assert claimed(record, old).request == found.request
     # Whoever waits behind it is told when it is over: its steps are those of the preset.
@@ -141,7 +141,7 @@ def test_a_job_is_found_by_its_labels_all_of_them(record: JobRecord) -> None:
     assert ids(record.list_jobs(metadata={"batch": "7", "who": "me"}).jobs) == [both.id]
     assert ids(record.list_jobs(JobState.RUNNING, metadata={"batch": "7"}).jobs) == []
     assert record.list_jobs(metadata={"7": "batch"}).jobs == []
-    assert record.get(both.id).metadata == {"batch": "7", "who": "me"}
+    assert record.get(both.id).request.metadata == {"batch": "7", "who": "me"}
 
 
 def test_owners_see_their_own_jobs_and_no_others(record: JobRecord) -> None:

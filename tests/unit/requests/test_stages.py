@@ -10,7 +10,14 @@ from pydantic import ValidationError
 from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
-from meshdeform.requests.stages import StageProgress, generated_targets, named_targets, needs_prior, stage_at
+from meshdeform.requests.stages import (
+    StageProgress,
+    generated_targets,
+    named_targets,
+    needs_prior,
+    stage_at,
+    stage_titles,
+)
 from meshdeform.runs.text_deform_checks import check
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from tests.cases import each_case
@@ -87,7 +94,8 @@ def test_steps_progress_and_names_count_all_stages() -> None:
     request = of(PEAR, FILE, MADE, steps=10)
     assert TEXT_DEFORM.steps(request, "builtin", None) == 30
     assert TEXT_DEFORM.goal(request, {"asset": "a.glb", "target_2": "b.glb"}) == "a pear, then a vase, then a shark"
-    stages = request.params.stages
+    stages = stage_titles(request.model_dump(mode="json", exclude_unset=True))
+    assert stages == [stage.title for stage in request.params.stages] == ["a pear", "a vase", "a shark"]
     assert stage_at(stages, 0, 0) == StageProgress(number=1, count=3, name="a pear")
     assert [stage_at(stages, step, 30).number for step in (9, 10, 29, 30)] == [1, 2, 3, 3]  # type: ignore[union-attr]
     assert stage_at((), 5, 10) is None

@@ -13,14 +13,13 @@ import pytest
 from meshdeform.errors import StaleAttemptError, UnavailableError
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress, StoredFile
-from meshdeform.requests.document import JobRequest
 from meshdeform.runs.base import StepReport
 from worker.watch import JobWatch, StepTimer
 
 JOB = Job(
     id="job_1",
     state=JobState.RUNNING,
-    request=JobRequest(prompt="a vase"),
+    document={"prompt": "a vase"},
     files={"asset": StoredFile(key="assets/0", filename="a.glb", size=1, sha256="0")},
     attempt=2,
     created_at=dt.datetime(2026, 1, 1, tzinfo=dt.UTC),
