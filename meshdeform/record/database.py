@@ -17,10 +17,10 @@ from typing import Any, TypeVar
 import sqlalchemy as sa
 import sqlalchemy.exc
 from sqlalchemy import event
-from sqlalchemy.engine import ExceptionContext
 
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.schema import UtcDateTime, compatible
+from meshdeform.record.sql_states import READ_ONLY_SERVER, sql_state
 from meshdeform.record.upgrade import upgrade, upgrade_apart
 
 __all__ = ["MAX_CONNECTIONS", "RECORD_FILE", "Database", "make_engine"]
@@ -36,11 +36,10 @@ MAX_CONNECTIONS = 15
 _KEPT_OPEN = 5
 _MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
 _READ_ONLY = "meshdeform_read_only"
-_READ_ONLY_SERVER = "25006"
-"""PostgreSQL's code for a write to a standby, or to a primary that an operator has set to read-only."""
-_REFUSED = ("28", "3D")
-"""PostgreSQL's classes if it refuses the login or has no such database, for example while that is being restored."""
-_AWAY = (_READ_ONLY_SERVER, "25P03", "25P04", *_REFUSED, "08", "40", "53", "57", "58")
+_REFUSED = ("28", "3D", "55000")
+"""PostgreSQL's codes and classes if it refuses the login, or the database is not there or takes no connections: for
+example while it is being restored."""
+_AWAY = (READ_ONLY_SERVER, "25P03", "25P04", *_REFUSED, "08", "40", "53", "57", "58")
 """PostgreSQL's codes and classes of temporary errors. Beside those above: a transaction that lasted too long,
 connection, rollback (deadlock), resources, operator, system."""
 _UNKNOWN_STATEMENT = "26000"
@@ -230,15 +229,7 @@ def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:
             f"The database driver {parsed.drivername} is not installed.",
             advice="Use postgresql:// (the driver pg8000 comes with Meshdeform) or sqlite://.",
         ) from error
-    event.listen(engine, "handle_error", _leave_read_only_server)
     return engine
-
-
-def _leave_read_only_server(context: ExceptionContext) -> None:
-    """Close every connection to a server that has become a standby: another one may be the primary by now."""
-    error = context.sqlalchemy_exception
-    if isinstance(error, sqlalchemy.exc.DBAPIError) and _sql_state(error) == _READ_ONLY_SERVER:
-        context.is_disconnect = True
 
 
 def _pool(connections: int) -> dict[str, Any]:
@@ -327,26 +318,20 @@ def _answers() -> Iterator[None]:
         _log.warning("the record does not answer: %s", error)
         raise UnavailableError("The record does not answer.") from error
     except sqlalchemy.exc.DBAPIError as error:
-        if _sql_state(error) == _UNKNOWN_STATEMENT:
+        if sql_state(error.orig) == _UNKNOWN_STATEMENT:
             raise UnavailableError(
                 "The record is behind a connection pooler that shares connections between statements.",
                 advice="Set pool_mode = transaction or session in PgBouncer (docs/scaling.md).",
             ) from error
-        state = _sql_state(error)
+        state = sql_state(error.orig)
         if not error.connection_invalidated and not state.startswith(_AWAY):
             raise
         _log.warning("the record is temporarily unavailable: %s", error)
-        if state == _READ_ONLY_SERVER:
+        if state == READ_ONLY_SERVER:
             raise UnavailableError("The record is read-only.") from error
         if state.startswith(_REFUSED):
-            raise UnavailableError("The record's server refuses this login or has no such database.") from error
+            raise UnavailableError("The record's server refuses this login or database.") from error
         raise UnavailableError("The record is temporarily unavailable.") from error
-
-
-def _sql_state(error: sqlalchemy.exc.DBAPIError) -> str:
-    """Return PostgreSQL's code of an error; empty if it has none."""
-    said = error.orig.args[0] if error.orig is not None and error.orig.args else None
-    return str(said.get("C", "")) if isinstance(said, dict) else ""
 
 
 def _version(connection: sa.Connection) -> str | None:

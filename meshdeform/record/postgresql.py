@@ -27,6 +27,8 @@ from pg8000.converters import make_params
 from pg8000.core import DESCRIBE, NULL_BYTE, SYNC_MSG, Context
 from sqlalchemy.dialects.postgresql.pg8000 import PGDialect_pg8000
 
+from meshdeform.record.sql_states import READ_ONLY_SERVER, sql_state
+
 __all__ = ["DRIVER", "Pg8000Connection", "Pg8000Dialect", "without_time_limit"]
 
 DRIVER = "postgresql+meshdeform"
@@ -165,6 +167,11 @@ class Pg8000Dialect(PGDialect_pg8000):
             return
         with self.network():
             super().set_isolation_level(dbapi_connection, level)  # type: ignore[no-untyped-call]
+
+    def is_disconnect(self, error: Any, connection: Any, cursor: Any) -> bool:
+        """Return whether the pool's connections are lost. Those to a standby are: another server may be the primary."""
+        lost: bool = super().is_disconnect(error, connection, cursor)  # type: ignore[no-untyped-call]
+        return lost or sql_state(error) == READ_ONLY_SERVER
 
     def do_ping(self, dbapi_connection: Any) -> bool:
         """Ping the server in one round trip, outside a transaction, unless it has just answered."""

@@ -102,9 +102,9 @@ class JobRecord:
         UnavailableError
             It does not.
         """
-        # It locks nothing, and yet only a server that takes writes accepts it; so it is with the `BEGIN` of SQLite.
+        # It changes nothing, and yet a database that is read-only refuses it.
         with self._database.write_once() as connection:
-            connection.execute(sa.select(jobs.c.id).where(sa.false()).with_for_update())
+            connection.execute(sa.update(jobs).where(sa.false()).values(version=jobs.c.version))
 
     def create(self, new: NewJob) -> Job:
         """Record a new queued job. Its files must already be stored; their pins, if any, become references.

@@ -11,6 +11,7 @@ import pytest
 from tests.acceptance.cluster import Cluster, running_redis, until
 from tests.fault_proxy import FaultProxy
 from tests.s3_server import S3Server
+from tests.shut_database import database_to_shut
 
 pytestmark = pytest.mark.acceptance
 
@@ -126,6 +127,30 @@ def test_a_supervisor_waits_for_a_record_that_is_not_up_yet(
             until("it waits", lambda: "waiting for the record" in worker.log)
             proxy.pass_through()
             assert cluster.check(job_id, steps=STEPS).attempt == 1
+
+
+@pytest.mark.parametrize("way", ["read-only", "no login"])
+def test_a_record_that_takes_no_writes_or_no_logins_ends_no_supervisor(
+    way: str, tmp_path: Path, postgres_url: str
+) -> None:
+    with database_to_shut(postgres_url) as database, running_redis(tmp_path) as redis:
+        cluster = Cluster(tmp_path, redis, database_url=database.url)
+        try:
+            supervisor = cluster.start_worker()
+            job_id = cluster.submit(STEPS, every=20)
+            cluster.at_step(job_id, 20)
+            database.shut(way)
+            # The first that a supervisor writes when its worker dies.
+            supervisor.child().kill()
+            until("the lease is not given up", lambda: "stays claimed until its lease expires" in supervisor.log)
+            until("the reconciler waits", lambda: "the reconciler will retry" in supervisor.log)
+            assert supervisor.process.poll() is None
+            database.open(way)
+            cluster.check(job_id, steps=STEPS)
+            assert supervisor.process.poll() is None
+            assert "Traceback" not in supervisor.log
+        finally:
+            cluster.clean_up()
 
 
 def test_a_step_that_is_longer_than_a_lease_does_not_lose_it(tmp_path: Path) -> None:

@@ -8,7 +8,9 @@ import struct
 import threading
 import time
 from contextlib import suppress
+from pathlib import Path
 
+import httpx
 import pytest
 import sqlalchemy as sa
 
@@ -18,8 +20,11 @@ from meshdeform.record import postgresql
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs
+from meshdeform.settings import Settings
 from tests.fault_proxy import FaultProxy
-from tests.integration.conftest import DEADLINE_S, new_job
+from tests.integration.conftest import DEADLINE_S, new_job, serving
+from tests.integration.http_calls import check_problem, eventually
+from tests.shut_database import WAYS, database_to_shut
 
 
 def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: str) -> None:
@@ -71,6 +76,62 @@ def test_a_pooler_that_loses_prepared_statements_is_named(postgres_url: str) -> 
         connection.exec_driver_sql("EXECUTE prepared_elsewhere")
     assert "pool_mode = transaction" in raised.value.advice_text
     database.close()
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_server_that_takes_no_writes_or_no_logins_is_away_until_it_does(
+    way: str, postgres_url: str, redis_url: str, sphere: bytes, tmp_path: Path
+) -> None:
+    with database_to_shut(postgres_url) as database:
+        settings = Settings(data_dir=tmp_path, database_url=database.url, redis_url=redis_url, queue="test")
+        files = {"asset": ("sphere.glb", sphere), "request": (None, '{"prompt": "a mushroom"}')}
+        with serving(settings) as url, httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
+            accepted = http.post("/v1/jobs", files=files)
+            assert accepted.status_code == 202
+            job_id = accepted.json()["id"]
+            database.shut(way)
+            refused = http.post("/v1/jobs", files=files)
+            check_problem(refused, 503, "unavailable")
+            assert int(refused.headers["Retry-After"]) > 0
+            ready = http.get("/readyz")
+            assert (ready.status_code, ready.json()["record"]["status"]) == (503, "unavailable")
+            assert http.get("/healthz").status_code == 200
+            # What a standby still answers.
+            assert http.get(f"/v1/jobs/{job_id}").status_code == (200 if way == "read-only" else 503)
+            database.open(way)
+            # A connection that has just answered is not asked whether it lives before it is used again.
+            eventually(lambda: http.get("/readyz").status_code == 200)
+            eventually(lambda: http.post(f"/v1/jobs/{job_id}/cancel").json().get("state") == "canceled")
+
+
+def test_connections_to_a_server_that_became_a_standby_are_given_up(postgres_url: str) -> None:
+    """Which only happens where sessions survive it: another server may be the primary by now."""
+    record = JobRecord(postgres_url)
+    try:
+        job = new_job(record)
+        for ask in (record.ping, lambda: record.request_cancel(job.id)):
+            with record.database.read() as connection:
+                connection.execute(sa.text("SET SESSION CHARACTERISTICS AS TRANSACTION READ ONLY"))
+            with pytest.raises(UnavailableError, match="read-only"):
+                ask()
+            record.ping()
+    finally:
+        record.close()
+
+
+def test_a_file_that_takes_no_writes_is_away(tmp_path: Path) -> None:
+    record = JobRecord(f"sqlite:///{tmp_path / 'record.sqlite'}")
+    try:
+        job = new_job(record)
+        record.close()
+        # As if its file system had been mounted again for reading, which even root cannot get around.
+        sa.event.listen(record.database._engine, "connect", lambda opened, _: opened.execute("PRAGMA query_only = ON"))
+        assert record.get(job.id).state is JobState.QUEUED
+        for ask in (record.ping, lambda: record.request_cancel(job.id)):
+            with pytest.raises(UnavailableError):
+                ask()
+    finally:
+        record.close()
 
 
 # pg8000 leaves such a socket to the garbage collector, which is asked here so that no other test gets the blame.
