@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidation
 
 from meshdeform.record.models import (
     Artifact,
@@ -112,7 +112,7 @@ class JobView(_Document):
         examples=["running"],
     )
     prompt: str = Field(description="What the asset should become.", examples=["a mushroom"])
-    params: SerializeAsAny[DeformParams] = Field(
+    params: SerializeAsAny[SkipValidation[DeformParams]] = Field(
         description="The parameters as given in the request.", examples=[{"preset": "preview"}]
     )
     output: OutputOptions = Field(description="What the job writes.", examples=[{"morph": False}])
@@ -157,9 +157,9 @@ class JobView(_Document):
             kind=job.kind,
             state=job.state,
             prompt=job.prompt,
-            params=written.get("params", {}),
-            output=_over(_OUTPUT, written.get("output", {})),
-            metadata=written.get("metadata", {}),
+            params=_members(written, "params"),
+            output=_over(_OUTPUT, _members(written, "output")),
+            metadata={name: str(value) for name, value in _members(written, "metadata").items()},
             priority=job.priority,
             files=files,
             asset=FileView.of(job.source),
@@ -179,11 +179,21 @@ class JobView(_Document):
 _OUTPUT = OutputOptions().model_dump(mode="json")
 
 
-def _over(defaults: Any, written: Any) -> Any:
+def _members(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return a member that is an object; clients are promised one, whatever a later version stores."""
+    found = document.get(name)
+    return found if isinstance(found, Mapping) else {}
+
+
+def _over(defaults: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:
     """Return a document with the defaults of the members that it leaves out, at any depth."""
-    if not isinstance(defaults, Mapping) or not isinstance(written, Mapping):
-        return written
-    return {**defaults, **{name: _over(defaults.get(name), value) for name, value in written.items()}}
+    inner = {name: value for name, value in defaults.items() if isinstance(value, Mapping)}
+    deep = {
+        name: _over(inner[name], value)
+        for name, value in written.items()
+        if name in inner and isinstance(value, Mapping)
+    }
+    return {**defaults, **written, **deep}
 
 
 class JobList(_Document):

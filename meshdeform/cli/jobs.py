@@ -70,4 +70,6 @@ def _row(job: JobView, now: datetime) -> tuple[str, ...]:
     # `fraction` is less than 1 for a job that was canceled half way.
     share = f"{progress.fraction:.0%}" if progress.total_steps else ""
     goal = prompt_words(job.prompt, job.params) or (f"like {job.target.filename}" if job.target else "")
-    return job.id, job.state.value, share, left, created, job.asset.filename, goal
+    # By the server: its workers leave such a job to those of another version.
+    state = f"{job.state.value} (unreadable)" if job.unreadable else job.state.value
+    return job.id, state, share, left, created, job.asset.filename, goal

@@ -91,7 +91,8 @@ def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:
 def prompt_words(prompt: str, params: Any) -> str:
     """Return all prompts of a job in one line; parameters of another kind of job have none of their own."""
     # A client keeps parameters of a later service as they came.
-    further = [each["prompt"] if isinstance(each, Mapping) else each.prompt for each in getattr(params, "prompts", ())]
+    prompts = [each if isinstance(each, Mapping) else vars(each) for each in getattr(params, "prompts", ())]
+    further = [each.get("prompt", "") for each in prompts]
     return " + ".join(dict.fromkeys(text for text in (prompt, *further) if text))
 
 

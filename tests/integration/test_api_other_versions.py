@@ -1,0 +1,76 @@
+"""Jobs that this version cannot read, over HTTP, in the Python client and on the command line."""
+
+from __future__ import annotations
+
+import re
+import warnings
+
+import httpx
+import pytest
+from typer.testing import CliRunner
+
+from meshdeform.cli.app import app as command_line
+from meshdeform.client import Client
+from meshdeform.record.models import JobState
+from tests.integration.conftest import Api, new_job
+from tests.integration.http_calls import check_problem, finished_job
+from tests.integration.other_versions import LATER, accepted_elsewhere
+from tests.integration.record_calls import set_to
+
+
+@pytest.mark.parametrize("new", LATER)
+def test_they_are_listed_looked_at_canceled_and_deleted_and_not_retried(api: Api, new: str) -> None:
+    document = LATER[new]
+    job_id = accepted_elsewhere(api.record, document).id
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        listed = {job["id"]: job for job in api.http.get("/v1/jobs", params={"limit": 200}).json()["jobs"]}
+        shown = api.http.get(f"/v1/jobs/{job_id}")
+    assert listed[job_id] == shown.json()
+    assert shown.json()["params"] == (document["params"] if isinstance(document["params"], dict) else {})
+    assert "cannot be read here" in shown.json()["unreadable"]
+    assert shown.headers["ETag"]
+    assert api.http.get(f"/v1/jobs/{job_id}/events", headers={"Accept": "application/json"}).status_code == 200
+    branch = api.http.post(f"/v1/jobs/{job_id}/checkpoints/1/branch", json={"prompt": "a vase"})
+    check_problem(branch, 409, "job_unreadable")
+    assert api.http.post(f"/v1/jobs/{job_id}/cancel").json()["state"] == "canceled"
+    check_problem(api.http.post(f"/v1/jobs/{job_id}/retry"), 409, "job_unreadable")
+    link = api.http.post(f"/v1/jobs/{job_id}/url").json()["url"]
+    seen = api.http.get(f"/v1/jobs/{job_id}", params=dict(httpx.URL(link).params))
+    assert "cannot be read here" in seen.json()["unreadable"], link
+    assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
+
+
+@pytest.mark.parametrize("new", LATER)
+def test_their_results_are_downloaded(api: Api, new: str) -> None:
+    job_id = finished_job(api, b"glTF and so on")
+    kind = LATER[new].get("kind", "text_deform")
+    files = {"files": {}} if kind == "image_deform" else {}
+    set_to(api.record, api.record.get(job_id), request=LATER[new], kind=kind, **files)
+    for path in ("", "?strength=0.5"):
+        found = api.http.get(f"/v1/jobs/{job_id}/artifacts/result.glb{path}")
+        if path:
+            check_problem(found, 409, "job_unreadable")
+        else:
+            assert (found.status_code, found.content) == (200, b"glTF and so on")
+    check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/morph.glb"), 404, "not_found")
+
+
+def test_an_ordinary_job_can_be_read(api: Api) -> None:
+    job_id = new_job(api.record).id
+    assert api.http.get(f"/v1/jobs/{job_id}").json()["unreadable"] is None
+
+
+def test_the_client_and_the_command_line_show_them(api: Api) -> None:
+    later = {name: accepted_elsewhere(api.record, document) for name, document in LATER.items()}
+    with Client(api.url) as client:
+        for name, job in later.items():
+            found = client.get(job.id)
+            assert (found.kind, found.state) == (LATER[name].get("kind", "text_deform"), JobState.QUEUED)
+            assert found.unreadable == api.record.get(job.id).unreadable
+            assert found.as_json()["params"] == api.http.get(f"/v1/jobs/{job.id}").json()["params"]
+        assert {job.id for job in later.values()} <= {job.id for job in client.jobs()}
+    shown = CliRunner().invoke(command_line, ["jobs", "--url", api.url], env={"COLUMNS": "200"})
+    assert shown.exit_code == 0, shown.output
+    for job in later.values():
+        assert re.search(rf"{job.id} +queued \(unreadable\) ", shown.output)
