@@ -263,7 +263,9 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     try:
         read = {"params": read_unbounded(model, params)}
     except ValidationError as error:
-        raise UnreadableJobError(f"The stored request cannot be read here: params.{first_problem(error)}.") from error
+        raise UnreadableJobError(
+            f"The stored request cannot be read here: {first_problem(error, 'params')}."
+        ) from error
     try:
         return read_unbounded(JobRequest, {**document, **read})
     except ValidationError as error:

@@ -51,10 +51,10 @@ def read_resolved(model: type[M], values: Mapping[str, Any]) -> M:
     return read_unbounded(model, {name: value for name, value in values.items() if name in model.model_fields})
 
 
-def first_problem(error: ValidationError) -> str:
-    """Return the first problem of a document, after the place where it is."""
+def first_problem(error: ValidationError, *within: str) -> str:
+    """Return the first problem of a document, which is itself `within` another one, after the place where it is."""
     problem = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    place = ".".join(map(str, problem["loc"]))
+    place = ".".join(map(str, (*within, *problem["loc"])))
     unknown = problem["type"] == "extra_forbidden"
     said = "there is no such member" if unknown else problem["msg"].removeprefix("Value error, ")
     return f"{place}: {said}" if place else said
@@ -98,10 +98,7 @@ def _reader(node: dict[str, Any], shared: dict[str, Any]) -> Callable[[Any], Any
     def read(value: Any) -> Any:
         if isinstance(value, model):
             return value
-        try:
-            values, _, written = members.validate_python(value)
-        except ValidationError as error:
-            raise ValueError(first_problem(error)) from None
+        values, _, written = members.validate_python(value)
         return model.model_construct(written, **values)
 
     return read

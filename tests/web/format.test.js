@@ -42,3 +42,9 @@ test("a job is named after its prompt, its stages, or the target that a model ma
   assert.deepEqual(others.map(jobTitle), ["To a target mesh", "To pictures", "Surface fit", "a new kind"]);
   assert.equal(jobTitle({ prompt: "", params: { stages } }), "a pear → vase → a shark → target_2");
 });
+
+test("of a job that only another version can read, nothing is read but its prompt", () => {
+  const odd = { unreadable: "no such member", params: { stages: "a pear", prompts: 3, target: null } };
+  assert.equal(goalWords({ ...odd, prompt: "a vase" }), "a vase");
+  assert.deepEqual([odd, { ...odd, kind: "image_deform" }].map(jobTitle), ["text deform", "image deform"]);
+});

@@ -8,5 +8,6 @@ test("the result of a deformation follows its checkpoints, and other kinds have 
   assert.deepEqual(labels({}), ["Step 10", "Result"]);
   assert.deepEqual(labels({ kind: "text_deform" }), ["Step 10", "Result"]);
   assert.deepEqual(labels({ kind: "surface_fit" }), ["Step 10", "Step 20"]);
+  assert.deepEqual(labels({ kind: "text_deform", unreadable: "of another version" }), ["Step 10", "Step 20"]);
   assert.deepEqual(labels({ kind: "surface_fit", origin: { job_id: "job_0", step: 5 } }), ["Start", "Step 10", "Step 20"]);
 });

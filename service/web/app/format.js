@@ -128,6 +128,8 @@ const LESSON_PHASES = /** @type {Record<string, string>} */ ({
  * @param {any} job
  */
 export function goalWords(job) {
+  // Another version may write all else in its own way.
+  if (job.unreadable) return String(job.prompt ?? "");
   const stages = job.params?.stages ?? [];
   const names = stages.map((/** @type {any} */ stage) => stage.name || stage.prompt || stage.target?.prompt || stage.target);
   const prompts = [job.prompt, ...(job.params?.prompts ?? []).map((/** @type {any} */ each) => each.prompt)].filter(Boolean);
@@ -150,6 +152,7 @@ export function jobTitle(job) {
   const goal = goalWords(job);
   const kind = job.kind ?? "text_deform";
   if (goal) return goal;
+  if (job.unreadable) return kind.replaceAll("_", " ");
   if (kind === "prior_teach" && job.params?.noun) return `The word “${job.params.noun}”`;
   if (kind !== "text_deform") return KIND_TITLES[kind] ?? kind.replaceAll("_", " ");
   return job.files?.target || job.target ? "To a target mesh" : job.files?.sketch || job.params?.sketch ? "To a drawing" : "To pictures";

@@ -263,6 +263,18 @@ def test_the_most_urgent_job_comes_first_whichever_was_told(world: World) -> Non
     assert world.record.get(usual.id).state is JobState.QUEUED
 
 
+def test_a_job_that_only_another_version_can_read_is_left_to_it(world: World) -> None:
+    later, ordinary = world.create(priority=5), world.create()
+    with world.record.database.write() as connection:
+        change = sa.update(jobs).where(jobs.c.id == later.id)
+        connection.execute(change.values(request={**later.document, "params": {"wobble": 0.5}}))
+    # Whichever job a message names.
+    assert world.run(later).state is JobState.QUEUED
+    assert world.record.get(ordinary.id).state is JobState.SUCCEEDED
+    assert world.run(later).version == later.version
+    assert len(world.kind.started) == 1
+
+
 def test_a_deadline_that_passes_stops_the_run_and_the_next_job_begins(world: World) -> None:
     job, steps = world.create(steps=50_000, checkpoint_every_steps=50_000, deadline_s=60.0), []
 

@@ -64,7 +64,7 @@ export class JobActions {
       state === "succeeded" && deforms ? button("Download result", () => this._download(), { icon: "download", class: "button-primary" }) : null,
       better ? button("Refine", () => this._refine(better), { icon: "spark", title: `The same variation again, at quality ${better.title}` }) : null,
       !over ? button(state === "canceling" ? "Canceling…" : "Cancel", () => this._cancel(), { icon: "stop" }) : null,
-      over && state !== "succeeded" ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
+      over && state !== "succeeded" && !this.job.unreadable ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
       over && formOf(this.job) ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
       state === "succeeded" && deforms ? button("Compare with…", () => compareWith(this.job, this.scope), { icon: "grid" }) : null,
@@ -194,6 +194,7 @@ export class JobActions {
 
 /** The form that makes such jobs, if it can begin with one. @param {any} job @returns {import("../create/kinds-nav.js").Kind | null} */
 function formOf(job) {
+  if (job.unreadable) return null;
   if (isDeformation(job)) return "create";
   return /** @type {Record<string, "surface" | "family">} */ ({ surface_fit: "surface", family_fit: "family" })[job.kind] ?? null;
 }

@@ -19,7 +19,7 @@ class PartError extends Error {}
 
 /** Whether a job deforms an asset: jobs of other kinds have files, but no result that stands for the asset. @param {any} job */
 export function isDeformation(job) {
-  return (job.kind ?? "text_deform") === "text_deform";
+  return (job.kind ?? "text_deform") === "text_deform" && !job.unreadable;
 }
 
 /**

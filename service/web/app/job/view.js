@@ -99,7 +99,7 @@ export class JobView {
         "div",
         { class: "job" },
         h("div", { class: "job-main" }, this.stage.element, this.chart.element),
-        h("div", { class: "job-side" }, this.error, this.progress.element, askedPanel(job), this.results, this.folds, this.log.element),
+        h("div", { class: "job-side" }, job.unreadable ? problemBox(unreadable(job)) : null, this.error, this.progress.element, job.unreadable ? null : askedPanel(job), this.results, this.folds, this.log.element),
       ),
     );
     document.title = `${jobTitle(job)} · Meshdeform`;
@@ -225,8 +225,18 @@ function linkProblem(error) {
   return { title: error.message, detail: "", advice: error.advice };
 }
 
+/** What is told about a job that only another version can read. @param {any} job */
+function unreadable(job) {
+  return {
+    title: "This server cannot read what the job was asked for",
+    detail: job.unreadable,
+    advice: "Servers and workers of the version that accepted it can. Here, it can be canceled and deleted.",
+  };
+}
+
 /** What shows the result of a job. @param {any} job @param {import("../scope.js").Scope} scope */
 function stageOf(job, scope) {
+  if (job.unreadable) return new PictureStage(job, scope);
   if (isDeformation(job)) return new JobStage(job, scope);
   if (job.kind.startsWith("family_")) return new FamilyStage(job, scope);
   return job.kind === "surface_fit" ? new FieldStage(job, scope) : new PictureStage(job, scope);
@@ -240,7 +250,7 @@ function temporary(error) {
 /** @param {any} job */
 function meta(job) {
   const params = job.params ?? {};
-  if (!isDeformation(job)) return h("span", null, [job.asset.filename, ago(job.created_at)].join(" · "));
+  if (!isDeformation(job)) return h("span", null, [job.asset.filename, ago(job.created_at)].filter(Boolean).join(" · "));
   const parts = [
     job.asset.filename,
     params.model && params.model !== "builtin" ? params.model : "",
