@@ -179,13 +179,13 @@ class JobView(_Document):
 _OUTPUT = OutputOptions().model_dump(mode="json")
 
 
-def _members(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def _members(document: Mapping[str, Any], name: str) -> Any:
     """Return a member that is an object; clients are promised one, whatever a later version stores."""
     found = document.get(name)
     return found if isinstance(found, Mapping) else {}
 
 
-def _over(defaults: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:
+def _over(defaults: Mapping[str, Any], written: Mapping[str, Any]) -> Any:
     """Return a document with the defaults of the members that it leaves out, at any depth."""
     inner = {name: value for name, value in defaults.items() if isinstance(value, Mapping)}
     deep = {

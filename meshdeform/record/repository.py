@@ -95,13 +95,7 @@ class JobRecord:
         self._database.close()
 
     def ping(self) -> None:
-        """Ask the database once whether it answers and takes writes.
-
-        Raises
-        ------
-        UnavailableError
-            It does not.
-        """
+        """Ask the database once whether it answers and takes writes."""
         # It changes nothing, and yet a database that is read-only refuses it.
         with self._database.write_once() as connection:
             connection.execute(sa.update(jobs).where(sa.false()).values(version=jobs.c.version))
