@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import SchemaValidator
 
-__all__ = ["first_problem", "read_resolved", "read_unbounded"]
+__all__ = ["first_problem", "read_unbounded"]
 
 M = TypeVar("M", bound=BaseModel)
 _BOUNDS = frozenset({"ge", "gt", "le", "lt", "multiple_of", "ref"})
@@ -35,20 +35,6 @@ def read_unbounded(model: type[M], document: Mapping[str, Any]) -> M:
     """
     read: M = _validator(model).validate_python(document)
     return read
-
-
-def read_resolved(model: type[M], values: Mapping[str, Any]) -> M:
-    """Read the stored values of all parameters of a request that can be read.
-
-    A parameter that is not known here, the request does not name: it has the default of another version, and is
-    ignored.
-
-    Raises
-    ------
-    ValidationError
-        A value cannot be read.
-    """
-    return read_unbounded(model, {name: value for name, value in values.items() if name in model.model_fields})
 
 
 def first_problem(error: ValidationError, *within: str) -> str:

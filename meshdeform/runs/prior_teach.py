@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from meshdeform.assets import Limits, build_glb
 from meshdeform.priors.builtin.taught import check
 from meshdeform.priors.builtin.teaching.teacher import TeachConfig
@@ -13,7 +15,7 @@ from meshdeform.priors.builtin.weights_file import WEIGHTS
 from meshdeform.priors.public_names import hidden_folders
 from meshdeform.requests.models import WEIGHTS_PART, is_sent, is_taught
 from meshdeform.requests.teaching import TeachParams
-from meshdeform.requests.unbounded import read_resolved
+from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs import teaching
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.lesson_files import packed_meshes
@@ -32,9 +34,7 @@ def start(given: RunInput) -> PriorTeachRun:
     AssetError, RequestError, ModelError, CheckpointError
         The input cannot be run; the error says what to do.
     """
-    params = params_of(given.request)
-    if given.resolved is not None:  # it has the path of a model that the request names by its id
-        params = read_resolved(TeachParams, given.resolved)
+    params = _params(given)
     limits = given.limits or Limits()
     with ExitStack() as stack:
         base = WEIGHTS
@@ -60,6 +60,18 @@ def start(given: RunInput) -> PriorTeachRun:
                 request, meshes, family=family, state=given.checkpoint, device=given.device, limits=limits
             )
         return PriorTeachRun(lesson, stack.pop_all())
+
+
+def _params(given: RunInput) -> TeachParams:
+    """Return the parameters stored when the request was accepted, as far as this version can read them."""
+    params = params_of(given.request)
+    if given.resolved is None:
+        return params
+    try:
+        return read_unbounded(TeachParams, given.resolved)
+    except ValidationError:
+        # It has the path of a model that the request names by its id.
+        return params.model_copy(update={"model": given.resolved["model"]})
 
 
 class PriorTeachRun:

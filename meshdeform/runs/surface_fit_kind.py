@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobKind, JobRequest, OutputOptions
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, MAX_LEVEL, SurfaceFitParams
-from meshdeform.requests.unbounded import read_resolved
+from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def params_of(request: JobRequest, kept: Mapping[str, Any] | None = None) -> Sur
     params: Any = request.params
     assert isinstance(params, SurfaceFitParams)
     try:
-        return params if kept is None else read_resolved(SurfaceFitParams, kept)
+        return params if kept is None else read_unbounded(SurfaceFitParams, kept)
     except ValidationError:
         return params
 

@@ -34,7 +34,7 @@ from meshdeform.requests.stages import (
     prompt_words,
     with_target_models,
 )
-from meshdeform.requests.unbounded import read_resolved
+from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import (
     FITTED_SOURCE,
     FORMATS_OF_RESULT,
@@ -120,7 +120,7 @@ def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] |
     """Return the parameters stored when the request was accepted; resolve them if there are none."""
     if kept is not None:
         try:
-            return read_resolved(ResolvedParams, kept)
+            return read_unbounded(ResolvedParams, kept)
         except ValidationError as error:
             # Another version with other parameters wrote them; the request is still valid.
             _log.info("the resolved parameters cannot be read and are resolved again: %s", error)

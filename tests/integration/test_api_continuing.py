@@ -100,7 +100,7 @@ def test_a_branch_begins_with_a_checkpoint_and_asks_for_something_else(
     job = made_of(api, answer)
     check_document(answer.json(), "JobView", openapi)
     assert answer.json()["origin"] == {"job_id": source, "step": 100, "mode": "branch"}
-    assert (job.prompt, job.metadata, job.files) == ("a vase", {"take": "2"}, api.record.get(source).files)
+    assert (job.prompt, job.request.metadata, job.files) == ("a vase", {"take": "2"}, api.record.get(source).files)
     assert job.origin is not None
     assert api.store.get(job.origin.key) == f"{source} 100".encode()
 

@@ -21,6 +21,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.lesson_files import labelled
+from meshdeform.runs.prior_teach import _params
 from meshdeform.runs.prior_teach_kind import PRIOR_TEACH
 from meshdeform.settings import Settings
 from tests.cases import each_case
@@ -155,3 +156,11 @@ def test_a_lesson_that_cannot_be_held_is_refused_at_the_door(
     with pytest.raises(kind) as caught:
         check_request(request, Settings(), files=["meshes"])
     assert re.search(words, f"{caught.value.detail} {caught.value.advice_text}")
+
+
+def test_the_kept_parameters_decide_and_of_those_of_another_version_the_model() -> None:
+    asked = JobRequest.model_validate({"kind": "prior_teach", "params": {"noun": "a gnome", "model": "gnomes"}})
+    kept = {**asked.params.model_dump(mode="json"), "model": "/models/gnomes.safetensors", "steps": 10**9}
+    assert _params(RunInput(asked, {}, resolved=kept)).model_dump(mode="json") == kept
+    of_another = _params(RunInput(asked, {}, resolved={**kept, "wobble": 0.5})).model_dump(mode="json")
+    assert of_another == {**asked.params.model_dump(mode="json"), "model": "/models/gnomes.safetensors"}
