@@ -2,11 +2,13 @@
 
 Everything around it is real: RQ, the record, the store, leases, checkpoints, signals. ``--supervised`` is the
 supervisor of such a process. ``FAKE_STEP_S`` says how long a step takes. Words of a prompt make trouble: `fails`,
-`ooms` (in every attempt), `ooms once` (unless there is the file that ``FAKE_OOM_ONCE`` names), `hangs`.
+`ooms` (in every attempt), `ooms once` (unless there is the file that ``FAKE_OOM_ONCE`` names), `hangs`,
+`freezes` (with the interpreter's lock, as compiled code may; there is then the file that ``FAKE_FROZEN`` names).
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 import time
@@ -46,6 +48,9 @@ class TroubledKind(FakeKind):
             raise NumericalError("The loss is not finite.")
         if "hangs" in prompt:
             time.sleep(3600.0)
+        if "freezes" in prompt:
+            Path(os.environ["FAKE_FROZEN"]).touch()  # no thread tells of any step from now on
+            ctypes.PyDLL(None).sleep(3600)
         if "ooms" in prompt and not ("ooms once" in prompt and _not_the_first()):
             raise OutOfMemoryError("CUDA out of memory. Tried to allocate 1 GiB.")
 

@@ -157,13 +157,13 @@ class Attempt:
         files = {part: self._input(part, file) for part, file in job.files.items()}
 
         def load_prior(model: str) -> Prior:
-            self._at.pulse.beat()
+            self._go_on()
             prior = self._at.load_prior(model)
-            self._at.pulse.beat()
+            self._go_on()
             return prior
 
         def start(checkpoint: bytes | None = None, initial: bytes | None = None) -> JobRun:
-            self._at.pulse.beat()
+            self._go_on()
             given = RunInput(
                 request=job.request,
                 files=files,
@@ -219,6 +219,8 @@ class Attempt:
 
     def _phase(self, name: str, run: JobRun | None = None) -> None:
         self._at.pulse.beat()
+        if self._watch.canceled:
+            raise _InterruptedError
         if run is None:
             self._watch.phase(name)
         else:

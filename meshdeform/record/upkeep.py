@@ -121,6 +121,13 @@ class Upkeep:
         change.counters.add("lease_expirations", value=len(ended) + len(queued))
         return [row.id for row in queued]
 
+    def canceling(self, worker_id: str) -> tuple[str, int] | None:
+        """Return the id and the attempt of the job that a worker has and is to cancel; None if there is none."""
+        asked = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state == JobState.CANCELING)
+        with self._database.read() as connection:
+            held = connection.execute(sa.select(jobs.c.id, jobs.c.attempt).where(asked)).first()
+        return None if held is None else (held.id, held.attempt)
+
     def shorten_leases(self, lease_s: float) -> int:
         """Shorten leases that end too late because the clock was set back since; return their number."""
         # Twice as long, so that hosts may differ slightly in their settings and clocks.

@@ -193,6 +193,13 @@ class SupervisedChild:
             if self._on_end is not None:
                 self._on_end()
 
+    def restart(self) -> None:
+        """Kill the child with its descendants, and let the next `supervise` start another one."""
+        self.child.stop(0.0)
+        if self._on_end is not None:
+            self._on_end()
+        self._due = time.monotonic()
+
     def ask_to_stop(self) -> None:
         """Send SIGTERM if it is running."""
         self.child.ask_to_stop()

@@ -16,6 +16,7 @@ import sqlalchemy as sa
 from meshdeform.record.models import JobState
 from meshdeform.record.schema import jobs
 from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.cases import each_case
 from tests.fake_worker import TROUBLE_AT
 
 pytestmark = pytest.mark.acceptance
@@ -39,7 +40,9 @@ def deployed(folder: Path, **environment: str) -> Iterator[Cluster]:
 def usual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """One whose worker is out of memory once, and whose jobs have two attempts."""
     folder = tmp_path_factory.mktemp("usual")
-    with deployed(folder, FAKE_OOM_ONCE=str(folder / "once"), MESHDEFORM_MAX_ATTEMPTS="2") as made:
+    with deployed(
+        folder, FAKE_OOM_ONCE=str(folder / "once"), FAKE_FROZEN=str(folder / "frozen"), MESHDEFORM_MAX_ATTEMPTS="2"
+    ) as made:
         yield made
 
 
@@ -89,6 +92,27 @@ def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(impatient: Cluste
     assert (job.error.code, job.attempt) == ("worker_lost", 2)
     assert worker.log.count("has made no progress") == noticed + 2
     impatient.check(impatient.submit(STEPS), steps=STEPS)
+
+
+@each_case("trouble", ["hangs", "freezes"])
+def test_a_cancellation_does_not_wait_for_a_step_that_does_not_end(usual: Cluster, trouble: str) -> None:
+    """The record has one end of the job, in one attempt, and the next job has a worker."""
+    worker = usual.parts["worker"]
+    job_id = usual.submit(STEPS, prompt=trouble)
+    if trouble == "hangs":
+        usual.at_step(job_id, TROUBLE_AT - 1)
+    else:
+        until("it is frozen", (usual.folder / "frozen").exists)
+    process = worker.child()
+    usual.record.request_cancel(job_id)
+    asked = time.monotonic()
+    job = usual.check(job_id, state=JobState.CANCELED)
+    assert time.monotonic() - asked < 30.0  # a step may take ten minutes
+    assert job.attempt == 1
+    assert [e.type for e in usual.events(job_id)].count("canceled") == 1
+    until("the process is replaced", lambda: not process.is_running() and worker.child())
+    usual.check(usual.submit(STEPS), steps=STEPS)
+    assert usual.job(job_id) == job
 
 
 def test_a_worker_without_work_is_not_taken_for_hung(impatient: Cluster) -> None:
