@@ -93,6 +93,7 @@ class Asset:
             joints=tuple(parts.joints),
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),
+            bounds=_bounds(self.surface.positions[drawn]),
             skipped=tuple(self.surface.skipped),
             warnings=(*summary.warnings, *self.repairs.warnings, *notices),
         )
@@ -340,6 +341,13 @@ def _unpack(archive: Archive, limits: Limits) -> tuple[bytes, tuple[str, ...]]:
     from meshdeform.assets.convert import convert_to_glb
 
     return convert_to_glb(data, kind, limits, archive)
+
+
+def _bounds(corners: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
+    """Return the least and the greatest coordinates of triangles (T, 3, 3); empty if there are none."""
+    if not len(corners):
+        return ()
+    return tuple(corners.min((0, 1)).tolist()), tuple(corners.max((0, 1)).tolist())
 
 
 def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) -> Asset:

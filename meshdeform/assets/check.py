@@ -197,7 +197,8 @@ def _crash(returncode: int, path: Path) -> AssetError:
 
 def _summary(verdict: dict[str, Any]) -> AssetSummary:
     lists = ("extensions", "skipped", "nodes", "materials", "mesh_names", "joints", "warnings")
-    return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}})
+    bounds = tuple(tuple(place) for place in verdict["bounds"])
+    return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}, "bounds": bounds})
 
 
 def main(arguments: list[str] | None = None) -> int:

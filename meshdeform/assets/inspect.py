@@ -57,6 +57,8 @@ class AssetSummary:
     nodes, materials, mesh_names, joints : tuple of dict
         `index` and `name` of each node, material, mesh and joint that is deformed (`assets.parts`); empty until the
         file is decoded.
+    bounds : tuple of tuple
+        Least and greatest coordinates of what is drawn, (2, 3), in the file's world; empty until the file is decoded.
     """
 
     format: str
@@ -70,6 +72,7 @@ class AssetSummary:
     materials: tuple[dict[str, Any], ...] = ()
     mesh_names: tuple[dict[str, Any], ...] = ()
     joints: tuple[dict[str, Any], ...] = ()
+    bounds: tuple[tuple[float, ...], ...] = ()
 
 
 def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) -> AssetSummary:

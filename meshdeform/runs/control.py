@@ -22,7 +22,7 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests import control
 from meshdeform.requests.choices import RegionAction, Symmetry
-from meshdeform.requests.control import LengthLimits
+from meshdeform.requests.control import LengthLimits, check_places
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.selection import SelectableSurface, select_bodies
 
@@ -73,8 +73,11 @@ def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Fram
     Raises
     ------
     ParameterError
-        A selection selects nothing, everything is kept, a handle has no free point, or the asset lacks the symmetry.
+        A selection selects nothing, everything is kept, a handle has no free point or is far away, or the asset lacks
+        the symmetry.
     """
+    verts = surface.mesh.verts.numpy()
+    check_places(params, {"asset": (verts.min(0).tolist(), verts.max(0).tolist())})
     kept, regions = _kept(params.regions, surface)
     bodies = select_bodies(params.rigid, surface)
     partners = _partners(params.symmetry, surface.mesh)

@@ -26,6 +26,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.choices import AlignMode
+from meshdeform.requests.control import check_places
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.landmarks import Place
 
@@ -79,6 +80,7 @@ class TargetFit:
         """
         surface = target.surface
         goal = weld(surface.positions, surface.triangles).mesh
+        check_places(params, {"target": target.summary.bounds})
         landmarks = tuple(
             Landmark(
                 _place(pair.source, asset.surface.positions, number, "source"),

@@ -14,6 +14,7 @@ from meshdeform.assets.inspect import surface_format
 from meshdeform.errors import MeshdeformError, ParameterError
 from meshdeform.priors.public_names import configured_name, hidden_folders
 from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.control import check_places
 from meshdeform.requests.document import (
     DeformParams,
     JobKind,
@@ -99,6 +100,7 @@ def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> N
     check_selections("regions", params.regions, complete)
     for number, prompt in enumerate(params.prompts):
         check_selections(("prompts", number, "regions"), prompt.regions, complete)
+    check_places(params, {part: file.bounds for part, file in files.items()})
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
