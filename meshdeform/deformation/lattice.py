@@ -28,7 +28,7 @@ from torch import Tensor
 from meshdeform.deformation.linear_system import factorise, solve_linear
 from meshdeform.errors import NumericalError
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.samples import samples_of
+from meshdeform.geometry.samples import count_samples, sample_blocks
 
 __all__ = ["CELLS", "MAX_CELLS", "Lattice", "LatticeSystem"]
 
@@ -38,6 +38,10 @@ CELLS = 24
 MAX_CELLS = 8000
 """Solid blocks would have many more, and the factor of their matrix a hundred times the entries."""
 
+MAX_SAMPLES = 20_000_000
+"""Points by which the cells that faces touch are found. Only thousands of large faces in one place have more."""
+
+_LEAST_CELLS = 4
 _PADDING = 4
 _NEIGHBOURS = np.ones((3, 3, 3), bool)
 _CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
@@ -89,8 +93,10 @@ class Lattice:
         mesh : RestMesh
             Any soup of triangles.
         resolution : int
-            Cells along the longest side of the bounding box; fewer if there would be more than `MAX_CELLS` in all.
+            Cells along the longest side of the bounding box; fewer if there would be more than `MAX_CELLS` in all, or
+            more than `MAX_SAMPLES` points to find them by.
         """
+        resolution = _affordable(mesh, resolution)
         lattice = cls._of_resolution(mesh, resolution)
         while len(lattice.cells) > MAX_CELLS:
             resolution = min(resolution - 1, int(resolution * (MAX_CELLS / len(lattice.cells)) ** (1 / 3)))
@@ -109,7 +115,8 @@ class Lattice:
         # Centred, so that the lattice of a symmetric mesh is symmetric.
         origin = (low + high) / 2 - counts * spacing / 2
         occupied = np.zeros(counts, bool)
-        occupied[tuple(np.floor((samples_of(verts, faces, spacing / 2)[0] - origin) / spacing).astype(int).T)] = True
+        for points, _ in sample_blocks(verts, faces, spacing / 2):
+            occupied[tuple(np.floor((points - origin) / spacing).astype(int).T)] = True
         occupied = _joined(ndimage.binary_fill_holes(occupied))
         occupied = ndimage.binary_dilation(occupied, _NEIGHBOURS)
         shape = (int(counts[0]) + 1, int(counts[1]) + 1, int(counts[2]) + 1)
@@ -148,25 +155,23 @@ class Lattice:
         rows = np.arange(len(points) + 1) * 27
         return sparse.csr_matrix((values.ravel(), columns.ravel(), rows), shape=(len(points), len(self.keys)))
 
-    def cell_adjacency(self) -> sparse.csr_matrix:
-        """Return the adjacency (C, C) of cells, nonzero where two share a node."""
-        count = len(self.cells)
-        rows = np.repeat(np.arange(count), 8)
-        incidence = sparse.csr_matrix(
-            (np.ones(8 * count), (rows, self.cell_nodes.ravel())), shape=(count, len(self.keys))
-        )
-        return (incidence @ incidence.T).tocsr()
-
-    def cells_of_faces(self, mesh: RestMesh) -> sparse.csr_matrix:
-        """Return the incidence (C, F), nonzero where a cell contains a sample of a face."""
-        verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    def cells_of_faces(self, verts: _Floats, faces: _Index) -> _Flags:
+        """Return flags (C,) of the cells that contain a sample of one of these faces (F, 3)."""
         lookup = np.full(np.array(self.shape) - 1, -1)
         lookup[tuple(self.cells.T)] = np.arange(len(self.cells))
-        points, owner = samples_of(verts, faces, self.spacing / 2)
-        cell = lookup[tuple(np.floor((points - self.origin) / self.spacing).astype(int).T)]
-        found = sparse.csr_matrix((np.ones(len(cell)), (cell, owner)), shape=(len(self.cells), len(faces)))
-        found.sum_duplicates()
-        return found
+        holding = np.zeros(len(self.cells), bool)
+        for points, _ in sample_blocks(verts, faces, self.spacing / 2):
+            holding[lookup[tuple(np.floor((points - self.origin) / self.spacing).astype(int).T)]] = True
+        return holding
+
+
+def _affordable(mesh: RestMesh, resolution: int) -> int:
+    """Return a resolution with at most `MAX_SAMPLES` samples, if there is one."""
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    size = float(np.ptp(verts[np.unique(faces)], axis=0).max())
+    while resolution > _LEAST_CELLS and count_samples(verts, faces, size / resolution / 2) > MAX_SAMPLES:
+        resolution -= 1
+    return resolution
 
 
 class LatticeSystem:

@@ -19,7 +19,6 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy import sparse
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
@@ -82,12 +81,8 @@ class LatticeField:
         given, smooth = constraints.handles, self._system.smooth
         self._handles = Handles(given, rest, self._placement, self._embedding, smooth) if given else None
         count = len(lattice.cells)
-        # Whether a face is folded depends on its neighbours as well.
-        holding = lattice.cells_of_faces(rest) @ (sparse.identity(len(rest.faces)) + rest.edge_adjacency)
         rigid = None if self._bodies is None else self._bodies.members[rest.faces.numpy()].any(1)
-        self.elements = Elements(
-            lattice.cell_nodes, lattice.cell_adjacency(), np.zeros(count, np.int64), holding.tocsr(), rigid
-        )
+        self.elements = Elements(lattice.cell_nodes, np.zeros(count, np.int64), self._cells_around, rigid)
         self.resolution = lattice.spacing
         self.tensors = {"cell_jacobians": identity_jacobians(count).requires_grad_()}
         self._edges = torch.from_numpy(lattice.edges)
@@ -103,6 +98,11 @@ class LatticeField:
         if known is None:
             self._solved = (jacobians._version, nodes.detach().clone())
         return nodes if self._handles is None else self._handles.pull(nodes)
+
+    def _cells_around(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return flags (C,) of the cells of these faces (F,) and of their neighbours, on which folds depend as well."""
+        flags = flags | (self.rest.edge_adjacency @ flags.astype(np.float64) > 0)
+        return self.lattice.cells_of_faces(self.rest.verts.numpy(), self.rest.faces.numpy()[flags])
 
     def _pinned(self, constraints: Constraints) -> NDArray[np.bool_] | None:
         """Return flags (N,) of the nodes that kept vertices follow; None if nothing is kept."""

@@ -38,6 +38,9 @@ _STILL = 0.05
 
 _BETWEEN_COMPONENTS = 2.0
 
+_MOST_AROUND = 100
+"""Faces around a vertex of which all pairs are listed."""
+
 _Floats = NDArray[np.float64]
 
 
@@ -104,7 +107,7 @@ class ShapePath:
         neighbours = rest.edge_adjacency
         used = np.unique(self._labels[rest.faces.numpy()[:, 0]])
         if sparse.csgraph.connected_components(neighbours, directed=False)[0] > len(used):
-            neighbours = (rest.face_adjacency > 0).astype(np.float64)
+            neighbours = _around_vertices(rest)
         joined = _BETWEEN_COMPONENTS * self._bridges.pairs(len(rest.faces))
         return (sparse.triu(neighbours, 1) + joined).tocsr()
 
@@ -117,6 +120,17 @@ class ShapePath:
         areas = np.where(areas > 0, areas, 1e-9 * max(float(areas.max()), np.finfo(float).tiny))
         weights: _Floats = areas / (moved**2 + max(still**2, np.finfo(float).tiny))
         return weights
+
+
+def _around_vertices(rest: RestMesh) -> sparse.csr_matrix:
+    """Return the pairs of faces that share a vertex; around one of very many faces, each with the next one only."""
+    incidence = rest.incidence
+    crowded = np.bincount(rest.faces.numpy().ravel(), minlength=incidence.shape[1]) > _MOST_AROUND
+    few = incidence[:, np.flatnonzero(~crowded)]
+    vertex, face = incidence[:, np.flatnonzero(crowded)].T.nonzero()
+    chained = vertex[1:] == vertex[:-1]
+    chain = sparse.csr_matrix((chained.astype(np.float64), (face[:-1], face[1:])), shape=(incidence.shape[0],) * 2)
+    return (few @ few.T + chain + chain.T > 0).astype(np.float64)
 
 
 def _jacobians(rest: RestMesh, result: Tensor) -> _Floats:

@@ -169,6 +169,8 @@ def stand_in_of(whole: TriangleMesh) -> RestMesh:
     count = FACES
     while rest.faces.shape[0] > max(MAX_FACES, 1.5 * count):
         simple = RestMesh.of(simplified(rest, count))
+        if len(simple.faces) == len(rest.faces):
+            return rest
         if _represents(simple, rest):
             return simple
         count *= 2

@@ -33,7 +33,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.sparse import csgraph
 from torch import Tensor
 
 from meshdeform.deformation.optimizer import Adam
@@ -113,11 +112,11 @@ class StepRepair:
     def _ramp(self, held: _Flags, rings: int) -> _Floats:
         """Return shares (E,): 0 on the held elements, rising by 1 / (rings + 1) with every ring around them."""
         share = np.ones(len(held))
-        reached = held.astype(np.float64)
+        reached = held
         share[held] = 0.0
         for ring in range(rings):
-            reached = ((self._elements.adjacency @ reached) > 0).astype(np.float64)
-            share = np.where(reached > 0, np.minimum(share, (ring + 1) / (rings + 1)), share)
+            reached = self._elements.spread(reached)
+            share = np.where(reached, np.minimum(share, (ring + 1) / (rings + 1)), share)
         return share
 
     def _blend(self, old: Mapping[str, Tensor], new: Mapping[str, Tensor], share: _Floats) -> None:
@@ -173,8 +172,7 @@ class StepRepair:
         """
         if self._elements.holding is None:
             return 1, np.zeros(len(inside), np.int64)
-        count, region = csgraph.connected_components(self._elements.adjacency[inside][:, inside], directed=False)
-        return count, region.astype(np.int64)
+        return self._elements.regions(inside)
 
     def _shorten(
         self, find_broken: Callable[[], _Flags], old: Mapping[str, Tensor], new: Mapping[str, Tensor]

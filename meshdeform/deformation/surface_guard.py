@@ -9,6 +9,9 @@ Components that cut or touch each other at rest (a head in a collar, a vase on a
 the faces around places where a component cuts or touches itself (a lining in a shell). A rigid body does not give way,
 so it may also cut the components within half a cell of it (a wheel and its arch). Faces without area at rest cannot
 fold.
+
+Where so many faces lie on or in each other that their pairs cannot be searched, the rest of the run is checked for
+folds only.
 """
 
 from __future__ import annotations
@@ -21,12 +24,12 @@ from torch import Tensor
 
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.step_limit import StepRepair
-from meshdeform.deformation.variables import Variables, placed
-from meshdeform.geometry.intersections import cutting_pairs, touching_pairs
+from meshdeform.deformation.variables import Elements, Variables, placed
+from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import FaceNeighbours
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.samples import samples_of
+from meshdeform.geometry.samples import count_samples, samples_of
 from meshdeform.requests.document import Safeguard
 
 __all__ = ["EVERY_STEPS", "SurfaceGuard"]
@@ -37,6 +40,8 @@ EVERY_STEPS = 5
 _LOOSE_RINGS = 2
 _CONTACT, _CONTACT_OF_EDGE = 1e-4, 0.1
 """Faces touch up to this share of the diagonal, and of their longest edge: in dense scans every face is near others."""
+_SAMPLES = 20_000_000
+"""Points, and pairs of near ones, by which the surroundings of rigid bodies are found."""
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
@@ -54,11 +59,17 @@ class SurfaceGuard:
         The rest mesh; its folds and intersections are allowed throughout.
     variables : Variables
         Those of the rest shape.
+
+    Attributes
+    ----------
+    crowded : bool
+        Whether a shape had too many pairs of faces that meet; since then only folds are found.
     """
 
     def __init__(self, kind: Safeguard, mesh: TriangleMesh, variables: Variables) -> None:
         self._kind, self._variables, self._rest = kind, variables, RestMesh.of(mesh)
         self._faces = self._rest.faces.numpy()
+        self.crowded = False
         count = len(self._faces)
         self._repair = StepRepair(variables)
         self._copy = self._repair.copy
@@ -77,6 +88,8 @@ class SurfaceGuard:
         """The last intact shape and the allowed faults, for checkpoints."""
         intact = {f"guard.{name}": tensor for name, tensor in self._intact.items()}
         allowed = {"folded": self._folded, "loose": self._loose, "meeting": self._meeting}
+        if self.crowded:
+            allowed["crowded"] = np.ones(1, bool)
         return {**intact, **{f"guard.{name}": torch.from_numpy(array) for name, array in allowed.items()}}
 
     def begin(self) -> None:
@@ -92,34 +105,51 @@ class SurfaceGuard:
         self._folded, self._loose, self._meeting = (
             state[f"guard.{name}"].numpy().copy() for name in ("folded", "loose", "meeting")
         )
+        self.crowded = "guard.crowded" in state
         self._intact = {name: state[f"guard.{name}"].clone() for name in self._variables.tensors}
+
+    @property
+    def _searches(self) -> bool:
+        return self._kind is Safeguard.INTERSECTIONS and not self.crowded
 
     def _allow_faults(self, verts: _Floats) -> None:
         """Allow the faults of this shape in addition to those already allowed."""
         self._folded |= self._folds(verts)
-        if self._kind is not Safeguard.INTERSECTIONS:
+        if not self._searches:
             return
-        contacts = touching_pairs(verts, self._faces, self._reach(verts))
+        try:
+            contacts = touching_pairs(verts, self._faces, self._reach(verts))
+        except TooManyPairsError:
+            self.crowded = True
+            return
         own = contacts[self._component[contacts[:, 0]] == self._component[contacts[:, 1]]]
         own = own[~self._across_collapsed(own)]
-        reached = np.bincount(own.ravel(), minlength=len(self._faces)).astype(np.float64)
+        reached, surface = np.zeros(len(self._faces), bool), Elements.faces_of(self._rest)
+        reached[own.ravel()] = True
         for _ in range(_LOOSE_RINGS):
-            reached = self._rest.face_adjacency @ reached
-        self._loose |= reached > 0
+            reached = surface.spread(reached)
+        self._loose |= reached
         self._meeting = np.union1d(self._meeting, self._keys(contacts))
 
     def _near_bodies(self) -> _Index:
         """Return the keys of the pairs of components of which one has a rigid body within half a cell of the other."""
         rigid = self._variables.elements.rigid
-        if rigid is None or self._kind is not Safeguard.INTERSECTIONS:
+        if rigid is None or not self._searches:
             return np.empty(0, np.int64)
         reach = self._variables.resolution / 2
+        if count_samples(self._rest.verts.numpy(), self._faces, reach / 2) > _SAMPLES:
+            self.crowded = True
+            return np.empty(0, np.int64)
         points, face = samples_of(self._rest.verts.numpy(), self._faces, reach / 2)
         # One point per component and voxel is enough, and a dense scan has many.
         voxel = np.column_stack([np.floor(points / (reach / 4)), self._component[face], rigid[face]]).astype(np.int64)
         kept = np.unique(voxel, axis=0, return_index=True)[1]
         points, face = points[kept], face[kept]
-        near = cKDTree(points).query_ball_point(points[rigid[face]], reach, return_sorted=False)
+        tree, of_bodies = cKDTree(points), points[rigid[face]]
+        if tree.query_ball_point(of_bodies, reach, return_length=True).sum() > _SAMPLES:
+            self.crowded = True
+            return np.empty(0, np.int64)
+        near = tree.query_ball_point(of_bodies, reach, return_sorted=False)
         owner = np.repeat(face[rigid[face]], [len(found) for found in near])
         return self._keys(np.column_stack([owner, face[np.concatenate(near).astype(np.int64)]]))
 
@@ -161,8 +191,12 @@ class SurfaceGuard:
         """Return flags (F,) of the faces that are broken and not allowed to be."""
         verts = placed(self._variables).detach().numpy()
         broken = self._folds(verts) & ~self._folded
-        if self._kind is Safeguard.INTERSECTIONS:
-            cuts = cutting_pairs(verts, self._faces)
+        if self._searches:
+            try:
+                cuts = cutting_pairs(verts, self._faces)
+            except TooManyPairsError:
+                self.crowded = True
+                return broken
             first, second = self._component[cuts].T
             low, high = np.minimum(first, second), np.maximum(first, second)
             key = low * (self._rest.num_components) + high

@@ -8,14 +8,16 @@ Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.sparse import csgraph
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
@@ -42,20 +44,18 @@ class Elements:
     ----------
     corners : (E, K) int64
         Control points of each element.
-    adjacency : sparse (E, E)
-        Nonzero where two elements share a control point.
     component : (E,) int64
         Connected component of each element, from 0; their steps can be shortened independently.
-    holding : sparse (E, F), optional
-        Nonzero where an element holds a part of a face; None if the elements are the faces.
+    holding : callable, optional
+        Returns flags (E,) of the elements that hold a part of flagged faces (F,), or of a face beside one; None if the
+        elements are the faces.
     rigid : (F,) bool, optional
         Faces of rigid bodies, which do not give way to what surrounds them; None if there are none.
     """
 
     corners: NDArray[np.int64]
-    adjacency: sparse.csr_matrix
     component: NDArray[np.int64]
-    holding: sparse.csr_matrix | None = None
+    holding: Callable[[_Flags], _Flags] | None = None
     rigid: _Flags | None = None
 
     def __len__(self) -> int:
@@ -64,7 +64,25 @@ class Elements:
     @classmethod
     def faces_of(cls, rest: RestMesh) -> Elements:
         """Return the faces of a mesh as elements."""
-        return cls(rest.faces.numpy(), rest.face_adjacency, rest.components.numpy()[rest.faces.numpy()[:, 0]])
+        return cls(rest.faces.numpy(), rest.components.numpy()[rest.faces.numpy()[:, 0]])
+
+    @cached_property
+    def _incidence(self) -> sparse.csr_matrix:
+        """Return the matrix (E, N), one where an element has a control point."""
+        rows = np.repeat(np.arange(len(self)), self.corners.shape[1])
+        shape = len(self), int(self.corners.max(initial=-1)) + 1
+        return sparse.csr_matrix((np.ones(len(rows)), (rows, self.corners.ravel())), shape=shape)
+
+    def spread(self, flags: _Flags) -> _Flags:
+        """Return flags (E,) of these elements and of all that share a control point with one of them."""
+        # The pairs that share one are not listed: around one point, they are the square of its elements.
+        return np.asarray(self._incidence @ (self._incidence.T @ flags.astype(np.float64)) > 0)
+
+    def regions(self, inside: NDArray[np.int64]) -> tuple[int, NDArray[np.int64]]:
+        """Return the number of connected groups of these elements, and the group of each."""
+        own = self._incidence[inside]
+        count, group = csgraph.connected_components(own @ own.T, directed=False)
+        return count, group.astype(np.int64)
 
     def least_at_corners(self, values: _Floats, count: int) -> _Floats:
         """Return, for `count` control points, the least of 1 and the values (E,) of their elements."""
@@ -74,9 +92,7 @@ class Elements:
 
     def of_faces(self, flags: _Flags) -> _Flags:
         """Return flags (E,) of the elements that hold a part of a flagged face (F,)."""
-        if self.holding is None:
-            return flags
-        return np.asarray(self.holding @ flags.astype(np.float64) > 0)
+        return flags if self.holding is None else self.holding(flags)
 
 
 class Variables(Protocol):

@@ -35,7 +35,7 @@ POINTS = 10_000
 _Floats = NDArray[np.float64]
 
 
-def measures(rest: TriangleMesh, deformed: TriangleMesh, texels: _Floats | None = None) -> dict[str, float | int]:
+def measures(rest: TriangleMesh, deformed: TriangleMesh, texels: _Floats | None = None) -> dict[str, float | None]:
     """Compute all figures of a deformation, by name.
 
     Parameters

@@ -38,8 +38,8 @@ def summarise(states: States) -> dict[str, Any]:
         return {"count": 0}
 
     def of(name: str) -> list[float]:
-        # A folder of an earlier version has no figure that was added since.
-        return [float(state["quality"].get(name, 0.0)) for state in states]
+        # A folder of an earlier version has no figure that was added since, and what cannot be counted is null.
+        return [float(state["quality"].get(name) or 0.0) for state in states]
 
     def mean(name: str) -> float:
         return statistics.fmean(of(name))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.samples import samples_of
+from meshdeform.geometry.samples import count_samples, samples_of
 
 __all__ = ["NearestPlaces", "SurfaceTree"]
 
@@ -24,6 +24,10 @@ _OPPOSITE = 2.0
 """Distance, in typical edges, that counts as much as opposite normals: the other side of a thin wall is not near."""
 _CHUNK = 100_000
 _MOST_MOVES = 50
+_MOST_AROUND = 1_000
+"""Faces around a vertex to which the search walks."""
+_SAMPLES, _SAMPLES_OF_FACE = 2_000_000, 6
+"""Samples that a tree may have, and more for each face."""
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -39,7 +43,7 @@ class SurfaceTree:
     normals : (F, 3) float64
         Unit normals of the faces.
     spacing : float
-        Greatest distance between neighbouring samples.
+        Greatest distance between neighbouring samples; where large faces lie on each other, it is made greater.
     opposite : float
         Distance that counts as much as opposite normals.
     slack : float
@@ -57,6 +61,8 @@ class SurfaceTree:
         slack: float = 0.0,
     ) -> None:
         self._verts, self._faces, self._turn, self._slack = verts, faces, opposite / 2, slack
+        while count_samples(verts, faces, spacing) > _SAMPLES + _SAMPLES_OF_FACE * len(faces):
+            spacing *= 1.5
         samples, self._owner = samples_of(verts, faces, spacing)
         self._tree = cKDTree(np.concatenate([samples, self._turn * normals[self._owner]], 1))
         self._around, self._begin = _faces_around(faces, len(verts))
@@ -186,7 +192,7 @@ def _descend(
             here = face
             for k in range(3):
                 corner = faces[here, k]
-                for at in range(begin[corner], begin[corner + 1]):
+                for at in range(begin[corner], min(begin[corner + 1], begin[corner] + _MOST_AROUND)):
                     other = around[at]
                     squared = _nearest_place(
                         p, verts[faces[other, 0]], verts[faces[other, 1]], verts[faces[other, 2]], found

@@ -27,7 +27,7 @@ from scipy import sparse
 
 from meshdeform.assets.appearance import Appearance
 from meshdeform.geometry.area_vectors import area_vectors
-from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
+from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 
 __all__ = [
@@ -67,10 +67,10 @@ class MeshQuality:
         The first percentile of the faces' smallest angles, in degrees.
     symmetric_dirichlet_mean, symmetric_dirichlet_p99 : float
         Area-weighted mean and 99th percentile; a similarity has 1.
-    self_intersecting_faces_before, self_intersecting_faces_after : int
-    self_intersections_added : int
+    self_intersecting_faces_before, self_intersecting_faces_after : int, optional
+    self_intersections_added : int, optional
         Faces that cut a face which they neither cut nor touched at rest. Faces that touch without cutting cut each
-        other, by rounding, as soon as they are turned.
+        other, by rounding, as soon as they are turned. All three are None if there are too many pairs to search.
     volume_ratio : float
         Signed volume after over before; 0 if the rest mesh encloses none.
     area_ratio : float
@@ -85,14 +85,14 @@ class MeshQuality:
     min_angle_p1_deg_after: float
     symmetric_dirichlet_mean: float
     symmetric_dirichlet_p99: float
-    self_intersecting_faces_before: int
-    self_intersecting_faces_after: int
-    self_intersections_added: int
+    self_intersecting_faces_before: int | None
+    self_intersecting_faces_after: int | None
+    self_intersections_added: int | None
     volume_ratio: float
     area_ratio: float
     area_ratio_spread: float
 
-    def to_dict(self) -> dict[str, float | int]:
+    def to_dict(self) -> dict[str, float | None]:
         """Return the figures by name."""
         return asdict(self)
 
@@ -123,7 +123,7 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     volume = _volume(rest_verts, faces)
     ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
     folded = FaceNeighbours(f, rest_verts).folded(verts)
-    cuts_before, cuts_after = intersecting_faces(rest_verts, faces), intersecting_faces(verts, faces)
+    cuts_before, cuts_after, cuts_added = _self_intersections(rest_verts, verts, faces, diagonal_sq**0.5)
     return MeshQuality(
         flipped_faces=int((folded & ~collapsed).sum()),
         collapsed_faces=int(collapsed.sum()),
@@ -131,9 +131,9 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
         min_angle_p1_deg_after=_min_angle_p1(verts, f[~collapsed]),
         symmetric_dirichlet_mean=float((energy * weights).sum() / weights.sum()) if len(energy) else 0.0,
         symmetric_dirichlet_p99=float(np.percentile(energy, 99)) if len(energy) else 0.0,
-        self_intersecting_faces_before=int(cuts_before.sum()),
-        self_intersecting_faces_after=int(cuts_after.sum()),
-        self_intersections_added=_added(rest_verts, verts, faces, diagonal_sq**0.5) if cuts_after.any() else 0,
+        self_intersecting_faces_before=cuts_before,
+        self_intersecting_faces_after=cuts_after,
+        self_intersections_added=cuts_added,
         volume_ratio=_volume(verts, faces) / volume if abs(volume) > 1e-12 * diagonal_sq**1.5 else 0.0,
         area_ratio=scale,
         area_ratio_spread=float(ratio.std()) if len(ratio) else 0.0,
@@ -145,6 +145,17 @@ def _without_rounding(rest: _Floats, verts: _Floats, diagonal: float) -> _Floats
     limit = _UNMOVED * diagonal + _ROUNDING * float(np.abs(rest).max(initial=0.0))
     still = np.linalg.norm(verts - rest, axis=1) <= limit
     return np.where(still[:, None], rest, verts)
+
+
+def _self_intersections(
+    rest: _Floats, verts: _Floats, faces: _Faces, diagonal: float
+) -> tuple[int, int, int] | tuple[None, None, None]:
+    """Count the faces that cut another before, those after, and the added ones; None if too many pairs meet."""
+    try:
+        before, after = int(intersecting_faces(rest, faces).sum()), int(intersecting_faces(verts, faces).sum())
+        return before, after, _added(rest, verts, faces, diagonal) if after else 0
+    except TooManyPairsError:
+        return None, None, None
 
 
 def _added(rest: _Floats, verts: _Floats, faces: _Faces, diagonal: float) -> int:

@@ -186,11 +186,6 @@ class RestMesh(TriangleMesh):
         return sparse.csr_matrix((np.ones(3 * count), (rows, columns)), shape=(count, self.verts.shape[0]))
 
     @cached_property
-    def face_adjacency(self) -> sparse.csr_matrix:
-        """Adjacency matrix (F, F), nonzero where two faces share a vertex."""
-        return (self.incidence @ self.incidence.T).tocsr()
-
-    @cached_property
     def edge_adjacency(self) -> sparse.csr_matrix:
         """Adjacency matrix (F, F), one where two faces share an edge."""
         pairs = self.edges.faces[self.edges.faces[:, 1] >= 0].numpy()

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-__all__ = ["blend_matrix", "even_samples", "samples_of"]
+__all__ = ["blend_matrix", "count_samples", "even_samples", "sample_blocks", "samples_of"]
+
+_BLOCK = 1_000_000
+"""Points of a block, but for a face that has more by itself."""
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -14,18 +19,33 @@ _Index = NDArray[np.int64]
 
 def samples_of(verts: _Floats, faces: _Index, distance: float) -> tuple[_Floats, _Index]:
     """Return points on all faces, at most `distance` apart, and the face of each."""
+    points, owners = zip(*sample_blocks(verts, faces, distance), strict=True)
+    return np.concatenate(points), np.concatenate(owners)
+
+
+def sample_blocks(verts: _Floats, faces: _Index, distance: float) -> Iterator[tuple[_Floats, _Index]]:
+    """Yield the points of `samples_of` in blocks, each with all those of its faces: large faces have thousands."""
     corners = verts[faces]
-    longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max(1)
-    parts = np.maximum(np.ceil(longest / distance).astype(int), 1)
-    points, owners = [], []
+    parts = _parts(corners, distance)
     for count in np.unique(parts):
         i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
         inside = i + j <= count
         weights = np.stack([i[inside], j[inside], count - i[inside] - j[inside]], 1) / count
         chosen = np.flatnonzero(parts == count)
-        points.append(np.einsum("sb,fbc->fsc", weights, corners[chosen]).reshape(-1, 3))
-        owners.append(np.repeat(chosen, len(weights)))
-    return np.concatenate(points), np.concatenate(owners)
+        for block in np.array_split(chosen, -(-len(chosen) * len(weights) // _BLOCK)):
+            yield np.einsum("sb,fbc->fsc", weights, corners[block]).reshape(-1, 3), np.repeat(block, len(weights))
+
+
+def count_samples(verts: _Floats, faces: _Index, distance: float) -> float:
+    """Return the number of points of `samples_of`."""
+    parts = _parts(verts[faces], distance).astype(np.float64)
+    return float(((parts + 1) * (parts + 2)).sum() / 2)
+
+
+def _parts(corners: _Floats, distance: float) -> _Index:
+    """Return the parts (F,) into which the edges of each face are divided."""
+    longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max(1)
+    return np.asarray(np.maximum(np.ceil(longest / distance).astype(int), 1))
 
 
 def even_samples(areas: _Floats, count: int, seed: int) -> tuple[_Index, _Floats]:
