@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import shlex
-import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from meshdeform.assets import Limits
 from meshdeform.assets.bundle import read_with_files
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.goals import stage_words
+from meshdeform.cli.interrupting import ctrl_c_between_steps, second_ctrl_c_ends
 from meshdeform.cli.progress import ProgressView
 from meshdeform.cli.request import find_taught
 from meshdeform.errors import AlignmentError, UnavailableError
@@ -34,7 +33,7 @@ from meshdeform.settings import Settings
 from meshdeform.support.collector import collection_paused
 from meshdeform.support.files import write_files
 
-__all__ = ["LocalJob", "Outputs", "ctrl_c_between_steps", "try_folder", "writing"]
+__all__ = ["LocalJob", "Outputs", "try_folder", "writing"]
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,8 @@ class LocalJob:
             Ctrl-C came (`interrupted`); the checkpoint is written if requested.
         """
         try:
-            return self._run(progress)
+            with second_ctrl_c_ends():
+                return self._run(progress)
         except KeyboardInterrupt:
             raise self._interruption() from None
 
@@ -296,21 +296,3 @@ def try_folder(path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=path.parent):
         pass
-
-
-@contextmanager
-def ctrl_c_between_steps() -> Iterator[Any]:
-    """Defer the first Ctrl-C to the end of the step, when the state is consistent; the second acts at once."""
-    interrupted = False
-
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        nonlocal interrupted
-        if interrupted:
-            raise KeyboardInterrupt
-        interrupted = True
-
-    previous = signal.signal(signal.SIGINT, handle)
-    try:
-        yield lambda: interrupted
-    finally:
-        signal.signal(signal.SIGINT, previous)

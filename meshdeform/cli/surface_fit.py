@@ -136,7 +136,8 @@ def surface_fit(
         check_outputs(paths, [*files.values(), *([resume] if resume else [])])
         if checkpoint is not None:
             check_checkpoint(checkpoint)
-    from meshdeform.cli.local_job import ctrl_c_between_steps, try_folder, writing
+    from meshdeform.cli.interrupting import ctrl_c_between_steps
+    from meshdeform.cli.local_job import try_folder, writing
     from meshdeform.cli.progress import show_progress
     from meshdeform.support.files import write_files
 
@@ -242,7 +243,8 @@ def _start(paths: dict[str, Path], request: JobRequest, resume: Path | None, set
 
 
 def _optimize(run: JobRun, progress: ProgressView, path: Path | None, every: int) -> None:
-    from meshdeform.cli.local_job import ctrl_c_between_steps, writing
+    from meshdeform.cli.interrupting import ctrl_c_between_steps
+    from meshdeform.cli.local_job import writing
     from meshdeform.support.files import write_files
 
     with ctrl_c_between_steps() as interrupted:

@@ -257,7 +257,8 @@ def _check_state(path: Path | None) -> None:
 
 def _drive(run: TeachingRun, progress: ProgressView, checkpoint: Path | None) -> None:
     """Do the steps; store checkpoints, also at Ctrl-C."""
-    from meshdeform.cli.local_job import ctrl_c_between_steps, writing
+    from meshdeform.cli.interrupting import ctrl_c_between_steps
+    from meshdeform.cli.local_job import writing
     from meshdeform.support.files import write_files
 
     with ctrl_c_between_steps() as interrupted:

@@ -17,7 +17,7 @@ Spillmann et al. 2006, Robust Tetrahedral Meshing of Triangle Soups, and Dionne 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,8 @@ class Lattice:
         End points of each axis edge, in the direction of its axis.
     cell_edges : (C, 3, 4) int64
         Edges of each cell along each axis, ordered by the two other coordinates.
+    coarse : bool
+        Whether its cells are larger because the samples of the faces would be more than `MAX_SAMPLES`.
     """
 
     origin: _Floats
@@ -83,6 +85,7 @@ class Lattice:
     cell_nodes: _Index
     edges: _Index
     cell_edges: _Index
+    coarse: bool = False
 
     @classmethod
     def around(cls, mesh: RestMesh, resolution: int = CELLS) -> Lattice:
@@ -96,12 +99,12 @@ class Lattice:
             Cells along the longest side of the bounding box; fewer if there would be more than `MAX_CELLS` in all, or
             more than `MAX_SAMPLES` points to find them by.
         """
-        resolution = _affordable(mesh, resolution)
+        coarse = resolution > (resolution := _affordable(mesh, resolution))
         lattice = cls._of_resolution(mesh, resolution)
         while len(lattice.cells) > MAX_CELLS:
             resolution = min(resolution - 1, int(resolution * (MAX_CELLS / len(lattice.cells)) ** (1 / 3)))
             lattice = cls._of_resolution(mesh, resolution)
-        return lattice
+        return replace(lattice, coarse=coarse)
 
     @classmethod
     def _of_resolution(cls, mesh: RestMesh, resolution: int) -> Lattice:
@@ -127,6 +130,16 @@ class Lattice:
         cell_nodes = cell_nodes.reshape(-1, 8)
         edges, cell_edges = _axis_edges(cell_nodes)
         return cls(origin, spacing, shape, cells, keys, cell_nodes, edges, cell_edges)
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence for the user if the cells are larger than they should be."""
+        if not self.coarse:
+            return []
+        return [
+            f"So many large faces lie on or in each other that the lattice is coarser, with {len(self.cells):,} cells. "
+            "Remove copies that are in one place."
+        ]
 
     @property
     def nodes(self) -> _Floats:

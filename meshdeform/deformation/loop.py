@@ -186,6 +186,12 @@ class Deformation:
         return len(self._variables.elements) if isinstance(self._variables, LatticeField) else None
 
     @property
+    def warnings(self) -> list[str]:
+        """Sentences for the user: what is coarser because many faces lie on or in each other."""
+        lattice = self._variables.lattice.warnings if isinstance(self._variables, LatticeField) else []
+        return [*(self._guard.warnings if self._guard is not None else []), *lattice]
+
+    @property
     def optimized_faces(self) -> int:
         """Number of faces of the mesh, or of its stand-in if it has one."""
         return self._stand_in.mesh.faces.shape[0]

@@ -84,6 +84,16 @@ class SurfaceGuard:
         self._intact = self._copy()
 
     @property
+    def warnings(self) -> list[str]:
+        """A sentence for the user if only folds were found."""
+        if not self.crowded:
+            return []
+        return [
+            "Too many faces lie on or in each other to search for those that cut, so the safeguard only prevented "
+            "folds. Remove copies that are in one place."
+        ]
+
+    @property
     def state(self) -> dict[str, Tensor]:
         """The last intact shape and the allowed faults, for checkpoints."""
         intact = {f"guard.{name}": tensor for name, tensor in self._intact.items()}

@@ -96,6 +96,16 @@ class MeshQuality:
         """Return the figures by name."""
         return asdict(self)
 
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence for the user if the self-intersections could not be counted."""
+        if self.self_intersecting_faces_after is not None:
+            return []
+        return [
+            "The self-intersections were not counted, because too many faces lie on or in each other. Remove copies "
+            "that are in one place."
+        ]
+
 
 def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     """Compare a deformed mesh with its rest state.

@@ -22,7 +22,6 @@ from meshdeform.assets.subdivide import Subdivision
 from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.orientation import Orientation
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.errors import ModelError
 from meshdeform.geometry.mesh import TriangleMesh
@@ -102,16 +101,14 @@ def build_report(
     asset: Asset,
     welded: WeldedMesh,
     verts: Tensor,
-    orientation: Orientation,
+    deformation: Deformation,
     appearance: dict[str, Any],
     result: bytes,
     written: Asset,
     usdz: Usdz | None = None,
     history: LossHistory,
     holds: HoldCounter,
-    optimized_faces: int,
     rebuilt_normals: int,
-    cells: int | None,
     first_step: int,
     clock: PhaseClock,
     look: Appearance,
@@ -134,8 +131,8 @@ def build_report(
     welded : WeldedMesh
     verts : (V, 3) float64
         Deformed welded world positions.
-    orientation : Orientation
-        The turn of the cameras.
+    deformation : Deformation
+        After its last step.
     appearance : dict
         What the model saw of the asset's colours.
     result : bytes
@@ -146,13 +143,9 @@ def build_report(
         `result.usdz`, if requested.
     history : LossHistory
     holds : HoldCounter
-    optimized_faces : int
-        Faces of the mesh that was deformed: of the stand-in, if there was one.
     rebuilt_normals : int
         Normals that were replaced, since they would have pointed behind a face. The report adds those that the file
         had without a direction.
-    cells : int, optional
-        Number of cells of the lattice that carried the mesh, if one did.
     first_step : int
         Number of steps done by earlier attempts.
     clock : PhaseClock
@@ -210,19 +203,21 @@ def build_report(
             "source_triangles": len(asset.surface.triangles),
             "welded_vertices": welded.mesh.verts.shape[0],
             "welded_faces": welded.mesh.faces.shape[0],
-            "optimized_faces": optimized_faces,
+            "optimized_faces": deformation.optimized_faces,
             "rebuilt_normals": rebuilt_normals + asset.repairs.normals,
             "rebuilt_tangents": asset.repairs.tangents,
             **invariants,
         },
         "quality": quality.to_dict(),
         "texture_stretch": None if stretch is None else stretch.to_dict(),
-        "carrier": {"kind": "surface" if cells is None else "lattice", "cells": cells},
-        "orientation": orientation.to_dict(),
+        "carrier": {"kind": "surface" if deformation.cells is None else "lattice", "cells": deformation.cells},
+        "orientation": deformation.orientation.to_dict(),
         "appearance": appearance,
         "movement": movement.to_dict(),
         "warnings": [
             *movement.warnings,
+            *deformation.warnings,
+            *quality.warnings,
             *up_axis,
             *subdivision_warnings(facts.subdivision),
             *rig_warnings(asset.rig(), facts.request.output.rig),
