@@ -40,6 +40,24 @@ def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dic
     check_problem(validate(api, asset, rigid=[{"mode": "rigid"}]), 422, "parameter_invalid")
 
 
+def test_a_point_that_is_absurdly_far_is_refused_where_it_stands(api: Api) -> None:
+    asset = build_glb(icosphere(2).verts.numpy(), icosphere(2).faces.numpy())
+    near = {"position": [0, 1, 0], "to": [0, 1.5, 0]}
+    assert validate(api, asset, handles=[near]).status_code == 200
+    for far, place in (
+        ({"to": [0, 1e300, 0]}, ["to", 1]),
+        ({"to": [0, -3e6, 0]}, ["to"]),
+        ({"position": [1e7, 0, 0]}, ["position"]),
+    ):
+        problem = check_problem(validate(api, asset, handles=[near, near | far]), 422, "parameter_invalid")
+        assert problem["errors"][0]["loc"] == ["params", "handles", 1, *place]
+    landmarks = [{"source": [0, 1, 0], "target": [1e7, 0, 0]}]
+    request = json.dumps({"params": {"guidance": "target", "landmarks": landmarks}})
+    files = {"asset": ("a.glb", asset), "target": ("b.glb", asset), "request": (None, request)}
+    problem = check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "parameter_invalid")
+    assert problem["errors"][0]["loc"] == ["params", "landmarks", 0, "target"]
+
+
 def test_an_asset_with_z_up_is_valid_and_comes_with_a_warning(api: Api) -> None:
     points = STATUE.verts.numpy()[:, [0, 2, 1]] * [1, -1, 1]
     found = validate(api, build_glb(points, STATUE.faces.numpy()))

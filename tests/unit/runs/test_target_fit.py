@@ -81,6 +81,8 @@ def test_a_target_far_away_is_refused_with_a_picture() -> None:
     [
         ({"landmarks": [{"source": 9999, "target": 0}]}, ["params", "landmarks", 0, "source"]),
         ({"landmarks": [{"source": [0.0, 1.0, 0.0], "target": 162}]}, ["params", "landmarks", 0, "target"]),
+        ({"landmarks": [{"source": 0, "target": [0.0, 1e9, 0.0]}]}, ["params", "landmarks", 0, "target"]),
+        ({"landmarks": [{"source": [0.0, 1e9, 0.0], "target": 0}]}, ["params", "landmarks", 0, "source"]),
         ({"align": [0.0] * 16}, ["params", "align"]),
     ],
 )

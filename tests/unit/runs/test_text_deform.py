@@ -15,6 +15,7 @@ import meshdeform
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.deformation import stand_in
 from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, PromptError
+from meshdeform.geometry import intersections
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import box, icosphere, join, lathe
 from meshdeform.requests.document import JobRequest, OutputOptions
@@ -51,6 +52,19 @@ def test_the_fake_priors_optimum_is_approached() -> None:
     extent = positions.max(0) - positions.min(0)
     assert extent[1] / extent[0] == pytest.approx(2.0, rel=0.15)
     assert extent[1] / extent[2] == pytest.approx(2.0, rel=0.15)
+
+
+def test_what_is_coarser_where_faces_crowd_is_in_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(intersections, "_TESTS", 0)
+    monkeypatch.setattr(intersections, "_TESTS_OF_FACE", 0)
+    run = start(glb(icosphere(2)), request(steps=2))
+    assert len(list(run)) == 2
+    report = json.loads(run.finish()["report.json"].data)
+    assert report["quality"]["self_intersections_added"] is None
+    assert report["quality"]["flipped_faces"] == 0
+    told = " ".join(report["warnings"])
+    assert "the safeguard only prevented folds" in told
+    assert "self-intersections were not counted" in told
 
 
 def test_a_large_asset_keeps_everything_though_a_stand_in_is_deformed(monkeypatch: pytest.MonkeyPatch) -> None:
