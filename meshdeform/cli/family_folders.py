@@ -95,7 +95,8 @@ class FolderJob:
 
 def drive(run: JobRun, every: int, progress: ProgressView, checkpoint: Path | None) -> None:
     """Do the steps; store checkpoints, also at Ctrl-C."""
-    from meshdeform.cli.local_job import ctrl_c_between_steps, writing
+    from meshdeform.cli.interrupting import ctrl_c_between_steps
+    from meshdeform.cli.local_job import writing
     from meshdeform.support.files import write_files
 
     with ctrl_c_between_steps() as interrupted:
@@ -174,7 +175,8 @@ def check_folder(folder: Path, kind: Kind) -> None:
 
 def write_folder(artifacts: dict[str, ArtifactData], folder: Path, kind: Kind) -> list[str]:
     """Write all results or none, and remove those of an earlier run that this one has not; return the names."""
-    from meshdeform.cli.local_job import ctrl_c_between_steps, writing
+    from meshdeform.cli.interrupting import ctrl_c_between_steps
+    from meshdeform.cli.local_job import writing
     from meshdeform.support.files import write_files
 
     with ctrl_c_between_steps(), writing():
