@@ -46,7 +46,7 @@ def _joint_matrices(document: Document, skin: int, worlds: _Floats) -> _Floats:
     described = document.root["skins"][skin]
     joints = worlds[described["joints"]]
     if "inverseBindMatrices" not in described:
-        return joints
+        return np.asarray(joints)
     inverse_binds = read_floats(document, described["inverseBindMatrices"])[: len(joints)].astype(np.float64)
     return np.asarray(joints @ inverse_binds.reshape(-1, 4, 4).transpose(0, 2, 1))
 

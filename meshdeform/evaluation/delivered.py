@@ -11,7 +11,6 @@ import itertools
 import statistics
 import time
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,9 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.support.files import write_files
 
-__all__ = ["LIMITS", "DeliveredEvaluator", "best_stretch", "worse_than_source"]
+__all__ = ["LIMITS", "DeliveredEvaluator", "best_stretch", "stretched_picture", "worse_than_source"]
+
+Factors = tuple[float, float, float]
 
 _FACTORS = (0.5, 2**-0.5, 1.0, 2**0.5, 2.0)
 
@@ -78,7 +79,7 @@ class DeliveredEvaluator(Evaluator):
         assessed = super()._assess(item, rest, shape)
         quality, noun = assessed["quality"], parse(item.prompt).noun
         structure: dict[str, Any] = measure_structure(rest, shape).to_dict()
-        structure["cut_share"] = quality["self_intersections_added"] / len(rest.faces)
+        structure["cut_share"] = (quality["self_intersections_added"] or 0) / len(rest.faces)
         structure["flipped_faces"] = quality["flipped_faces"]
         kept: dict[str, Any] = {"structure": structure}
         if self.judge is not None:
@@ -101,26 +102,35 @@ def worse_than_source(kept: dict[str, Any]) -> bool:
 class Stretch:
     """The best stretch: its factors along the axes, and the rank of the noun among all of the judge."""
 
-    factors: tuple[float, float, float]
+    factors: Factors
     rank: int
 
 
 def best_stretch(judge: ShapeJudge, source: str, noun: str) -> Stretch:
     """Find the scaling of a file's mesh along its axes that the judge takes most for a noun."""
-    tried = _stretched(judge, source)
+    tried: dict[Factors, dict[str, float]] = _stretched(judge, source)
     factors = max(tried, key=lambda each: tried[each][noun])
     return Stretch(factors, _place(tried[factors], noun))
 
 
-@cache
-def _stretched(judge: ShapeJudge, source: str) -> dict[tuple[float, float, float], dict[str, float]]:
-    mesh = posed_mesh(load_asset(Path(source).read_bytes(), Path(source).name, Limits.unlimited())).mesh
-    # A uniform scale changes nothing, so one of the factors can be the least of all.
-    factors = [each for each in itertools.product(_FACTORS, repeat=3) if min(each) == _FACTORS[0]]
-    return {each: judge.noun_probabilities(_scaled(mesh, each)) for each in factors}
+def _stretched(judge: ShapeJudge, source: str) -> dict[Factors, dict[str, float]]:
+    """Return the probabilities of all nouns for every stretch of a file's mesh, computed once for its prompts."""
+    known = _tried.get(source)
+    if known is None:
+        mesh = posed_mesh(load_asset(Path(source).read_bytes(), Path(source).name, Limits.unlimited())).mesh
+        # A uniform scale changes nothing, so one of the factors can be the least of all.
+        factors = [(x, y, z) for x, y, z in itertools.product(_FACTORS, repeat=3) if min(x, y, z) == _FACTORS[0]]
+        known = {each: judge.noun_probabilities(_scaled(mesh, each)) for each in factors}
+        _tried.clear()
+        _tried[source] = known
+    return known
 
 
-def _scaled(mesh: TriangleMesh, factors: tuple[float, float, float]) -> TriangleMesh:
+_tried: dict[str, dict[Factors, dict[str, float]]] = {}
+"""Those of the last file."""
+
+
+def _scaled(mesh: TriangleMesh, factors: Factors) -> TriangleMesh:
     return TriangleMesh(mesh.verts * torch.tensor(factors, dtype=torch.float64), mesh.faces)
 
 
@@ -137,7 +147,7 @@ def _picture(source: Asset, result: Asset) -> bytes:
     return preview_png(source.appearance(), *poses)
 
 
-def stretched_picture(source: str, factors: tuple[float, float, float]) -> bytes:
+def stretched_picture(source: str, factors: Factors) -> bytes:
     """Draw a file as it is and stretched, as `preview.png` does."""
     asset = load_asset(Path(source).read_bytes(), Path(source).name, Limits.unlimited())
     posed = asset.posed()
