@@ -56,7 +56,7 @@ def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
 
 def finished_job(api: Api, content: bytes = bytes(range(256)) * 64, owner_id: str = "") -> str:
     """A job that a worker has brought to its end, with one artifact."""
-    job = api.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored_file()}, owner_id=owner_id))
+    job = api.record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner_id))
     assert api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
     stored = api.store.put(key, content, "model/gltf-binary")

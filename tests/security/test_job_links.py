@@ -217,7 +217,7 @@ def test_only_the_owner_makes_links(shared: Shared) -> None:
     check_problem(shared.api.http.post(path, headers=stranger), 404, "not_found")
     check_problem(shared.api.http.post(path), 401, "unauthorized")
     with Client(shared.api.url, api_key=shared.key["Authorization"].removeprefix("Bearer ")) as client:
-        assert client.job_link(shared.job).url.startswith(f"/#/shared/{shared.job}/link.")
+        assert client.job_link(shared.job).url.startswith(f"{shared.api.url}/#/shared/{shared.job}/link.")
 
 
 def test_a_deployment_without_the_page_makes_none(
