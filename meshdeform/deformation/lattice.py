@@ -88,7 +88,7 @@ class Lattice:
     coarse: bool = False
 
     @classmethod
-    def around(cls, mesh: RestMesh, resolution: int = CELLS) -> Lattice:
+    def around(cls, mesh: RestMesh, resolution: int = CELLS, plane: int | None = None) -> Lattice:
         """Build the lattice of a mesh.
 
         Parameters
@@ -98,16 +98,18 @@ class Lattice:
         resolution : int
             Cells along the longest side of the bounding box; fewer if there would be more than `MAX_CELLS` in all, or
             more than `MAX_SAMPLES` points to find them by.
+        plane : int, optional
+            The axis across which the cells are to be mirror images of each other.
         """
         coarse = resolution > (resolution := _affordable(mesh, resolution))
-        lattice = cls._of_resolution(mesh, resolution)
+        lattice = cls._of_resolution(mesh, resolution, plane)
         while len(lattice.cells) > MAX_CELLS:
             resolution = min(resolution - 1, int(resolution * (MAX_CELLS / len(lattice.cells)) ** (1 / 3)))
-            lattice = cls._of_resolution(mesh, resolution)
+            lattice = cls._of_resolution(mesh, resolution, plane)
         return replace(lattice, coarse=coarse)
 
     @classmethod
-    def _of_resolution(cls, mesh: RestMesh, resolution: int) -> Lattice:
+    def _of_resolution(cls, mesh: RestMesh, resolution: int, plane: int | None) -> Lattice:
         from scipy import ndimage  # a part of scipy that meshes of one component do not need
 
         verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
@@ -121,6 +123,8 @@ class Lattice:
         for points, _ in sample_blocks(verts, faces, spacing / 2):
             occupied[tuple(np.floor((points - origin) / spacing).astype(int).T)] = True
         occupied = _joined(ndimage.binary_fill_holes(occupied))
+        if plane is not None:
+            occupied = occupied | np.flip(occupied, plane)
         occupied = ndimage.binary_dilation(occupied, _NEIGHBOURS)
         shape = (int(counts[0]) + 1, int(counts[1]) + 1, int(counts[2]) + 1)
         cells = np.argwhere(occupied)

@@ -63,6 +63,9 @@ class LatticeField:
         All nodes that move anything are pinned.
     """
 
+    _plane: int | None = None
+    """The axis across which the lattice is its own mirror image."""
+
     def __init__(
         self,
         mesh: TriangleMesh,
@@ -72,11 +75,12 @@ class LatticeField:
     ) -> None:
         self.rest = rest = RestMesh.of(mesh)
         self._bodies = RigidBodies(rest, bodies) if bodies else None
-        self.lattice = lattice = Lattice.around(rest if whole is None or whole is mesh else _joined(rest, whole))
+        enclosed = rest if whole is None or whole is mesh else _joined(rest, whole)
+        self.lattice = lattice = Lattice.around(enclosed, plane=self._plane)
         self._embedding = lattice.embedding(rest.verts.numpy())
         areas = rest.vertex_areas
         shares = areas / areas.sum() if areas.sum() > 0 else np.full(len(areas), 1 / len(areas))
-        self._system = LatticeSystem(lattice, self._embedding.T @ shares, self._pinned(constraints))
+        self._system = LatticeSystem(lattice, self._balanced(self._embedding.T @ shares), self._pinned(constraints))
         self._placement = constraints.placement(rest)
         given, smooth = constraints.handles, self._system.smooth
         self._handles = Handles(given, rest, self._placement, self._embedding, smooth) if given else None
@@ -88,15 +92,26 @@ class LatticeField:
         self._edges = torch.from_numpy(lattice.edges)
         self._cell_edges = torch.from_numpy(lattice.cell_edges)
         self._tetrahedra = torch.from_numpy(_kuhn_edges(lattice)).reshape(-1)
-        self._solved: tuple[int, Tensor] | None = None
+        self._solved: tuple[Tensor, Tensor] | None = None
+
+    def _balanced(self, weights: _Floats) -> _Floats:
+        """Return the weights (N,) of the mean that a solve keeps at its place: here as they are."""
+        return weights
+
+    def begin_step(self, fraction: float) -> None:
+        """Do nothing: all cells are free from the first step on."""
+
+    def jacobians(self) -> Tensor:
+        """Return the Jacobians (C, 3, 3) of the cells."""
+        return self.tensors["cell_jacobians"]
 
     def solve(self) -> Tensor:
         """Solve for the nodes; the solution is reused while the Jacobians do not change."""
-        jacobians = self.tensors["cell_jacobians"]
-        known = self._solved[1] if self._solved is not None and self._solved[0] == jacobians._version else None
+        jacobians = self.jacobians()
+        known = self._solved[1] if self._solved is not None and torch.equal(self._solved[0], jacobians) else None
         nodes = self._system.solve(jacobians, known)
         if known is None:
-            self._solved = (jacobians._version, nodes.detach().clone())
+            self._solved = (jacobians.detach().clone(), nodes.detach().clone())
         return nodes if self._handles is None else self._handles.pull(nodes)
 
     def _cells_around(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -139,7 +154,7 @@ class LatticeField:
     def jacobian_penalty(self) -> Tensor:
         """Return the mean of ||J - I||^2 over the cells."""
         rigid = torch.eye(3, dtype=torch.float64)
-        mean: Tensor = (self.tensors["cell_jacobians"] - rigid).square().sum((1, 2)).mean()
+        mean: Tensor = (self.jacobians() - rigid).square().sum((1, 2)).mean()
         return mean
 
     def dirichlet_penalty(self, control: Tensor) -> Tensor:

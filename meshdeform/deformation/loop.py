@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -33,12 +34,14 @@ from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.optimizer import Adam
-from meshdeform.deformation.orientation import Grader, Orientation, OrientationSource, find_orientation
+from meshdeform.deformation.orientation import Front, Grader, Orientation, OrientationSource, find_orientation
 from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.rigid_bodies import Body
-from meshdeform.deformation.stand_in import StandIn
+from meshdeform.deformation.space_map import SpaceMap
+from meshdeform.deformation.stand_in import StandIn, chosen_carrier
 from meshdeform.deformation.step_limit import StepLimit
+from meshdeform.deformation.structure import UNSTRUCTURED, Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
@@ -48,7 +51,7 @@ from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, 
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
 from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
 from meshdeform.rendering.views import Views, views_for
-from meshdeform.requests.choices import OrientationMode
+from meshdeform.requests.choices import Carrier, GuidanceKind, OrientationMode
 from meshdeform.requests.document import ResolvedParams, Safeguard
 
 __all__ = ["Deformation", "Step"]
@@ -103,6 +106,8 @@ class Deformation:
         Where the vertices of the mesh may go. A large mesh with handles has no stand-in.
     shares : sequence of (F,) float64
         For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`regional.py`).
+    front : Front, optional
+        Who finds the front for `params.orientation` = `auto`: by default the guidance itself.
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
@@ -135,6 +140,7 @@ class Deformation:
         appearance: Appearance | None = None,
         constraints: Constraints = UNCONSTRAINED,
         shares: Sequence[NDArray[np.float64]] = (),
+        front: Front | None = None,
         variables: Callable[[TriangleMesh], Variables] | None = None,
         views: Callable[[CameraRange, RenderStyle], Views] = views_for,
     ) -> None:
@@ -150,20 +156,35 @@ class Deformation:
         self._shape = guidance if isinstance(guidance, ShapeGuidance) else None
         if self._shape is not None:
             self._shape.begin(drawn)
-        self._variables = (
-            variables(drawn) if variables is not None else self._stand_in.carry(params.carrier, initial, bodies)
-        )
-        rest = self._variables.rest
-        self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
-        self._regularizers = Regularizers(rest)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = views(bounds, guidance.style)
         rig = self._views.style.rig
         self._framing = Framing(params.framing, params.framing_max) if rig is None else rig.framing
-        self._rest_extent = float(rest.verts.abs().max())
+        self._rest_extent = float(drawn.verts.abs().max())
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
         self._renderer = Renderer(drawn.faces, drawn.verts.shape[0], self._views.style, device, appearance=worn)
+        rigid, prompted = bool(bodies), params.guidance is GuidanceKind.SDS
+        carrier = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=rigid, prompted=prompted)
+        asked = carrier is Carrier.MAP or params.orientation is OrientationMode.AUTO
+        planes = mirror_planes(drawn) if asked else ()
+        self.orientation = (
+            self._orient(initial, planes, front or Front(guidance if isinstance(guidance, Grader) else None))
+            if checkpoint is None
+            else _stored_orientation(checkpoint.tensors)
+        )
+        self.structure = UNSTRUCTURED
+        if params.keep_structure:
+            built = is_level(drawn) or (front is not None and front.built)
+            self.structure = Structure(plane_of(planes, self.orientation.turn_deg), built)
+        self._variables = (
+            variables(drawn)
+            if variables is not None
+            else self._stand_in.carry(carrier, initial, bodies, self.structure)
+        )
+        rest = self._variables.rest
+        self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
+        self._regularizers = Regularizers(rest)
         self._generator = torch.Generator().manual_seed(params.seed)
         tensors = list(self._variables.tensors.values())
         self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
@@ -177,8 +198,14 @@ class Deformation:
             self._guard.begin()
         if checkpoint is not None:
             self.restore(checkpoint)
-        else:
-            self.orientation = self._orient(initial)
+
+    @property
+    def carrier(self) -> dict[str, Any]:
+        """What carries the mesh: its `kind`, the number of `cells` of a lattice, and what a map keeps."""
+        if isinstance(self._variables, SpaceMap):
+            plane = None if self.structure.plane is None else "xyz"[self.structure.plane]
+            return {"kind": "map", "cells": self.cells, "mirror": plane, "level": self.structure.level}
+        return {"kind": "surface" if self.cells is None else "lattice", "cells": self.cells}
 
     @property
     def cells(self) -> int | None:
@@ -264,7 +291,7 @@ class Deformation:
         }
         return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
 
-    def _orient(self, initial: Mapping[str, Tensor] | None) -> Orientation:
+    def _orient(self, initial: Mapping[str, Tensor] | None, planes: Sequence[int], front: Front) -> Orientation:
         mode = self.params.orientation
         if not isinstance(mode, OrientationMode):
             return Orientation(mode, OrientationSource.GIVEN)
@@ -272,7 +299,9 @@ class Deformation:
             return Orientation()
         if initial is not None:
             return replace(_stored_orientation(initial), source=OrientationSource.CONTINUED)
-        return find_orientation(self._draw_source, self._guidance, self.params.seed)
+        if front.grader is None:
+            return Orientation(source=OrientationSource.UNRECOGNISED)
+        return find_orientation(self._draw_source, front.grader, self.params.seed, planes)
 
     @torch.no_grad()
     def _draw_source(self, azimuth_deg: float, generator: torch.Generator) -> tuple[Tensor, Cameras]:
@@ -280,7 +309,7 @@ class Deformation:
         radius = self._framing.fitting_radius(self._rest_extent, self._rest_extent)
         cameras = self._views.place(azimuth_deg, radius).to(self._device)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), generator)
-        verts = self._variables.rest.verts.to(self._device)
+        verts = self._stand_in.mesh.verts.to(self._device)
         return self._views.arrange(self._renderer.render(verts, cameras, scene)), cameras
 
     def _advance(self) -> dict[str, float]:
@@ -305,6 +334,7 @@ class Deformation:
 
     def _loss(self) -> tuple[float, dict[str, float], Tensor]:
         p = self.params
+        self._variables.begin_step(self.step / p.steps)
         control = self._variables.solve()
         verts = self._variables.verts(control)
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
@@ -333,22 +363,23 @@ class Deformation:
         terms |= {name: stiffness * weight * penalty() for name, (weight, penalty) in penalties.items() if weight}
         total = torch.stack(list(terms.values())).sum()
         self._optimizer.zero_grad()
-        total.backward()  # type: ignore[no-untyped-call]
-        if self._regional is not None:
+        if self._regional is not None and regional is not None:
             self._regional.add(regional)
-        gradients = [tensor.grad for tensor in self._variables.tensors.values()]
-        finite = all(gradient is not None and bool(torch.isfinite(gradient).all()) for gradient in gradients)
+        total.backward()  # type: ignore[no-untyped-call]
+        # A tensor without a gradient is not free yet.
+        gradients = [tensor.grad for tensor in self._variables.tensors.values() if tensor.grad is not None]
+        finite = all(bool(torch.isfinite(gradient).all()) for gradient in gradients)
         if not math.isfinite(total.item()) or not finite:
             raise NumericalError(f"The loss or its gradient is not finite at step {self.step + 1}.")
         return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}, control.detach()
 
     def _guided(
         self, image: Tensor, verts: Tensor, context: StepContext
-    ) -> tuple[Tensor, dict[str, Tensor], dict[str, float]]:
-        """Return the loss of the guidance, its gradients if they reach only regions, and numbers for the log."""
+    ) -> tuple[Tensor, Tensor | None, dict[str, float]]:
+        """Return the loss of the guidance, its gradient if it reaches only regions, and numbers for the log."""
         if self._regional is None or not isinstance(self._guidance, RegionalGuidance):
             loss, logs = self._guidance.loss(image, context)
-            return loss.double().cpu(), {}, logs
+            return loss.double().cpu(), None, logs
         losses, logs = self._guidance.losses(image, context)
         weighted = [self.params.guidance_weight * loss.double().cpu() for loss in losses]
         value = torch.stack([loss.detach().double().cpu() for loss in losses]).sum()

@@ -30,7 +30,7 @@ from torch import Tensor
 
 from meshdeform.rendering.cameras import Cameras
 
-__all__ = ["Grader", "Orientation", "OrientationSource", "find_orientation"]
+__all__ = ["Front", "Grader", "Orientation", "OrientationSource", "find_orientation"]
 
 _TURNS = 12
 _FINE_DEG = 15.0
@@ -38,6 +38,9 @@ _FIRST_DEG = (0.0, 120.0, 240.0)
 _SECOND_DEG = (0.0, 105.0, 210.0, 315.0, 60.0, 165.0)
 """Azimuths of the draws, from a random one. Modulo a quarter turn they are evenly spaced at a divisor of the turns'
 spacing: the four views of a symmetric source are then the same for every turn, only in another order."""
+_EIGHT_DEG = (0.0, 45.0, 100.0, 145.0, 190.0, 235.0, 290.0, 335.0)
+_SIDES = {0: (0.0, 180.0), 2: (90.0, -90.0)}
+"""The two sides that lie in the mirror plane perpendicular to an axis."""
 _FRACTION = 0.94
 """The timestep, as a fraction of T. At 0.88 T, the background and the noise of a draw outweigh the azimuth."""
 _KEPT = 4
@@ -59,11 +62,15 @@ class OrientationSource(StrEnum):
     UNDECIDED = "undecided"
     UNCONDITIONED = "unconditioned"
     CONTINUED = "continued"
+    UNRECOGNISED = "unrecognised"
 
 
+_FOUND, _UNDECIDED = OrientationSource.FOUND, OrientationSource.UNDECIDED
 _NOTICES = {
-    OrientationSource.UNDECIDED: "No side of the asset fits the prompt clearly better than +Z as its front. Set "
-    "params.orientation to the azimuth of another side if the result faces the wrong way.",
+    OrientationSource.UNDECIDED: "No side of the asset is clearly its front. Set params.orientation to the azimuth of "
+    "another side if the result faces the wrong way.",
+    OrientationSource.UNRECOGNISED: "The asset was not recognised, so +Z counts as its front. Set params.source_noun "
+    "to what it is, or params.orientation to the azimuth of its front.",
     OrientationSource.UNCONDITIONED: "The model is not conditioned on the azimuth: it sees four sides at once with one "
     "text, so no side is the front, and params.orientation changes nothing about it.",
 }
@@ -78,6 +85,22 @@ class Grader(Protocol):
 
 
 @dataclass(frozen=True)
+class Front:
+    """What is known of a source before its front is searched.
+
+    Attributes
+    ----------
+    grader : Grader, optional
+        A guidance towards what the source is; None if that is not known, so that nobody is asked for the front.
+    built : bool
+        Whether it is known to be something that people build.
+    """
+
+    grader: Grader | None
+    built: bool = False
+
+
+@dataclass(frozen=True)
 class Orientation:
     """The turn of the cameras, and how it was chosen.
 
@@ -86,13 +109,13 @@ class Orientation:
     turn_deg : float
         Azimuth of the source that the guidance sees as the front, in -180 (exclusive) .. 180.
     source : OrientationSource
-        `undecided`: the search found no turn that is clearly better than none. `unconditioned`: the grades do not
-        depend on the azimuth.
+        `undecided`: no turn is clearly better than the first. `unrecognised`: nobody knows what the source is.
+        `unconditioned`: the grades do not depend on the azimuth.
     margin : float
         Relative gain of the best turn that the search found over none; 0 without a search.
     grades : tuple of float
-        The grades of the first pass, of turns spaced evenly from 0; empty without a search. Turns that only its first
-        draw graded have that grade, changed by what the other draws changed on average.
+        The grades of the first pass, of turns spaced evenly from 0; empty without such a search. Turns that only its
+        first draw graded have that grade, changed by what the other draws changed on average.
     """
 
     turn_deg: float = 0.0
@@ -117,13 +140,13 @@ class Orientation:
         return {
             "turn_deg": self.turn_deg,
             "source": self.source.value,
-            "margin": round(self.margin, 4) if searched else None,
+            "margin": round(self.margin, 4) if self.source in (_FOUND, _UNDECIDED) else None,
             "grades": [[360 * k / searched, round(grade, 5)] for k, grade in enumerate(self.grades)],
             "notice": _NOTICES.get(self.source),
         }
 
 
-def find_orientation(draw: Draw, guidance: Grader, seed: int) -> Orientation:
+def find_orientation(draw: Draw, guidance: Grader, seed: int, planes: Sequence[int] = ()) -> Orientation:
     """Search the best turn of a source.
 
     Parameters
@@ -132,8 +155,11 @@ def find_orientation(draw: Draw, guidance: Grader, seed: int) -> Orientation:
         Renders the source for the guidance from cameras at this azimuth, with a background and light from the
         generator. Returns the picture and its cameras.
     guidance : Grader
+        Asked for what the source is: the front of a dog is found by "a dog", not by what it should become.
     seed : int
         Seed of the search's own generator.
+    planes : sequence of int
+        Axes to which the source's mirror planes are perpendicular. With one, the front is one of two sides in it.
 
     Returns
     -------
@@ -144,6 +170,8 @@ def find_orientation(draw: Draw, guidance: Grader, seed: int) -> Orientation:
     front, side = search.grades((0.0,), (0.0, 90.0))[0].tolist()
     if math.isclose(front, side, rel_tol=1e-5):
         return Orientation(source=OrientationSource.UNCONDITIONED)
+    if len(planes) == 1:
+        return _of_two(search, _SIDES[planes[0]])
     turns = [360.0 * k / _TURNS for k in range(_TURNS)]
     first = search.narrowed(_FIRST_DEG, turns)
     grades = tuple(first.tolist())
@@ -159,6 +187,16 @@ def find_orientation(draw: Draw, guidance: Grader, seed: int) -> Orientation:
     if margin < _MIN_MARGIN or margin < _MIN_ERRORS * error:
         return Orientation(0.0, OrientationSource.UNDECIDED, margin, grades)
     return Orientation(_principal(candidates[chosen]), OrientationSource.FOUND, margin, grades)
+
+
+def _of_two(search: _Search, sides: tuple[float, float]) -> Orientation:
+    """Return the better of two sides; the first one if neither is clearly better."""
+    grades = search.grades(_EIGHT_DEG, sides)
+    gain = (grades[:, 0] - grades[:, 1]) / grades.mean()
+    margin, error = float(gain.mean()), float(gain.std()) / math.sqrt(len(gain))
+    if abs(margin) < _MIN_ERRORS * error:
+        return Orientation(sides[0], OrientationSource.UNDECIDED, margin)
+    return Orientation(sides[int(margin > 0)], OrientationSource.FOUND, abs(margin))
 
 
 class _Search:

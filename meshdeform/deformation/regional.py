@@ -11,7 +11,7 @@ surface.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -47,20 +47,17 @@ class RegionalGradients:
         chosen = shares if nearest is None else [of_face[nearest] for of_face in shares]
         self._shares = [torch.from_numpy(np.ascontiguousarray(of_row))[:, None, None] for of_row in chosen]
 
-    def of(self, losses: Sequence[Tensor]) -> dict[str, Tensor]:
-        """Return the sum of the gradients by the names of the variables; the graph of the losses is kept."""
-        tensors = self._variables.tensors
-        found = {name: torch.zeros_like(tensor) for name, tensor in tensors.items()}
+    def of(self, losses: Sequence[Tensor]) -> Tensor:
+        """Return the sum of the gradients on the Jacobians (E, 3, 3); the graph of the losses is kept."""
+        jacobians = self._variables.jacobians()
+        total = torch.zeros_like(jacobians)
         for loss, share in zip(losses, self._shares, strict=True):
-            gradients = torch.autograd.grad(loss, list(tensors.values()), retain_graph=True)
-            for name, gradient in zip(tensors, gradients, strict=True):
-                found[name] += share * gradient
-        return found
+            total += share * torch.autograd.grad(loss, jacobians, retain_graph=True)[0]
+        return total
 
-    def add(self, gradients: Mapping[str, Tensor]) -> None:
-        """Add gradients to those that the variables have."""
-        for name, tensor in self._variables.tensors.items():
-            tensor.grad = gradients[name] if tensor.grad is None else tensor.grad + gradients[name]
+    def add(self, gradient: Tensor) -> None:
+        """Give the variables a gradient on the Jacobians, beside others; the graph is kept."""
+        self._variables.jacobians().backward(gradient, retain_graph=True)  # type: ignore[no-untyped-call]
 
 
 def _nearest_faces(mesh: RestMesh, variables: Variables) -> NDArray[np.int64] | None:

@@ -25,6 +25,8 @@ from meshdeform.deformation.binding import Binding
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.deformation.space_map import SpaceMap
+from meshdeform.deformation.structure import UNSTRUCTURED, Structure
 from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import CheckpointError
@@ -37,12 +39,17 @@ from meshdeform.requests.choices import Carrier
 __all__ = ["FACES", "MAX_FACES", "StandIn", "carry", "chosen_carrier", "stand_in_of"]
 
 
-def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> Carrier:
-    """Return `surface` or `lattice`; `auto` chooses the lattice for several connected components or rigid bodies."""
+def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False, prompted: bool = False) -> Carrier:
+    """Return the carrier that `auto` stands for: several connected components or rigid bodies need more than a surface.
+
+    A prompt says little of a shape, so a map of space has all the freedom that it can use; a target says all.
+    """
     if carrier is not Carrier.AUTO:
         return carrier
     several = len(np.unique(mesh.components.numpy()[mesh.faces.numpy()[:, 0]])) > 1
-    return Carrier.LATTICE if several or rigid else Carrier.SURFACE
+    if not (several or rigid):
+        return Carrier.SURFACE
+    return Carrier.MAP if prompted else Carrier.LATTICE
 
 
 def carry(
@@ -53,6 +60,7 @@ def carry(
     initial: Mapping[str, Tensor] | None = None,
     bodies: Sequence[Body] = (),
     constraints: Constraints = UNCONSTRAINED,
+    structure: Structure = UNSTRUCTURED,
 ) -> Variables:
     """Return the variables of a mesh.
 
@@ -68,6 +76,8 @@ def carry(
         Parts that keep their shape; they need the lattice.
     constraints : Constraints
         Of `mesh`.
+    structure : Structure
+        What a map of space keeps.
 
     Raises
     ------
@@ -82,7 +92,9 @@ def carry(
             raise CheckpointError(
                 "The shape to start from was made by an earlier edition, which moved the parts of an asset separately."
             )
-        chosen = Carrier.LATTICE if "cell_jacobians" in initial else Carrier.SURFACE
+        chosen = _carrier_of(initial)
+    if chosen is Carrier.MAP:
+        return SpaceMap(rest, of_whole, bodies, constraints, structure=structure)
     if chosen is Carrier.LATTICE:
         return LatticeField(rest, of_whole, bodies, constraints)
     if bodies and initial is not None:
@@ -90,6 +102,12 @@ def carry(
     if bodies:
         raise ValueError("rigid bodies need the lattice")
     return JacobianField(rest, constraints)
+
+
+def _carrier_of(state: Mapping[str, Tensor]) -> Carrier:
+    if "level_0" in state:
+        return Carrier.MAP
+    return Carrier.LATTICE if "cell_jacobians" in state else Carrier.SURFACE
 
 
 MAX_FACES = 12_000
@@ -129,13 +147,25 @@ class StandIn:
         self.mesh = stand_in_of(self._whole) if simplify else self._whole
 
     def carry(
-        self, carrier: Carrier, initial: Mapping[str, Tensor] | None = None, bodies: Sequence[Body] = ()
+        self,
+        carrier: Carrier,
+        initial: Mapping[str, Tensor] | None = None,
+        bodies: Sequence[Body] = (),
+        structure: Structure = UNSTRUCTURED,
     ) -> Variables:
         """Return the variables that deform the stand-in, as `carry` does."""
         own = self._constraints
         if self.mesh is not self._whole:
             own = own.of_stand_in(self.mesh, self._whole)
-        return carry(carrier, self.mesh, whole=self._whole, initial=initial, bodies=bodies, constraints=own)
+        return carry(
+            carrier,
+            self.mesh,
+            whole=self._whole,
+            initial=initial,
+            bodies=bodies,
+            constraints=own,
+            structure=structure,
+        )
 
     def wear(self, appearance: Appearance | None) -> Appearance | None:
         """Return the look of the stand-in for that of the whole mesh, of which `rows` are vertices."""

@@ -110,6 +110,12 @@ class Variables(Protocol):
     resolution: float
     """Length in object units below which the variables do not control the shape; 0 if they control every face."""
 
+    def begin_step(self, fraction: float) -> None:
+        """Prepare for the next step, at this fraction of the run: some variables may not change before their time."""
+
+    def jacobians(self) -> Tensor:
+        """Return the Jacobians (E, 3, 3) float64 of the elements, the same tensor until the variables change."""
+
     def solve(self) -> Tensor:
         """Compute the control points (N, 3) float64, differentiable in `tensors`: vertices, or nodes of a lattice."""
 
@@ -163,6 +169,13 @@ class JacobianField:
         self.resolution = 0.0
         self.tensors = {"jacobians": identity_jacobians(rest.faces.shape[0]).requires_grad_()}
         self._solved: tuple[int, Tensor] | None = None
+
+    def begin_step(self, fraction: float) -> None:
+        """Do nothing: all faces are free from the first step on."""
+
+    def jacobians(self) -> Tensor:
+        """Return the Jacobians (F, 3, 3) of the faces."""
+        return self.tensors["jacobians"]
 
     def solve(self) -> Tensor:
         """Solve for the vertices.

@@ -21,6 +21,7 @@ from torch import Tensor
 
 from meshdeform.deformation.jacobians import jacobians_from_verts
 from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.orientation import Front
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.variables import Elements
 from meshdeform.errors import ParameterError
@@ -59,14 +60,20 @@ def ablated_params(params: ResolvedParams, ablation: Ablation | None) -> Resolve
 
 
 def deformation_of(
-    ablation: Ablation | None, mesh: TriangleMesh, guidance: Guidance, params: ResolvedParams, *, device: str = "cpu"
+    ablation: Ablation | None,
+    mesh: TriangleMesh,
+    guidance: Guidance,
+    params: ResolvedParams,
+    *,
+    front: Front | None = None,
+    device: str = "cpu",
 ) -> Deformation:
     """Create the deformation of an ablation, or of the unmodified method for None.
 
     Parameters
     ----------
     ablation : Ablation or None
-    mesh, guidance, params, device
+    mesh, guidance, params, front, device
         As for `Deformation`; the parameters are those of `ablated_params`.
 
     Raises
@@ -84,7 +91,7 @@ def deformation_of(
                 advice="Run it with a model that sees four views in one picture.",
             )
         parts["views"] = SingleViews
-    return Deformation(mesh, guidance, params, device=device, **parts)
+    return Deformation(mesh, guidance, params, front=front, device=device, **parts)
 
 
 class VertexDisplacements:
@@ -111,6 +118,13 @@ class VertexDisplacements:
         self.elements = Elements.faces_of(rest)
         self.resolution = 0.0
         self.tensors = {"displacements": torch.zeros_like(rest.verts, requires_grad=True)}
+
+    def begin_step(self, fraction: float) -> None:
+        """Do nothing: all vertices are free from the first step on."""
+
+    def jacobians(self) -> Tensor:
+        """Return the Jacobians (F, 3, 3) of the map from rest."""
+        return jacobians_from_verts(self.rest.gradient, self.solve())
 
     def solve(self) -> Tensor:
         """Add the displacements to the rest positions."""

@@ -130,6 +130,7 @@ class Carrier(StrEnum):
     AUTO = "auto"
     SURFACE = "surface"
     LATTICE = "lattice"
+    MAP = "map"
 
 
 class Rigidity(StrEnum):

@@ -113,35 +113,51 @@ class DeformParams(StrictModel):
     carrier: Carrier = of_preset(
         Carrier.SURFACE,
         "What the Jacobians belong to: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts of "
-        "the asset together; or `auto`, the lattice if the asset has more than one connected part or `rigid` is set.",
+        "the asset together; `map`, few controls of such a lattice, from coarse to fine, which keep the asset's "
+        "structure; or `auto`: if the asset has more than one connected part or `rigid` is set, the map for a prompt "
+        "and the lattice otherwise.",
         examples=["auto"],
         form={
             "label": "Carrier",
-            "help": "A lattice holds separate parts together; the surface bends in finer detail.",
+            "help": "A map or a lattice holds separate parts together; the surface bends in finer detail.",
             "choices": [
-                ["auto", "Lattice for assets of several parts"],
+                ["auto", "Map or lattice for assets of several parts"],
                 ["surface", "Surface"],
+                ["map", "Map of space"],
                 ["lattice", "Lattice"],
             ],
         },
     )
     orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = of_preset(
         OrientationMode.KEEP,
-        "Which side of the asset the model sees as its front: `auto`, the one that fits the prompt best, if the model "
-        "is conditioned on the azimuth and one is clearly better; `keep`, +Z; or the azimuth of that side in degrees, "
-        "from +Z (0) towards +X (90). Only the cameras turn: the result stays as the asset is.",
+        "Which side of the asset the model sees as its front: `auto`, the one that the model takes for the front of "
+        "what the asset is (`source_noun`), if one is clearly better; `keep`, +Z; or the azimuth of that side in "
+        "degrees, from +Z (0) towards +X (90). Only the cameras turn: the result stays as the asset is.",
         examples=["auto"],
         form={
             "label": "Front",
             "help": "The side of the asset that becomes the front of what the prompt names.",
             "choices": [
-                ["auto", "The side that fits the prompt"],
+                ["auto", "Found by what the asset is"],
                 ["keep", "As in the file: +Z"],
                 ["90", "+X, the left side"],
                 ["180", "-Z, the back"],
                 ["270", "-X, the right side"],
             ],
         },
+    )
+    keep_structure: bool = Field(
+        True,
+        description="Whether a map of space keeps the asset's structure: its mirror plane, of two the one in which the "
+        "front lies; and in what is built, what is level and upright.",
+        examples=[True],
+    )
+    source_noun: str | None = Field(
+        None,
+        min_length=1,
+        max_length=100,
+        description="What the asset is, as a noun of the builtin prior, for finding its front. Default: recognised.",
+        examples=["dog"],
     )
     appearance: AppearanceMode = of_preset(
         AppearanceMode.CLAY,
@@ -201,7 +217,8 @@ class DeformParams(StrictModel):
         Symmetry.NONE,
         description="Keep the asset's mirror symmetry: `x`, `y` or `z`, the axis to which the plane through the middle "
         "of the bounding box is perpendicular; `auto`, the first of x, z and y for which every vertex has a mirrored "
-        "partner, if there is one; or `none`.",
+        "partner, if there is one; or `none`. A map of space keeps the mirror plane that it finds by itself "
+        "(`keep_structure`).",
         examples=["auto"],
     )
     length: LengthLimits = Field(

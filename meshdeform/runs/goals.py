@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.deformation.stand_in import chosen_carrier
 from meshdeform.errors import AlignmentError, ModelError, ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
@@ -158,6 +159,9 @@ def read_goals(request: JobRequest, params: ResolvedParams, given: GoalSource) -
         if given.prompts is not None and target is None:
             return [_several(given.prompts, request, params, given)]
         return [_goal("", request.prompt, target, params, given)]
+    # All stages share their variables, and a target needs more freedom than a prompt.
+    carrier = chosen_carrier(params.carrier, given.rest, rigid=bool(params.rigid))
+    params = params.model_copy(update={"carrier": carrier})
     return [
         _goal(stage.name, stage.prompt, stage.target, _of_stage(request, params, stage), given, number)
         for number, stage in enumerate(params.stages, 1)

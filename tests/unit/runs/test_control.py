@@ -249,12 +249,14 @@ def test_a_run_obeys_all_of_it_and_a_resumed_one_bit_for_bit() -> None:
     assert finished(asset, stop=7, **params)[0] == result
 
 
-def test_separate_parts_are_kept_on_a_lattice() -> None:
+@each_case("carrier, kind", [("auto", "map"), ("lattice", "lattice")])
+def test_separate_parts_are_kept(carrier: str, kind: str) -> None:
     pair = join(BALL, TriangleMesh(0.5 * BALL.verts + torch.tensor([1.6, 0, 0]), BALL.faces))
-    result, report = finished(build_glb(pair.verts.numpy(), pair.faces.numpy()), regions=[{"component": 1}])
+    both = build_glb(pair.verts.numpy(), pair.faces.numpy())
+    result, report = finished(both, regions=[{"component": 1}], carrier=carrier)
     written, count = load_asset(result).surface.positions, len(POINTS)
-    source = load_asset(build_glb(pair.verts.numpy(), pair.faces.numpy())).surface.positions
-    assert report["carrier"]["kind"] == "lattice"
+    source = load_asset(both).surface.positions
+    assert report["carrier"]["kind"] == kind
     assert np.array_equal(written[count:], source[count:])
     assert np.abs(written[:count] - source[:count]).max() > 0.02
     assert "symmetry" not in report

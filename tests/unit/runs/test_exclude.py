@@ -33,7 +33,11 @@ def scene(cells: int, *, half_width: float = 5000.0) -> bytes:
 
 
 def start(asset: bytes, *, output: dict[str, bool] | None = None, steps: int = 20, **params: Any) -> Any:
-    document = {"prompt": "an egg", "params": {"preset": "preview", "steps": steps, **params}, "output": output or {}}
+    document = {
+        "prompt": "an egg",
+        "params": {"preset": "preview", "steps": steps, **params},
+        "output": output or {},
+    }
     request = JobRequest.model_validate(document)
     return text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior())
 
@@ -58,7 +62,7 @@ def height_above(positions: np.ndarray, triangles: np.ndarray, point: np.ndarray
 def test_a_small_ball_stays_on_a_large_ground() -> None:
     asset = scene(21)
     result, report = finished(start(asset, steps=40, backdrop="deform"))
-    assert report["carrier"]["kind"] == "lattice"
+    assert report["carrier"]["kind"] == "map"
     found = load_asset(result).surface
     is_ball = found.instance_of_vertex == 0
     ball = found.positions[is_ball]
@@ -101,7 +105,7 @@ def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> No
 def test_a_backdrop_that_is_deformed_is_carried_with_the_rest() -> None:
     asset = scene(1)
     result, report = finished(start(asset, backdrop="deform", steps=5))
-    assert report["carrier"]["kind"] == "lattice"
+    assert report["carrier"]["kind"] == "map"
     moved = np.abs(load_asset(result).surface.positions - load_asset(asset).surface.positions)
     assert moved[load_asset(asset).surface.instance_of_vertex == 1].max() > 1
 

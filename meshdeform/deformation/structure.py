@@ -1,0 +1,88 @@
+"""Find what a deformation should keep of an asset: its mirror planes, and whether it stands level and upright.
+
+A plane counts if most of the surface has a mirror image close by, so that a few parts may lack one; a second plane only
+if it is as good. Things that are built have most of their area along few directions, and of those every wall should
+stay upright and every shelf level.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.geometry.nearest_places import NearestPlaces
+from meshdeform.geometry.rest_mesh import RestMesh
+
+__all__ = ["UNSTRUCTURED", "Structure", "is_level", "mirror_planes", "plane_of"]
+
+_SAMPLES = 5000
+_NEAR = 0.006
+"""Distance of a mirror image from the surface that counts as none, as a share of the diagonal."""
+_MATCHED = 0.8
+"""Share of the surface that must have a mirror image."""
+_AS_GOOD = 0.02
+_ALONG = 0.98
+"""Cosine from which a normal is along an axis."""
+_BUILT = 0.5
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What a map of space keeps.
+
+    Attributes
+    ----------
+    plane : int, optional
+        The axis to which the mirror plane, through the middle of the box, is perpendicular.
+    level : bool
+        Whether what is level stays level, and what is upright upright.
+    """
+
+    plane: int | None = None
+    level: bool = False
+
+
+UNSTRUCTURED = Structure()
+
+
+def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:
+    """Return the axes, of 0 and 2, to which the upright mirror planes of a surface are perpendicular."""
+    verts = mesh.verts.numpy()
+    low, high = verts[np.unique(mesh.faces.numpy())].min(0), verts[np.unique(mesh.faces.numpy())].max(0)
+    points = _places(mesh)
+    matched = {}
+    for axis in (0, 2):
+        mirrored = points.copy()
+        mirrored[:, axis] = low[axis] + high[axis] - points[:, axis]
+        distances = NearestPlaces(mesh, mirrored, np.zeros_like(mirrored)).distances(mirrored)
+        matched[axis] = float((distances < _NEAR * np.linalg.norm(high - low)).mean())
+    best = max(matched.values())
+    return tuple(axis for axis, share in matched.items() if share >= max(_MATCHED, best - _AS_GOOD))
+
+
+def plane_of(planes: Sequence[int], front_deg: float) -> int | None:
+    """Return the plane to keep, of those with these normals: the one in which the front lies, if there are two."""
+    containing = 0 if abs(math.cos(math.radians(front_deg))) > math.sqrt(0.5) else 2
+    return containing if containing in planes else next(iter(planes), None)
+
+
+def is_level(mesh: RestMesh) -> bool:
+    """Return whether most of the area faces along an axis: a thing that is built, standing on a floor."""
+    along = np.abs(mesh.normals.numpy()).max(1) > _ALONG
+    return bool(mesh.areas[along].sum() > _BUILT * mesh.areas.sum())
+
+
+def _places(mesh: RestMesh) -> _Floats:
+    """Return random places (P, 3) on the surface, uniform by area."""
+    rng = np.random.default_rng(0)
+    share = np.cumsum(mesh.areas)
+    face = np.searchsorted(share, rng.random(_SAMPLES) * share[-1], side="right").clip(max=len(share) - 1)
+    root, second = np.sqrt(rng.random(_SAMPLES))[:, None], rng.random(_SAMPLES)[:, None]
+    a, b, c = mesh.verts.numpy()[mesh.faces.numpy()[face]].transpose(1, 0, 2)
+    return np.asarray((1 - root) * a + root * (1 - second) * b + root * second * c)

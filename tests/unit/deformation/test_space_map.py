@@ -1,0 +1,169 @@
+"""The map of space: affine where its controls are equal, its own mirror image, level, and unlocked level by level."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.regional import RegionalGradients
+from meshdeform.deformation.space_map import SpaceMap
+from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
+from meshdeform.deformation.variables import placed
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.shapes import box, icosphere, join
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.requests.document import DeformParams, resolve
+from tests.cases import each_case
+from tests.unit.deformation.test_lattice import CART, moved
+
+F64 = torch.float64
+MIRROR = torch.tensor([-1.0, 1.0, 1.0], dtype=F64)
+
+
+def sled() -> TriangleMesh:
+    """A block on a longer one, at its front: its own mirror image across x = 0 only."""
+    low = TriangleMesh(box(6).verts * torch.tensor([0.5, 0.25, 1.0], dtype=F64), box(6).faces)
+    high = TriangleMesh(box(6).verts * 0.4 + torch.tensor([0.0, 0.6, 0.6], dtype=F64), box(6).faces)
+    return join(low, high)
+
+
+def randomized(field: SpaceMap, seed: int = 0, size: float = 0.2) -> SpaceMap:
+    generator = torch.Generator().manual_seed(seed)
+    with torch.no_grad():
+        for tensor in field.tensors.values():
+            tensor.copy_(size * torch.randn(tensor.shape, generator=generator, dtype=F64))
+    return field
+
+
+def test_equal_controls_give_an_affine_map() -> None:
+    field = SpaceMap(CART, structure=Structure())
+    linear = 0.3 * torch.randn(3, 3, generator=torch.Generator().manual_seed(1), dtype=F64)
+    with torch.no_grad():
+        field.tensors["level_0"] += linear
+    arms = CART.verts - field.rest.centre_of_mass()
+    expected = field.rest.centre_of_mass() + arms @ (torch.eye(3, dtype=F64) + linear).T
+    torch.testing.assert_close(placed(field).detach(), expected, atol=1e-9, rtol=0)
+
+
+def test_a_mirrored_map_gives_a_mirrored_shape() -> None:
+    source = sled()
+    field = randomized(SpaceMap(source, structure=Structure(plane=0)))
+    verts = placed(field).detach()
+    partner = torch.cdist(source.verts * MIRROR, source.verts).argmin(1)
+    torch.testing.assert_close(verts * MIRROR, verts[partner], atol=1e-9, rtol=0)
+    free = placed(randomized(SpaceMap(source, structure=Structure()))).detach()
+    assert (free * MIRROR - free[partner]).abs().max() > 0.05
+
+
+def test_a_level_map_keeps_what_is_level() -> None:
+    source = sled()
+    field = SpaceMap(source, structure=Structure(level=True))
+    generator = torch.Generator().manual_seed(2)
+    with torch.no_grad():
+        for tensor in field.tensors.values():
+            tensor.copy_(0.2 * torch.randn(tensor.shape, generator=generator, dtype=F64))
+            tensor[:, 1, 1] = 0.3  # as high everywhere
+    verts = placed(field).detach()
+    for height in source.verts[:, 1].unique():
+        level = verts[source.verts[:, 1] == height, 1]
+        torch.testing.assert_close(level, level.mean().expand_as(level), atol=1e-9, rtol=0)
+    assert "level_2" in SpaceMap(source, structure=Structure()).tensors
+    assert "level_2" not in field.tensors, "what is built gets no free cells"
+
+
+def test_gradients_reach_the_controls() -> None:
+    field = randomized(SpaceMap(sled(), structure=Structure(plane=0)), size=0.1)
+    field.begin_step(1.0)
+    towards = torch.randn(field.rest.verts.shape, generator=torch.Generator().manual_seed(3), dtype=F64)
+
+    def value() -> Tensor:
+        return (placed(field) * towards).sum()
+
+    value().backward()  # type: ignore[no-untyped-call]
+    for name, tensor in field.tensors.items():
+        assert tensor.grad is not None
+        step = torch.randn(tensor.shape, generator=torch.Generator().manual_seed(4), dtype=F64)
+        with torch.no_grad():
+            tensor += 1e-3 * step
+            above = value()
+            tensor -= 2e-3 * step
+            below = value()
+            tensor += 1e-3 * step
+        difference = (above - below) / 2e-3
+        assert difference.item() == pytest.approx(float((tensor.grad * step).sum()), rel=1e-6), name
+
+
+@each_case("fraction, free", [(0.0, 1), (0.2, 1), (0.3, 2), (0.6, 3), (1.0, 3)])
+def test_levels_are_unlocked_one_after_the_other_and_all_count(fraction: float, free: int) -> None:
+    field = randomized(SpaceMap(sled(), structure=Structure()))
+    shape = placed(field).detach()
+    field.begin_step(fraction)
+    torch.testing.assert_close(placed(field).detach(), shape, atol=0, rtol=0)
+    placed(field).square().sum().backward()
+    assert [tensor.grad is not None for tensor in field.tensors.values()] == [True] * free + [False] * (3 - free)
+
+
+def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
+    mesh = sled()
+    field = SpaceMap(mesh, structure=Structure())
+    upper = (mesh.verts[mesh.faces].mean(1)[:, 1] > 0.3).double().numpy()
+    regional = RegionalGradients([upper], RestMesh.of(mesh), field)
+    field.begin_step(1.0)
+    loss = placed(field).square().sum()
+    on_cells = regional.of([loss])
+    heights = field.lattice.origin[1] + (field.lattice.cells[:, 1] + 0.5) * field.lattice.spacing
+    assert (on_cells[heights < 0.0] == 0).all()
+    assert (on_cells[heights > 0.6] != 0).any()
+    regional.add(on_cells)
+    torch.testing.assert_close(field.tensors["level_2"].grad, on_cells)
+
+
+def test_mirror_planes_are_found_with_a_part_that_has_no_partner() -> None:
+    assert mirror_planes(RestMesh.of(icosphere(3))) == (0, 2)
+    assert mirror_planes(RestMesh.of(sled())) == (0,)
+    knob = moved(icosphere(1), 0.05, 0.55, 0.0, 0.0)
+    shifted = join(sled(), knob)
+    assert mirror_planes(RestMesh.of(join(shifted, moved(icosphere(1), 0.05, -0.55, 0.3, 0.0)))) == (0,)
+    blob, direction = icosphere(3), torch.tensor([[2.0], [1.0], [3.0]], dtype=F64)
+    lumpy = TriangleMesh(blob.verts * (1 + 0.3 * torch.sin(blob.verts @ direction)), blob.faces)
+    assert mirror_planes(RestMesh.of(lumpy)) == ()
+
+
+@each_case(
+    "planes, front, plane",
+    [((0, 2), 0.0, 0), ((0, 2), 180.0, 0), ((0, 2), 90.0, 2), ((0,), 90.0, 0), ((2,), 0.0, 2), ((), 0.0, None)],
+)
+def test_the_plane_with_the_front_is_kept(planes: tuple[int, ...], front: float, plane: int | None) -> None:
+    assert plane_of(planes, front) == plane
+
+
+def test_built_things_are_level() -> None:
+    assert is_level(RestMesh.of(sled()))
+    assert not is_level(RestMesh.of(icosphere(3)))
+
+
+def test_a_resumed_run_equals_an_uninterrupted_one_to_the_bit() -> None:
+    params = resolve(DeformParams.model_validate({
+        "preset": "preview", "steps": 12, "orientation": "keep", "carrier": "map", "learning_rate": 0.02,
+    }))  # fmt: skip
+    mesh = sled()
+    taller = TriangleMesh(mesh.verts * torch.tensor([1.0, 1.4, 1.0], dtype=F64), mesh.faces)
+
+    def begin(**more: object) -> Deformation:
+        return Deformation(mesh, TargetGuidance(taller), params, **more)  # type: ignore[arg-type]
+
+    whole = begin()
+    halves = begin()
+    for step in halves:
+        if step.step == 7:
+            break
+    halves = begin(checkpoint=halves.checkpoint())
+    list(whole)
+    list(halves)
+    assert torch.equal(whole.verts(), halves.verts())
+    assert whole.carrier == {"kind": "map", "cells": whole.cells, "mirror": "x", "level": True}
+    assert np.abs((whole.verts() - mesh.verts).numpy()).max() > 0.02
