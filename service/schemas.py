@@ -171,12 +171,15 @@ class FoundOrientation(BaseModel):
     turn_deg: float = Field(
         description="Azimuth of that side, from +Z (0) towards +X (90), -180 to 180.", examples=[-165.0]
     )
-    source: Literal["found", "undecided"] = Field(
-        description="`undecided`: no side fits the prompt clearly better than +Z, which stays the front.",
+    source: Literal["found", "undecided", "unrecognised"] = Field(
+        description="`undecided`: no side is clearly the front; `unrecognised`: nothing says what the asset is, so "
+        "that +Z stays the front.",
         examples=["found"],
     )
     margin: float | None = Field(
-        description="By how much the best turn predicts the pictures better than none, relatively.", examples=[0.44]
+        description="By how much the best turn predicts the pictures better than none or, of two sides, than the "
+        "other, relatively.",
+        examples=[0.44],
     )
     grades: list[list[float]] = Field(
         description="Pairs of a turn and its grade from the first draws; lower is better.",

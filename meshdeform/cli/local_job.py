@@ -142,6 +142,8 @@ class LocalJob:
             "steps": run.step,
             "resumed_from": first or None,
             "losses": self._last_losses,
+            "source_noun": report["source_noun"],
+            "carrier": report["carrier"],
             "orientation": report["orientation"],
             "appearance": report["appearance"],
             "likeness": report.get("likeness"),

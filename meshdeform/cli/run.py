@@ -33,7 +33,7 @@ from meshdeform.cli.options import (
     TargetModelOption,
     TargetPromptOption,
 )
-from meshdeform.cli.orientation import orientation_line
+from meshdeform.cli.orientation import orientation_line, source_line
 from meshdeform.cli.output import emit
 from meshdeform.cli.overwriting import check_checkpoint, check_outputs
 from meshdeform.cli.prompts import parse_also, prompt_lines
@@ -270,8 +270,8 @@ def run(
     for name, title in names.items():
         if summary[name] is not None:
             typer.echo(f"{title:<10} {summary[name]}")
-    if front := orientation_line(summary["orientation"]):
-        typer.echo(front)
+    for line in filter(None, (source_line(summary), orientation_line(summary["orientation"]))):
+        typer.echo(line)
     if summary["appearance"]["notice"]:
         typer.echo(summary["appearance"]["notice"])
     if summary["prompts"] is not None:

@@ -35,6 +35,7 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame
 from meshdeform.runs.goals import score_distillation
+from meshdeform.runs.recognition import front_of, known_source
 from meshdeform.support.files import write_files
 
 __all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path", "texels_path"]
@@ -141,7 +142,9 @@ class Evaluator:
         given = _turned(rest, angle)
         frame = Frame.around(given.verts)
         guidance = score_distillation(self.prior, item.prompt, params)
-        run = deformation_of(self._plan.ablation, frame.place(given), guidance, params, device=self._plan.device)
+        front = front_of(known_source(given, self.prior, params), self.prior, params)
+        placed = frame.place(given)
+        run = deformation_of(self._plan.ablation, placed, guidance, params, front=front, device=self._plan.device)
         shapes, seconds = {}, []
         before = time.perf_counter()
         for step in run:

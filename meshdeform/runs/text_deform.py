@@ -18,7 +18,7 @@ from meshdeform.assets.appearance import Appearance
 from meshdeform.assets.usd import require_usd, write_usdz
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.orientation import Orientation
+from meshdeform.deformation.orientation import Front, Orientation
 from meshdeform.deformation.stages import StagedDeformation
 from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
@@ -39,6 +39,7 @@ from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.precision import precision_of
 from meshdeform.runs.preparation import drawn_triangles, prepared, shape_id, welded_surface
 from meshdeform.runs.prompts import Prompts, prompt_reports, read_prompts
+from meshdeform.runs.recognition import front_of, known_source
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.silhouette_fit import SilhouetteFit
@@ -158,15 +159,17 @@ def start(
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
         start_shape = load_shape(initial, shape) if initial is not None else None
         look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
-        begins = [_begin(goal, mesh, control, device, look) for goal in goals]
+        known = known_source(welded.mesh, prior, params)
+        front = front_of(known, prior, params)
+        begins = [_begin(goal, mesh, control, device, look, front) for goal in goals]
         deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
     given_as, where = (asset_sha256, len(asset), filename), (device, precision_of(prior, state))
-    facts = RunFacts(request, params, *given_as, identities[-1], run, *where, shape, division, source, sketch)
+    facts = RunFacts(request, params, *given_as, identities[-1], run, *where, shape, division, source, sketch, known)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
 
 
 def _begin(
-    goal: Goal, mesh: RestMesh, control: Control, device: str, appearance: Appearance | None
+    goal: Goal, mesh: RestMesh, control: Control, device: str, appearance: Appearance | None, front: Front | None
 ) -> Callable[..., Deformation]:
     """Return the function that creates the optimisation of a goal (`deformation.stages.BeginStage`)."""
     return partial(
@@ -179,6 +182,7 @@ def _begin(
         appearance=appearance if sees_colours(goal.params) else None,
         constraints=control.constraints,
         shares=goal.shares,
+        front=front,
     )
 
 

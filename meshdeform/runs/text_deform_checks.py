@@ -288,6 +288,12 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: DeformParams, kn
                 # Add which of the two texts the error is about.
                 error.extra |= _at_parameter("negative_prompt", error.detail)
                 raise
+    if params.source_noun is not None:
+        try:
+            parse(f"a {params.source_noun}", known)
+        except (PromptError, VocabularyError) as error:
+            error.extra |= _at_parameter("source_noun", error.detail)
+            raise
 
 
 def _at_parameter(name: str, detail: str) -> dict[str, Any]:

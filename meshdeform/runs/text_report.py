@@ -39,6 +39,7 @@ from meshdeform.requests.stages import with_target_models
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.precision import precision_warnings
 from meshdeform.runs.preparation import subdivision_warnings
+from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ class RunFacts:
     subdivision: Subdivision | None = None
     source: FittedSource | None = None
     sketch: Mapping[str, Any] | None = None
+    recognised: Recognition | None = None
 
 
 def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
@@ -210,7 +212,8 @@ def build_report(
         },
         "quality": quality.to_dict(),
         "texture_stretch": None if stretch is None else stretch.to_dict(),
-        "carrier": {"kind": "surface" if deformation.cells is None else "lattice", "cells": deformation.cells},
+        "carrier": deformation.carrier,
+        "source_noun": None if facts.recognised is None else facts.recognised.to_dict(),
         "orientation": deformation.orientation.to_dict(),
         "appearance": appearance,
         "movement": movement.to_dict(),

@@ -39,16 +39,20 @@ def test_the_answer_is_what_the_report_would_say(
 
     monkeypatch.setattr(questions, "run_child", run_here)
     monkeypatch.setattr(questions, "bound_memory", lambda _bytes: None)
-    found = orient(api)
+    unknown = orient(api).json()
+    check_document(unknown, "FoundOrientation", openapi)
+    assert (unknown["source"], unknown["turn_deg"]) == ("unrecognised", 0.0)
+    found = orient(api, source_noun="pear")
     assert found.status_code == 200, found.text
     check_document(found.json(), "FoundOrientation", openapi)
-    request = JobRequest.model_validate({"prompt": "a giraffe", "params": {"preset": "preview"}})
+    params = {"preset": "preview", "source_noun": "pear"}
+    request = JobRequest.model_validate({"prompt": "a giraffe", "params": params})
     run = text_deform.start(asset=BALL, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
     assert found.json() == run.orientation.to_dict()
     assert len(found.json()["grades"]) == 12
     # Both clients drive the same generators.
     with Client(api.url) as client:
-        orientation = client.orient(BALL, "a giraffe", params={"preset": "preview"}, filename="a.glb")
+        orientation = client.orient(BALL, "a giraffe", params=params, filename="a.glb")
         assert orientation.model_dump() == found.json()
         with pytest.raises(ParameterError, match="would not search its front"):
             client.orient(BALL, "a giraffe", params={"orientation": "keep"}, filename="a.glb")

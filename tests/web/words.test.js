@@ -39,7 +39,14 @@ test("what a result looks like, and whether that was asked for", () => {
   assert.deepEqual([front.tone, front.text], ["plain", "Front: the side at 180°"]);
   assert.match(front.note, /44\s?%/);
   const [undecided] = findings({ orientation: { turn_deg: 0, source: "undecided", margin: 0.01 } });
-  assert.deepEqual([undecided.text, undecided.note], ["Front: +Z", "No side fits the prompt clearly better."]);
+  assert.deepEqual([undecided.text, undecided.note], ["Front: the side at 0°", "0° is +Z, 90° is +X. No side is clearly the front."]);
+  const [strange] = findings({ orientation: { turn_deg: 0, source: "unrecognised", margin: null } });
+  assert.equal(strange.text, "Front: +Z");
+  const carrier = { kind: "map", mirror: "x", level: true };
+  const [known] = findings({ source_noun: { noun: "chair", probability: 0.64, recognised: true }, carrier });
+  assert.match(known.text, /^Taken for: chair 64\s?%$/);
+  assert.equal(known.note, "Kept: mirror symmetry across x, level and upright.");
+  assert.deepEqual(findings({ source_noun: { noun: "chair", probability: 0.3, recognised: false }, carrier: { mirror: null, level: false } }), []);
   const [given] = findings({ orientation: { turn_deg: 45, source: "given", margin: null } });
   assert.equal(given.text, "Front: the side at 45°");
   assert.deepEqual(findings({ orientation: { turn_deg: 0, source: "kept", margin: null } }), []);

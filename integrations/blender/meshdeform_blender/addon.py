@@ -24,7 +24,7 @@ _GUIDANCE = [
 ]
 _FRONTS = [
     ("preset", "As the Preset", "The builtin model chooses the front; other models see +Z, Blender's -Y, as the front"),
-    ("auto", "Automatic", "The side that fits the prompt best, if the model can tell"),
+    ("auto", "Automatic", "Found by what the asset is, if the model can tell"),
     ("keep", "-Y", "Blender's front view shows the front"),
     ("90", "+X", "The right view shows the front"),
     ("180", "+Y", "The back view shows the front"),

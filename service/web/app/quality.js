@@ -27,9 +27,24 @@ function front(orientation) {
   const margin = number(orientation?.margin);
   if (turn === null) return [];
   if (orientation.source === "given") return [plain(`Front: the side at ${figure(turn)}°`, "As you set it. 0° is +Z, 90° is +X.")];
-  if (orientation.source === "undecided") return [plain("Front: +Z", "No side fits the prompt clearly better.")];
+  if (orientation.source === "undecided") return [plain(`Front: the side at ${figure(orientation.turn_deg)}°`, "0° is +Z, 90° is +X. No side is clearly the front.")];
+  if (orientation.source === "unrecognised") return [plain("Front: +Z", "The asset was not recognised, so that nothing said where its front is.")];
   if (orientation.source !== "found" || margin === null) return [];
-  return [plain(`Front: the side at ${figure(turn)}°`, `0° is +Z, 90° is +X. It fits the prompt ${percent(margin)} better than +Z.`)];
+  return [plain(`Front: the side at ${figure(turn)}°`, `0° is +Z, 90° is +X. It fits what the asset is ${percent(margin)} better than the next one.`)];
+}
+
+/**
+ * What the asset was taken for, and what of its structure was kept.
+ *
+ * @param {any} source
+ * @param {any} carrier
+ * @returns {Finding[]}
+ */
+function kept(source, carrier) {
+  const what = [carrier?.mirror ? `mirror symmetry across ${carrier.mirror}` : "", carrier?.level ? "level and upright" : ""].filter(Boolean).join(", ");
+  const structure = what ? `Kept: ${what}.` : "";
+  if (!source?.recognised) return structure ? [plain("Structure", structure)] : [];
+  return [plain(`Taken for: ${source.noun} ${percent(source.probability)}`, structure)];
 }
 
 /**
@@ -50,7 +65,7 @@ export function findings(report) {
   const quality = report?.quality ?? {};
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [...likeness(report?.likeness), ...regional(report?.prompts), ...front(report?.orientation), ...seen(report?.appearance)];
+  const found = [...likeness(report?.likeness), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
     found.push(...report.warnings.map((/** @type {unknown} */ text) => warn(String(text).startsWith(STALLED) ? "Hardly moved" : "The source", String(text))));
   }

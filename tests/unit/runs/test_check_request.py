@@ -55,6 +55,13 @@ def test_a_negative_prompt_of_the_builtin_prior_is_of_its_grammar() -> None:
         check({"prompt": "a tall vase", "params": {"negative_prompt": "tall"}})
 
 
+def test_what_the_source_is_must_be_a_word_of_the_builtin_prior() -> None:
+    check({"prompt": "a giraffe", "params": {"source_noun": "dog", "negative_prompt": "a dog"}})
+    with pytest.raises(VocabularyError, match="zeitgeist") as caught:
+        check({"prompt": "a giraffe", "params": {"source_noun": "zeitgeist"}})
+    assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "source_noun"]]
+
+
 @each_case("prompt", ["", "  \n"])
 def test_an_empty_prompt_is_refused(prompt: str) -> None:
     with pytest.raises(PromptError):

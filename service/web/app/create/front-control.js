@@ -85,7 +85,7 @@ export class FrontControl {
       const { turn_deg: turn, source } = await this.search(asked.signal);
       if (asked.signal.aborted) return;
       this.found = ((Math.round(turn) % 360) + 360) % 360;
-      this._say(source === "found" ? "" : "No side fits the prompt clearly better: +Z stays the front.");
+      this._say(source === "found" ? "" : "No side is clearly the front. Check the arrow.");
       announce(`Front: the side at ${this.found} degrees`);
     } catch (error) {
       if (asked.signal.aborted || isAbort(error)) return;
@@ -114,7 +114,7 @@ export class FrontControl {
     const words = angle === null ? "Automatic" : chosen === null ? `${angle}°, found` : `${angle}°`;
     this.input.value = String(angle ?? 0);
     this.output.textContent = words;
-    this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: the side that fits the prompt" : `${angle} degrees from +Z towards +X`);
+    this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: found by what the asset is" : `${angle} degrees from +Z towards +X`);
     this.reset.hidden = this.value === "";
     this.find.hidden = chosen !== null;
     if (!this.element.hidden) this.box.front(angle ?? 0, angle === null);
