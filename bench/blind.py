@@ -22,7 +22,7 @@ from PIL import Image, ImageDraw
 
 from meshdeform.evaluation.delivered import stretched_picture
 
-ROWS = 8
+ROWS = 12
 VIEWS = (0, 1)
 """Front and left of `preview.png`, whose views are squares of half its height."""
 
