@@ -149,6 +149,8 @@ class LocalJob:
             "likeness": report.get("likeness"),
             "prompts": report.get("prompts"),
             "texture_stretch": report["texture_stretch"],
+            "quality": report["quality"],
+            "faces": report["mesh"]["welded_faces"],
             "stages": report.get("stages"),
             "silhouettes": report.get("silhouettes"),
             "fit": report.get("fit") and report["fit"] | {"quality": report["quality"]},

@@ -9,6 +9,7 @@ import typer
 
 from meshdeform.cli.animate import check_animation, write_animation
 from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
+from meshdeform.cli.defects import defects_line
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.fit import fit_line
@@ -279,6 +280,8 @@ def run(
             typer.echo(line)
     elif summary["likeness"] is not None:
         typer.echo(likeness_line(summary["likeness"]))
+    if damage := defects_line(summary["quality"], summary["faces"]):
+        typer.echo(damage)
     if summary["texture_stretch"] is not None:
         typer.echo(stretch_line(summary["texture_stretch"]))
     if summary["fit"] is not None:
