@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.samples import even_samples
 
 __all__ = ["UNSTRUCTURED", "Structure", "is_level", "mirror_planes", "plane_of"]
 
@@ -25,9 +26,11 @@ _NEAR = 0.006
 _MATCHED = 0.8
 """Share of the surface that must have a mirror image."""
 _AS_GOOD = 0.02
+"""How much smaller the matched share of the second plane may be, for both to count."""
 _ALONG = 0.98
 """Cosine from which a normal is along an axis."""
 _BUILT = 0.5
+"""Share of the area along the axes from which a thing counts as built."""
 
 _Floats = NDArray[np.float64]
 
@@ -79,10 +82,6 @@ def is_level(mesh: RestMesh) -> bool:
 
 
 def _places(mesh: RestMesh) -> _Floats:
-    """Return random places (P, 3) on the surface, uniform by area."""
-    rng = np.random.default_rng(0)
-    share = np.cumsum(mesh.areas)
-    face = np.searchsorted(share, rng.random(_SAMPLES) * share[-1], side="right").clip(max=len(share) - 1)
-    root, second = np.sqrt(rng.random(_SAMPLES))[:, None], rng.random(_SAMPLES)[:, None]
-    a, b, c = mesh.verts.numpy()[mesh.faces.numpy()[face]].transpose(1, 0, 2)
-    return np.asarray((1 - root) * a + root * (1 - second) * b + root * second * c)
+    """Return places (P, 3) spread evenly over the surface."""
+    face, weights = even_samples(mesh.areas, _SAMPLES, seed=0)
+    return np.asarray((weights[..., None] * mesh.verts.numpy()[mesh.faces.numpy()[face]]).sum(1))
