@@ -22,10 +22,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
 from meshdeform.deformation.handles import Handles
-from meshdeform.deformation.jacobians import identity_jacobians
+from meshdeform.deformation.large_faces import pull_of_large_faces
 from meshdeform.deformation.lattice import Lattice, LatticeSystem
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
+from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.variables import Elements
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
@@ -56,6 +58,8 @@ class LatticeField:
         Vertices that keep their shape; they follow the nodes by the motion that fits best.
     constraints : Constraints
         Of `mesh`: all nodes that a kept vertex follows are pinned in the solve, and handles are part of it.
+    structure : Structure, optional
+        What a hierarchy of controls keeps. None: every cell has a Jacobian of its own.
 
     Raises
     ------
@@ -63,24 +67,24 @@ class LatticeField:
         All nodes that move anything are pinned.
     """
 
-    _plane: int | None = None
-    """The axis across which the lattice is its own mirror image."""
-
     def __init__(
         self,
         mesh: TriangleMesh,
         whole: TriangleMesh | None = None,
         bodies: Sequence[Body] = (),
         constraints: Constraints = UNCONSTRAINED,
+        structure: Structure | None = None,
     ) -> None:
+        plane = None if structure is None else structure.plane
         self.rest = rest = RestMesh.of(mesh)
         self._bodies = RigidBodies(rest, bodies) if bodies else None
         enclosed = rest if whole is None or whole is mesh else _joined(rest, whole)
-        self.lattice = lattice = Lattice.around(enclosed, plane=self._plane)
-        self._embedding = lattice.embedding(rest.verts.numpy())
+        self.lattice = lattice = Lattice.around(enclosed, plane=plane)
+        self._embedding = lattice.embedding(rest.verts.numpy()) + pull_of_large_faces(lattice, rest)
         areas = rest.vertex_areas
         shares = areas / areas.sum() if areas.sum() > 0 else np.full(len(areas), 1 / len(areas))
-        self._system = LatticeSystem(lattice, self._balanced(self._embedding.T @ shares), self._pinned(constraints))
+        weights = _balanced(lattice, self._embedding.T @ shares, plane)
+        self._system = LatticeSystem(lattice, weights, self._pinned(constraints))
         self._placement = constraints.placement(rest)
         given, smooth = constraints.handles, self._system.smooth
         self._handles = Handles(given, rest, self._placement, self._embedding, smooth) if given else None
@@ -88,22 +92,23 @@ class LatticeField:
         rigid = None if self._bodies is None else self._bodies.members[rest.faces.numpy()].any(1)
         self.elements = Elements(lattice.cell_nodes, np.zeros(count, np.int64), self._cells_around, rigid)
         self.resolution = lattice.spacing
-        self.tensors = {"cell_jacobians": identity_jacobians(count).requires_grad_()}
+        self._controls: Controls = OwnJacobians("cell_jacobians", count)
+        if structure is not None:
+            centres = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
+            self._controls = Hierarchy("cell", centres, None, rest.box, structure)
+        self.tensors = self._controls.tensors
         self._edges = torch.from_numpy(lattice.edges)
         self._cell_edges = torch.from_numpy(lattice.cell_edges)
         self._tetrahedra = torch.from_numpy(_kuhn_edges(lattice)).reshape(-1)
         self._solved: tuple[Tensor, Tensor] | None = None
 
-    def _balanced(self, weights: _Floats) -> _Floats:
-        """Return the weights (N,) of the mean that a solve keeps at its place: here as they are."""
-        return weights
-
     def begin_step(self, fraction: float) -> None:
-        """Do nothing: all cells are free from the first step on."""
+        """Free the controls that are due."""
+        self._controls.begin_step(fraction)
 
     def jacobians(self) -> Tensor:
         """Return the Jacobians (C, 3, 3) of the cells."""
-        return self.tensors["cell_jacobians"]
+        return self._controls.jacobians()
 
     def solve(self) -> Tensor:
         """Solve for the nodes; the solution is reused while the Jacobians do not change."""
@@ -141,15 +146,13 @@ class LatticeField:
             points = self._placement.place(points)
         return points if self._bodies is None else self._bodies.place(points)
 
-    def moved(self, points: Tensor) -> Tensor:
-        """Return other points (P, 3) float64 inside of the lattice, moved with its current nodes.
-
-        They are computed in chunks, since each has 27 weights.
-        """
+    def moved(self, whole: RestMesh) -> Tensor:
+        """Return the vertices (V, 3) float64 of another mesh inside of the lattice, moved with its current nodes."""
         with torch.no_grad():
-            nodes = self.solve().numpy()
-        chunks = [self.lattice.embedding(chunk) @ nodes for chunk in _chunks(points.numpy())]
-        return torch.from_numpy(np.concatenate(chunks))
+            nodes, points = self.solve().numpy(), whole.verts.numpy()
+        # In chunks, since each point has 27 weights.
+        chunks = [self.lattice.embedding(points[at : at + _CHUNK]) @ nodes for at in range(0, len(points), _CHUNK)]
+        return torch.from_numpy(np.concatenate(chunks) + pull_of_large_faces(self.lattice, whole) @ nodes)
 
     def jacobian_penalty(self) -> Tensor:
         """Return the mean of ||J - I||^2 over the cells."""
@@ -174,8 +177,8 @@ class LatticeField:
         return volumes.view(-1, 6, 1)
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
-        """Return the argument: the Jacobians have a row per cell."""
-        return {"cell_jacobians": of_element}
+        """Return, for each control, the least value among its cells."""
+        return self._controls.rows(of_element)
 
     def adopt(self, control: Tensor) -> None:
         """Correct the Jacobians until they give these nodes, but for differences that alternate from node to node.
@@ -187,7 +190,7 @@ class LatticeField:
             for _ in range(_CORRECTIONS):
                 missing = (control - self.solve())[self._edges]
                 gradient = (missing[:, 1] - missing[:, 0]) / self.lattice.spacing
-                self.tensors["cell_jacobians"] += gradient[self._cell_edges].mean(2).mT
+                self._controls.correct(gradient[self._cell_edges].mean(2).mT)
 
     def _columns(self, control: Tensor) -> Tensor:
         """Return the columns (6 C, 3, 3), first index after the tetrahedron, of each tetrahedron's map."""
@@ -196,14 +199,20 @@ class LatticeField:
         return edges.index_select(0, self._tetrahedra).view(-1, 3, 3)
 
 
+def _balanced(lattice: Lattice, weights: _Floats, plane: int | None) -> _Floats:
+    """Return the mean of weights (N,) with their mirror images, so that the plane of a symmetric asset stays."""
+    if plane is None:
+        return weights
+    places = np.stack(np.unravel_index(lattice.keys, lattice.shape), 1)
+    places[:, plane] = lattice.shape[plane] - 1 - places[:, plane]
+    partner = np.searchsorted(lattice.keys, np.ravel_multi_index(places.T, lattice.shape))
+    return np.asarray((weights + weights[partner]) / 2)
+
+
 def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:
     """Return the surface of both meshes."""
     faces = torch.cat([mesh.faces, other.faces + mesh.verts.shape[0]])
     return RestMesh(torch.cat([mesh.verts, other.verts]), faces)
-
-
-def _chunks(points: _Floats) -> list[_Floats]:
-    return [points[start : start + _CHUNK] for start in range(0, len(points), _CHUNK)]
 
 
 def _kuhn_edges(lattice: Lattice) -> NDArray[np.int64]:

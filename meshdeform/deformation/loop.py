@@ -38,10 +38,9 @@ from meshdeform.deformation.orientation import Front, Grader, Orientation, Orien
 from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.rigid_bodies import Body
-from meshdeform.deformation.space_map import SpaceMap
-from meshdeform.deformation.stand_in import StandIn, chosen_carrier
+from meshdeform.deformation.stand_in import StandIn
 from meshdeform.deformation.step_limit import StepLimit
-from meshdeform.deformation.structure import UNSTRUCTURED, Structure, is_level, mirror_planes, plane_of
+from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
@@ -164,23 +163,22 @@ class Deformation:
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
         self._renderer = Renderer(drawn.faces, drawn.verts.shape[0], self._views.style, device, appearance=worn)
-        rigid, prompted = bool(bodies), params.guidance is GuidanceKind.SDS
-        carrier = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=rigid, prompted=prompted)
-        asked = carrier is Carrier.MAP or params.orientation is OrientationMode.AUTO
-        planes = mirror_planes(drawn) if asked else ()
+        # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all.
+        few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS
+        planes = mirror_planes(drawn) if few or params.orientation is OrientationMode.AUTO else ()
         self.orientation = (
             self._orient(initial, planes, front or Front(guidance if isinstance(guidance, Grader) else None))
             if checkpoint is None
             else _stored_orientation(checkpoint.tensors)
         )
-        self.structure = UNSTRUCTURED
-        if params.keep_structure:
+        self.structure = Structure() if few else None
+        if few and params.keep_structure:
             built = is_level(drawn) or (front is not None and front.built)
             self.structure = Structure(plane_of(planes, self.orientation.turn_deg), built)
         self._variables = (
             variables(drawn)
             if variables is not None
-            else self._stand_in.carry(carrier, initial, bodies, self.structure)
+            else self._stand_in.carry(params.carrier, initial, bodies, self.structure)
         )
         rest = self._variables.rest
         self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
@@ -201,11 +199,12 @@ class Deformation:
 
     @property
     def carrier(self) -> dict[str, Any]:
-        """What carries the mesh: its `kind`, the number of `cells` of a lattice, and what a map keeps."""
-        if isinstance(self._variables, SpaceMap):
-            plane = None if self.structure.plane is None else "xyz"[self.structure.plane]
-            return {"kind": "map", "cells": self.cells, "mirror": plane, "level": self.structure.level}
-        return {"kind": "surface" if self.cells is None else "lattice", "cells": self.cells}
+        """What carries the mesh: its `kind`, the number of `cells` of a lattice, and what few controls keep."""
+        carrier: dict[str, Any] = {"kind": "surface" if self.cells is None else "lattice", "cells": self.cells}
+        if self.structure is None:
+            return carrier
+        plane = None if self.structure.plane is None else "xyz"[self.structure.plane]
+        return {**carrier, "mirror": plane, "level": self.structure.level}
 
     @property
     def cells(self) -> int | None:

@@ -25,8 +25,7 @@ from meshdeform.deformation.binding import Binding
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.rigid_bodies import Body
-from meshdeform.deformation.space_map import SpaceMap
-from meshdeform.deformation.structure import UNSTRUCTURED, Structure
+from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import CheckpointError
@@ -39,17 +38,12 @@ from meshdeform.requests.choices import Carrier
 __all__ = ["FACES", "MAX_FACES", "StandIn", "carry", "chosen_carrier", "stand_in_of"]
 
 
-def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False, prompted: bool = False) -> Carrier:
-    """Return the carrier that `auto` stands for: several connected components or rigid bodies need more than a surface.
-
-    A prompt says little of a shape, so a map of space has all the freedom that it can use; a target says all.
-    """
+def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> Carrier:
+    """Return the carrier that `auto` stands for: several connected components or rigid bodies need the lattice."""
     if carrier is not Carrier.AUTO:
         return carrier
     several = len(np.unique(mesh.components.numpy()[mesh.faces.numpy()[:, 0]])) > 1
-    if not (several or rigid):
-        return Carrier.SURFACE
-    return Carrier.MAP if prompted else Carrier.LATTICE
+    return Carrier.LATTICE if several or rigid else Carrier.SURFACE
 
 
 def carry(
@@ -60,7 +54,7 @@ def carry(
     initial: Mapping[str, Tensor] | None = None,
     bodies: Sequence[Body] = (),
     constraints: Constraints = UNCONSTRAINED,
-    structure: Structure = UNSTRUCTURED,
+    structure: Structure | None = None,
 ) -> Variables:
     """Return the variables of a mesh.
 
@@ -76,8 +70,8 @@ def carry(
         Parts that keep their shape; they need the lattice.
     constraints : Constraints
         Of `mesh`.
-    structure : Structure
-        What a map of space keeps.
+    structure : Structure, optional
+        What a hierarchy of controls keeps. None: every element has a Jacobian of its own.
 
     Raises
     ------
@@ -92,22 +86,16 @@ def carry(
             raise CheckpointError(
                 "The shape to start from was made by an earlier edition, which moved the parts of an asset separately."
             )
-        chosen = _carrier_of(initial)
-    if chosen is Carrier.MAP:
-        return SpaceMap(rest, of_whole, bodies, constraints, structure=structure)
+        chosen = Carrier.LATTICE if any(name.startswith("cell_") for name in initial) else Carrier.SURFACE
+        if not any("_level_" in name for name in initial):
+            structure = None
     if chosen is Carrier.LATTICE:
-        return LatticeField(rest, of_whole, bodies, constraints)
+        return LatticeField(rest, of_whole, bodies, constraints, structure)
     if bodies and initial is not None:
         raise CheckpointError("The shape to start from has no lattice, which the parts in `rigid` need.")
     if bodies:
         raise ValueError("rigid bodies need the lattice")
-    return JacobianField(rest, constraints)
-
-
-def _carrier_of(state: Mapping[str, Tensor]) -> Carrier:
-    if "level_0" in state:
-        return Carrier.MAP
-    return Carrier.LATTICE if "cell_jacobians" in state else Carrier.SURFACE
+    return JacobianField(rest, constraints, structure)
 
 
 MAX_FACES = 12_000
@@ -151,7 +139,7 @@ class StandIn:
         carrier: Carrier,
         initial: Mapping[str, Tensor] | None = None,
         bodies: Sequence[Body] = (),
-        structure: Structure = UNSTRUCTURED,
+        structure: Structure | None = None,
     ) -> Variables:
         """Return the variables that deform the stand-in, as `carry` does."""
         own = self._constraints
@@ -179,7 +167,7 @@ class StandIn:
             return placed(variables)
         with torch.no_grad():
             if isinstance(variables, LatticeField):
-                return self._placed(variables.moved(self._whole.verts), self._constraints)
+                return self._placed(variables.moved(self._whole), self._constraints)
             edge = float(np.sqrt(2 * self.mesh.areas.sum() / len(self.mesh.faces)))
             moved = torch.from_numpy(self._binding.move(placed(variables)))
             return self._placed(moved, self._constraints.of_followers(edge))

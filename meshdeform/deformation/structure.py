@@ -1,8 +1,8 @@
 """Find what a deformation should keep of an asset: its mirror planes, and whether it stands level and upright.
 
-A plane counts if most of the surface has a mirror image close by, so that a few parts may lack one; a second plane only
-if it is as good. Things that are built have most of their area along few directions, and of those every wall should
-stay upright and every shelf level.
+A plane counts if most of the surface has a mirror image close by, so that a few parts may lack one, or if nearly all of
+it has one not far off, as an animal in the middle of a step; a second plane only if it is as good. Things that are
+built have most of their area along few directions, and of those every wall should stay upright and every shelf level.
 """
 
 from __future__ import annotations
@@ -18,19 +18,20 @@ from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import even_samples
 
-__all__ = ["UNSTRUCTURED", "Structure", "is_level", "mirror_planes", "plane_of"]
+__all__ = ["Structure", "is_level", "mirror_planes", "plane_of"]
 
 _SAMPLES = 5000
 _NEAR = 0.006
 """Distance of a mirror image from the surface that counts as none, as a share of the diagonal."""
 _MATCHED = 0.8
 """Share of the surface that must have a mirror image."""
+_NOT_FAR, _NEARLY_ALL = 0.03, 0.93
 _AS_GOOD = 0.02
 """How much smaller the matched share of the second plane may be, for both to count."""
 _ALONG = 0.98
 """Cosine from which a normal is along an axis."""
-_BUILT = 0.5
-"""Share of the area along the axes from which a thing counts as built."""
+_BUILT, _EACH = 0.5, 0.05
+"""Share of the area along the axes from which a thing counts as built, and of its upright and its level faces."""
 
 _Floats = NDArray[np.float64]
 
@@ -51,22 +52,19 @@ class Structure:
     level: bool = False
 
 
-UNSTRUCTURED = Structure()
-
-
 def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:
     """Return the axes, of 0 and 2, to which the upright mirror planes of a surface are perpendicular."""
-    verts = mesh.verts.numpy()
-    low, high = verts[np.unique(mesh.faces.numpy())].min(0), verts[np.unique(mesh.faces.numpy())].max(0)
-    points = _places(mesh)
+    low, high = mesh.box
+    points, diagonal = _places(mesh), float(np.linalg.norm(high - low))
     matched = {}
     for axis in (0, 2):
         mirrored = points.copy()
         mirrored[:, axis] = low[axis] + high[axis] - points[:, axis]
-        distances = NearestPlaces(mesh, mirrored, np.zeros_like(mirrored)).distances(mirrored)
-        matched[axis] = float((distances < _NEAR * np.linalg.norm(high - low)).mean())
-    best = max(matched.values())
-    return tuple(axis for axis, share in matched.items() if share >= max(_MATCHED, best - _AS_GOOD))
+        distances = NearestPlaces(mesh, mirrored, np.zeros_like(mirrored)).distances(mirrored) / diagonal
+        close = float((distances < _NEAR).mean())
+        if close >= _MATCHED or (distances < _NOT_FAR).mean() >= _NEARLY_ALL:
+            matched[axis] = close
+    return tuple(axis for axis, share in matched.items() if share >= max(matched.values()) - _AS_GOOD)
 
 
 def plane_of(planes: Sequence[int], front_deg: float) -> int | None:
@@ -76,9 +74,10 @@ def plane_of(planes: Sequence[int], front_deg: float) -> int | None:
 
 
 def is_level(mesh: RestMesh) -> bool:
-    """Return whether most of the area faces along an axis: a thing that is built, standing on a floor."""
-    along = np.abs(mesh.normals.numpy()).max(1) > _ALONG
-    return bool(mesh.areas[along].sum() > _BUILT * mesh.areas.sum())
+    """Return whether most of the area faces along an axis, and a part of it up or down and to a side: a built thing."""
+    along = np.abs(mesh.normals.numpy()) > _ALONG
+    upright, level = (mesh.areas[faces].sum() / mesh.areas.sum() for faces in (along[:, ::2].any(1), along[:, 1]))
+    return bool(upright + level > _BUILT and min(upright, level) > _EACH)
 
 
 def _places(mesh: RestMesh) -> _Floats:

@@ -21,10 +21,12 @@ from scipy.sparse import csgraph
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
 from meshdeform.deformation.handles import Handles
-from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_verts
+from meshdeform.deformation.jacobians import jacobians_from_verts
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.deformation.structure import Structure
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.mesh import TriangleMesh
@@ -149,6 +151,8 @@ class JacobianField:
         At rest.
     constraints : Constraints
         Of this mesh: kept vertices are pinned in the solve, and handles are part of it.
+    structure : Structure, optional
+        What a hierarchy of controls keeps. None: every face has a Jacobian of its own, as in the paper.
 
     Raises
     ------
@@ -156,7 +160,9 @@ class JacobianField:
         The Poisson system could not be factored.
     """
 
-    def __init__(self, mesh: TriangleMesh, constraints: Constraints = UNCONSTRAINED) -> None:
+    def __init__(
+        self, mesh: TriangleMesh, constraints: Constraints = UNCONSTRAINED, structure: Structure | None = None
+    ) -> None:
         self._poisson = PoissonSystem(mesh, constraints.kept)
         self.rest = rest = self._poisson.rest
         self._placement = constraints.placement(rest)
@@ -167,15 +173,17 @@ class JacobianField:
         self._along_normal = rest.normals[:, :, None] * rest.normals[:, None, :]
         self.elements = Elements.faces_of(rest)
         self.resolution = 0.0
-        self.tensors = {"jacobians": identity_jacobians(rest.faces.shape[0]).requires_grad_()}
-        self._solved: tuple[int, Tensor] | None = None
+        self._controls = _controls_of_faces(rest, structure)
+        self.tensors = self._controls.tensors
+        self._solved: tuple[Tensor, Tensor] | None = None
 
     def begin_step(self, fraction: float) -> None:
-        """Do nothing: all faces are free from the first step on."""
+        """Free the controls that are due."""
+        self._controls.begin_step(fraction)
 
     def jacobians(self) -> Tensor:
         """Return the Jacobians (F, 3, 3) of the faces."""
-        return self.tensors["jacobians"]
+        return self._controls.jacobians()
 
     def solve(self) -> Tensor:
         """Solve for the vertices.
@@ -183,11 +191,11 @@ class JacobianField:
         The solution is reused while the Jacobians do not change: the step limit, the surface guard and the next step's
         loss share it.
         """
-        jacobians = self.tensors["jacobians"]
-        known = self._solved[1] if self._solved is not None and self._solved[0] == jacobians._version else None
+        jacobians = self.jacobians()
+        known = self._solved[1] if self._solved is not None and torch.equal(self._solved[0], jacobians) else None
         solution = self._poisson.solve(jacobians, known)
         if known is None:
-            self._solved = (jacobians._version, solution.detach().clone())
+            self._solved = (jacobians.detach().clone(), solution.detach().clone())
         return solution if self._handles is None else self._handles.pull(solution)
 
     def verts(self, control: Tensor) -> Tensor:
@@ -196,7 +204,7 @@ class JacobianField:
 
     def jacobian_penalty(self) -> Tensor:
         """Return the area-weighted mean of ||J - I||^2."""
-        return self._regularizers.jacobian(self.tensors["jacobians"])
+        return self._regularizers.jacobian(self.jacobians())
 
     def dirichlet_penalty(self, control: Tensor) -> Tensor:
         """Return the area-weighted mean symmetric Dirichlet energy of the faces, each in its plane."""
@@ -208,15 +216,22 @@ class JacobianField:
         return torch.from_numpy(vectors)[:, None] * self._solid
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
-        """Return the argument: Jacobians have a row per face."""
-        return {"jacobians": of_element}
+        """Return, for each control, the least value among its faces."""
+        return self._controls.rows(of_element)
 
     def adopt(self, control: Tensor) -> None:
         """Set the Jacobians to those of the map from rest; their normal part, which it does not determine, stays."""
         with torch.no_grad():
-            jacobians = self.tensors["jacobians"]
+            jacobians = self.jacobians()
             of_map = jacobians_from_verts(self.rest.gradient, control)
-            jacobians.copy_(of_map + (jacobians - of_map) @ self._along_normal)
+            self._controls.correct(of_map + (jacobians - of_map) @ self._along_normal - jacobians)
+
+
+def _controls_of_faces(rest: RestMesh, structure: Structure | None) -> Controls:
+    if structure is None:
+        return OwnJacobians("jacobians", len(rest.faces))
+    centres = rest.verts[rest.faces].mean(1).numpy()
+    return Hierarchy("face", centres, rest.normals.numpy(), rest.box, structure)
 
 
 def placed(variables: Variables) -> Tensor:

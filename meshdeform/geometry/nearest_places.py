@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import count_samples, samples_of
 
-__all__ = ["NearestPlaces", "SurfaceTree"]
+__all__ = ["NearestPlaces", "SurfaceTree", "nearest_larger_faces"]
 
 _OPPOSITE = 2.0
 """Distance, in typical edges, that counts as much as opposite normals: the other side of a thin wall is not near."""
@@ -121,6 +121,73 @@ class NearestPlaces:
         for k in range(3):
             out += self.weights[:, k, None] * values[self.corners[:, k]]
         return out
+
+
+def nearest_larger_faces(
+    points: _Floats,
+    sizes: _Floats,
+    components: _Index,
+    corners: _Floats,
+    areas: _Floats,
+    face_components: _Index,
+    reach: float,
+) -> tuple[_Index, _Floats, _Floats]:
+    """Find for each point the nearest face that is larger than it and belongs to another component.
+
+    Parameters
+    ----------
+    points : (P, 3) float64
+    sizes : (P,) float64
+        The area that a face must exceed.
+    components, face_components : (P,), (F,) int64
+    corners : (F, 3, 3) float64
+        Corners of the faces, few: all points are compared with all.
+    areas : (F,) float64
+    reach : float
+        Greatest distance.
+
+    Returns
+    -------
+    (P,) int64, -1 where there is none; the barycentric coordinates (P, 3) of the nearest places; their distances (P,).
+    """
+    face, distance = np.full(len(points), -1), np.full(len(points), reach * reach)
+    weights = np.zeros((len(points), 3))
+    low, high = corners.min(1) - reach, corners.max(1) + reach
+    _search(points, sizes, components, corners, areas, face_components, low, high, face, distance, weights)
+    return face, weights, np.sqrt(distance)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _search(
+    points: _Floats,
+    sizes: _Floats,
+    components: _Index,
+    corners: _Floats,
+    areas: _Floats,
+    face_components: _Index,
+    low: _Floats,
+    high: _Floats,
+    face: _Index,
+    distance: _Floats,
+    weights: _Floats,
+) -> None:
+    """Set the nearest face of each point, its squared distance and the coordinates of the place."""
+    place = np.empty(3)
+    for number in range(len(points)):
+        p = points[number]
+        for other in range(len(corners)):
+            if areas[other] <= sizes[number] or face_components[other] == components[number]:
+                continue
+            outside = False
+            for i in range(3):
+                outside = outside or p[i] < low[other, i] or p[i] > high[other, i]
+            if outside:
+                continue
+            squared = _nearest_place(p, corners[other, 0], corners[other, 1], corners[other, 2], place)
+            if squared < distance[number]:
+                distance[number], face[number] = squared, other
+                for i in range(3):
+                    weights[number, i] = place[i]
 
 
 def _chunks(count: int) -> list[slice]:

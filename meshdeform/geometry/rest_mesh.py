@@ -144,6 +144,12 @@ class RestMesh(TriangleMesh):
         return self.areas > 0
 
     @cached_property
+    def box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The lowest and the highest corner (3,) of the bounding box of the faces."""
+        used = self.verts.numpy()[np.unique(self.faces.numpy())]
+        return used.min(0), used.max(0)
+
+    @cached_property
     def normals(self) -> Tensor:
         """Unit normals (F, 3) float64; zero where a face has no area at all."""
         return face_normals(self.verts, self.faces)

@@ -130,7 +130,6 @@ class Carrier(StrEnum):
     AUTO = "auto"
     SURFACE = "surface"
     LATTICE = "lattice"
-    MAP = "map"
 
 
 class Rigidity(StrEnum):

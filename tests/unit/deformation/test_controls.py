@@ -1,24 +1,27 @@
-"""The map of space: affine where its controls are equal, its own mirror image, level, and unlocked level by level."""
+"""Few controls: affine where they are equal, their own mirror image, level, and unlocked level by level."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from meshdeform.deformation.controls import Level
+from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.regional import RegionalGradients
-from meshdeform.deformation.space_map import SpaceMap
 from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
-from meshdeform.deformation.variables import placed
+from meshdeform.deformation.variables import JacobianField, placed
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
-from tests.unit.deformation.test_lattice import CART, moved
+from tests.unit.deformation.test_lattice import moved
 
 F64 = torch.float64
 MIRROR = torch.tensor([-1.0, 1.0, 1.0], dtype=F64)
@@ -31,7 +34,21 @@ def sled() -> TriangleMesh:
     return join(low, high)
 
 
-def randomized(field: SpaceMap, seed: int = 0, size: float = 0.2) -> SpaceMap:
+def bean() -> TriangleMesh:
+    """A bent ball, in one part: its own mirror image across x = 0 only."""
+    ball = icosphere(3)
+    x, y, z = ball.verts.unbind(1)
+    return TriangleMesh(torch.stack([0.6 * x, y + 0.4 * z**2 + 0.2 * z, z], 1), ball.faces)
+
+
+Carried = Callable[[Structure], LatticeField | JacobianField]
+CARRIERS: list[Carried] = [
+    lambda structure: LatticeField(sled(), structure=structure),
+    lambda structure: JacobianField(bean(), structure=structure),
+]
+
+
+def randomized(field: LatticeField | JacobianField, seed: int = 0, size: float = 0.2) -> LatticeField | JacobianField:
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for tensor in field.tensors.values():
@@ -39,29 +56,41 @@ def randomized(field: SpaceMap, seed: int = 0, size: float = 0.2) -> SpaceMap:
     return field
 
 
-def test_equal_controls_give_an_affine_map() -> None:
-    field = SpaceMap(CART, structure=Structure())
+@each_case("carried", CARRIERS)
+def test_equal_controls_give_an_affine_map(carried: Carried) -> None:
+    field = carried(Structure())
     linear = 0.3 * torch.randn(3, 3, generator=torch.Generator().manual_seed(1), dtype=F64)
     with torch.no_grad():
-        field.tensors["level_0"] += linear
-    arms = CART.verts - field.rest.centre_of_mass()
+        next(iter(field.tensors.values())).add_(linear)
+    arms = field.rest.verts - field.rest.centre_of_mass()
     expected = field.rest.centre_of_mass() + arms @ (torch.eye(3, dtype=F64) + linear).T
     torch.testing.assert_close(placed(field).detach(), expected, atol=1e-9, rtol=0)
 
 
-def test_a_mirrored_map_gives_a_mirrored_shape() -> None:
-    source = sled()
-    field = randomized(SpaceMap(source, structure=Structure(plane=0)))
-    verts = placed(field).detach()
-    partner = torch.cdist(source.verts * MIRROR, source.verts).argmin(1)
+@each_case("carried", CARRIERS)
+def test_a_mirrored_map_gives_a_mirrored_shape(carried: Carried) -> None:
+    source = carried(Structure()).rest.verts
+    partner = torch.cdist(source * MIRROR, source).argmin(1)
+    verts = placed(randomized(carried(Structure(plane=0)))).detach()
     torch.testing.assert_close(verts * MIRROR, verts[partner], atol=1e-9, rtol=0)
-    free = placed(randomized(SpaceMap(source, structure=Structure()))).detach()
+    free = placed(randomized(carried(Structure()))).detach()
     assert (free * MIRROR - free[partner]).abs().max() > 0.05
+
+
+def test_a_face_has_the_nearest_one_that_looks_the_same_way_as_its_mirror_image() -> None:
+    """The two sides of a thin plate, whose triangles are no mirror images of each other."""
+    plate = TriangleMesh(box(5).verts * torch.tensor([1.0, 1.0, 1e-3], dtype=F64), box(5).faces)
+    rest = RestMesh.of(plate)
+    centres, normals = rest.verts[rest.faces].mean(1).numpy(), rest.normals.numpy()
+    level = Level.of_elements(centres, normals, np.zeros(3), Structure(plane=0))
+    with torch.no_grad():
+        level.controls[:, 2, 2] = rest.normals[:, 2]
+    torch.testing.assert_close(level.jacobians().detach()[:, 2, 2], rest.normals[:, 2])
 
 
 def test_a_level_map_keeps_what_is_level() -> None:
     source = sled()
-    field = SpaceMap(source, structure=Structure(level=True))
+    field = LatticeField(source, structure=Structure(level=True))
     generator = torch.Generator().manual_seed(2)
     with torch.no_grad():
         for tensor in field.tensors.values():
@@ -71,12 +100,13 @@ def test_a_level_map_keeps_what_is_level() -> None:
     for height in source.verts[:, 1].unique():
         level = verts[source.verts[:, 1] == height, 1]
         torch.testing.assert_close(level, level.mean().expand_as(level), atol=1e-9, rtol=0)
-    assert "level_2" in SpaceMap(source, structure=Structure()).tensors
-    assert "level_2" not in field.tensors, "what is built gets no free cells"
+    assert "cell_level_2" in LatticeField(source, structure=Structure()).tensors
+    assert "cell_level_2" not in field.tensors, "what is built gets no free cells"
 
 
-def test_gradients_reach_the_controls() -> None:
-    field = randomized(SpaceMap(sled(), structure=Structure(plane=0)), size=0.1)
+@each_case("carried", CARRIERS)
+def test_gradients_reach_the_controls(carried: Carried) -> None:
+    field = randomized(carried(Structure(plane=0)), size=0.1)
     field.begin_step(1.0)
     towards = torch.randn(field.rest.verts.shape, generator=torch.Generator().manual_seed(3), dtype=F64)
 
@@ -99,7 +129,7 @@ def test_gradients_reach_the_controls() -> None:
 
 @each_case("fraction, free", [(0.0, 1), (0.2, 1), (0.3, 2), (0.6, 3), (1.0, 3)])
 def test_levels_are_unlocked_one_after_the_other_and_all_count(fraction: float, free: int) -> None:
-    field = randomized(SpaceMap(sled(), structure=Structure()))
+    field = randomized(LatticeField(sled(), structure=Structure()))
     shape = placed(field).detach()
     field.begin_step(fraction)
     torch.testing.assert_close(placed(field).detach(), shape, atol=0, rtol=0)
@@ -109,7 +139,7 @@ def test_levels_are_unlocked_one_after_the_other_and_all_count(fraction: float, 
 
 def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
     mesh = sled()
-    field = SpaceMap(mesh, structure=Structure())
+    field = LatticeField(mesh, structure=Structure())
     upper = (mesh.verts[mesh.faces].mean(1)[:, 1] > 0.3).double().numpy()
     regional = RegionalGradients([upper], RestMesh.of(mesh), field)
     field.begin_step(1.0)
@@ -119,7 +149,7 @@ def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
     assert (on_cells[heights < 0.0] == 0).all()
     assert (on_cells[heights > 0.6] != 0).any()
     regional.add(on_cells)
-    torch.testing.assert_close(field.tensors["level_2"].grad, on_cells)
+    torch.testing.assert_close(field.tensors["cell_level_2"].grad, on_cells)
 
 
 def test_mirror_planes_are_found_with_a_part_that_has_no_partner() -> None:
@@ -148,7 +178,7 @@ def test_built_things_are_level() -> None:
 
 def test_a_resumed_run_equals_an_uninterrupted_one_to_the_bit() -> None:
     params = resolve(DeformParams.model_validate({
-        "preset": "preview", "steps": 12, "orientation": "keep", "carrier": "map", "learning_rate": 0.02,
+        "preset": "preview", "steps": 12, "orientation": "keep", "learning_rate": 0.02,
     }))  # fmt: skip
     mesh = sled()
     taller = TriangleMesh(mesh.verts * torch.tensor([1.0, 1.4, 1.0], dtype=F64), mesh.faces)
@@ -165,5 +195,5 @@ def test_a_resumed_run_equals_an_uninterrupted_one_to_the_bit() -> None:
     list(whole)
     list(halves)
     assert torch.equal(whole.verts(), halves.verts())
-    assert whole.carrier == {"kind": "map", "cells": whole.cells, "mirror": "x", "level": True}
+    assert whole.carrier == {"kind": "lattice", "cells": whole.cells, "mirror": "x", "level": True}
     assert np.abs((whole.verts() - mesh.verts).numpy()).max() > 0.02

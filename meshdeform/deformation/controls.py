@@ -1,0 +1,239 @@
+"""Give the elements of a carrier their Jacobians: each its own, or all by a few controls, from coarse to fine.
+
+As in the paper, every element (a face of the surface, a cell of a lattice) has a Jacobian of its own, `OwnJacobians`.
+That is far more freedom than a prompt has knowledge: thousands of free cells crumple a panel. So what a prompt guides
+has the Jacobians of a hierarchy of bases, `Hierarchy`::
+
+    J_e = I + sum_l sum_k B_lk(x_e) P(C_lk)
+
+with x_e the centre of element e and C_l (K_l, 3, 3) the controls of level l, the variables. B_l are the products of
+uniform quadratic B-splines over `_SPANS[l]` intervals of the longest side of the mesh's box. The first level has some
+60 controls, the second a few hundred; each is unlocked later in the run. What is not built, such as an animal or a
+ball, gets the elements themselves as the last level.
+
+P keeps what the asset has (`structure.py`). Mirror symmetry: the mean of the controls with their mirror images,
+C <- (C + R C' R) / 2 with R the reflection, makes the map commute with it. Level and upright: without the terms that
+mix the height with the other axes, what is level stays level, and what is upright upright.
+
+Sources: Sederberg and Parry 1986, Free-form deformation of solid geometric models (here of Jacobians in place of
+positions); Forsey and Bartels 1988, Hierarchical B-spline refinement.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from meshdeform.deformation.jacobians import identity_jacobians
+from meshdeform.deformation.structure import Structure
+from meshdeform.geometry.rest_mesh import sparse_product
+
+__all__ = ["Controls", "Hierarchy", "Level", "OwnJacobians"]
+
+_SPANS = (3, 6)
+_UNLOCKED = 0.75
+"""Share of the run over which the levels are unlocked, evenly."""
+
+_REACHED = 0.1
+"""Value of a basis from which its control counts as reaching an element."""
+
+_FACING = 0.05
+"""Weight of a normal, as a share of the diagonal, by which a face's mirror image is told from the other side of it."""
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+
+class Controls(Protocol):
+    """Variables that give every element a Jacobian."""
+
+    tensors: dict[str, Tensor]
+    """Leaf tensors with gradients, float64, by their names in checkpoints."""
+
+    def begin_step(self, fraction: float) -> None:
+        """Prepare for the next step, at this fraction of the run: some controls may not change before their time."""
+
+    def jacobians(self) -> Tensor:
+        """Return the Jacobians (E, 3, 3) float64, the same tensor until the variables change."""
+
+    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
+        """Return, for each row of each of `tensors`, the least value (E,) among the elements that it reaches."""
+
+    def correct(self, missing: Tensor) -> None:
+        """Add to the Jacobians of the elements (E, 3, 3) where each has its own; elsewhere do nothing."""
+
+
+class OwnJacobians:
+    """One Jacobian per element, as in the paper. Implements `Controls`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the tensor in checkpoints.
+    count : int
+    """
+
+    def __init__(self, name: str, count: int) -> None:
+        self._jacobians = identity_jacobians(count).requires_grad_()
+        self.tensors = {name: self._jacobians}
+
+    def begin_step(self, fraction: float) -> None:
+        """Do nothing: all elements are free from the first step on."""
+
+    def jacobians(self) -> Tensor:
+        """Return the variables themselves."""
+        return self._jacobians
+
+    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
+        """Return the argument: there is a row per element."""
+        return dict.fromkeys(self.tensors, of_element)
+
+    def correct(self, missing: Tensor) -> None:
+        """Add to the Jacobians."""
+        self._jacobians += missing
+
+
+class Level:
+    """The controls of one level, and what they add to the Jacobians of the elements.
+
+    Parameters
+    ----------
+    basis : sparse (E, K) float64, optional
+        Values of the bases at the elements; None if each element has a control of its own.
+    partner : (K,) int64
+        The control that is each one's mirror image.
+    structure : Structure
+    """
+
+    def __init__(self, basis: sparse.csr_matrix | None, partner: _Index, structure: Structure) -> None:
+        self._basis = basis
+        self._plane, self._partner = structure.plane, torch.from_numpy(partner)
+        self._free = _LEVEL if structure.level else torch.ones(3, 3, dtype=torch.float64)
+        self.controls = torch.zeros(len(partner), 3, 3, dtype=torch.float64).requires_grad_()
+
+    @classmethod
+    def of_splines(cls, centres: _Floats, low: _Floats, high: _Floats, spans: int, structure: Structure) -> Self:
+        """Return a level of B-splines with so many intervals along the longest side of a box, constant beyond it."""
+        sides = high - low
+        counts = [max(1, round(spans * side / sides.max())) + 2 for side in sides]
+        along = [_splines((centres[:, a] - low[a]) / max(sides[a], 1e-300), counts[a]) for a in range(3)]
+        basis = np.einsum("ei,ej,ek->eijk", *along).reshape(len(centres), -1)
+        numbers = np.arange(basis.shape[1]).reshape(counts)
+        partner = numbers if structure.plane is None else np.flip(numbers, structure.plane)
+        return cls(sparse.csr_matrix(basis), partner.ravel().copy(), structure)
+
+    @classmethod
+    def of_elements(cls, centres: _Floats, normals: _Floats | None, middle: _Floats, structure: Structure) -> Self:
+        """Return the level with a control for each element; its partner is the nearest to its mirror image."""
+        count, plane = len(centres), structure.plane
+        if plane is None:
+            return cls(None, np.arange(count), structure)
+        across = np.ones(3)
+        across[plane] = -1
+        images = middle + across * (centres - middle)
+        if normals is not None:
+            reach = _FACING * float(np.linalg.norm(np.ptp(centres, axis=0)))
+            centres, images = (np.hstack([at, reach * n]) for at, n in ((centres, normals), (images, across * normals)))
+        return cls(None, cKDTree(centres).query(images)[1].astype(np.int64), structure)
+
+    def least(self, of_element: _Floats) -> _Floats:
+        """Return the least of 1 and the values (E,) of the elements that each control reaches, (K,)."""
+        if self._basis is None:
+            return of_element
+        reached = sparse.coo_matrix(self._basis)
+        near = reached.data > _REACHED
+        least = np.ones(len(self.controls))
+        np.minimum.at(least, reached.col[near], of_element[reached.row[near]])
+        return least
+
+    def jacobians(self) -> Tensor:
+        """Return what the level adds to the Jacobians, (E, 3, 3), differentiable in `controls`."""
+        controls = self.controls * self._free
+        if self._plane is not None:
+            signs = torch.ones(3, dtype=torch.float64)
+            signs[self._plane] = -1
+            controls = 0.5 * (controls + signs[:, None] * signs * controls[self._partner])
+        if self._basis is None:
+            return controls
+        return sparse_product(self._basis, controls.reshape(-1, 9)).view(-1, 3, 3)
+
+
+_LEVEL = torch.tensor([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 1.0]], dtype=torch.float64)
+
+
+class Hierarchy:
+    """A hierarchy of controls. Implements `Controls`.
+
+    Parameters
+    ----------
+    name : str
+        Of the elements, with which the names of the tensors in checkpoints begin.
+    centres : (E, 3) float64
+        Of the elements, in object units.
+    normals : (E, 3) float64, optional
+        Unit normals of elements that are faces.
+    box : pair of (3,) float64
+        The lowest and the highest corner of the mesh's box.
+    structure : Structure
+        What the map keeps.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        centres: _Floats,
+        normals: _Floats | None,
+        box: tuple[_Floats, _Floats],
+        structure: Structure,
+    ) -> None:
+        low, high = box
+        self._levels = [Level.of_splines(centres, low, high, spans, structure) for spans in _SPANS]
+        self._own = None if structure.level else Level.of_elements(centres, normals, (low + high) / 2, structure)
+        if self._own is not None:
+            self._levels.append(self._own)
+        self._unlocked = 1
+        self._current: tuple[tuple[bool | int, ...], Tensor] | None = None
+        self.tensors = {f"{name}_level_{number}": level.controls for number, level in enumerate(self._levels)}
+
+    def begin_step(self, fraction: float) -> None:
+        """Unlock the levels that are due at this fraction of the run."""
+        count = len(self._levels)
+        self._unlocked = min(count, 1 + int(fraction * count / _UNLOCKED))
+        self._current = None  # its graph may be gone
+
+    def jacobians(self) -> Tensor:
+        """Return the Jacobians; levels that are not unlocked count, but get no gradient."""
+        # The loss, the penalties and gradients for regions must meet in one tensor.
+        state = (torch.is_grad_enabled(), self._unlocked, *(level.controls._version for level in self._levels))
+        if self._current is None or self._current[0] != state:
+            added = [level.jacobians() for level in self._levels]
+            added[self._unlocked :] = [fixed.detach() for fixed in added[self._unlocked :]]
+            self._current = state, torch.stack(added).sum(0) + torch.eye(3, dtype=torch.float64)
+        return self._current[1]
+
+    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
+        """Return, for each control, the least value of the elements that it reaches with a tenth of its weight."""
+        return {name: level.least(of_element) for name, level in zip(self.tensors, self._levels, strict=True)}
+
+    def correct(self, missing: Tensor) -> None:
+        """Add to the last level, if it is that of the elements: a smooth map cannot give whatever it is asked for."""
+        if self._own is not None:
+            self._own.controls += missing
+
+
+def _splines(at: _Floats, count: int) -> _Floats:
+    """Return the values (P, count) of uniform quadratic B-splines over [0, 1], constant beyond it."""
+    spans = count - 2
+    scaled = np.clip(at, 0, 1) * spans
+    first = np.minimum(np.floor(scaled), spans - 1).astype(int)
+    f = scaled - first
+    values = np.zeros((len(at), count))
+    for offset, weight in enumerate((0.5 * (1 - f) ** 2, 0.5 + f - f * f, 0.5 * f * f)):
+        values[np.arange(len(at)), first + offset] = weight
+    return values

@@ -1,0 +1,69 @@
+"""Let details follow the large faces that they lie on.
+
+A face stays flat while the map of space bends, so the chord of a face that is longer than a cell leaves the map: a beam
+would sink into its wall, a window come off its door. With W(p) x the map's place of p for the nodes x, a vertex p near
+a larger face of another component follows that face::
+
+    x(p) = W(p) x + s(d) (sum_i b_i x(v_i) - W(q) x)
+
+with q the nearest place on the face, b its barycentric coordinates, v_i the corners, and s(d) falling from 1 to 0 over
+the distances d = |p - q| up to a cell. Only the weights with which vertices follow the nodes change, so it costs no
+step anything. A vertex follows only faces larger than all of its own: the rows are found from large to small, and the
+corners of the face may follow a larger one themselves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from meshdeform.deformation.lattice import Lattice
+from meshdeform.geometry.nearest_places import nearest_larger_faces
+from meshdeform.geometry.rest_mesh import RestMesh
+
+__all__ = ["pull_of_large_faces"]
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+_FULLY = 0.5
+"""Share of a cell up to which a vertex follows a face as if it lay on it."""
+
+
+def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
+    """Return what to add to the weights (V, N) with which the vertices of a mesh follow the nodes of a lattice."""
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    nothing = sparse.csr_matrix((len(verts), len(lattice.keys)))
+    corners = verts[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+    large = np.flatnonzero(longest > lattice.spacing)
+    own = np.zeros(len(verts))
+    np.maximum.at(own, faces.ravel(), np.repeat(mesh.areas, 3))
+    component = mesh.components.numpy()
+    nearest, shares, distances = nearest_larger_faces(
+        verts, own, component, corners[large], mesh.areas[large], component[faces[large, 0]], lattice.spacing
+    )
+    followers = np.flatnonzero(nearest >= 0)
+    if not len(followers):
+        return nothing
+    face, shares = large[nearest[followers]], shares[followers]
+    near = 1 - np.clip((distances[followers] / lattice.spacing - _FULLY) / (1 - _FULLY), 0, 1)
+    strength = (near**2 * (3 - 2 * near))[:, None]
+    followed, column = np.unique(faces[face], return_inverse=True)
+    pull = _rows(len(verts), len(followed), followers, column.reshape(-1, 3), strength * shares)
+    places = np.einsum("pi,pij->pj", shares, corners[face])
+    left = _rows(len(verts), len(followers), followers, np.arange(len(followers))[:, None], strength)
+    step = pull @ lattice.embedding(verts[followed]) - left @ lattice.embedding(places)
+    added = nothing
+    # The corners of a face may follow a larger one, which is how often this goes on.
+    while step.nnz:
+        added, step = added + step, pull @ step[followed]
+        step.eliminate_zeros()
+    return added.tocsr()
+
+
+def _rows(count: int, columns: int, rows: _Index, entries: _Index, values: _Floats) -> sparse.csr_matrix:
+    """Return a sparse matrix with a few entries (R, K) in some of its rows (R,)."""
+    repeated = np.repeat(rows, entries.shape[1])
+    return sparse.csr_matrix((values.ravel(), (repeated, entries.ravel())), shape=(count, columns))
