@@ -45,7 +45,6 @@ PARTS = {
     "normal": "meshdeform.deformation.regularizers.Regularizers.normal",
     "dirichlet": "meshdeform.deformation.regularizers.Regularizers.dirichlet",
     "backward": "torch.Tensor.backward",
-    "step limit": "meshdeform.deformation.step_limit.StepLimit.enforce",
     "guard": "meshdeform.deformation.surface_guard.SurfaceGuard.correct",
     "optimiser": "meshdeform.deformation.optimizer.Adam.step",
 }

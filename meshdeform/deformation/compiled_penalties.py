@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
-__all__ = ["bends", "crease_energy", "dirichlet_penalty", "jacobian_penalty", "normal_penalty", "penalty"]
+__all__ = ["STRAINED", "bends", "crease_energy", "dirichlet_penalty", "jacobian_penalty", "normal_penalty", "penalty"]
 
 _CREASE = 1 - math.cos(math.radians(15))
 """y_0: on the reference mesh, an angle of more than 15 degrees between neighbours counts as a crease."""
+STRAINED = 100.0
+"""Energy from which a face's distortion counts by its logarithm: no face outweighs all the others."""
 _LEAST_DETERMINANT = 1e-16
 """Lower bound of det C with C = F^T F, a squared area ratio: the area ratio counts as at least 1e-8."""
 _TINY_SQUARE = 1e-280
@@ -214,7 +216,7 @@ def _through_normals(
 def dirichlet_penalty(
     verts: _Floats, faces: _Index, inverse_rest: _Floats, weights: _Floats, gradient: _Floats | None
 ) -> float:
-    """Return the mean symmetric Dirichlet energy less its minimum; add its gradient (V, 3).
+    """Return the mean logarithm of the symmetric Dirichlet energy less its minimum; add its gradient (V, 3).
 
     Parameters
     ----------
@@ -238,11 +240,13 @@ def dirichlet_penalty(
             mm += second * second
         trace, exact = ee + mm, ee * mm - em * em
         determinant = max(exact, _LEAST_DETERMINANT)
-        total += weights[f] * (trace + trace / determinant - 4)
+        energy = trace + trace / determinant - 4
+        total += weights[f] * STRAINED * math.log1p(energy / STRAINED)
         if gradient is None:
             continue
-        by_trace = weights[f] * (1 + 1 / determinant)
-        by_determinant = -weights[f] * trace / determinant**2 if exact >= _LEAST_DETERMINANT else 0.0
+        weight = weights[f] / (1 + energy / STRAINED)
+        by_trace = weight * (1 + 1 / determinant)
+        by_determinant = -weight * trace / determinant**2 if exact >= _LEAST_DETERMINANT else 0.0
         by_ee, by_mm, by_em = by_trace + by_determinant * mm, by_trace + by_determinant * ee, -2 * by_determinant * em
         for c in range(3):
             u, v = verts[j, c] - verts[i, c], verts[k, c] - verts[i, c]

@@ -56,6 +56,9 @@ class Controls(Protocol):
     tensors: dict[str, Tensor]
     """Leaf tensors with gradients, float64, by their names in checkpoints."""
 
+    local: bool
+    """Whether every element has a Jacobian of its own, so that `correct` does something."""
+
     def begin_step(self, fraction: float) -> None:
         """Prepare for the next step, at this fraction of the run: some controls may not change before their time."""
 
@@ -66,7 +69,7 @@ class Controls(Protocol):
         """Return, for each row of each of `tensors`, the least value (E,) among the elements that it reaches."""
 
     def correct(self, missing: Tensor) -> None:
-        """Add to the Jacobians of the elements (E, 3, 3) where each has its own; elsewhere do nothing."""
+        """Add to the Jacobians of the elements (E, 3, 3), if each has its own."""
 
 
 class OwnJacobians:
@@ -80,6 +83,7 @@ class OwnJacobians:
     """
 
     def __init__(self, name: str, count: int) -> None:
+        self.local = True
         self._jacobians = identity_jacobians(count).requires_grad_()
         self.tensors = {name: self._jacobians}
 
@@ -195,6 +199,7 @@ class Hierarchy:
         low, high = box
         self._levels = [Level.of_splines(centres, low, high, spans, structure) for spans in _SPANS]
         self._own = None if structure.level else Level.of_elements(centres, normals, (low + high) / 2, structure)
+        self.local = self._own is not None
         if self._own is not None:
             self._levels.append(self._own)
         self._unlocked = 1

@@ -7,9 +7,9 @@ a larger face of another component follows that face::
     x(p) = W(p) x + s(d) (sum_i b_i x(v_i) - W(q) x)
 
 with q the nearest place on the face, b its barycentric coordinates, v_i the corners, and s(d) falling from 1 to 0 over
-the distances d = |p - q| up to a cell. Only the weights with which vertices follow the nodes change, so it costs no
-step anything. A vertex follows only faces larger than all of its own: the rows are found from large to small, and the
-corners of the face may follow a larger one themselves.
+the distances d = |p - q| up to half a cell. Only the weights with which vertices follow the nodes change, so it costs
+no step anything. A vertex follows only faces larger than all of its own; the corners of the face may follow a larger
+one themselves.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ __all__ = ["pull_of_large_faces"]
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
-_FULLY = 0.5
-"""Share of a cell up to which a vertex follows a face as if it lay on it."""
+_FULLY, _REACH = 0.1, 0.5
+"""Distances, in cells, up to which a vertex follows a face as if it lay on it, and from which it does not."""
 
 
 def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
@@ -42,13 +42,13 @@ def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
     np.maximum.at(own, faces.ravel(), np.repeat(mesh.areas, 3))
     component = mesh.components.numpy()
     nearest, shares, distances = nearest_larger_faces(
-        verts, own, component, corners[large], mesh.areas[large], component[faces[large, 0]], lattice.spacing
+        verts, own, component, corners[large], mesh.areas[large], component[faces[large, 0]], _REACH * lattice.spacing
     )
     followers = np.flatnonzero(nearest >= 0)
     if not len(followers):
         return nothing
     face, shares = large[nearest[followers]], shares[followers]
-    near = 1 - np.clip((distances[followers] / lattice.spacing - _FULLY) / (1 - _FULLY), 0, 1)
+    near = 1 - np.clip((distances[followers] / lattice.spacing - _FULLY) / (_REACH - _FULLY), 0, 1)
     strength = (near**2 * (3 - 2 * near))[:, None]
     followed, column = np.unique(faces[face], return_inverse=True)
     pull = _rows(len(verts), len(followed), followers, column.reshape(-1, 3), strength * shares)

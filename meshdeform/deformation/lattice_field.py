@@ -4,16 +4,14 @@ One smooth map of space carries all components, so what belongs together stays t
 cells:
 
 * jacobian   1/C  sum_c ||J_c - I||^2
-* dirichlet  1/T  sum_t (||F_t||^2 + ||F_t^-1||^2 - 6)   over the six Kuhn tetrahedra t of every cell, with F_t their
-  maps: zero where no length changes, infinite where a tetrahedron collapses. As long as no step crosses the barrier
-  (`step_limit.py`), the piecewise-linear map of the lattice is locally injective.
+* dirichlet  1/C  sum_c b log(1 + (||F_c||^2 + ||F_c^-1||^2 - 6) / b)   with F_c the map of a cell, from the mean of its
+  four edges along each axis: zero where no length changes; b as of `regularizers.py`.
 
 Source: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2, for tetrahedra.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,6 +19,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from meshdeform.deformation.compiled_penalties import STRAINED
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
 from meshdeform.deformation.handles import Handles
@@ -36,7 +35,7 @@ from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
 __all__ = ["LatticeField"]
 
 _LEAST_VOLUME = 1e-6
-"""Lower bound of a tetrahedron's relative volume in the barrier."""
+"""Lower bound of a cell's relative volume in its energy."""
 
 _CORRECTIONS = 3
 
@@ -96,10 +95,9 @@ class LatticeField:
         if structure is not None:
             centres = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
             self._controls = Hierarchy("cell", centres, None, rest.box, structure)
-        self.tensors = self._controls.tensors
+        self.tensors, self.local = self._controls.tensors, self._controls.local
         self._edges = torch.from_numpy(lattice.edges)
         self._cell_edges = torch.from_numpy(lattice.cell_edges)
-        self._tetrahedra = torch.from_numpy(_kuhn_edges(lattice)).reshape(-1)
         self._solved: tuple[Tensor, Tensor] | None = None
 
     def begin_step(self, fraction: float) -> None:
@@ -161,20 +159,17 @@ class LatticeField:
         return mean
 
     def dirichlet_penalty(self, control: Tensor) -> Tensor:
-        """Return the mean symmetric Dirichlet energy of the tetrahedra."""
-        columns = self._columns(control)
+        """Return the mean logarithm of the cells' symmetric Dirichlet energy."""
+        ends = control.index_select(0, self._edges.reshape(-1)).view(-1, 2, 3)
+        along = (ends[:, 1] - ends[:, 0]) / self.lattice.spacing
+        columns = along[self._cell_edges].mean(2)
         x, y, z = columns.unbind(1)
         yz, zx, xy = torch.linalg.cross(y, z), torch.linalg.cross(z, x), torch.linalg.cross(x, y)
         volume = (x * yz).sum(1).clamp_min(_LEAST_VOLUME)
         cofactors = yz.square().sum(1) + zx.square().sum(1) + xy.square().sum(1)
-        mean: Tensor = (columns.square().sum((1, 2)) + cofactors / volume.square() - 6).mean()
+        energy = columns.square().sum((1, 2)) + cofactors / volume.square() - 6
+        mean: Tensor = STRAINED * torch.log1p(energy / STRAINED).mean()
         return mean
-
-    def sizes(self, control: Tensor) -> Tensor:
-        """Return the relative volumes (C, 6, 1) of the tetrahedra."""
-        x, y, z = self._columns(control).unbind(1)
-        volumes: Tensor = (x * torch.linalg.cross(y, z)).sum(1)
-        return volumes.view(-1, 6, 1)
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
         """Return, for each control, the least value among its cells."""
@@ -192,12 +187,6 @@ class LatticeField:
                 gradient = (missing[:, 1] - missing[:, 0]) / self.lattice.spacing
                 self._controls.correct(gradient[self._cell_edges].mean(2).mT)
 
-    def _columns(self, control: Tensor) -> Tensor:
-        """Return the columns (6 C, 3, 3), first index after the tetrahedron, of each tetrahedron's map."""
-        ends = control.index_select(0, self._edges.reshape(-1)).view(-1, 2, 3)
-        edges = (ends[:, 1] - ends[:, 0]) / self.lattice.spacing
-        return edges.index_select(0, self._tetrahedra).view(-1, 3, 3)
-
 
 def _balanced(lattice: Lattice, weights: _Floats, plane: int | None) -> _Floats:
     """Return the mean of weights (N,) with their mirror images, so that the plane of a symmetric asset stays."""
@@ -213,19 +202,3 @@ def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:
     """Return the surface of both meshes."""
     faces = torch.cat([mesh.faces, other.faces + mesh.verts.shape[0]])
     return RestMesh(torch.cat([mesh.verts, other.verts]), faces)
-
-
-def _kuhn_edges(lattice: Lattice) -> NDArray[np.int64]:
-    """Return the axis edges (C, 6, 3) of each tetrahedron's path from its cell's first corner to its last.
-
-    The k-th edge is along axis k, so the map of the tetrahedron has the edges as its columns.
-    """
-    paths = []
-    for order in itertools.permutations(range(3)):
-        corner, edge = [0, 0, 0], [0, 0, 0]
-        for axis in order:
-            first, second = (other for other in range(3) if other != axis)
-            edge[axis] = 2 * corner[first] + corner[second]
-            corner[axis] = 1
-        paths.append(edge)
-    return lattice.cell_edges[:, np.arange(3), np.array(paths)]

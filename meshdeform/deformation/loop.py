@@ -39,7 +39,6 @@ from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.stand_in import StandIn
-from meshdeform.deformation.step_limit import StepLimit
 from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Variables, copy_into
@@ -186,7 +185,6 @@ class Deformation:
         self._generator = torch.Generator().manual_seed(params.seed)
         tensors = list(self._variables.tensors.values())
         self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
-        self._limit = StepLimit(self._variables) if params.dirichlet_weight else None
         guarded = params.safeguard is not Safeguard.NONE
         self._guard = SurfaceGuard(params.safeguard, rest, self._variables) if guarded else None
         self._consistent = True
@@ -315,15 +313,12 @@ class Deformation:
         # Before the optimiser updates the variables, a step changes only the generator.
         generator_state = self._generator.get_state()
         try:
-            total, logs, control = self._loss()
+            total, logs = self._loss()
         except BaseException:
             self._generator.set_state(generator_state)
             raise
         self._consistent = False
-        old = self._limit.copy() if self._limit is not None else {}
         self._optimizer.step()
-        if self._limit is not None:
-            logs["limited_share"] = self._limit.enforce(self._optimizer, old, control)
         if self._guard is not None:
             # The last step is always checked, so the result is free of faults.
             due = (self.step + 1) % EVERY_STEPS == 0 or self.step + 1 == self.params.steps
@@ -331,7 +326,7 @@ class Deformation:
         self._consistent = True
         return {"total": total, **logs}
 
-    def _loss(self) -> tuple[float, dict[str, float], Tensor]:
+    def _loss(self) -> tuple[float, dict[str, float]]:
         p = self.params
         self._variables.begin_step(self.step / p.steps)
         control = self._variables.solve()
@@ -348,7 +343,7 @@ class Deformation:
             guidance, logs = guidance + of_shape, {**logs, **shape_logs}
             if guidance.item() < _REACHED:
                 # The target is reached. Adam would scale up the rounding errors of the regularisers.
-                return self._hold(verts, logs, control)
+                return self._hold(verts, logs)
         regularizers = self._regularizers
         penalties: dict[str, tuple[float, Callable[[], Tensor]]] = {
             "jacobian": (p.jacobian_reg_weight, self._variables.jacobian_penalty),
@@ -370,7 +365,7 @@ class Deformation:
         finite = all(bool(torch.isfinite(gradient).all()) for gradient in gradients)
         if not math.isfinite(total.item()) or not finite:
             raise NumericalError(f"The loss or its gradient is not finite at step {self.step + 1}.")
-        return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}, control.detach()
+        return total.item(), {**{k: v.item() for k, v in terms.items()}, **logs}
 
     def _guided(
         self, image: Tensor, verts: Tensor, context: StepContext
@@ -385,11 +380,11 @@ class Deformation:
         # The vertices connect the value with the variables, in case no regulariser does.
         return value + 0.0 * verts.sum(), self._regional.of(weighted), logs
 
-    def _hold(self, verts: Tensor, logs: dict[str, float], control: Tensor) -> tuple[float, dict[str, float], Tensor]:
+    def _hold(self, verts: Tensor, logs: dict[str, float]) -> tuple[float, dict[str, float]]:
         """Return a loss of zero, with a gradient of zero."""
         self._optimizer.zero_grad()
         (verts.sum() * 0.0).backward()  # type: ignore[no-untyped-call]
-        return 0.0, {"guidance": 0.0, **logs}, control.detach()
+        return 0.0, {"guidance": 0.0, **logs}
 
     def _stiffness(self, fraction: float) -> float:
         """Return the factor of the regularisers: from `params.stiffness` to 1 at two thirds of the run."""

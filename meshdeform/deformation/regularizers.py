@@ -11,9 +11,9 @@ over the rest surface of area A:
   the two faces, t_e0 at rest (0 where t_e has the other sign); g_e(c) = h(r_e^2 c) + r_e (c^2 - h(c)); r_e = d_0 / d_e,
   d_e the distance between their centroids at rest, d_0 that distance on a uniform mesh of 5,000 faces; a_e the edge's
   share of the area; h(y) = y^2 up to y_0, beyond it 4 sqrt(y_0^3 y) - 3 y_0^2
-* dirichlet  1/A  sum_f |f| (s_1^2 + s_2^2 + s_1^-2 + s_2^-2 - 4)  of the singular values of each face's map, in its
-  plane: zero where no length changes, infinite where a face collapses. Not in the paper; `step_limit.py` keeps steps
-  from crossing this barrier
+* dirichlet  1/A  sum_f |f| b log(1 + E_f / b)  with E_f = s_1^2 + s_2^2 + s_1^-2 + s_2^-2 - 4 of the singular values of
+  each face's map, in its plane: zero where no length changes, infinite where a face collapses; b = 100, so that a face
+  that nearly does outweighs no others. Not in the paper
 
 The normal term is relative to rest: a crease costs nothing unless it becomes sharper than at rest or folds to the other
 side. It is the published energy minus its value at rest, so it resists the growth of sharp corners into spikes like the
@@ -131,9 +131,10 @@ class Regularizers:
         return penalty(lambda values, gradient: normal_penalty(values, *self._edges, self._edge_scale, gradient), verts)
 
     def dirichlet(self, verts: Tensor) -> Tensor:
-        """Return the area-weighted mean symmetric Dirichlet energy of positions (V, 3), zero for a rigid motion.
+        """Return the mean logarithm of the symmetric Dirichlet energy of positions (V, 3), zero for a rigid motion.
 
-        Dimensionless. With F the face's map in coordinates of its rest plane and C = F^T F: tr C + tr C / det C - 4.
+        Dimensionless, weighted by area. With F the face's map in coordinates of its rest plane
+        and C = F^T F, the energy is E = tr C + tr C / det C - 4.
         Faces without area at rest are left out.
         """
         return penalty(lambda values, gradient: dirichlet_penalty(values, *self._solid, gradient), verts)

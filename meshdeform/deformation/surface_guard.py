@@ -1,7 +1,7 @@
 """Keep the surface intact: revert steps that fold a face or make the surface intersect itself.
 
 The shape is checked every few steps. Faces that were fine at rest and are now folded over their neighbours, or cut
-through others, are reset to the last intact shape, and their neighbourhood in part (`step_limit.py`). So every checked
+through others, are reset to the last intact shape, and their neighbourhood in part (`step_repair.py`). So every checked
 shape of a run is intact, including the last one.
 
 Faults that the asset already has at rest are allowed, and a crease may bend by a right angle before it is a fold.
@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.optimizer import Adam
-from meshdeform.deformation.step_limit import StepRepair
+from meshdeform.deformation.step_repair import StepRepair
 from meshdeform.deformation.variables import Elements, Variables, placed
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh

@@ -28,7 +28,6 @@ from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.structure import Structure
 from meshdeform.errors import CheckpointError
-from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 
@@ -109,6 +108,9 @@ class Variables(Protocol):
     elements: Elements
     """The elements that a repair reverts."""
 
+    local: bool
+    """Whether every element has variables of its own, so that `adopt` can set the shape of a part."""
+
     resolution: float
     """Length in object units below which the variables do not control the shape; 0 if they control every face."""
 
@@ -128,10 +130,7 @@ class Variables(Protocol):
         """Return the mean of ||J - I||^2 as a scalar, differentiable in `tensors`."""
 
     def dirichlet_penalty(self, control: Tensor) -> Tensor:
-        """Return the mean symmetric Dirichlet energy of the elements as a scalar, differentiable in the argument."""
-
-    def sizes(self, control: Tensor) -> Tensor:
-        """Return oriented sizes (E, K, D) of the elements: area vectors of faces, volumes of tetrahedra."""
+        """Return the mean logarithm of the elements' symmetric Dirichlet energy, differentiable in the argument."""
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
         """Return, for each row of each of `tensors`, the least value among its elements."""
@@ -169,12 +168,11 @@ class JacobianField:
         given = constraints.handles
         self._handles = Handles(given, rest, self._placement, None, self._poisson.smooth) if given else None
         self._regularizers = Regularizers(rest)
-        self._solid = torch.from_numpy(rest.solid).double()[:, None, None]
         self._along_normal = rest.normals[:, :, None] * rest.normals[:, None, :]
         self.elements = Elements.faces_of(rest)
         self.resolution = 0.0
         self._controls = _controls_of_faces(rest, structure)
-        self.tensors = self._controls.tensors
+        self.tensors, self.local = self._controls.tensors, self._controls.local
         self._solved: tuple[Tensor, Tensor] | None = None
 
     def begin_step(self, fraction: float) -> None:
@@ -209,11 +207,6 @@ class JacobianField:
     def dirichlet_penalty(self, control: Tensor) -> Tensor:
         """Return the area-weighted mean symmetric Dirichlet energy of the faces, each in its plane."""
         return self._regularizers.dirichlet(self.verts(control))
-
-    def sizes(self, control: Tensor) -> Tensor:
-        """Return area vectors (F, 1, 3); those of faces that are collapsed at rest are zero."""
-        vectors = area_vectors(self.verts(control).detach().numpy(), self.rest.faces.numpy())
-        return torch.from_numpy(vectors)[:, None] * self._solid
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
         """Return, for each control, the least value among its faces."""

@@ -25,7 +25,7 @@ from meshdeform.deformation.orientation import Front
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.variables import Elements
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.mesh import TriangleMesh, face_cross
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance
 from meshdeform.rendering.cameras import CameraRange
@@ -114,9 +114,8 @@ class VertexDisplacements:
         rest_jacobians = jacobians_from_verts(rest.gradient, rest.verts)
         self._normal_part = torch.eye(3, dtype=torch.float64) - rest_jacobians
         self._regularizers = Regularizers(rest)
-        self._solid = torch.from_numpy(rest.solid).double()[:, None, None]
         self.elements = Elements.faces_of(rest)
-        self.resolution = 0.0
+        self.resolution, self.local = 0.0, True
         self.tensors = {"displacements": torch.zeros_like(rest.verts, requires_grad=True)}
 
     def begin_step(self, fraction: float) -> None:
@@ -142,10 +141,6 @@ class VertexDisplacements:
     def dirichlet_penalty(self, control: Tensor) -> Tensor:
         """Return the area-weighted mean symmetric Dirichlet energy of the faces."""
         return self._regularizers.dirichlet(control)
-
-    def sizes(self, control: Tensor) -> Tensor:
-        """Return area vectors (F, 1, 3); those of faces that are collapsed at rest are zero."""
-        return face_cross(control, self.rest.faces)[:, None] * self._solid
 
     def rows(self, of_element: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """Return the least value (V,) among the faces at each vertex."""

@@ -113,17 +113,16 @@ class DeformParams(StrictModel):
     carrier: Carrier = of_preset(
         Carrier.SURFACE,
         "What the Jacobians belong to: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts of "
-        "the asset together; `map`, few controls of such a lattice, from coarse to fine, which keep the asset's "
-        "structure; or `auto`: if the asset has more than one connected part or `rigid` is set, the map for a prompt "
-        "and the lattice otherwise.",
+        "the asset together; or `auto`: the lattice if the asset has more than one connected part or `rigid` is set, "
+        "else the surface, and for a prompt few controls of either, from coarse to fine, which keep the asset's "
+        "structure.",
         examples=["auto"],
         form={
             "label": "Carrier",
-            "help": "A map or a lattice holds separate parts together; the surface bends in finer detail.",
+            "help": "Few controls keep an asset's structure; a lattice holds parts together; a surface bends most.",
             "choices": [
-                ["auto", "Map or lattice for assets of several parts"],
+                ["auto", "By the asset; few controls for a prompt"],
                 ["surface", "Surface"],
-                ["map", "Map of space"],
                 ["lattice", "Lattice"],
             ],
         },
@@ -148,8 +147,8 @@ class DeformParams(StrictModel):
     )
     keep_structure: bool = Field(
         True,
-        description="Whether a map of space keeps the asset's structure: its mirror plane, of two the one in which the "
-        "front lies; and in what is built, what is level and upright.",
+        description="Whether a prompt with `carrier` = `auto` keeps the asset's structure: its mirror plane, of two "
+        "the one in which the front lies; and in what is built, what is level and upright.",
         examples=[True],
     )
     source_noun: str | None = Field(
@@ -217,7 +216,7 @@ class DeformParams(StrictModel):
         Symmetry.NONE,
         description="Keep the asset's mirror symmetry: `x`, `y` or `z`, the axis to which the plane through the middle "
         "of the bounding box is perpendicular; `auto`, the first of x, z and y for which every vertex has a mirrored "
-        "partner, if there is one; or `none`. A map of space keeps the mirror plane that it finds by itself "
+        "partner, if there is one; or `none`. A prompt keeps the mirror plane that it finds by itself "
         "(`keep_structure`).",
         examples=["auto"],
     )
@@ -303,7 +302,7 @@ class DeformParams(StrictModel):
     )
     dirichlet_weight: float = of_preset(
         0.0,
-        "Weight of the mean symmetric Dirichlet energy, a barrier against collapsing faces (docs/method.md).",
+        "Weight of the symmetric Dirichlet energy, which keeps faces from collapsing (docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
     )
@@ -335,8 +334,8 @@ class DeformParams(StrictModel):
     silhouette_weight: float = SILHOUETTE_WEIGHT
     stiffness: float = of_preset(
         1.0,
-        "Multiple of the weights that hold the shape together (identity, bending, barrier) at the first step; it falls "
-        "to 1 by two thirds of the run.",
+        "Multiple of the weights that hold the shape together at the first step; it falls to 1 by two thirds of the "
+        "run.",
         ge=1.0,
         le=1_000.0,
         examples=[10.0],

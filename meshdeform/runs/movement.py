@@ -18,13 +18,10 @@ _MOSTLY = 0.5
 _REMEDIES = {
     "safeguard": "Set params.safeguard to flips: the surface may then intersect itself. A mesh without doubled or "
     "intersecting surfaces needs no such exception.",
-    "dirichlet_weight": "Set params.dirichlet_weight to 0: faces may then be distorted more. The usual cause is needle-"
-    "shaped faces; a remeshed asset needs no such exception.",
     "guidance": "Use more steps, or a prompt that differs more from the asset.",
 }
 _CAUSES = {
     "safeguard": "the safeguard held back {held:.0%} of it",
-    "dirichlet_weight": "the distortion barrier held back {limited:.0%} of it",
     "guidance": "the guidance hardly pulled at it",
 }
 
@@ -37,16 +34,14 @@ class Movement:
     ----------
     rms : float
         Area-weighted root mean square displacement, as a share of the diagonal of the source's bounding box.
-    held_share, limited_share : float
-        Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked, and that
-        the barrier held back per step.
+    held_share : float
+        Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked.
     stalled_by : str, optional
-        What mostly held back a mesh that hardly moved: `safeguard`, `dirichlet_weight` or `guidance`; None if it moved.
+        What mostly held back a mesh that hardly moved: `safeguard` or `guidance`; None if it moved.
     """
 
     rms: float
     held_share: float
-    limited_share: float
     stalled_by: str | None
 
     def to_dict(self) -> dict[str, float | str | None]:
@@ -58,28 +53,24 @@ class Movement:
         """Sentences for the user: what held back a mesh that hardly moved, and what to do; empty if it moved."""
         if self.stalled_by is None:
             return []
-        cause = _CAUSES[self.stalled_by].format(held=self.held_share, limited=self.limited_share)
+        cause = _CAUSES[self.stalled_by].format(held=self.held_share)
         return [f"The mesh hardly moved ({self.rms:.1%} of its size): {cause}. {_REMEDIES[self.stalled_by]}"]
 
 
 class HoldCounter:
-    """Collects the shares of the surface that were held back in the steps of one attempt."""
+    """Collects the shares of the surface that the safeguard held back in one attempt."""
 
     def __init__(self) -> None:
         self._held: list[float] = []
-        self._limited: list[float] = []
 
     def add(self, losses: Mapping[str, float], *, checked: bool) -> None:
         """Add one step; `checked` says whether the safeguard checked the surface after it."""
         if checked and "held_share" in losses:
             self._held.append(losses["held_share"])
-        if "limited_share" in losses:
-            self._limited.append(losses["limited_share"])
 
-    def shares(self) -> tuple[float, float]:
-        """Return the mean shares that the safeguard and the barrier held back."""
-        held, limited = (float(np.mean(shares)) if shares else 0.0 for shares in (self._held, self._limited))
-        return held, limited
+    def share(self) -> float:
+        """Return the mean share that the safeguard held back."""
+        return float(np.mean(self._held)) if self._held else 0.0
 
 
 def measure_movement(rest: RestMesh, verts: Tensor, holds: HoldCounter) -> Movement:
@@ -99,8 +90,8 @@ def measure_movement(rest: RestMesh, verts: Tensor, holds: HoldCounter) -> Movem
     squared = ((verts.numpy() - rest.verts.numpy()) ** 2).sum(1)
     total = float(weights.sum())
     rms = float(np.sqrt((weights * squared).sum() / total)) / diagonal if total > 0 and diagonal > 0 else 0.0
-    held, limited = holds.shares()
-    cause = None
+    held = holds.share()
+    stalled_by = None
     if rms < _STALLED:
-        cause = "safeguard" if held > _MOSTLY else "dirichlet_weight" if limited > _MOSTLY else "guidance"
-    return Movement(rms, held, limited, cause)
+        stalled_by = "safeguard" if held > _MOSTLY else "guidance"
+    return Movement(rms, held, stalled_by)

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from meshdeform.deformation.lattice import Lattice
 from meshdeform.deformation.large_faces import pull_of_large_faces
+from meshdeform.deformation.lattice import Lattice
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, join
@@ -33,7 +33,10 @@ def followed(*parts: TriangleMesh) -> tuple[RestMesh, NDArray[np.float64]]:
 
 def test_a_beam_stays_on_its_wall_whose_chord_leaves_the_map() -> None:
     mesh, verts = followed(WALL, beam(0.055))
-    before, after = mesh.verts.numpy()[-8:, 2] - 0.05, verts[-8:, 2] - verts[:8][mesh.verts.numpy()[:8, 2] > 0, 2].mean()
+    before, after = (
+        mesh.verts.numpy()[-8:, 2] - 0.05,
+        verts[-8:, 2] - verts[:8][mesh.verts.numpy()[:8, 2] > 0, 2].mean(),
+    )
     np.testing.assert_allclose(after, before, atol=2e-3)
 
 

@@ -14,7 +14,7 @@ import torch
 from bench.input_meshes import INPUTS
 from bench.inputs import glb, outcome
 from meshdeform.assets import load_asset
-from meshdeform.deformation import step_limit
+from meshdeform.deformation import step_repair
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import JacobianField, Variables, placed
@@ -68,13 +68,13 @@ HARDEST = ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched"
 @pytest.mark.parametrize(
     "names", [HARDEST, pytest.param([*INPUTS.keys() - {"large"}], marks=pytest.mark.long)], ids=["hardest", "all"]
 )
-def test_the_barrier_takes_every_input(names: list[str], subtests: pytest.Subtests) -> None:
+def test_the_dirichlet_energy_takes_every_input(names: list[str], subtests: pytest.Subtests) -> None:
     for name in names:
         with subtests.test(name):
-            barrier_holds(name)
+            energy_is_taken(name)
 
 
-def barrier_holds(name: str) -> None:
+def energy_is_taken(name: str) -> None:
     assert outcome(INPUTS[name](SIZE), FakePrior(), 3, learning_rate=0.05, dirichlet_weight=1.0).broken == []
 
 
@@ -148,7 +148,7 @@ def test_parts_that_meet_at_rest_may_move_through_each_other() -> None:
 
 
 def test_parts_that_are_apart_at_rest_may_not_and_hold_nobody_else_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(step_limit, "_HOLD_RINGS", ())  # the last resort
+    monkeypatch.setattr(step_repair, "_HOLD_RINGS", ())  # the last resort
     ball = TriangleMesh(0.3 * icosphere(2).verts, icosphere(2).faces)
     mesh = join(ball, shifted(ball, 1.0, 0, 0), shifted(ball, 0, 1.0, 0), shifted(ball, 0, 1.4, 0))
     variables, guard, optimizer = guarded(mesh, VertexDisplacements)

@@ -1,22 +1,14 @@
-"""Prevent steps from moving an element through zero size, so that the symmetric Dirichlet energy acts as a barrier.
+"""Revert a step where it breaks the surface, and keep the rest of it.
 
-The energy is infinite where a face or a tetrahedron collapses, but finite again where it is flipped, so the optimiser
-must not cross the barrier. After every step, with a the area vectors of the faces or the volumes of the tetrahedra::
-
-    a(new) . a(old) >= 0.1 |a(old)|^2
-
-must hold; where it does not, the step is reverted. A face that rotates by a right angle or more within one step is
-reverted too, but no step is that long.
-
-`StepRepair` reverts a step where it breaks the surface, and keeps the rest of it. `StepLimit` and `surface_guard` each
-pass a function that finds the broken elements: faces of the surface, or cells of a lattice. The repair tries the
-following in order, until nothing is broken:
+`surface_guard` passes a function that finds the elements with broken faces: faces of the surface, or cells of a
+lattice. The repair tries the following in order, until nothing is broken:
 
 1. Reset the Jacobians of the broken elements to their values before the step, and those around them in part:
    ``J <- J_old + a (J - J_old)`` with a = 0 on the broken elements, rising to 1 over the rings around them.
-2. Move the region around the broken elements as a whole: by the affine map that fits its step best, blended into the
-   free step over rings that double in number. An affine map neither folds nor cuts what was intact. Two limbs that run
-   into each other are not stopped by their own Jacobians, because other faces move them.
+2. If every element has a Jacobian of its own, move the region around the broken ones as a whole: by the affine map that
+   fits its step best, blended into the free step over rings that double in number. An affine map neither folds nor
+   cuts what was intact. Two limbs that run into each other are not stopped by their own Jacobians, because other faces
+   move them.
 3. Shorten the whole step of each component that is still broken, finally to zero.
 
 Elements that become broken on the way are treated alike. The momentum of everything that was reset is cleared;
@@ -38,7 +30,7 @@ from torch import Tensor
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.variables import Variables
 
-__all__ = ["StepLimit", "StepRepair"]
+__all__ = ["StepRepair"]
 
 _BLEND_RINGS = (2, 3)
 _HOLD_RINGS = (1, 2, 3, 4, 6, 8, 12, 16, 32)
@@ -103,7 +95,7 @@ class StepRepair:
             if not broken.any():
                 self._reset_momentum(optimizer, held)
                 return held
-        if not self._hold_regions(find_broken, old, new, held, broken):
+        if not (self._variables.local and self._hold_regions(find_broken, old, new, held, broken)):
             self._set(new)
             held |= self._shorten(find_broken, old, new)
         self._reset_momentum(optimizer, held)
@@ -230,44 +222,3 @@ def _affine_fit(before: _Floats, after: _Floats, weight: _Floats) -> _Floats:
 def _column(values: NDArray[np.generic], tensor: Tensor) -> Tensor:
     """Reshape one value per row of `tensor` to broadcast against it."""
     return torch.from_numpy(np.ascontiguousarray(values)).view(-1, *[1] * (tensor.ndim - 1))
-
-
-_LEAST = 0.1
-
-
-class StepLimit:
-    """Checks every step of a run, and reverts it where an element crosses zero size.
-
-    Parameters
-    ----------
-    variables : Variables
-        Those of the rest shape. Elements that are collapsed at rest are not checked.
-    """
-
-    def __init__(self, variables: Variables) -> None:
-        self._variables = variables
-        self._repair = StepRepair(variables)
-        self.copy = self._repair.copy
-
-    @torch.no_grad()
-    def enforce(self, optimizer: Adam, old: Mapping[str, Tensor], control: Tensor) -> float:
-        """Revert the step where elements went through zero size since an earlier shape.
-
-        Parameters
-        ----------
-        optimizer : Adam
-        old : mapping of name to Tensor
-            Variables of the earlier shape, from `copy`.
-        control : (N, 3) float64
-            Control points of the earlier shape.
-
-        Returns
-        -------
-        Share of the elements that were held back.
-        """
-        before = self._variables.sizes(control.detach())
-        return float(self._repair.repair(lambda: self._crossed(before), old, optimizer).mean())
-
-    def _crossed(self, before: Tensor) -> NDArray[np.bool_]:
-        after = self._variables.sizes(self._variables.solve().detach())
-        return ((after * before).sum(2) < _LEAST * before.square().sum(2)).any(1).numpy()
