@@ -2,14 +2,14 @@
 
 A face stays flat while the map of space bends, so the chord of a face that is longer than a cell leaves the map: a beam
 would sink into its wall, a window come off its door. With W(p) x the map's place of p for the nodes x, a vertex p near
-a larger face of another component follows that face::
+a larger face of a component that its own one touches follows that face::
 
     x(p) = W(p) x + s(d) (sum_i b_i x(v_i) - W(q) x)
 
 with q the nearest place on the face, b its barycentric coordinates, v_i the corners, and s(d) falling from 1 to 0 over
-the distances d = |p - q| up to half a cell. Only the weights with which vertices follow the nodes change, so it costs
-no step anything. A vertex follows only faces larger than all of its own; the corners of the face may follow a larger
-one themselves.
+the distances d = |p - q| from half a cell to a whole one. Only the weights with which vertices follow the nodes change,
+so it costs no step anything. A vertex follows only faces larger than all of its own; the corners of the face may follow
+a larger one themselves.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from meshdeform.deformation.lattice import Lattice
-from meshdeform.geometry.nearest_places import nearest_larger_faces
+from meshdeform.geometry.nearest_places import LargeFaces, nearest_larger_faces
 from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["pull_of_large_faces"]
@@ -27,8 +27,8 @@ __all__ = ["pull_of_large_faces"]
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
-_FULLY, _REACH = 0.1, 0.5
-"""Distances, in cells, up to which a vertex follows a face as if it lay on it, and from which it does not."""
+_CONTACT, _FULLY = 0.1, 0.5
+"""Distances, in cells, up to which a component touches a face, and up to which its vertices follow that fully."""
 
 
 def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
@@ -41,14 +41,14 @@ def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
     own = np.zeros(len(verts))
     np.maximum.at(own, faces.ravel(), np.repeat(mesh.areas, 3))
     component = mesh.components.numpy()
-    nearest, shares, distances = nearest_larger_faces(
-        verts, own, component, corners[large], mesh.areas[large], component[faces[large, 0]], _REACH * lattice.spacing
-    )
+    given = LargeFaces(corners[large], mesh.areas[large], component[faces[large, 0]])
+    reaches = (_CONTACT * lattice.spacing, lattice.spacing)
+    nearest, shares, distances = nearest_larger_faces(verts, own, component, given, *reaches)
     followers = np.flatnonzero(nearest >= 0)
     if not len(followers):
         return nothing
     face, shares = large[nearest[followers]], shares[followers]
-    near = 1 - np.clip((distances[followers] / lattice.spacing - _FULLY) / (_REACH - _FULLY), 0, 1)
+    near = 1 - np.clip((distances[followers] / lattice.spacing - _FULLY) / (1 - _FULLY), 0, 1)
     strength = (near**2 * (3 - 2 * near))[:, None]
     followed, column = np.unique(faces[face], return_inverse=True)
     pull = _rows(len(verts), len(followed), followers, column.reshape(-1, 3), strength * shares)

@@ -9,6 +9,7 @@ Source: Ericson 2005, Real-Time Collision Detection, section 5.1.5 (the nearest 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -18,7 +19,7 @@ from scipy.spatial import cKDTree
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import count_samples, samples_of
 
-__all__ = ["NearestPlaces", "SurfaceTree", "nearest_larger_faces"]
+__all__ = ["LargeFaces", "NearestPlaces", "SurfaceTree", "nearest_larger_faces"]
 
 _OPPOSITE = 2.0
 """Distance, in typical edges, that counts as much as opposite normals: the other side of a thin wall is not near."""
@@ -31,6 +32,15 @@ _SAMPLES, _SAMPLES_OF_FACE = 2_000_000, 6
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class LargeFaces:
+    """Some faces of a mesh: `corners` (F, 3, 3), `areas` (F,) and the `components` (F,) to which they belong."""
+
+    corners: _Floats
+    areas: _Floats
+    components: _Index
 
 
 class SurfaceTree:
@@ -124,37 +134,41 @@ class NearestPlaces:
 
 
 def nearest_larger_faces(
-    points: _Floats,
-    sizes: _Floats,
-    components: _Index,
-    corners: _Floats,
-    areas: _Floats,
-    face_components: _Index,
-    reach: float,
+    points: _Floats, sizes: _Floats, components: _Index, faces: LargeFaces, contact: float, reach: float
 ) -> tuple[_Index, _Floats, _Floats]:
-    """Find for each point the nearest face that is larger than it and belongs to another component.
+    """Find for each point the nearest face that is larger than it, of another component that its own one touches.
 
     Parameters
     ----------
     points : (P, 3) float64
     sizes : (P,) float64
         The area that a face must exceed.
-    components, face_components : (P,), (F,) int64
-    corners : (F, 3, 3) float64
-        Corners of the faces, few: all points are compared with all.
-    areas : (F,) float64
+    components : (P,) int64
+    faces : LargeFaces
+        Few: all points are compared with all.
+    contact : float
+        A component touches another one if one of its points is at most this far from one of the faces.
     reach : float
-        Greatest distance.
+        Greatest distance of a point from its face.
 
     Returns
     -------
     (P,) int64, -1 where there is none; the barycentric coordinates (P, 3) of the nearest places; their distances (P,).
     """
-    face, distance = np.full(len(points), -1), np.full(len(points), reach * reach)
-    weights = np.zeros((len(points), 3))
-    low, high = corners.min(1) - reach, corners.max(1) + reach
-    _search(points, sizes, components, corners, areas, face_components, low, high, face, distance, weights)
-    return face, weights, np.sqrt(distance)
+    count = 1 + max(int(components.max(initial=0)), int(faces.components.max(initial=0)))
+
+    def search(within: float, touching: _Index) -> tuple[_Index, _Floats, _Floats]:
+        face, weights, squared = np.full(len(points), -1), np.zeros((len(points), 3)), np.full(len(points), within**2)
+        low, high = faces.corners.min(1) - within, faces.corners.max(1) + within
+        given = (faces.corners, faces.areas, faces.components, low, high)
+        _search(points, sizes, components, *given, count, touching, face, squared, weights)
+        return face, weights, np.sqrt(squared)
+
+    close, weights, distances = search(contact, np.empty(0, np.int64))
+    near = close >= 0
+    if not near.any():
+        return close, weights, distances
+    return search(reach, np.unique(components[near] * count + faces.components[close[near]]))
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -167,16 +181,21 @@ def _search(
     face_components: _Index,
     low: _Floats,
     high: _Floats,
+    count: int,
+    touching: _Index,
     face: _Index,
     distance: _Floats,
     weights: _Floats,
 ) -> None:
-    """Set the nearest face of each point, its squared distance and the coordinates of the place."""
+    """Set the nearest face of each point, its squared distance and the coordinates of the place.
+
+    `touching` are the sorted pairs of components that count, as a * count + b; all do if it is empty.
+    """
     place = np.empty(3)
     for number in range(len(points)):
-        p = points[number]
+        p, own = points[number], components[number]
         for other in range(len(corners)):
-            if areas[other] <= sizes[number] or face_components[other] == components[number]:
+            if areas[other] <= sizes[number] or face_components[other] == own:
                 continue
             outside = False
             for i in range(3):
@@ -184,10 +203,16 @@ def _search(
             if outside:
                 continue
             squared = _nearest_place(p, corners[other, 0], corners[other, 1], corners[other, 2], place)
-            if squared < distance[number]:
-                distance[number], face[number] = squared, other
-                for i in range(3):
-                    weights[number, i] = place[i]
+            if squared >= distance[number]:
+                continue
+            if len(touching):
+                key = own * count + face_components[other]
+                at = np.searchsorted(touching, key)
+                if at == len(touching) or touching[at] != key:
+                    continue
+            distance[number], face[number] = squared, other
+            for i in range(3):
+                weights[number, i] = place[i]
 
 
 def _chunks(count: int) -> list[slice]:
