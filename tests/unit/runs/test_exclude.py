@@ -62,7 +62,7 @@ def height_above(positions: np.ndarray, triangles: np.ndarray, point: np.ndarray
 def test_a_small_ball_stays_on_a_large_ground() -> None:
     asset = scene(21)
     result, report = finished(start(asset, steps=40, backdrop="deform"))
-    assert report["carrier"]["kind"] == "map"
+    assert report["carrier"]["kind"] == "lattice"
     found = load_asset(result).surface
     is_ball = found.instance_of_vertex == 0
     ball = found.positions[is_ball]
@@ -105,7 +105,7 @@ def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> No
 def test_a_backdrop_that_is_deformed_is_carried_with_the_rest() -> None:
     asset = scene(1)
     result, report = finished(start(asset, backdrop="deform", steps=5))
-    assert report["carrier"]["kind"] == "map"
+    assert report["carrier"]["kind"] == "lattice"
     moved = np.abs(load_asset(result).surface.positions - load_asset(asset).surface.positions)
     assert moved[load_asset(asset).surface.instance_of_vertex == 1].max() > 1
 
