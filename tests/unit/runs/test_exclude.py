@@ -71,7 +71,7 @@ def test_a_small_ball_stays_on_a_large_ground() -> None:
     moved = found.positions - load_asset(asset).surface.positions
     assert np.linalg.norm(moved, axis=1).max() > 0.1 * diagonal
     assert abs(height_above(found.positions, ground, ball[ball[:, 1].argmin()])) < 1e-3 * diagonal
-    assert np.ptp(ball, axis=0).max() < 2 * 2
+    assert np.ptp(ball, axis=0).max() < 4 * 2  # as the ground around it is stretched
 
 
 def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> None:
