@@ -8,6 +8,7 @@ from torch import Tensor
 
 from meshdeform.assets import Asset, Surface
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.studio import Pose
 
@@ -24,14 +25,14 @@ class Shown:
         The welded surfaces, +Y up, with the same faces.
     poses : tuple of Pose
         Of all vertices of the files, for pictures: source and result.
-    skinned : bool
-        Whether the asset has a skin, so that these shapes may differ from those of the bind pose.
+    posed : bool
+        Whether the asset has a skin, and these are not the shapes of the bind pose.
     """
 
     source: TriangleMesh
     result: TriangleMesh
     poses: tuple[Pose, Pose]
-    skinned: bool
+    posed: bool
 
     @classmethod
     def of(cls, asset: Asset, written: Asset, welded: WeldedMesh, verts: Tensor) -> Shown:
@@ -45,13 +46,19 @@ class Shown:
         verts : (V, 3) float64
             Deformed positions of the welded vertices, in the bind pose.
         """
-        if not asset.rig().joints:
-            # Not rounded to the precision of the file.
-            result = TriangleMesh(verts, welded.mesh.faces)
-            return cls(welded.mesh, result, _poses(asset.surface, written.surface), skinned=False)
-        before, after = asset.posed(), written.posed()
-        shapes = welded.gather(before.positions), welded.gather(after.positions)
-        return cls(*shapes, _poses(before, after), skinned=True)
+        if asset.rig().joints:
+            before, after = asset.posed(), written.posed()
+            source, result = welded.gather(before.positions), welded.gather(after.positions)
+            # A pose that hides all of it, with joints scaled to nothing, says nothing about it.
+            if _has_area(source) and _has_area(result):
+                return cls(source, result, _poses(before, after), posed=True)
+        # Not rounded to the precision of the file.
+        result = TriangleMesh(verts, welded.mesh.faces)
+        return cls(welded.mesh, result, _poses(asset.surface, written.surface), posed=False)
+
+
+def _has_area(mesh: TriangleMesh) -> bool:
+    return bool(mesh.verts.isfinite().all()) and bool((RestMesh.of(mesh).areas > 0).any())
 
 
 def _poses(before: Surface, after: Surface) -> tuple[Pose, Pose]:

@@ -365,7 +365,7 @@ class TextDeformRun:
             return None
         known = self._facts.recognised
         # A skin was recognised in its bind pose.
-        nouns = {} if known is None or shown.skinned else known.nouns
+        nouns = {} if known is None or shown.posed else known.nouns
         with self._clock.phase("measure"):
             return likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
 

@@ -170,7 +170,7 @@ def build_report(
     with clock.phase("measure"):
         faces = welded.mesh.faces.numpy()
         quality = measure(welded.mesh.verts.numpy(), faces, verts.numpy())
-        posed = measure(shown.source.verts.numpy(), faces, shown.result.verts.numpy()) if shown.skinned else None
+        posed = measure(shown.source.verts.numpy(), faces, shown.result.verts.numpy()) if shown.posed else None
         invariants = _invariants(asset, written)
         movement = measure_movement(RestMesh.of(welded.mesh), verts, holds)
         triangles = asset.surface.triangles[drawn]
