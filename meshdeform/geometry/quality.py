@@ -118,8 +118,8 @@ class MeshQuality:
             "newly cutting others": self.self_intersections_added,
             "without area": self.collapsed_faces,
         }
-        told = [f"{count:,} {words}" for words, count in damage.items() if count]
-        sentences = [f"Damaged faces{where}, of {faces:,}: {', '.join(told)}."] if told else []
+        counts = [f"{count:,} {words}" for words, count in damage.items() if count]
+        sentences = [f"Damaged faces{where}, of {faces:,}: {', '.join(counts)}."] if counts else []
         if self.self_intersecting_faces_after is None:
             sentences.append(
                 "The self-intersections were not counted, because too many faces lie on or in each other. Remove "

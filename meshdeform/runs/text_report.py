@@ -176,11 +176,11 @@ def build_report(
         triangles = asset.surface.triangles[drawn]
         corners = (shape.surface.positions[triangles] for shape in (asset, written))
         stretch = measure_texture_stretch(texel_corners(look), *corners)
-        judged = None
+        conclusion = None
         if likeness is not None and prompts is None:  # of several, none alone is what the result should be
-            asked = facts.request.prompt if stages is None else stages[-1]["prompt"]
+            prompt = facts.request.prompt if stages is None else stages[-1]["prompt"]
             structure = kept_structure(shown.source, shown.result, (posed or quality).to_dict())
-            judged = verdict(asked, likeness, structure)
+            conclusion = verdict(prompt, likeness, structure)
     up_axis = up_axis_warnings(asset.surface.positions, triangles)
     losses = history.to_list()
     report: dict[str, Any] = {
@@ -250,8 +250,8 @@ def build_report(
     report |= control or {}
     if likeness is not None:
         report["likeness"] = likeness
-    if judged is not None:
-        report["verdict"] = judged
+    if conclusion is not None:
+        report["verdict"] = conclusion
     if fit is not None:
         report["fit"] = fit
     if stages is not None:

@@ -70,8 +70,8 @@ export function findings(report) {
   /** @type {Finding[]} */
   const found = [...verdict(report?.verdict), ...likeness(report?.likeness), ...stillYours(quality), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
-    const told = report.warnings.map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
-    found.push(...told.map((/** @type {string} */ text) => warn(text.startsWith(STALLED) ? "Hardly moved" : "The source", text)));
+    const others = report.warnings.map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
+    found.push(...others.map((/** @type {string} */ text) => warn(text.startsWith(STALLED) ? "Hardly moved" : "The source", text)));
   }
   if (Array.isArray(report?.input?.warnings)) {
     found.push(...report.input.warnings.map((/** @type {unknown} */ text) => plain("About your file", String(text))));
