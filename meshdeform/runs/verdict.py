@@ -1,7 +1,10 @@
 """Say by a run's own checks whether its result is worse than doing nothing.
 
-It is if its noun gained no rank over the source among all that the judge knows, while a figure of the structure is
-beyond `LIMITS`. A source that ranks first already has no rank to gain: there the structure alone decides.
+It is if nothing was gained of what the prompt asks for, while a figure of the structure is beyond `LIMITS`. The noun's
+rank among all that the judge knows must become half of the source's to count as gained, since far from the first ones
+it changes by chance: a van that was number 115 among boats is no boat as number 62. Ranks ignore attributes: of a
+prompt that has any, the rank must only not become worse. A source that ranks first already has no rank to gain: there,
+without attributes, the structure alone decides.
 """
 
 from __future__ import annotations
@@ -60,7 +63,7 @@ def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[
 
 
 def worse_than_source(before: int, after: int, structure: Mapping[str, Any]) -> bool:
-    """Return whether a noun gained no rank, from `before` to `after`, while the structure suffered."""
+    """Return whether a noun gained no rank at all, from `before` to `after`, while the structure suffered."""
     return after >= before and bool(_beyond(structure))
 
 
@@ -82,9 +85,11 @@ def verdict(prompt: str, likeness: Mapping[str, Any], structure: Mapping[str, An
         and the `structure`.
     """
     rank, was = likeness["rank"], likeness["before"]["rank"]
-    crooked = any(attribute.degree in _CROOKED for attribute in parse(prompt).attributes)
+    attributes = parse(prompt).attributes
+    gained = rank <= was if attributes else 2 * rank <= was
+    crooked = any(attribute.degree in _CROOKED for attribute in attributes)
     beyond = _beyond(structure, excused=("asymmetry", "flatness") if crooked else ())
-    if rank < was or not beyond:
+    if gained or not beyond:
         return {"value": KEEP_RESULT, "reasons": [], "structure": dict(structure)}
     reasons = [_rank_reason(likeness["noun"], rank, was, likeness["nouns"])]
     reasons += [_SENTENCES[name].format(structure[name]) for name in beyond]
@@ -101,4 +106,5 @@ def _rank_reason(noun: str, rank: int, was: int, nouns: int) -> str:
     what = ParsedPrompt(noun)
     if rank == was == 1:
         return f"The source looked like {what} already."
-    return f"It looks no more like {what} than before: rank {rank} of {nouns} nouns, was {was}."
+    more = "hardly more" if rank < was else "no more"
+    return f"It looks {more} like {what} than before: rank {rank} of {nouns} nouns, was {was}."

@@ -26,7 +26,7 @@ def judged(before: int, after: int) -> dict[str, Any]:
     [
         ((5, 5), {}, False),
         ((5, 5), {"asymmetry": 0.02}, True),
-        ((5, 4), {"asymmetry": 0.02}, False),
+        ((5, 2), {"asymmetry": 0.02}, False),
         ((5, 6), {"flipped_faces": 1}, True),
         ((5, 6), {"asymmetry": None, "contacts": None}, False),
         ((1, 1), {}, False),
@@ -63,8 +63,27 @@ def test_the_reasons_are_sentences() -> None:
 
 @each_case("prompt, value", [("a tree", "keep_source"), ("a tall twisted tree", "keep_result")])
 def test_what_is_asked_to_be_crooked_need_not_be_symmetric_or_flat(prompt: str, value: str) -> None:
-    assert verdict(prompt, judged(1, 1), {**GOOD, "asymmetry": 0.1, "flatness": 0.1})["value"] == value
-    assert verdict(prompt, judged(1, 1), {**GOOD, "flipped_faces": 1})["value"] == "keep_source"
+    assert verdict(prompt, judged(1, 2), {**GOOD, "asymmetry": 0.1, "flatness": 0.1})["value"] == value
+    assert verdict(prompt, judged(1, 2), {**GOOD, "flipped_faces": 1})["value"] == "keep_source"
+
+
+@each_case(
+    "prompt, ranks, value",
+    [
+        ("an umbrella", (5, 3), "keep_source"),
+        ("an umbrella", (4, 2), "keep_result"),
+        ("an umbrella", (1, 1), "keep_source"),
+        ("a tall umbrella", (2, 2), "keep_result"),
+        ("a tall umbrella", (2, 3), "keep_source"),
+    ],
+)
+def test_a_rank_is_gained_if_it_halves_and_with_attributes_if_it_is_not_lost(
+    prompt: str, ranks: tuple[int, int], value: str
+) -> None:
+    said = verdict(prompt, judged(*ranks), {**GOOD, "flipped_faces": 1})
+    assert said["value"] == value
+    if ranks == (5, 3):
+        assert said["reasons"][0] == "It looks hardly more like an umbrella than before: rank 3 of 122 nouns, was 5."
 
 
 def test_what_was_kept_is_measured_on_the_shapes() -> None:
