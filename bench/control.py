@@ -33,8 +33,8 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.likeness import likeness
 from meshdeform.runs.strength import AssetPath
-from meshdeform.runs.text_report import likeness
 
 Floats = NDArray[np.float64]
 ALL = SUITES["small"].prompts

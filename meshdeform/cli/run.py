@@ -9,12 +9,11 @@ import typer
 
 from meshdeform.cli.animate import check_animation, write_animation
 from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
-from meshdeform.cli.defects import defects_line
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.fit import fit_line
 from meshdeform.cli.goals import parse_goals
-from meshdeform.cli.likeness import likeness_line
+from meshdeform.cli.likeness import kept_line, likeness_line, verdict_line
 from meshdeform.cli.options import (
     AlsoOption,
     ExcludeOption,
@@ -280,8 +279,9 @@ def run(
             typer.echo(line)
     elif summary["likeness"] is not None:
         typer.echo(likeness_line(summary["likeness"]))
-    if damage := defects_line(summary["quality"], summary["faces"]):
-        typer.echo(damage)
+    typer.echo(kept_line(summary["posed_quality"] or summary["quality"]))
+    if summary["verdict"] is not None and (verdict := verdict_line(summary["verdict"])):
+        typer.echo(verdict)
     if summary["texture_stretch"] is not None:
         typer.echo(stretch_line(summary["texture_stretch"]))
     if summary["fit"] is not None:

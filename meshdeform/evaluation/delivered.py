@@ -1,8 +1,8 @@
 """Evaluate items of real assets as they are delivered: the whole job, and what a viewer of its file shows.
 
 Every figure is compared with two results that cost nothing: the source as it is, and the *best stretch*, the source
-scaled along its axes by the factors of `_FACTORS` that the judge likes best. An item is *worse than its source* if its
-noun gained no rank over the source and a figure of its structure is worse than `LIMITS` allow.
+scaled along its axes by the factors of `_FACTORS` that the judge likes best. Whether an item is *worse than its source*
+is decided as in a run (`meshdeform.runs.verdict`).
 """
 
 from __future__ import annotations
@@ -21,23 +21,20 @@ from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.evaluation.evaluator import Evaluator, item_folder
 from meshdeform.evaluation.retrieval import ShapeJudge
 from meshdeform.evaluation.sources import posed_mesh
-from meshdeform.evaluation.structure import measure_structure
 from meshdeform.evaluation.suite import Item
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.verdict import kept_structure, worse_than_source
 from meshdeform.support.files import write_files
 
-__all__ = ["LIMITS", "DeliveredEvaluator", "best_stretch", "stretched_picture", "worse_than_source"]
+__all__ = ["DeliveredEvaluator", "best_stretch", "stretched_picture"]
 
 Factors = tuple[float, float, float]
 
 _FACTORS = (0.5, 2**-0.5, 1.0, 2**0.5, 2.0)
-
-LIMITS = {"asymmetry": 0.01, "flatness": 0.01, "contacts": 0.005, "cut_share": 0.01, "flipped_faces": 0.0}
-"""Largest figures of a result whose structure counts as kept."""
 
 
 class DeliveredEvaluator(Evaluator):
@@ -78,24 +75,14 @@ class DeliveredEvaluator(Evaluator):
     def _assess(self, item: Item, rest: TriangleMesh, shape: TriangleMesh) -> dict[str, Any]:
         assessed = super()._assess(item, rest, shape)
         quality, noun = assessed["quality"], parse(item.prompt).noun
-        structure: dict[str, Any] = measure_structure(rest, shape).to_dict()
-        structure["cut_share"] = (quality["self_intersections_added"] or 0) / len(rest.faces)
-        structure["flipped_faces"] = quality["flipped_faces"]
-        kept: dict[str, Any] = {"structure": structure}
+        kept: dict[str, Any] = {"structure": kept_structure(rest, shape, quality)}
         if self.judge is not None:
             stretch = best_stretch(self.judge, item.source, noun)
             ranks = {"source": _rank(self.judge, rest, noun), "stretch": stretch.rank}
             ranks["result"] = assessed["judge"]["noun_rank"]
             kept |= {"noun_ranks": ranks, "stretch": stretch.factors}
-            kept["worse_than_source"] = worse_than_source(kept)
+            kept["worse_than_source"] = worse_than_source(ranks["source"], ranks["result"], kept["structure"])
         return {**assessed, "kept": kept}
-
-
-def worse_than_source(kept: dict[str, Any]) -> bool:
-    """Return whether a result gained no rank over its source while its structure suffered."""
-    ranks, structure = kept["noun_ranks"], kept["structure"]
-    suffered = any((structure[name] or 0.0) > limit for name, limit in LIMITS.items())
-    return bool(ranks["result"] >= ranks["source"] and suffered)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from meshdeform.evaluation.relaxed import Solid, capsule, geodesic_sphere, relax
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import texel_corners
 from meshdeform.geometry.shapes import box, join, torus
-from meshdeform.geometry.weld import weld
+from meshdeform.geometry.weld import WeldedMesh, weld
 
 __all__ = ["SOURCES", "PosedMesh", "mesh_sha256", "posed_mesh", "quadruped", "source_mesh", "source_texels"]
 
@@ -136,37 +136,29 @@ class PosedMesh:
     Attributes
     ----------
     mesh : TriangleMesh
-    rows : (V,) int64
-        A vertex of the file for each of the mesh.
-    triangles : (F,) int64
-        The triangle of the file of each face.
+    welded : WeldedMesh
+        In the bind pose.
     """
 
     mesh: TriangleMesh
-    rows: NDArray[np.int64]
-    triangles: NDArray[np.int64]
+    welded: WeldedMesh
 
     def moved(self, result: Asset) -> TriangleMesh:
         """Return the mesh with the places that its vertices have in a result."""
-        return TriangleMesh(torch.from_numpy(result.posed().positions[self.rows]), self.mesh.faces)
+        return self.welded.gather(result.posed().positions)
 
 
 def posed_mesh(asset: Asset) -> PosedMesh:
-    """Weld the surface of an asset as viewers show it."""
-    posed = asset.posed()
-    welded = weld(posed.positions, posed.triangles)
-    rows = np.zeros(len(welded.mesh.verts), np.int64)
-    used = np.flatnonzero(welded.vertex_map >= 0)[::-1]  # the first of the merged vertices is assigned last
-    rows[welded.vertex_map[used]] = used
-    mesh = TriangleMesh(torch.from_numpy(posed.positions[rows]), welded.mesh.faces)
-    return PosedMesh(mesh, rows, welded.face_source)
+    """Weld the surface of an asset, and place it as viewers show it."""
+    welded = weld(asset.surface.positions, asset.surface.triangles)
+    return PosedMesh(welded.gather(asset.posed().positions), welded)
 
 
 @cache
 def _of_file(name: str) -> tuple[TriangleMesh, NDArray[np.float64]]:
     asset = load_asset(Path(name).read_bytes(), Path(name).name, Limits.unlimited())
     posed = posed_mesh(asset)
-    return posed.mesh, texel_corners(asset.appearance())[posed.triangles]
+    return posed.mesh, texel_corners(asset.appearance())[posed.welded.face_source]
 
 
 def mesh_sha256(mesh: TriangleMesh) -> str:

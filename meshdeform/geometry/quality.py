@@ -51,6 +51,9 @@ _TOUCHING = 1e-6
 """Distance, as a share of the bounding box's diagonal, up to which faces touch."""
 _ROUNDING = 1e-15
 """Of the largest coordinate: what entering and leaving another frame may change."""
+_RESIZED = 1.5
+"""Factor by which lengths in a face may differ from the overall scale before the face counts as reshaped. Furniture and
+vehicles of one kind differ by about as much; twice is seen at once, also in a texture."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,9 @@ class MeshQuality:
         Total area after over before.
     area_ratio_spread : float
         Standard deviation of the logarithm of the faces' area ratios.
+    kept_share : float
+        Share of the area at rest that kept its shape: of faces in which no length changed by more than a factor of 1.5
+        beyond one scale for all, the geometric mean by area.
     """
 
     flipped_faces: int
@@ -91,20 +97,35 @@ class MeshQuality:
     volume_ratio: float
     area_ratio: float
     area_ratio_spread: float
+    kept_share: float
 
     def to_dict(self) -> dict[str, float | None]:
         """Return the figures by name."""
         return asdict(self)
 
-    @property
-    def warnings(self) -> list[str]:
-        """A sentence for the user if the self-intersections could not be counted."""
-        if self.self_intersecting_faces_after is not None:
-            return []
-        return [
-            "The self-intersections were not counted, because too many faces lie on or in each other. Remove copies "
-            "that are in one place."
-        ]
+    def warnings(self, faces: int, where: str = "") -> list[str]:
+        """Return sentences for the user about damaged faces, and about self-intersections that were not counted.
+
+        Parameters
+        ----------
+        faces : int
+            Number of faces of the mesh.
+        where : str
+            What the first sentence says after "Damaged faces", such as " in the bind pose".
+        """
+        damage = {
+            "flipped": self.flipped_faces,
+            "newly cutting others": self.self_intersections_added,
+            "without area": self.collapsed_faces,
+        }
+        counts = [f"{count:,} {words}" for words, count in damage.items() if count]
+        sentences = [f"Damaged faces{where}, of {faces:,}: {', '.join(counts)}."] if counts else []
+        if self.self_intersecting_faces_after is None:
+            sentences.append(
+                "The self-intersections were not counted, because too many faces lie on or in each other. Remove "
+                "copies that are in one place."
+            )
+        return sentences
 
 
 def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
@@ -128,7 +149,8 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     f, a, b = faces[solid], area_old[solid], area_new[solid]
     scale = float(b.sum() / a.sum()) if len(a) else 1.0
     collapsed = (b <= _COLLAPSED_SHARE * scale * a) | (b <= COLLAPSED_SHAPE * _longest_sq(verts, f))
-    energy = _symmetric_dirichlet(rest_verts, verts, f[~collapsed], scale or 1.0)
+    total, product = _squared_stretches(rest_verts, verts, f[~collapsed], scale or 1.0)
+    energy = (total + total / product) / 4
     weights = a[~collapsed]
     volume = _volume(rest_verts, faces)
     ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
@@ -147,6 +169,7 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
         volume_ratio=_volume(verts, faces) / volume if abs(volume) > 1e-12 * diagonal_sq**1.5 else 0.0,
         area_ratio=scale,
         area_ratio_spread=float(ratio.std()) if len(ratio) else 0.0,
+        kept_share=_kept_area(total, np.exp(ratio) / scale, weights) / float(a.sum()) if len(energy) else 0.0,
     )
 
 
@@ -205,8 +228,8 @@ def _min_angle_p1(verts: _Floats, faces: _Faces) -> float:
     return float(np.degrees(np.percentile(np.min(angles, axis=0), 1)))
 
 
-def _symmetric_dirichlet(rest: _Floats, verts: _Floats, faces: _Faces, scale: float) -> _Floats:
-    """Return the energy of each face's map, after removing the mean area scale."""
+def _squared_stretches(rest: _Floats, verts: _Floats, faces: _Faces, scale: float) -> tuple[_Floats, _Floats]:
+    """Return sum and product (F,) of the squared singular values of the faces' maps, without the mean area scale."""
 
     def metric(points: _Floats) -> tuple[_Floats, _Floats, _Floats]:
         u, v = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
@@ -214,11 +237,20 @@ def _symmetric_dirichlet(rest: _Floats, verts: _Floats, faces: _Faces, scale: fl
 
     e, m, g = metric(rest)
     e2, m2, g2 = (entry / scale for entry in metric(verts))
-    # The squared singular values of the map have the sum trace(I^-1 II) and the product det(II) / det(I).
+    # They are the trace of I^-1 II and det(II) / det(I), with the first fundamental forms I and II of a face.
     det_old, det_new = e * g - m * m, e2 * g2 - m2 * m2
-    total = (g * e2 - 2 * m * m2 + e * g2) / det_old
-    product = det_new / det_old
-    return np.asarray((total + total / product) / 4)
+    return (g * e2 - 2 * m * m2 + e * g2) / det_old, det_new / det_old
+
+
+def _kept_area(total: _Floats, growth: _Floats, areas: _Floats) -> float:
+    """Return the area at rest of the faces that kept their shape.
+
+    Their squared singular values have the sums `total` (F,) and the products `growth ** 2` (F,).
+    """
+    middle = np.exp(np.average(np.log(growth), weights=areas))
+    largest = (total + np.sqrt(np.maximum(total**2 - 4 * growth**2, 0.0))) / 2
+    kept = (largest <= _RESIZED**2 * middle) & (growth**2 / largest >= middle / _RESIZED**2)
+    return float(areas[kept].sum())
 
 
 class FaceNeighbours:

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["WELD_TOLERANCE", "WeldedMesh", "weld"]
@@ -63,6 +64,19 @@ class WeldedMesh:
         used = self.vertex_map >= 0
         out[used] += moved[self.vertex_map[used]]
         return out
+
+    def gather(self, source_positions: NDArray[np.float64]) -> TriangleMesh:
+        """Return the mesh with the places of the source vertices; of merged ones the first counts.
+
+        Parameters
+        ----------
+        source_positions : (N, 3) float64
+            The source vertices in any pose or shape.
+        """
+        rows = np.zeros(len(self.mesh.verts), np.int64)
+        used = np.flatnonzero(self.vertex_map >= 0)[::-1]  # the first of the merged vertices is assigned last
+        rows[self.vertex_map[used]] = used
+        return TriangleMesh(torch.from_numpy(source_positions[rows]), self.mesh.faces)
 
 
 def weld(

@@ -29,6 +29,7 @@ from meshdeform.guidance.sds import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.stages import Prompt, active_prompts
 from meshdeform.runs.control import Control
+from meshdeform.runs.likeness import before
 from meshdeform.runs.selection import SelectableSurface
 
 __all__ = ["Prompts", "prompt_reports", "read_prompts"]
@@ -135,13 +136,9 @@ def prompt_reports(
         if likeness is not None:
             report["likeness"] = found = likeness(mesh if faces is None else _part(mesh, faces), each.prompt)
             if faces is not None and found is not None:
-                found["before"] = _before(likeness(_part(rest, faces), each.prompt))
+                found["before"] = before(likeness(_part(rest, faces), each.prompt))
         reports.append(report)
     return reports
-
-
-def _before(found: dict[str, Any] | None) -> dict[str, Any] | None:
-    return None if found is None else {name: found[name] for name in ("probability", "rank")}
 
 
 def _rms(squares: _Floats) -> float:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from meshdeform.deformation.orientation import Front
@@ -34,10 +35,13 @@ class Recognition:
         The most probable noun; empty if there is no judge.
     probability : float
         1 for a noun that the request gives.
+    nouns : mapping of str to float
+        The probabilities of all nouns; empty if no judge was asked.
     """
 
     noun: str
     probability: float
+    nouns: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def sure(self) -> bool:
@@ -64,7 +68,7 @@ def recognise(mesh: TriangleMesh, given: str | None = None) -> Recognition:
         _log.warning("the source is not recognised: %s", error)
         return Recognition("", 0.0)
     noun = max(nouns, key=nouns.__getitem__)
-    return Recognition(noun, nouns[noun])
+    return Recognition(noun, nouns[noun], nouns)
 
 
 def known_source(mesh: TriangleMesh, prior: Prior | None, params: ResolvedParams) -> Recognition | None:

@@ -28,13 +28,14 @@ from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame
-from meshdeform.rendering.studio import Pose, preview_png
+from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, StepReport
 from meshdeform.runs.control import Control, control_report, read_control
 from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
+from meshdeform.runs.likeness import likeness, likeness_and_before
 from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.precision import precision_of
 from meshdeform.runs.preparation import drawn_triangles, prepared, shape_id, welded_surface
@@ -42,6 +43,7 @@ from meshdeform.runs.prompts import Prompts, prompt_reports, read_prompts
 from meshdeform.runs.recognition import front_of, known_source
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
+from meshdeform.runs.shown import Shown
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph, write_stages
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
@@ -49,7 +51,6 @@ from meshdeform.runs.text_report import (
     RunFacts,
     appearance_report,
     build_report,
-    likeness,
     provenance,
     read_result,
     sees_colours,
@@ -285,10 +286,12 @@ class TextDeformRun:
             if usdz is not None:
                 artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
-            source, now = (Pose(s.positions, s.normals) for s in (self._asset.surface, written.surface))
+            shown = Shown.of(self._asset, written, self._welded, verts)
             appearance = self._asset.appearance().of_triangles(self._drawn)
-            artifacts["preview.png"] = ArtifactData(preview_png(appearance, source, now), "image/png")
-        stages = self._stages(verts)
+            artifacts["preview.png"] = ArtifactData(preview_png(appearance, *shown.poses), "image/png")
+        stages, compared = self._stages(verts), self._likeness(self._goals[-1], shown)
+        if stages is not None and compared is not None:
+            stages[-1]["likeness"] = compared
         report = build_report(
             self._facts,
             asset=self._asset,
@@ -298,6 +301,7 @@ class TextDeformRun:
             appearance=appearance_report(self._goals[-1].params, self._deformation.current),
             result=result,
             written=written,
+            shown=shown,
             usdz=usdz,
             history=self._history,
             holds=self._holds,
@@ -307,10 +311,10 @@ class TextDeformRun:
             look=appearance,
             drawn=self._drawn,
             stages=stages,
-            likeness=self._likeness(self._goals[-1], verts) if stages is None else stages[-1].get("likeness"),
+            likeness=compared,
             fit=self._fitted(self._goals[-1], verts) if stages is None else stages[-1].get("fit"),
             silhouettes=self._overlaps(verts),
-            prompts=self._compared_prompts(verts),
+            prompts=self._compared_prompts(shown),
             bodies=self._control.bodies,
             control=control_report(self._control, self._facts.params, self._welded, self._frame, self._asset, written),
         )
@@ -355,24 +359,26 @@ class TextDeformRun:
             "provenance": provenance(self._facts, self.step) if output.provenance else None,
         }
 
-    def _likeness(self, goal: Goal, verts: Tensor) -> dict[str, Any] | None:
-        """Compare the result with the prompt where the builtin prior guided it; nothing else has a judge."""
+    def _likeness(self, goal: Goal, shown: Shown) -> dict[str, Any] | None:
+        """Compare result and source with the prompt where the builtin prior guided; nothing else has a judge."""
         if goal.guidance.identity["id"] != BUILTIN_MODEL or not goal.prompt:
             return None
+        known = self._facts.recognised
+        # A skin was recognised in its bind pose.
+        nouns = {} if known is None or shown.posed else known.nouns
         with self._clock.phase("measure"):
-            return self._compared(goal.prompt, verts)
+            return likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
 
     def _compared(self, prompt: str, verts: Tensor) -> dict[str, Any] | None:
         return likeness(TriangleMesh(verts, self._welded.mesh.faces), prompt)
 
-    def _compared_prompts(self, verts: Tensor) -> list[dict[str, Any]] | None:
+    def _compared_prompts(self, shown: Shown) -> list[dict[str, Any]] | None:
         """Compare the result with each of several prompts, if there are any."""
         if self._prompts is None:
             return None
         judged = self._goals[-1].guidance.identity["id"] == BUILTIN_MODEL
         with self._clock.phase("measure"):
-            mesh = TriangleMesh(verts, self._welded.mesh.faces)
-            return prompt_reports(self._prompts, self._welded.mesh, mesh, likeness if judged else None)
+            return prompt_reports(self._prompts, shown.source, shown.result, likeness if judged else None)
 
     def _fitted(self, goal: Goal, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the target, if there is one."""

@@ -275,8 +275,8 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "report.json",
             "application/json",
-            "Parameters, seed, versions, hashes, losses, times, what was skipped, and the quality of the mesh before "
-            "and after.",
+            "Parameters, seed, versions, hashes, losses, times, what was skipped, the quality of the mesh before and "
+            "after, and of a prompt the [likeness and a verdict](quality.md#in-the-report-of-a-job).",
         ),
         ArtifactKind("preview.png", "image/png", "Before and after, from four sides."),
         FITTED_SOURCE,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -23,15 +22,10 @@ from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
-from meshdeform.errors import ModelError
-from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.procrustes import closest_motion
-from meshdeform.geometry.quality import measure, measure_texture_stretch, texel_corners
+from meshdeform.geometry.quality import MeshQuality, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.judge import Judge
-from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
 from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams
@@ -41,6 +35,8 @@ from meshdeform.runs.precision import precision_warnings
 from meshdeform.runs.preparation import subdivision_warnings
 from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
+from meshdeform.runs.shown import Shown
+from meshdeform.runs.verdict import kept_structure, verdict
 
 if TYPE_CHECKING:
     from meshdeform.runs.fitted_source import FittedSource
@@ -49,12 +45,10 @@ __all__ = [
     "RunFacts",
     "appearance_report",
     "build_report",
-    "likeness",
     "provenance",
     "read_result",
     "rig_warnings",
     "sees_colours",
-    "summarize",
 ]
 
 
@@ -107,6 +101,7 @@ def build_report(
     appearance: dict[str, Any],
     result: bytes,
     written: Asset,
+    shown: Shown,
     usdz: Usdz | None = None,
     history: LossHistory,
     holds: HoldCounter,
@@ -141,6 +136,8 @@ def build_report(
         `result.glb`.
     written : Asset
         `result.glb`, read back, so that errors of the writer show.
+    shown : Shown
+        What viewers show of both.
     usdz : Usdz, optional
         `result.usdz`, if requested.
     history : LossHistory
@@ -156,7 +153,7 @@ def build_report(
     drawn : (T,) bool
         Which triangles of the asset were drawn and deformed.
     likeness : dict, optional
-        How much the result looks like its prompt.
+        How much the result looks like its prompt, and the source (`before`).
     fit : dict, optional
         How well the result fits its target.
     stages : list of dict, optional
@@ -171,12 +168,19 @@ def build_report(
         Members about regions, handles, symmetry and lengths (`control_report`).
     """
     with clock.phase("measure"):
-        quality = measure(welded.mesh.verts.numpy(), welded.mesh.faces.numpy(), verts.numpy())
+        faces = welded.mesh.faces.numpy()
+        quality = measure(welded.mesh.verts.numpy(), faces, verts.numpy())
+        posed = measure(shown.source.verts.numpy(), faces, shown.result.verts.numpy()) if shown.posed else None
         invariants = _invariants(asset, written)
         movement = measure_movement(RestMesh.of(welded.mesh), verts, holds)
         triangles = asset.surface.triangles[drawn]
         corners = (shape.surface.positions[triangles] for shape in (asset, written))
         stretch = measure_texture_stretch(texel_corners(look), *corners)
+        conclusion = None
+        if likeness is not None and prompts is None:  # of several, none alone is what the result should be
+            prompt = facts.request.prompt if stages is None else stages[-1]["prompt"]
+            structure = kept_structure(shown.source, shown.result, (posed or quality).to_dict())
+            conclusion = verdict(prompt, likeness, structure)
     up_axis = up_axis_warnings(asset.surface.positions, triangles)
     losses = history.to_list()
     report: dict[str, Any] = {
@@ -220,7 +224,7 @@ def build_report(
         "warnings": [
             *movement.warnings,
             *deformation.warnings,
-            *quality.warnings,
+            *_quality_warnings(quality, posed, len(faces)),
             *up_axis,
             *subdivision_warnings(facts.subdivision),
             *rig_warnings(asset.rig(), facts.request.output.rig),
@@ -231,6 +235,8 @@ def build_report(
         "resumed_from_step": first_step,
         "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
     }
+    if posed is not None:
+        report["posed_quality"] = posed.to_dict()
     if facts.source is not None:
         report["surface"] = facts.source.facts
     if asset.rig():
@@ -244,6 +250,8 @@ def build_report(
     report |= control or {}
     if likeness is not None:
         report["likeness"] = likeness
+    if conclusion is not None:
+        report["verdict"] = conclusion
     if fit is not None:
         report["fit"] = fit
     if stages is not None:
@@ -262,6 +270,14 @@ def build_report(
             "left_out": usdz.left_out,
         }
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+
+
+def _quality_warnings(quality: MeshQuality, posed: MeshQuality | None, faces: int) -> list[str]:
+    """Return the sentences about damage, for a skin in both poses."""
+    if posed is None:
+        return quality.warnings(faces)
+    sentences = posed.warnings(faces, " in the pose that viewers show") + quality.warnings(faces, " in the bind pose")
+    return list(dict.fromkeys(sentences))
 
 
 def _kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
@@ -331,51 +347,4 @@ def appearance_report(params: ResolvedParams, deformation: Deformation) -> dict[
         "drawn": (AppearanceMode.CLAY if wanted and not coloured else params.appearance).value,
         "colours": ("stand_in" if deformation.simplified else "asset") if coloured else None,
         "notice": _NO_COLOURS if wanted and not coloured else "",
-    }
-
-
-_log = logging.getLogger(__name__)
-
-
-@one_torch_thread()
-def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
-    """Compare a mesh with the noun of a prompt of the builtin prior.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        +Y up, of any position and size.
-    prompt : str
-
-    Returns
-    -------
-    As in `summarize`, with the judge's identity; None if its weights are missing or damaged, which is logged.
-    """
-    try:
-        judge = Judge()
-    except ModelError as error:
-        _log.warning("the result's likeness is not estimated: %s", error)
-        return None
-    return {**summarize(judge.noun_probabilities(mesh), parse(prompt).noun), "judge": judge.identity}
-
-
-def summarize(probabilities: dict[str, float], noun: str) -> dict[str, Any]:
-    """Summarize the probabilities of all nouns for a result that should be `noun`.
-
-    Returns
-    -------
-    dict
-        `noun`, its `probability` and `rank` from 1, the number of `nouns`, the most probable other one as `next`, and
-        `matches`: whether the rank is 1.
-    """
-    wanted = probabilities[noun]
-    other = max((name for name in probabilities if name != noun), key=probabilities.__getitem__)
-    rank = 1 + sum(probability > wanted for probability in probabilities.values())
-    return {
-        "noun": noun,
-        "probability": round(wanted, 4),
-        "rank": rank,
-        "nouns": len(probabilities),
-        "next": {"noun": other, "probability": round(probabilities[other], 4)},
-        "matches": rank == 1,
     }

@@ -26,10 +26,10 @@ test("without a report only what was written can differ", () => {
 test("figures stand side by side, and those that nobody has are left out", () => {
   const rows = figureRows([
     { quality: { flipped_faces: 0, symmetric_dirichlet_p99: 2.5 }, likeness: { noun: "lamp", probability: 0.9 }, seconds: { read: 1, optimize: 9 } },
-    { quality: { flipped_faces: 12 } },
+    { quality: { flipped_faces: 0 }, posed_quality: { flipped_faces: 12, kept_share: 0.9 } },
   ]);
   assert.deepEqual(rows.map(({ label, values: found }) => [label, ...found]), [
-    ["Looks like", "lamp 90%", ""], ["Flipped faces", "0", "12"], ["Distortion, 99th percentile", "2.5", ""], ["Time", "10 s", ""],
+    ["Looks like", "lamp 90%", ""], ["Still your asset", "", "90%"], ["Flipped faces", "0", "12"], ["Distortion, 99th percentile", "2.5", ""], ["Time", "10 s", ""],
   ]);
   assert.deepEqual(figureRows([null, null]), []);
 });

@@ -23,10 +23,28 @@ test("good news, bad news and no news of a mesh", () => {
   assert.deepEqual(findings(null), []);
 });
 
+test("whether to keep the asset, how much of it is left, and what a skin looks like in its pose", () => {
+  const reasons = ["It looks no more like a bus than before: rank 5 of 122 nouns, was 5.", "Faces were flipped: 2."];
+  const report = {
+    verdict: { value: "keep_source", reasons },
+    quality: { kept_share: 0.4, flipped_faces: 0 },
+    posed_quality: { kept_share: 0.92, flipped_faces: 2 },
+    warnings: ["Damaged faces in the pose that viewers show, of 80: 2 flipped.", "Damaged faces in the bind pose, of 80: 1 flipped."],
+    mesh: { welded_faces: 80 },
+  };
+  const said = findings(report);
+  assert.deepEqual(said.map(({ tone, text }) => [tone, text]), [
+    ["warn", "Better keep your asset"], ["plain", "Still your asset: 92%"], ["warn", "2 flipped faces of 80"],
+  ]);
+  assert.equal(said[0].note, reasons.join(" "));
+  assert.deepEqual(findings({ verdict: { value: "keep_result", reasons: [] } }), []);
+});
+
 test("what a result looks like, and whether that was asked for", () => {
-  const judged = { noun: "rabbit", probability: 0.834, next: { noun: "octopus", probability: 0.06 }, matches: true };
+  const judged = { noun: "rabbit", probability: 0.834, nouns: 122, next: { noun: "octopus", probability: 0.06 }, matches: true };
   const [good] = findings({ likeness: judged });
   assert.deepEqual([good.tone, good.text], ["good", "Looks like: a rabbit 83%; next: an octopus 6%"]);
+  assert.equal(good.note, "As the prompt says, judged from pictures. The judge knows 122 nouns.");
   const missed = { noun: "rabbit", probability: 0.12, matches: false, next: { noun: "octopus", probability: 0.62 } };
   const [bad] = findings({ likeness: missed });
   assert.deepEqual([bad.tone, bad.text], ["warn", "Looks more like an octopus 62% than a rabbit 12%"]);

@@ -16,6 +16,9 @@ const MAGNIFIED = 2;
 // How the warning of `meshdeform/runs/movement.py` begins; others are about the source.
 const STALLED = "The mesh hardly moved";
 
+// How the warnings of `meshdeform/geometry/quality.py` begin that the figures here say as well.
+const DAMAGED = "Damaged faces";
+
 /**
  * The side that became the front, if the model chose it.
  *
@@ -62,12 +65,13 @@ function seen(appearance) {
  * @returns {Finding[]}
  */
 export function findings(report) {
-  const quality = report?.quality ?? {};
+  const quality = shownQuality(report);
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [...likeness(report?.likeness), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
+  const found = [...verdict(report?.verdict), ...likeness(report?.likeness), ...stillYours(quality), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
-    found.push(...report.warnings.map((/** @type {unknown} */ text) => warn(String(text).startsWith(STALLED) ? "Hardly moved" : "The source", String(text))));
+    const others = report.warnings.map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
+    found.push(...others.map((/** @type {string} */ text) => warn(text.startsWith(STALLED) ? "Hardly moved" : "The source", text)));
   }
   if (Array.isArray(report?.input?.warnings)) {
     found.push(...report.input.warnings.map((/** @type {unknown} */ text) => plain("About your file", String(text))));
@@ -118,6 +122,34 @@ export function findings(report) {
 }
 
 /**
+ * The figures of the shape that viewers show: a skin's in the pose of its file, not in its bind pose.
+ *
+ * @param {any} report
+ */
+export function shownQuality(report) {
+  return report?.posed_quality ?? report?.quality ?? {};
+}
+
+/**
+ * Whether doing nothing is better, by the run's own checks.
+ *
+ * @param {any} judged
+ * @returns {Finding[]}
+ */
+function verdict(judged) {
+  return judged?.value === "keep_source" ? [warn("Better keep your asset", judged.reasons.join(" "))] : [];
+}
+
+/**
+ * @param {any} quality
+ * @returns {Finding[]}
+ */
+function stillYours(quality) {
+  const share = number(quality.kept_share);
+  return share === null ? [] : [plain(`Still your asset: ${percent(share)}`, "The share of the surface that kept its shape, if not its size.")];
+}
+
+/**
  * What the result looks like to a judge that knows the nouns of the built-in model.
  *
  * @param {any} judged
@@ -128,11 +160,13 @@ function likeness(judged) {
   if (typeof judged?.noun !== "string" || share === null) return [];
   const other = typeof judged.next?.noun === "string" && number(judged.next.probability) !== null ? judged.next : null;
   const named = (/** @type {any} */ one) => `${withArticle(one.noun)} ${percent(one.probability)}`;
+  const nouns = number(judged.nouns);
+  const judge = nouns === null ? "" : ` The judge knows ${count(nouns)} nouns.`;
   if (judged.matches === false && other !== null) {
-    const note = "It does not look like its prompt. Try another variation, or refine.";
+    const note = `It does not look like its prompt.${judge} Try another variation, or refine.`;
     return [warn(`Looks more like ${named(other)} than ${named(judged)}`, note)];
   }
-  return [good(`Looks like: ${named(judged)}${other === null ? "" : `; next: ${named(other)}`}`, "As the prompt says, judged from pictures.")];
+  return [good(`Looks like: ${named(judged)}${other === null ? "" : `; next: ${named(other)}`}`, `As the prompt says, judged from pictures.${judge}`)];
 }
 
 /**

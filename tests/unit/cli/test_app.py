@@ -127,6 +127,19 @@ def test_a_run_writes_everything_beside_the_result(sphere: Path, egg: Path, tmp_
     assert (tmp_path / "egg.glb").read_bytes()[:4] == b"glTF"
 
 
+def test_a_run_says_what_it_damaged_and_that_the_asset_was_better(sphere: Path, tmp_path: Path) -> None:
+    careless = ["--preset", "preview", "--steps", 3, "--learning-rate", 1, "--param", "safeguard=none"]
+    careless += ["--param", "dirichlet_weight=0"]
+    result = run_here("run", sphere, "an airplane", *careless, "-o", "plane.glb", cwd=tmp_path)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads((tmp_path / "plane.report.json").read_text())
+    assert report["verdict"]["value"] == "keep_source"
+    assert "(keep_source). It looks no more like an airplane than before" in result.stdout
+    assert f"Still your asset: {report['quality']['kept_share']:.0%}" in result.stdout
+    assert f"Damaged faces, of 320: {report['quality']['flipped_faces']} flipped" in result.stderr
+    assert result.output.count("Damaged faces") == 1
+
+
 def test_a_run_is_compact_and_says_where_it_comes_from(sphere: Path, egg: Path, tmp_path: Path) -> None:
     common = ["run", sphere, "--target", egg, "--steps", 1, "-q", "--compact", "--provenance", "-o", "egg.glb"]
     assert run_here(*common, cwd=tmp_path).exit_code == 0

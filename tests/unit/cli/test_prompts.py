@@ -39,8 +39,9 @@ def test_each_prompt_gets_a_line() -> None:
         {"prompt": "an old bell", "regions": [{"node": "Head"}], "likeness": like},
         {"prompt": "a bell", "regions": [{"node": "Head"}], "likeness": {**like, "before": {"probability": 0.002}}},
     ]
+    looks = "Looks like: a bell (60% among the judge's 122 nouns); next: an owl (20%)"
     assert prompt_lines(found) == [
-        "a bell: Looks like: a bell (60%); next: an owl (20%)",
-        "an old bell (in its region): Looks like: a bell (60%); next: an owl (20%)",
-        "a bell (in its region, under 1% before): Looks like: a bell (60%); next: an owl (20%)",
+        f"a bell: {looks}",
+        f"an old bell (in its region): {looks}",
+        f"a bell (in its region, under 1% before): {looks}",
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,6 +36,7 @@ def test_a_similarity_changes_nothing_but_size(mesh: TriangleMesh) -> None:
     assert found.volume_ratio == pytest.approx(27.0)
     assert found.area_ratio == pytest.approx(9.0)
     assert found.area_ratio_spread == pytest.approx(0.0, abs=1e-9)
+    assert found.kept_share == pytest.approx(1.0)
 
 
 def test_a_stretched_plane_by_hand() -> None:
@@ -46,6 +48,32 @@ def test_a_stretched_plane_by_hand() -> None:
     assert found.min_angle_p1_deg_before == pytest.approx(45.0)
     assert found.min_angle_p1_deg_after == pytest.approx(math.degrees(math.atan(0.25)))
     assert found.volume_ratio == 0.0
+
+
+@each_case(("factor", "kept"), [(1.0, 1.0), (1.4, 1.0), (1 / 1.4, 1.0), (8.0, 0.9), (1 / 8, 0.9)])
+def test_what_is_resized_keeps_its_shape_and_what_is_stretched_does_not(factor: float, kept: float) -> None:
+    """Of two plates, a tenth of the area is drawn out, and all becomes five times as large."""
+    small, large = grid(4), grid(4)
+    plates = join(small, TriangleMesh(3 * large.verts + 5, large.faces))
+    verts = 5 * plates.verts
+    verts[: len(small.verts), 0] *= factor
+    assert compare(plates, verts).kept_share == pytest.approx(kept)
+
+
+@pytest.mark.parametrize(
+    ("flipped", "added", "collapsed", "sentences"),
+    [
+        (0, 0, 0, []),
+        (0, 1234, 0, ["Damaged faces in the bind pose, of 5,120: 1,234 newly cutting others."]),
+        (2, 44, 1, ["Damaged faces in the bind pose, of 5,120: 2 flipped, 44 newly cutting others, 1 without area."]),
+    ],
+)
+def test_only_damage_is_told(flipped: int, added: int, collapsed: int, sentences: list[str]) -> None:
+    mesh = icosphere(1)
+    found = replace(
+        compare(mesh, mesh.verts), flipped_faces=flipped, self_intersections_added=added, collapsed_faces=collapsed
+    )
+    assert found.warnings(5120, " in the bind pose") == sentences
 
 
 @each_case(

@@ -9,6 +9,7 @@ import { controlOf, controlWords, promptWords } from "../create/control/model.js
 import { count, duration, figure, goalWords, percent, STATE_WORDS } from "../format.js";
 import { isTerminal } from "../history.js";
 import { PRESETS } from "../params.js";
+import { shownQuality } from "../quality.js";
 
 // Said in rows of their own, or without a bearing on the result.
 const SAID = ["preset", "seed", "model", "prompts", "regions", "handles", "symmetry", "length", "checkpoint_every_steps"];
@@ -79,14 +80,15 @@ export function figureRows(reports) {
   const seconds = (/** @type {any} */ report) => report.seconds && Object.values(report.seconds).reduce((sum, each) => sum + each, 0);
   return [
     take("Looks like", ({ likeness }) => (likeness?.noun && typeof likeness.probability === "number" ? likeness : null), ({ noun, probability }) => `${noun} ${percent(probability)}`),
-    take("Flipped faces", ({ quality }) => quality?.flipped_faces, count),
-    take("Self-intersecting faces", ({ quality }) => quality?.self_intersecting_faces_after, count),
-    take("Collapsed faces", ({ quality }) => quality?.collapsed_faces, count),
-    take("Distortion, 99th percentile", ({ quality }) => quality?.symmetric_dirichlet_p99),
-    take("Sharpest corners", ({ quality }) => quality?.min_angle_p1_deg_after, (value) => `${figure(value)}°`),
+    take("Still your asset", (report) => shownQuality(report).kept_share, percent),
+    take("Flipped faces", (report) => shownQuality(report).flipped_faces, count),
+    take("Self-intersecting faces", (report) => shownQuality(report).self_intersecting_faces_after, count),
+    take("Collapsed faces", (report) => shownQuality(report).collapsed_faces, count),
+    take("Distortion, 99th percentile", (report) => shownQuality(report).symmetric_dirichlet_p99),
+    take("Sharpest corners", (report) => shownQuality(report).min_angle_p1_deg_after, (value) => `${figure(value)}°`),
     take("Texture stretch, 95th percentile", ({ texture_stretch: stretch }) => stretch?.p95, (value) => `${figure(value)}×`),
-    take("Surface", ({ quality }) => quality?.area_ratio, (value) => `${figure(value)}×`),
-    take("Volume", ({ quality }) => quality?.volume_ratio, (value) => `${figure(value)}×`),
+    take("Surface", (report) => shownQuality(report).area_ratio, (value) => `${figure(value)}×`),
+    take("Volume", (report) => shownQuality(report).volume_ratio, (value) => `${figure(value)}×`),
     take("Moved, root mean square", ({ movement }) => movement?.rms, (value) => `${figure(100 * value)}%`),
     take("Triangles", ({ mesh }) => mesh?.source_triangles, count),
     take("Steps", ({ params }) => params?.steps, count),

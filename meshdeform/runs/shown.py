@@ -1,0 +1,65 @@
+"""Show a source and its result as viewers do: skins in the pose of the file's nodes, not in their bind pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from meshdeform.assets import Asset, Surface
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.rendering.studio import Pose
+
+__all__ = ["Shown"]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What viewers show of a source and of its result.
+
+    Attributes
+    ----------
+    source, result : TriangleMesh
+        The welded surfaces, +Y up, with the same faces.
+    poses : tuple of Pose
+        Of all vertices of the files, for pictures: source and result.
+    posed : bool
+        Whether the asset has a skin, and these are not the shapes of the bind pose.
+    """
+
+    source: TriangleMesh
+    result: TriangleMesh
+    poses: tuple[Pose, Pose]
+    posed: bool
+
+    @classmethod
+    def of(cls, asset: Asset, written: Asset, welded: WeldedMesh, verts: Tensor) -> Shown:
+        """Pose the source and the result, read back from its file.
+
+        Parameters
+        ----------
+        asset, written : Asset
+        welded : WeldedMesh
+            The source in its bind pose.
+        verts : (V, 3) float64
+            Deformed positions of the welded vertices, in the bind pose.
+        """
+        if asset.rig().joints:
+            before, after = asset.posed(), written.posed()
+            source, result = welded.gather(before.positions), welded.gather(after.positions)
+            # A pose that hides all of it, with joints scaled to nothing, says nothing about it.
+            if _has_area(source) and _has_area(result):
+                return cls(source, result, _poses(before, after), posed=True)
+        # Not rounded to the precision of the file.
+        result = TriangleMesh(verts, welded.mesh.faces)
+        return cls(welded.mesh, result, _poses(asset.surface, written.surface), posed=False)
+
+
+def _has_area(mesh: TriangleMesh) -> bool:
+    return bool(mesh.verts.isfinite().all()) and bool((RestMesh.of(mesh).areas > 0).any())
+
+
+def _poses(before: Surface, after: Surface) -> tuple[Pose, Pose]:
+    return Pose(before.positions, before.normals), Pose(after.positions, after.normals)
