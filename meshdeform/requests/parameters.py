@@ -283,7 +283,6 @@ class DeformParams(StrictModel):
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[0.1],
-        form={"label": "Identity", "help": "Keeps the asset like itself. Higher changes less."},
     )
     laplacian_weight: float = of_preset(
         1e-4,
