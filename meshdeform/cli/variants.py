@@ -1,4 +1,4 @@
-"""`meshdeform variants`: one prompt with several seeds, each at several strengths, on one contact sheet."""
+"""`meshdeform variants`: variations of one prompt, each at several strengths, on one contact sheet."""
 
 from __future__ import annotations
 
@@ -49,6 +49,8 @@ def variants(
 ) -> None:
     """Deform ASSET once for each seed, write each strength, and draw all of them on one sheet.
 
+    With the builtin model, the first has the prompt as it is, each further one an attribute more, such as "tall".
+
     meshdeform variants examples/sphere.glb "a mushroom" --seeds 1,2,3 --strengths 0.5,1,1.3 -o mushrooms
     """
     require("torch", "deform")
@@ -62,16 +64,22 @@ def variants(
         )
     settings = load_settings()
     guidance = "target" if target else None
+    given = merge_params(param or [], preset=preset or Preset.PREVIEW, model=model, guidance=guidance)
     requests = {
-        int(seed): make_request(
-            prompt,
-            merge_params(param or [], preset=preset or Preset.PREVIEW, model=model, guidance=guidance, seed=int(seed)),
-        )
-        for seed in numbers
+        int(seed): make_request(text, {**given, "seed": int(seed)})
+        for seed, text in zip(numbers, _prompts(prompt, len(numbers), given.get("model")), strict=True)
     }
     paths = _made(asset, target, requests, wanted, output, settings, quiet=quiet)
     if not quiet:
         typer.echo("\n".join(map(str, paths)))
+
+
+def _prompts(prompt: str, count: int, model: str | None) -> list[str]:
+    """Return the prompt of each variation: the same one without a prompt, or for a model with other words."""
+    from meshdeform.priors.builtin.grammar import variations
+    from meshdeform.requests.document import BUILTIN_MODEL
+
+    return variations(prompt, count) if prompt and model in (None, BUILTIN_MODEL) else [prompt] * count
 
 
 def _numbers(text: str, option: str, *, whole: bool) -> list[float]:
@@ -113,7 +121,7 @@ def _made(
     source = load_asset(read_with_files(asset, limits), asset.name, limits)
     paths, rows = [], []
     for seed, request in requests.items():
-        note(f"Seed {seed}", quiet=quiet)
+        note(f"Seed {seed}: {request.prompt}" if request.prompt else f"Seed {seed}", quiet=quiet)
         names = ("result.glb", "report.json", "preview.png")
         outputs = Outputs(*(folder / f"seed{seed}" / name for name in names))
         with show_progress(quiet=quiet) as progress:
@@ -123,7 +131,9 @@ def _made(
         paths += list(files)
         rows.append(row)
     titles = [f"strength {strength:g}" for strength in strengths]
-    sheet = variant_sheet(source.appearance(), rows, [f"seed {seed}" for seed in requests], titles)
+    sheet = variant_sheet(
+        source.appearance(), rows, [request.prompt or f"seed {seed}" for seed, request in requests.items()], titles
+    )
     write_files({folder / _SHEET: sheet})
     return [*paths, folder / _SHEET]
 

@@ -3,9 +3,9 @@ import { test } from "node:test";
 import { findings, skipped } from "../../service/web/app/quality.js";
 import { allPoints, curveWords, reportPoints, seriesNames, smoothed, ticks } from "../../service/web/app/series.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
-import { adjectives, catalogue, nearby, surprise, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
+import { adjectives, catalogue, nearby, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
-const KNOWN = { nouns: ["giraffe", "octopus", "vase"], attributes: ["tall", "thin", "long", "short/long neck"], examples: [], groups: [] };
+const KNOWN = { nouns: ["giraffe", "octopus", "vase"], parts: {}, attributes: ["tall", "thin", "long", "short/long neck"], examples: [], groups: [] };
 
 test("good news, bad news and no news of a mesh", () => {
   const good = findings({ quality: { flipped_faces: 0, self_intersecting_faces_before: 0, self_intersecting_faces_after: 0 } });
@@ -145,7 +145,20 @@ test("a server that knows no models, or says odd things, is borne", () => {
   assert.deepEqual(catalogue({}), { default: "", models: [] });
   const found = catalogue({ default: "builtin", models: [{ id: "builtin", vocabulary: { nouns: ["vase"] } }, { title: "no id" }] });
   assert.equal(found.models.length, 1);
-  assert.deepEqual(found.models[0].vocabulary, { nouns: ["vase"], attributes: [], examples: [], groups: [["nouns", ["vase"]]] });
+  assert.deepEqual(found.models[0].vocabulary, { nouns: ["vase"], attributes: [], parts: {}, examples: [], groups: [["nouns", ["vase"]]] });
   const grouped = catalogue({ models: [{ id: "builtin", vocabulary: { nouns: ["cat", "vase"], groups: { animals: ["cat"], vessels: ["vase"] } } }] });
   assert.deepEqual(grouped.models[0].vocabulary?.groups, [["animals", ["cat"]], ["vessels", ["vase"]]]);
+});
+
+test("variations ask for different members of what the prompt allows", () => {
+  const words = { nouns: ["giraffe", "vase"], attributes: ["tall", "wide", "thin", "short neck", "long neck", "short legs", "long legs"], parts: { giraffe: ["legs", "neck"] } };
+  const known = catalogue({ models: [{ id: "builtin", vocabulary: words }] }).models[0].vocabulary;
+  assert.deepEqual(variationPrompts("a giraffe", 5, known), [
+    "a giraffe", "a giraffe with long legs", "a tall giraffe", "a giraffe with a long neck", "a wide giraffe",
+  ]);
+  assert.deepEqual(variationPrompts("a thin giraffe with a long neck", 3, known), [
+    "a thin giraffe with a long neck", "a thin giraffe with a long neck and long legs", "a thin giraffe with a long neck and short legs",
+  ]);
+  assert.deepEqual(variationPrompts("something else", 2, known), ["something else", "something else"]);
+  assert.deepEqual(variationPrompts("a vase", 2, null), ["a vase", "a vase"]);
 });

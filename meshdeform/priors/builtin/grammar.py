@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.priors.builtin.suggestions import suggest
@@ -60,12 +61,14 @@ __all__ = [
     "parse",
     "parse_negative",
     "tokenise",
+    "variations",
 ]
 
 
 VOCABULARY = BUILTIN_WORDS.tokens
 """Tokens of the weights in the package, in the order of their numbers."""
 
+_PROPORTIONS = ("tall", "wide", "thin", "fat", "short", "long")
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.model)."
 _OWN_WORDS = 5
 
@@ -147,6 +150,35 @@ def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
         unknown word), `nouns` and `attributes`.
     """
     return _assemble(_read(prompt, known))
+
+
+def variations(prompt: str, count: int, known: Words = BUILTIN_WORDS) -> list[str]:
+    """Return prompts of different members of what a prompt allows: itself, then each time with one attribute more.
+
+    Another seed alone hardly changes a result, since few controls leave little to chance. Parts become longer or
+    bigger first, in turns with the proportions of the whole; what a prompt says already is not contradicted. Beyond the
+    last attribute the prompt itself is repeated, as is one with as many attributes as fit.
+
+    Raises
+    ------
+    PromptError, VocabularyError
+        As `parse`.
+    """
+    meant = parse(prompt, known)
+    said = {attribute.part for attribute in meant.attributes}
+    parts = [part for part in known.nouns[meant.noun] if part not in said]
+    sized = [Attribute(part, degree) for high in (1, 0) for part in parts for degree in [PARTS[part][high]]]
+    shaped = [] if "whole" in said else [Attribute("whole", word) for word in _PROPORTIONS]
+    pairs = zip_longest(sized, shaped)
+    further = [attribute for pair in pairs for attribute in pair if attribute is not None]
+    if len(meant.attributes) >= MAX_ATTRIBUTES:
+        further = []
+    more = [str(replace(meant, attributes=_ordered([*meant.attributes, attribute]))) for attribute in further]
+    return [prompt, *more, *[prompt] * count][:count]
+
+
+def _ordered(attributes: Iterable[Attribute]) -> tuple[Attribute, ...]:
+    return tuple(sorted(set(attributes), key=ATTRIBUTES.index))
 
 
 def parse_negative(negative: str, prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
@@ -248,7 +280,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             low, high = PARTS[part]
             raise reading.refusal(f"Use either {low!r} or {high!r} with the {part}.", [*words, part])
         found_attributes += [Attribute(part, degree) for degree in degrees if degree is not None]
-    unique = sorted(set(found_attributes), key=ATTRIBUTES.index)
+    unique = _ordered(found_attributes)
     per_part = [attribute.part for attribute in unique if attribute.part != "whole"]
     if len(per_part) != len(set(per_part)):
         raise reading.refusal("The prompt gives opposite sizes for one part.", [])
@@ -261,7 +293,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             f"The built-in model takes at most {MAX_ATTRIBUTES} attributes, and the prompt has {len(unique)}.",
             advice="Remove some of them.",
         )
-    return ParsedPrompt(noun, tuple(unique))
+    return ParsedPrompt(noun, unique)
 
 
 def tokenise(parsed: ParsedPrompt, known: Words = BUILTIN_WORDS) -> list[int]:

@@ -37,6 +37,7 @@
 import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
 import { GUIDE_PARAMS, guideOf, guideParams, noGuide } from "./create/guide/model.js";
 import { count } from "./format.js";
+import { variationPrompts } from "./vocabulary.js";
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
   ["preview", "Preview", "A quick first look"],
@@ -111,15 +112,17 @@ export function integerProblem(text, min, max) {
 }
 
 /**
- * The documents to post, one for each variation: consecutive seeds, and one label that keeps them together.
+ * The documents to post, one for each variation: consecutive seeds, a prompt of its own each if the words of the model
+ * are known, and one label that keeps them together.
  *
  * @param {Wish} wish
  * @param {number | null} steps What the server says the steps will be; null where it has not yet.
  * @param {string} group The label's value; used where there are several.
  * @param {Field[]} fields
+ * @param {import("./vocabulary.js").Vocabulary | null} [known]
  * @returns {Record<string, any>[]}
  */
-export function documents(wish, steps, group, fields) {
+export function documents(wish, steps, group, fields, known = null) {
   const { prompts: further, ...control } = controlParams(wish.control ?? noControl());
   const target = wish.guide?.target ?? false;
   // A target mesh takes the place of all prompts.
@@ -136,8 +139,9 @@ export function documents(wish, steps, group, fields) {
   }
   const planned = params.steps ?? steps;
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);
+  const texts = variationPrompts(wish.prompt.trim(), wish.variations, params.prompts ? null : known);
   return Array.from({ length: wish.variations }, (_, index) => ({
-    ...(target || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: wish.prompt.trim() }),
+    ...(target || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: texts[index] }),
     params: { ...params, seed: (wish.seed + index) % MAX_SEED },
     output: { ...wish.kept.output, morph: wish.morph, ...(wish.usd ? { usd: true } : {}), ...(wish.subdivide ? { subdivide: true } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),

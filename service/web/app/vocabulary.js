@@ -2,7 +2,7 @@
 /**
  * Prompts put together from the words that a model knows.
  *
- * @typedef {{nouns: string[], attributes: string[], examples: string[], groups: [string, string[]][]}} Vocabulary
+ * @typedef {{nouns: string[], attributes: string[], parts: Record<string, string[]>, examples: string[], groups: [string, string[]][]}} Vocabulary
  * @typedef {{id: string, title: string, description: string, available: boolean, vocabulary: Vocabulary | null}} Model
  * @typedef {{default: string, models: Model[]}} Catalogue
  */
@@ -40,6 +40,7 @@ function vocabulary(document) {
   return {
     nouns,
     attributes: words(document.attributes),
+    parts: Object.fromEntries(Object.entries(document.parts ?? {}).map(([noun, parts]) => [noun, words(parts)])),
     examples: words(document.examples),
     groups: groups.length ? groups : [["nouns", nouns]],
   };
@@ -82,6 +83,34 @@ export function withAdjective(prompt, adjective, known) {
   if (!noun) return prompt.trim() ? `${prompt.trim()} ${adjective}` : adjective;
   const tail = prompt.slice(prompt.toLowerCase().indexOf(noun) + noun.length);
   return withArticle([...kept, noun].join(" ")) + tail;
+}
+
+/**
+ * Prompts of different members of what a prompt allows: itself, then each time with one attribute more. Another seed
+ * alone hardly changes a result. Beyond the last attribute the prompt itself is repeated.
+ *
+ * @param {string} prompt
+ * @param {number} count
+ * @param {Vocabulary | null} known
+ */
+export function variationPrompts(prompt, count, known) {
+  const words = prompt.toLowerCase().match(/[a-z]+/g) ?? [];
+  const noun = words.find((word) => known?.nouns.includes(word));
+  if (!known || !noun) return Array(count).fill(prompt);
+  const sizes = (known.parts[noun] ?? []).filter((part) => !words.includes(part));
+  // The vocabulary has "short neck" before "long neck".
+  const ofPart = (/** @type {string} */ part) => known.attributes.filter((each) => each.endsWith(` ${part}`)).reverse();
+  const sized = [0, 1].flatMap((at) => sizes.map((part) => ofPart(part)[at])).filter(Boolean).map((each) => clause(prompt, each));
+  const shaped = used(prompt, known).length ? [] : PROPORTIONS.filter((word) => known.attributes.includes(word)).map((word) => withAdjective(prompt, word, known));
+  const more = Array.from({ length: Math.max(sized.length, shaped.length) }, (_, at) => [sized[at], shaped[at]]).flat().filter(Boolean);
+  return [prompt, ...more, ...Array(count).fill(prompt)].slice(0, count);
+}
+
+const PROPORTIONS = ["tall", "wide", "thin", "fat", "short", "long"];
+
+/** @param {string} prompt @param {string} attribute Such as "long neck". */
+function clause(prompt, attribute) {
+  return `${prompt} ${/\bwith\b/.test(prompt) ? "and" : "with"} ${attribute.endsWith("s") ? "" : "a "}${attribute}`;
 }
 
 /** @param {string} prompt @param {Vocabulary} known */

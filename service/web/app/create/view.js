@@ -375,7 +375,7 @@ export class CreateView {
     const group = "g" + Date.now().toString(36) + Math.floor(Math.random() * 1e6).toString(36);
     /** @type {any[]} */
     const jobs = [];
-    for (const document of documents(wish, this.steps, group, this.settings.offered)) {
+    for (const document of documents(wish, this.steps, group, this.settings.offered, this.prompt.model?.vocabulary ?? null)) {
       try {
         jobs.push(await client.submit(...(await asset.submission(document, parts))));
       } catch (error) {

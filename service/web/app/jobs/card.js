@@ -42,7 +42,7 @@ export class JobCard {
     const { eta_s: eta } = job.progress;
     this.meta.textContent = running
       ? [percent(fraction), eta === null ? "" : `${roughly(eta)} left`].filter(Boolean).join(" · ")
-      : [this.heading ? "" : job.asset?.filename, this.heading ? "" : job.unreadable ? "of another version" : `variation ${job.params?.seed ?? 0}`, ago(job.created_at)].filter(Boolean).join(" · ");
+      : [this.heading ? (job.prompt ?? "") : job.asset?.filename, this.heading ? "" : job.unreadable ? "of another version" : `variation ${job.params?.seed ?? 0}`, ago(job.created_at)].filter(Boolean).join(" · ");
     this.box.disabled = !isTerminal(job.state);
     if (running) this._bar(fraction);
     if (job.state === this.state) return;
