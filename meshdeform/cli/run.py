@@ -59,8 +59,7 @@ def run(
     asset: Annotated[
         Path,
         typer.Argument(
-            help="The GLB, OBJ, PLY, STL or ZIP; or points (PLY, XYZ), a distance grid (NPZ, VDB), a network "
-            "(safetensors).",
+            help="The GLB, OBJ, PLY, STL or ZIP; or points (PLY, XYZ), a distance grid (NPZ), a network (safetensors).",
             exists=True,
             dir_okay=False,
             readable=True,

@@ -237,7 +237,7 @@ TEXT_DEFORM = Kind(
         FilePart(
             "asset",
             "The file to deform: GLB, OBJ, PLY, STL or ZIP; or a surface without triangles, to which a mesh is fitted "
-            "first: oriented points (PLY, XYZ), a signed distance grid (NPZ, VDB) or a network (safetensors).",
+            "first: oriented points (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).",
             required=True,
             media_types=(*_MESHES, "application/octet-stream"),
             content="surface",
