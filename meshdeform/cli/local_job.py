@@ -44,7 +44,6 @@ class Outputs:
     report: Path
     preview: Path
     morph: Path | None = None
-    usd: Path | None = None
     checkpoint: Path | None = None
 
 
@@ -136,7 +135,6 @@ class LocalJob:
             "report": str(self._outputs.report),
             "preview": str(self._outputs.preview),
             "morph": str(self._outputs.morph) if self._outputs.morph else None,
-            "usd": str(self._outputs.usd) if self._outputs.usd else None,
             "targets": [str(path) for path in self._shown],
             "source": str(self.source) if self.source != self._asset else None,
             "steps": run.step,
@@ -162,7 +160,7 @@ class LocalJob:
         """Create the folders and test that they are writable, before the first step."""
         outputs = self._outputs
         with writing():
-            for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph, outputs.usd)):
+            for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph)):
                 try_folder(path)
         if outputs.checkpoint is not None:
             with writing("The checkpoint", "--checkpoint"):
@@ -276,7 +274,6 @@ class LocalJob:
             "report.json": self._outputs.report,
             "preview.png": self._outputs.preview,
             "morph.glb": self._outputs.morph,
-            "result.usdz": self._outputs.usd,
         }
         files = {path: artifacts[name].data for name, path in places.items() if path is not None}
         # A Ctrl-C that comes now is too late: the outputs are written all or none.

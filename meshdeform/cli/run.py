@@ -84,10 +84,6 @@ def run(
         typer.Option(help="Also write a GLB that animates from the source to the result.", rich_help_panel=_OUTPUTS),
     ] = False,
     morph_path: MorphPathOption = None,
-    usd: Annotated[
-        bool,
-        typer.Option("--usd", help="Also write the result as USDZ; needs the extra usd.", rich_help_panel=_OUTPUTS),
-    ] = False,
     subdivide: Annotated[
         bool,
         typer.Option(
@@ -209,14 +205,13 @@ def run(
     )
     morph = morph or bool(morph_path) or bool(params.get("stages"))
     written: dict[str, Any] = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
-    written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
+    written |= {"compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
     request = find_taught(make_request(prompt, params, output=written), settings)
     paths = {
         "result": output,
         "report": report or output.with_suffix(".report.json"),
         "preview": preview or output.with_suffix(".preview.png"),
         **({"morph": output.with_suffix(".morph.glb")} if morph else {}),
-        **({"usd": output.with_suffix(".usdz")} if usd else {}),
     }
     if not force:
         drawn = {"animation": animate} if animate else {}
@@ -225,10 +220,6 @@ def run(
         )
         if checkpoint is not None:
             check_checkpoint(checkpoint)
-    if usd:
-        from meshdeform.assets.usd import require_usd
-
-        require_usd()
     from meshdeform.requests.stages import generated_targets
     from meshdeform.runs import text_deform_checks
 
@@ -262,7 +253,7 @@ def run(
         return
     if quiet:
         return
-    names = {"result": "GLB", "morph": "Morph GLB", "usd": "USDZ", "report": "Report", "preview": "Picture"}
+    names = {"result": "GLB", "morph": "Morph GLB", "report": "Report", "preview": "Picture"}
     names["animation"] = "Animation"
     names["source"] = "Source mesh"
     if sketched is not None:

@@ -138,7 +138,6 @@ def submit(
     settings: SetOption = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make morph.glb.", rich_help_panel=_JOB)] = False,
     morph_path: MorphPathOption = None,
-    usd: Annotated[bool, typer.Option("--usd", help="Also make result.usdz.", rich_help_panel=_JOB)] = False,
     subdivide: Annotated[
         bool,
         typer.Option(
@@ -237,7 +236,6 @@ def submit(
     wanted = {
         "morph": morph or bool(morph_path),
         "morph_path": parse_morph_path(morph_path),
-        "usd": usd,
         "compact": compact,
         "subdivide": subdivide,
         "provenance": provenance,

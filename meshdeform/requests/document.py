@@ -45,6 +45,7 @@ from meshdeform.requests.parameters import (
     StrictModel,
 )
 from meshdeform.requests.presets import OVERRIDES, Family
+from meshdeform.requests.removed import without_removed
 from meshdeform.requests.stages import active_prompts, contradicted, goal_guidance
 from meshdeform.requests.unbounded import first_problem, read_unbounded
 
@@ -95,12 +96,6 @@ class OutputOptions(StrictModel):
         description="The frames and the timing of `morph.glb`: `frames`, `easing`, `ping_pong`, `seconds` "
         "(docs/control.md).",
         examples=[{"frames": 12}],
-    )
-    usd: bool = Field(
-        False,
-        description="Also write `result.usdz`, the result for AR viewers and USD pipelines. Needs the extra `usd` "
-        "where jobs run; a server without it refuses the request.",
-        examples=[False],
     )
     compact: bool = Field(
         False,
@@ -230,18 +225,8 @@ def _family(model: str | None) -> str:
     return "taught" if model and is_sent(model) else model or ""
 
 
-_REMOVED = frozenset({
-    "annealing", "attachment_weight", "candidate_steps", "candidates", "coarse_until", "distillation", "ism_interval",
-    "ism_stride", "learning_rate_end", "negative", "negative_weight", "noise_draws", "optimizer", "parametrization",
-    "regularizer_scale_end", "resolution_start", "rigidity", "smoothing_start", "stop_when_settled",
-    "timestep_min_end", "translation_rate", "view_prompts", "views",
-})  # fmt: skip
-"""Parameters of `text_deform` in earlier versions, which mean nothing any more, and whose names no later one may use.
-Any other unknown parameter is of a later version."""
-
-
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
-    """Read a stored request of any version, without bounds and without parameters that have been removed since.
+    """Read a stored request of any version, without bounds and without members that have been removed since.
 
     Parameters
     ----------
@@ -254,12 +239,11 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
         Its kind, one of its members or one of its values is not known in this process. Without it, the job would be
         another one than was asked for.
     """
+    document = without_removed(document)
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
     model = next((known for name, known in _PARAMS.items() if name == kind), None)
     if model is None:
         raise UnreadableJobError(f"The stored request cannot be read here: there is no kind of job {kind!r}.")
-    if model is DeformParams and isinstance(params, Mapping):
-        params = {name: value for name, value in params.items() if name not in _REMOVED}
     try:
         read = {"params": read_unbounded(model, params)}
     except ValidationError as error:

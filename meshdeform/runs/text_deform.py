@@ -15,7 +15,6 @@ from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.appearance import Appearance
-from meshdeform.assets.usd import require_usd, write_usdz
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Front, Orientation
@@ -61,7 +60,6 @@ if TYPE_CHECKING:
 __all__ = ["TextDeformRun", "start"]
 
 _GLB = "model/gltf-binary"
-_USDZ = "model/vnd.usdz+zip"
 
 
 def start(
@@ -121,21 +119,15 @@ def start(
 
     Raises
     ------
-    DependencyError
-        The request asks for USDZ, and usd-core is not installed.
     AssetError, RequestError, ModelError, NumericalError, CheckpointError
         The input cannot be run; the error says what to do.
     """
-    if request.output.usd:
-        require_usd()
     clock = PhaseClock()
     params = resolved or resolve(request.params, default_model=default_model)
     asset_sha256 = asset_sha256 or sha256_hex(asset)
     with clock.phase("read"):
         data, name = (asset, filename) if source is None else (source.data, FITTED_SOURCE.name)
         loaded, division = prepared(load_asset(data, name, limits), params, request.output, limits)
-        if request.output.usd:
-            loaded.scene()  # detect unreadable materials now, not after the last step
         welded = welded_surface(loaded, params.backdrop)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
@@ -265,7 +257,7 @@ class TextDeformRun:
         return ArtifactData(self._written(self._surface(verts), verts), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` and `result.usdz` if requested.
+        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested.
 
         Raises
         ------
@@ -281,9 +273,6 @@ class TextDeformRun:
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
             if self._facts.request.output.morph or self._facts.params.stages:
                 artifacts["morph.glb"] = ArtifactData(self._morph(surface, verts), _GLB)
-            usdz = write_usdz(written.scene()) if self._facts.request.output.usd else None
-            if usdz is not None:
-                artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
             source, now = (Pose(s.positions, s.normals) for s in (self._asset.surface, written.surface))
             appearance = self._asset.appearance().of_triangles(self._drawn)
@@ -298,7 +287,6 @@ class TextDeformRun:
             appearance=appearance_report(self._goals[-1].params, self._deformation.current),
             result=result,
             written=written,
-            usdz=usdz,
             history=self._history,
             holds=self._holds,
             rebuilt_normals=self._rebuilt_normals,

@@ -64,13 +64,6 @@ _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> ResolvedParams:
-    if request.output.usd and not settings.writes_usd:
-        detail = "The request asks for result.usdz, and this deployment does not write USDZ."
-        raise ParameterError(
-            detail,
-            advice="Omit output.usd. The service's operator can install the extra `usd` and set MESHDEFORM_USD.",
-            errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
-        )
     models = settings.offered_models
     params = with_target_models(request.params, lambda name: configured_name(name, models))
     if params.model is not None:
@@ -292,12 +285,6 @@ TEXT_DEFORM = Kind(
             _GLB,
             "The target that a text-to-3D model made for `params.target`, or that was made of a drawing; there before "
             "the fit begins. Those of stages are named `target-1.glb` and so on.",
-        ),
-        ArtifactKind(
-            "result.usdz",
-            "model/vnd.usdz+zip",
-            "The result as USDZ, if `output.usd` is set ([Assets: USDZ](assets.md#usdz)).",
-            afterwards=True,
         ),
         *FORMATS_OF_RESULT,
     ),

@@ -19,7 +19,6 @@ from meshdeform.assets.limits import Limits
 from meshdeform.assets.notices import up_axis_warnings
 from meshdeform.assets.parts import Rig
 from meshdeform.assets.subdivide import Subdivision
-from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
@@ -107,7 +106,6 @@ def build_report(
     appearance: dict[str, Any],
     result: bytes,
     written: Asset,
-    usdz: Usdz | None = None,
     history: LossHistory,
     holds: HoldCounter,
     rebuilt_normals: int,
@@ -141,8 +139,6 @@ def build_report(
         `result.glb`.
     written : Asset
         `result.glb`, read back, so that errors of the writer show.
-    usdz : Usdz, optional
-        `result.usdz`, if requested.
     history : LossHistory
     holds : HoldCounter
     rebuilt_normals : int
@@ -254,13 +250,6 @@ def build_report(
         report["prompts"] = list(prompts)
     if look.left_out:
         report["preview"] = {"left_out": look.left_out}
-    if usdz is not None:
-        report["usd"] = {
-            "bytes": len(usdz.data),
-            "sha256": sha256_hex(usdz.data),
-            "meshes": usdz.meshes,
-            "left_out": usdz.left_out,
-        }
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
 
 

@@ -1,0 +1,42 @@
+"""Name the members of requests that were removed, and what to do instead. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+__all__ = ["REMOVED", "instead", "without_removed"]
+
+_NO_GAIN = "It brought no gain when measured."
+_MEASURED = (
+    "annealing", "candidate_steps", "candidates", "coarse_until", "distillation", "ism_interval", "ism_stride",
+    "learning_rate_end", "negative", "negative_weight", "noise_draws", "optimizer", "parametrization",
+    "regularizer_scale_end", "resolution_start", "rigidity", "smoothing_start", "stop_when_settled",
+    "timestep_min_end", "view_prompts", "views",
+)  # fmt: skip
+
+REMOVED: Mapping[str, str] = {
+    **{f"params.{name}": _NO_GAIN for name in _MEASURED},
+    "params.attachment_weight": "Use params.carrier.",
+    "params.translation_rate": "Use params.carrier.",
+    "output.usd": "Convert result.glb (docs/recipes.md#to-usdz).",
+}
+"""What replaces each removed member, by its place in the request. No later member may have one of these names: any
+other unknown member is of a later version."""
+
+
+def instead(place: Sequence[Any]) -> str | None:
+    """Return a sentence about a member that earlier versions had; None if there was none at this place."""
+    found = REMOVED.get(".".join(map(str, place)))
+    return None if found is None else f"it was removed. {found}"
+
+
+def without_removed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a stored request without what was removed since, at its top level, in `params` and in `output`."""
+    return {
+        name: {inner: each for inner, each in value.items() if f"{name}.{inner}" not in REMOVED}
+        if isinstance(value, Mapping)
+        else value
+        for name, value in document.items()
+        if name not in REMOVED
+    }
