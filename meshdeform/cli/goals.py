@@ -21,7 +21,7 @@ class Goals:
     Attributes
     ----------
     params : dict
-        `guidance`, `target` and `stages` of its parameters; None for what was not given.
+        `guidance` and `stages` of its parameters; None for what was not given.
     files : dict of str to Path
         Target meshes, or a drawing, by part.
     """
@@ -32,13 +32,11 @@ class Goals:
 
 def parse_goals(
     target: Path | None,
-    prompt: str | None,
-    model: str | None,
     stages: Sequence[str] | None,
     sketch: Path | None = None,
     output: Path | None = None,
 ) -> Goals:
-    """Return the goals for `--target`, `--target-prompt`, `--target-model`, `--stage` and `--sketch`.
+    """Return the goals for `--target`, `--stage` and `--sketch`.
 
     The target of a drawing is the file `OUTPUT.target.glb`, which is still to be made; without an output, the drawing
     itself is a file of the job.
@@ -48,10 +46,7 @@ def parse_goals(
     typer.BadParameter
         They contradict each other, or a file of a stage does not exist.
     """
-    if (prompt is None) != (model is None):
-        needs, other = ("--target-model", "--target-prompt") if model is None else ("--target-prompt", "--target-model")
-        raise typer.BadParameter(f"{other} also needs {needs}", param_hint=other)
-    given = {"--target": target, "--target-prompt": prompt, "--stage": stages or None, "--sketch": sketch}
+    given = {"--target": target, "--stage": stages or None, "--sketch": sketch}
     used = [name for name, value in given.items() if value is not None]
     if len(used) > 1:
         raise typer.BadParameter(f"{used[0]} and {used[1]} exclude each other", param_hint=used[1])
@@ -60,8 +55,6 @@ def parse_goals(
     if sketch is not None:
         drawn = {"sketch": sketch} if output is None else {"target": output.with_suffix(".target.glb")}
         return Goals({"guidance": "target"}, drawn)
-    if prompt is not None:
-        return Goals({"target": {"prompt": prompt, "model": model}})
     return Goals({"guidance": "target"}, {"target": target}) if target is not None else Goals()
 
 

@@ -27,7 +27,6 @@ from meshdeform.requests.stages import needs_prior, stage_at
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.runs.devices import resolve_device, use_threads
-from meshdeform.runs.generated_target import generated_target
 from meshdeform.runs.text_deform_kind import read_source, read_targets
 from meshdeform.settings import Settings
 from meshdeform.support.collector import collection_paused
@@ -189,7 +188,7 @@ class LocalJob:
             on_artifact=self._show,
         )
         with self._alignment_picture(), collection_paused():  # compiled kernels are loaded, and a library for them
-            return self._begin(given, prior, params.seed)
+            return self._begin(given, prior)
 
     @contextmanager
     def _alignment_picture(self) -> Iterator[None]:
@@ -214,7 +213,7 @@ class LocalJob:
         else:
             self._shown.append(path)
 
-    def _begin(self, given: RunInput, prior: Prior | None, seed: int) -> JobRun:
+    def _begin(self, given: RunInput, prior: Prior | None) -> JobRun:
         targets, sketch = read_targets(given.request.params, given)
         return text_deform.start(
             asset=given.files["asset"].data,
@@ -223,7 +222,6 @@ class LocalJob:
             prior=prior,
             targets=targets,
             sketch=sketch,
-            generate=lambda wanted, name: generated_target(wanted, name, seed, given),
             pictures=[path.read_bytes() for path in self._pictures],
             checkpoint=given.checkpoint,
             default_model=given.default_model,

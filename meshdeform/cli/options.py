@@ -32,8 +32,6 @@ __all__ = [
     "SilhouetteOption",
     "StageOption",
     "SymmetryOption",
-    "TargetModelOption",
-    "TargetPromptOption",
     "UrlOption",
     "complete_job_ids",
     "complete_models",
@@ -229,24 +227,6 @@ SymmetryOption = Annotated[
     typer.Option(
         help="Keep the mirror symmetry along an axis, or the first one there is; default: none.",
         rich_help_panel="Control",
-        show_default=False,
-    ),
-]
-TargetPromptOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="TEXT",
-        help="Deform towards a mesh that --target-model makes of this text.",
-        rich_help_panel="Method",
-        show_default=False,
-    ),
-]
-TargetModelOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="The text-to-3D model of --target-prompt, such as a Shap-E pipeline of diffusers.",
-        rich_help_panel="Method",
         show_default=False,
     ),
 ]

@@ -31,8 +31,6 @@ from meshdeform.cli.options import (
     SilhouetteOption,
     StageOption,
     SymmetryOption,
-    TargetModelOption,
-    TargetPromptOption,
 )
 from meshdeform.cli.orientation import orientation_line, source_line
 from meshdeform.cli.output import emit
@@ -148,8 +146,6 @@ def run(
             exists=True,
         ),
     ] = None,
-    target_prompt: TargetPromptOption = None,
-    target_model: TargetModelOption = None,
     also: AlsoOption = None,
     stage: StageOption = None,
     silhouette: SilhouetteOption = None,
@@ -181,7 +177,7 @@ def run(
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
     if animate is not None:
         check_animation(animate, "--animate")
-    goals = parse_goals(target, target_prompt, target_model, stage, sketch, output)
+    goals = parse_goals(target, stage, sketch, output)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"
@@ -220,15 +216,13 @@ def run(
         )
         if checkpoint is not None:
             check_checkpoint(checkpoint)
-    from meshdeform.requests.stages import generated_targets
     from meshdeform.runs import text_deform_checks
 
     # Refuse unknown words at once, before torch is imported, which takes seconds.
-    target_models = [target.model for target in generated_targets(request.params)]
     text_deform_checks.check(
         request,
         default_model=settings.model,
-        allowed_models=[name for name in (request.params.model, *target_models) if name],
+        allowed_models=[request.params.model] if request.params.model else [],
         revision=settings.model_revision,
         targets=goals.files,
         pictures=pictures.parts,

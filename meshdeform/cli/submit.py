@@ -32,8 +32,6 @@ from meshdeform.cli.options import (
     SilhouetteOption,
     StageOption,
     SymmetryOption,
-    TargetModelOption,
-    TargetPromptOption,
     UrlOption,
 )
 from meshdeform.cli.output import emit, note
@@ -123,8 +121,6 @@ def submit(
             show_default=False,
         ),
     ] = None,
-    target_prompt: TargetPromptOption = None,
-    target_model: TargetModelOption = None,
     also: AlsoOption = None,
     stage: StageOption = None,
     silhouette: SilhouetteOption = None,
@@ -209,7 +205,7 @@ def submit(
     meshdeform submit scan.xyz --kind surface_fit --set base_faces=500 -o scan
     """
     parts = parse_files(file, kind, asset)
-    goals = parse_goals(target, target_prompt, target_model, stage, sketch)
+    goals = parse_goals(target, stage, sketch)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"

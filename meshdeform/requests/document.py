@@ -304,7 +304,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
 
 
 def _with_goal(params: DeformParams) -> DeformParams:
-    """Return the parameters with the guidance that their stages or their generated target imply.
+    """Return the parameters with the guidance that their stages or their sketch imply.
 
     Raises
     ------
@@ -312,13 +312,9 @@ def _with_goal(params: DeformParams) -> DeformParams:
         They contradict each other.
     """
     guidance = goal_guidance(params)
-    if params.target is not None and params.silhouettes:
-        raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
-    for other in ("target", "sketch", "landmarks", "silhouettes"):
+    for other in ("sketch", "landmarks", "silhouettes"):
         if params.stages and getattr(params, other):
             raise _refused(other, f"`{other}` belongs to a single goal, and there are stages.", f"Leave out {other}.")
-    if params.target is not None and params.sketch is not None:
-        raise _refused("sketch", "`target` and `sketch` both say what the target is.", "Leave out one of the two.")
     if params.sketch is not None and params.silhouettes:
         raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
     if found := contradicted(params, guidance):
@@ -327,13 +323,10 @@ def _with_goal(params: DeformParams) -> DeformParams:
             "prompts", f"`prompts` cannot be combined with `{other}`: {why}.", f"Leave out prompts or {other}."
         )
     if "guidance" in params.model_fields_set and params.guidance is not guidance:
-        detail = f"guidance is `{params.guidance}`, and `{_said_by(params)}` needs `{guidance}`."
+        said_by = "stages" if params.stages else "sketch"
+        detail = f"guidance is `{params.guidance}`, and `{said_by}` needs `{guidance}`."
         raise _refused("guidance", detail, "Leave params.guidance out.")
     return params if params.guidance is guidance else params.model_copy(update={"guidance": guidance})
-
-
-def _said_by(params: DeformParams) -> str:
-    return "stages" if params.stages else "sketch" if params.sketch is not None else "target"
 
 
 def _refused(name: str, detail: str, advice: str) -> ParameterError:

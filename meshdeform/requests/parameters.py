@@ -42,7 +42,7 @@ from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Coordinate, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
 from meshdeform.requests.sketches import SKETCH, Sketch
-from meshdeform.requests.stages import PROMPTS, STAGES, TARGET, GeneratedTarget, Prompt, Stage
+from meshdeform.requests.stages import PROMPTS, STAGES, Prompt, Stage
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -314,7 +314,6 @@ class DeformParams(StrictModel):
         "the 16 numbers, row by row, of the matrix that takes the target's coordinates to the asset's.",
         examples=["auto"],
     )
-    target: GeneratedTarget | None = TARGET
     sketch: Sketch | None = SKETCH
     stages: tuple[Stage, ...] = STAGES
     landmarks: tuple[LandmarkPair, ...] = Field(

@@ -19,6 +19,7 @@ REMOVED: Mapping[str, str] = {
     **{f"params.{name}": _NO_GAIN for name in _MEASURED},
     "params.attachment_weight": "Use params.carrier.",
     "params.translation_rate": "Use params.carrier.",
+    "params.target": "Send the mesh that the model made as the part `target` (docs/control.md#fit-a-mesh).",
     "output.usd": "Convert result.glb (docs/recipes.md#to-usdz).",
 }
 """What replaces each removed member, by its place in the request. No later member may have one of these names: any

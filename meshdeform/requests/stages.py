@@ -1,8 +1,8 @@
-"""Declare what guides a job beside its one prompt: more prompts, stages, targets of a text-to-3D model. Torch-free."""
+"""Declare what guides a job beside its one prompt: more prompts, or stages. Torch-free."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
@@ -19,15 +19,12 @@ __all__ = [
     "MAX_STAGES",
     "PROMPTS",
     "STAGES",
-    "TARGET",
     "TARGET_PARTS",
-    "GeneratedTarget",
     "Prompt",
     "Stage",
     "StageProgress",
     "active_prompts",
     "contradicted",
-    "generated_targets",
     "goal_guidance",
     "named_targets",
     "needs_prior",
@@ -35,7 +32,6 @@ __all__ = [
     "prompt_words",
     "stage_at",
     "stage_titles",
-    "with_target_models",
 ]
 
 
@@ -117,31 +113,14 @@ _Prompt = Annotated[str, StringConstraints(strip_whitespace=True, max_length=_MA
 _TargetPart = Annotated[str, StringConstraints(strict=True, pattern=r"^target(_[2-8])?$")]
 
 
-class GeneratedTarget(StrictModel):
-    """A target mesh that a text-to-3D model makes before the fit begins."""
-
-    prompt: Annotated[_Prompt, StringConstraints(min_length=1)] = Field(
-        description="What the target shows.", examples=["a shark"]
-    )
-    model: str = Field(
-        min_length=1,
-        max_length=500,
-        description="The text-to-3D model: a folder on the worker in diffusers' layout, such as a `ShapEPipeline` "
-        "([Control](control.md)).",
-        examples=["/models/shap-e"],
-    )
-    steps: int = Field(64, ge=1, le=1_000, description="Denoising steps.", examples=[64])
-    guidance_scale: float = Field(15.0, ge=0.0, le=1_000.0, description="How strongly its prompt pulls.")
-
-
 class Stage(StrictModel):
     """One of several goals in a row: a prompt or a target."""
 
     prompt: _Prompt = Field("", description="What the asset becomes in this stage.", examples=["a pear"])
-    target: _TargetPart | GeneratedTarget | None = Field(
+    target: _TargetPart | None = Field(
         None,
-        description="Instead of a prompt, the part that is this stage's target mesh (`target`, `target_2` up to "
-        "`target_8`), or a target to be generated.",
+        description="Instead of a prompt, the part that is this stage's target mesh: `target`, `target_2` up to "
+        "`target_8`.",
         examples=["target"],
     )
     name: Annotated[_Prompt, StringConstraints(max_length=100)] = Field(
@@ -162,8 +141,7 @@ class Stage(StrictModel):
     @property
     def title(self) -> str:
         """Its name, else its prompt, else that of its target."""
-        goal = self.target.prompt if isinstance(self.target, GeneratedTarget) else self.target
-        return self.name or self.prompt or goal or ""
+        return self.name or self.prompt or self.target or ""
 
 
 class StageProgress(BaseModel):
@@ -176,12 +154,6 @@ class StageProgress(BaseModel):
     name: str = Field(description="Its name.", examples=["a mushroom"])
 
 
-TARGET: Any = Field(
-    None,
-    description="With `target`: a target mesh that a text-to-3D model makes, instead of a file "
-    "([Control](control.md)).",
-    examples=[{"prompt": "a shark", "model": "/models/shap-e"}],
-)
 STAGES: Any = Field(
     (),
     max_length=MAX_STAGES,
@@ -201,9 +173,7 @@ def stage_titles(document: Mapping[str, Any]) -> list[str]:
 def _title(stage: Any) -> str:
     if not isinstance(stage, Mapping):
         return ""
-    target = stage.get("target")
-    goal = target.get("prompt") if isinstance(target, Mapping) else target
-    return str(stage.get("name") or stage.get("prompt") or goal or "")
+    return str(stage.get("name") or stage.get("prompt") or stage.get("target") or "")
 
 
 def stage_at(titles: Sequence[str], step: int, total_steps: int) -> StageProgress | None:
@@ -217,15 +187,14 @@ def stage_at(titles: Sequence[str], step: int, total_steps: int) -> StageProgres
 
 def of_stage(params: DeformParams, stage: Stage) -> DeformParams:
     """Return the parameters as written, for one stage."""
-    target = stage.target if isinstance(stage.target, GeneratedTarget) else None
-    return params.model_copy(update={"guidance": stage.guidance, "stages": (), "target": target, "sketch": None})
+    return params.model_copy(update={"guidance": stage.guidance, "stages": (), "sketch": None})
 
 
 def goal_guidance(params: DeformParams) -> GuidanceKind:
     """Return what guides the first stage, or the only one."""
     if params.stages:
         return params.stages[0].guidance
-    return params.guidance if params.target is None and params.sketch is None else GuidanceKind.TARGET
+    return params.guidance if params.sketch is None else GuidanceKind.TARGET
 
 
 def needs_prior(params: DeformParams) -> bool:
@@ -235,28 +204,8 @@ def needs_prior(params: DeformParams) -> bool:
     return goal_guidance(params) is GuidanceKind.SDS
 
 
-def with_target_models(params: DeformParams, names: Callable[[str], str]) -> DeformParams:
-    """Return the parameters with the text-to-3D models renamed."""
-
-    def renamed(target: str | GeneratedTarget | None) -> str | GeneratedTarget | None:
-        if not isinstance(target, GeneratedTarget):
-            return target
-        return target.model_copy(update={"model": names(target.model)})
-
-    stages = tuple(stage.model_copy(update={"target": renamed(stage.target)}) for stage in params.stages)
-    changed = {"target": renamed(params.target), "stages": stages}
-    return params.model_copy(update={name: value for name, value in changed.items() if value})
-
-
 def named_targets(params: DeformParams) -> tuple[str, ...]:
     """Return the parts that a request needs as target meshes."""
     if params.stages:
-        return tuple(dict.fromkeys(stage.target for stage in params.stages if isinstance(stage.target, str)))
-    made = params.target is not None or params.sketch is not None
-    return ("target",) if params.guidance is GuidanceKind.TARGET and not made else ()
-
-
-def generated_targets(params: DeformParams) -> tuple[GeneratedTarget, ...]:
-    """Return the targets that a request has generated, each once."""
-    found = [params.target, *(stage.target for stage in params.stages)]
-    return tuple(dict.fromkeys(target for target in found if isinstance(target, GeneratedTarget)))
+        return tuple(dict.fromkeys(stage.target for stage in params.stages if stage.target is not None))
+    return ("target",) if params.guidance is GuidanceKind.TARGET and params.sketch is None else ()

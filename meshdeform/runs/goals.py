@@ -25,9 +25,8 @@ from meshdeform.rendering.shading import Shading
 from meshdeform.requests.choices import AppearanceMode, Encoder, GuidanceKind
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.requests.models import is_builtin
-from meshdeform.requests.stages import GeneratedTarget, Stage, of_stage, prompt_words
+from meshdeform.requests.stages import Stage, of_stage, prompt_words
 from meshdeform.runs.base import InputFile
-from meshdeform.runs.generated_target import GenerateTarget
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.report import sha256_hex
@@ -118,8 +117,6 @@ class GoalSource:
         Those of a job with `params.prompts`.
     targets : mapping of str to InputFile
         Target meshes by part.
-    generate : callable
-        Returns the GLB of a generated target and shows it.
     silhouettes : SilhouetteFit, optional
         Pictures as targets, alone or beside the prompt.
     limits : Limits, optional
@@ -131,7 +128,6 @@ class GoalSource:
     rest: RestMesh
     prior: Prior | None
     targets: Mapping[str, InputFile]
-    generate: GenerateTarget
     silhouettes: SilhouetteFit | None
     limits: Limits | None
     device: str
@@ -153,9 +149,7 @@ def read_goals(request: JobRequest, params: ResolvedParams, given: GoalSource) -
         A target cannot be read.
     """
     if not params.stages:
-        target = None
-        if params.guidance is GuidanceKind.TARGET:
-            target = params.target or "target"
+        target = "target" if params.guidance is GuidanceKind.TARGET else None
         if given.prompts is not None and target is None:
             return [_several(given.prompts, request, params, given)]
         return [_goal("", request.prompt, target, params, given)]
@@ -171,44 +165,38 @@ def read_goals(request: JobRequest, params: ResolvedParams, given: GoalSource) -
 def _of_stage(request: JobRequest, params: ResolvedParams, stage: Stage) -> ResolvedParams:
     """Return the values of all parameters in a stage; presets differ between prompts and targets."""
     if stage.guidance is params.guidance:
-        return params.model_copy(update={"stages": (), "target": None})
+        return params.model_copy(update={"stages": ()})
     written = request.params.model_copy(update={"model": params.model})
     found = resolve(of_stage(written, stage), default_model=params.model)
     # The stages share the variables and, for the progress, the number of steps.
-    shared = {"carrier": params.carrier, "steps": params.steps, "target": None}
+    shared = {"carrier": params.carrier, "steps": params.steps}
     return found.model_copy(update=shared)
 
 
 def _goal(
     name: str,
     prompt: str,
-    target: str | GeneratedTarget | None,
+    target: str | None,
     params: ResolvedParams,
     given: GoalSource,
     number: int | None = None,
 ) -> Goal:
     if target is None:
         return Goal(name or prompt, prompt, params, _pictured(prompt, params, given))
-    if isinstance(target, GeneratedTarget):
-        artifact = f"target-{number}.glb" if number else "target.glb"
-        data, filename, title = given.generate(target, artifact), artifact, target.prompt
-    else:
-        file = given.targets.get(target)
-        if file is None:
-            raise ParameterError(
-                "params.guidance is `target`, but there is no target mesh.",
-                advice=f"Send one as the part `{target}`.",
-            )
-        data, filename, title = file.data, file.filename, PurePath(file.filename).stem
+    file = given.targets.get(target)
+    if file is None:
+        raise ParameterError(
+            "params.guidance is `target`, but there is no target mesh.", advice=f"Send one as the part `{target}`."
+        )
     try:
-        fit = TargetFit.of(params, given.asset, given.world, load_asset(data, filename, given.limits))
+        fit = TargetFit.of(params, given.asset, given.world, load_asset(file.data, file.filename, given.limits))
     except AlignmentError as error:
         if number is not None:
             error.detail = f"Stage {number}: {error.detail}"
             error.args = (error.detail,)
         raise
-    guidance = fit.guidance(given.rest, params, given.device, sha256_hex(data))
-    return Goal(name or title, "", params, guidance, fit)
+    guidance = fit.guidance(given.rest, params, given.device, sha256_hex(file.data))
+    return Goal(name or PurePath(file.filename).stem, "", params, guidance, fit)
 
 
 def _several(prompts: Prompts, request: JobRequest, params: ResolvedParams, given: GoalSource) -> Goal:

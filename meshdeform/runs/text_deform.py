@@ -32,7 +32,6 @@ from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, StepReport
 from meshdeform.runs.control import Control, control_report, read_control
-from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
 from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
 from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.precision import precision_of
@@ -71,7 +70,6 @@ def start(
     target: bytes | None = None,
     target_filename: str = "",
     targets: Mapping[str, InputFile] | None = None,
-    generate: GenerateTarget = cannot_generate,
     sketch: Mapping[str, Any] | None = None,
     pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
@@ -92,8 +90,6 @@ def start(
     filename, target_filename : str
     targets : mapping of str to InputFile, optional
         Further target meshes by part, for stages.
-    generate : callable
-        Returns the GLB of a target that a text-to-3D model makes.
     sketch : mapping, optional
         What the report says about a target that was drawn.
     pictures : sequence of bytes
@@ -138,7 +134,7 @@ def start(
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
         meshes = {**(targets or {}), **({} if target is None else {"target": InputFile(target, target_filename)})}
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
-        given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device, prompts)
+        given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, silhouettes, limits, device, prompts)
         goals = read_goals(request, params, given)
         identities = [goal.guidance.identity for goal in goals]
         run = fingerprint(

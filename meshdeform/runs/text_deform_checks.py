@@ -11,7 +11,7 @@ from meshdeform.requests.document import BUILTIN_MODEL, DeformParams, GuidanceKi
 from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS, Silhouette
 from meshdeform.requests.sketches import SKETCH_PART
-from meshdeform.requests.stages import active_prompts, generated_targets, named_targets, needs_prior
+from meshdeform.requests.stages import active_prompts, named_targets, needs_prior
 from meshdeform.runs.sent_weights import check_weights_part
 
 if TYPE_CHECKING:
@@ -77,12 +77,6 @@ def check(
     if not _check_sketch(resolved, given | ({SKETCH_PART} if has_sketch else set())):
         _check_targets(resolved, given)
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
-    for generated in generated_targets(resolved):
-        if generated.model != default_model and generated.model not in allowed_models:
-            raise _not_allowed(generated.model, known)
-        from meshdeform.priors.text_to_3d import check_generator
-
-        check_generator(generated.model)
     if resolved.stages and request.prompt:
         raise _refusal("stages", "There are a prompt and stages.", "Leave the prompt out: each stage has its own.")
     if needs_prior(resolved):
@@ -112,10 +106,8 @@ def _check_targets(params: ResolvedParams, given: Collection[str]) -> None:
             detail = "`target` guidance needs a second mesh." if not params.stages else f"A stage needs `{part}`."
             raise _refusal("stages" if params.stages else "guidance", detail, f"Send it as the part `{part}`.")
     for part in sorted(set(given) - set(needed)):
-        if params.stages or params.target is not None:
-            whose = "no stage" if params.stages else "params.target, which is generated, not"
-            detail = f"`{part}` was sent, but {whose} uses it."
-            raise _refusal("stages" if params.stages else "target", detail, f"Omit the part `{part}`.")
+        if params.stages:
+            raise _refusal("stages", f"`{part}` was sent, but no stage uses it.", f"Omit the part `{part}`.")
         raise _refusal(
             "guidance",
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
@@ -250,9 +242,8 @@ def _check_sketch(params: ResolvedParams, files: Collection[str]) -> bool:
     """
     drawn = SKETCH_PART in files
     what = f"the part `{SKETCH_PART}`" if drawn else "params.sketch"
-    if drawn and (params.stages or params.target is not None):
-        name = "stages" if params.stages else "target"
-        raise _refusal(name, f"A drawing was sent, but params.{name} does not use it.", f"Omit {what}.")
+    if drawn and params.stages:
+        raise _refusal("stages", "A drawing was sent, but params.stages does not use it.", f"Omit {what}.")
     if drawn and params.guidance is not GuidanceKind.TARGET:
         detail = f"A drawing was sent, but the guidance is `{params.guidance}`, which does not use it."
         raise _refusal("guidance", detail, f"Set params.guidance to `target`, or omit {what}.")

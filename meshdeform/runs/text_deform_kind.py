@@ -23,6 +23,7 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_sent
+from meshdeform.requests.removed import without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.sketches import SKETCH_PART
@@ -33,7 +34,6 @@ from meshdeform.requests.stages import (
     named_targets,
     needs_prior,
     prompt_words,
-    with_target_models,
 )
 from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import (
@@ -65,10 +65,10 @@ _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> ResolvedParams:
     models = settings.offered_models
-    params = with_target_models(request.params, lambda name: configured_name(name, models))
+    params = request.params
     if params.model is not None:
         params = params.model_copy(update={"model": configured_name(params.model, models)})
-    request = request.model_copy(update={"params": params})
+        request = request.model_copy(update={"params": params})
     with hidden_folders(models):
         return check(
             request,
@@ -114,6 +114,7 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
 def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
     """Return the parameters stored when the request was accepted; resolve them if there are none."""
     if kept is not None:
+        kept = without_removed({"params": kept})["params"]
         try:
             return read_unbounded(ResolvedParams, kept)
         except ValidationError as error:
@@ -137,8 +138,7 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 def _uses(request: JobRequest) -> list[str]:
     params = request.params
     weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
-    single = params.target is None and not params.stages
-    drawable = single and goal_guidance(params) is GuidanceKind.TARGET
+    drawable = not params.stages and goal_guidance(params) is GuidanceKind.TARGET
     return [
         "asset",
         *named_targets(params),
@@ -177,7 +177,6 @@ def read_source(given: RunInput) -> FittedSource | None:
 
 def _load() -> StartRun:
     from meshdeform.runs import text_deform
-    from meshdeform.runs.generated_target import generated_target
 
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
@@ -192,7 +191,6 @@ def _load() -> StartRun:
             prior=prior,
             targets=targets,
             sketch=sketch,
-            generate=lambda wanted, name: generated_target(wanted, name, params.seed, given),
             pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
             checkpoint=given.checkpoint,
             initial=given.initial,
@@ -212,14 +210,13 @@ def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
     if request.params.stages:
         return ", then ".join(_title(stage, filenames) for stage in request.params.stages)
     like = filenames.get("target") or filenames.get(SKETCH_PART) or filenames.get(SILHOUETTE_PARTS[0])
-    generated = request.params.target.prompt if request.params.target else ""
-    generated = f"like a {request.params.sketch.family}" if request.params.sketch else generated
+    drawn = f"like a {request.params.sketch.family}" if request.params.sketch else ""
     prompts = prompt_words(request.prompt, request.params)
-    return prompts or generated or (f"like {PurePath(like).stem}" if like else "")
+    return prompts or drawn or (f"like {PurePath(like).stem}" if like else "")
 
 
 def _title(stage: Stage, filenames: Mapping[str, str]) -> str:
-    part = stage.target if isinstance(stage.target, str) and not stage.name else None
+    part = None if stage.name else stage.target
     return f"like {PurePath(filenames[part]).stem}" if part and part in filenames else stage.title
 
 
@@ -283,8 +280,7 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "target.glb",
             _GLB,
-            "The target that a text-to-3D model made for `params.target`, or that was made of a drawing; there before "
-            "the fit begins. Those of stages are named `target-1.glb` and so on.",
+            "The target that was made of a drawing or of `params.sketch`; there before the fit begins.",
         ),
         *FORMATS_OF_RESULT,
     ),

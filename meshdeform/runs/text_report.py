@@ -34,7 +34,6 @@ from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
 from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams
-from meshdeform.requests.stages import with_target_models
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.precision import precision_warnings
 from meshdeform.runs.preparation import subdivision_warnings
@@ -179,8 +178,7 @@ def build_report(
         "kind": facts.request.kind.value,
         "prompt": facts.request.prompt,
         # Clients read the report: a model in a folder is named as the service names it.
-        "params": with_target_models(facts.params, public_name).model_dump(mode="json")
-        | {"model": public_name(facts.params.model)},
+        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
         "seed": facts.params.seed,
         "metadata": facts.request.metadata,
         "input": {

@@ -123,7 +123,7 @@ const LESSON_PHASES = /** @type {Record<string, string>} */ ({
 });
 
 /**
- * The goals of a job in words: its prompts, its stages, or the target that a model makes; empty: a target mesh.
+ * The goals of a job in words: its prompts or its stages; empty: a target mesh.
  *
  * @param {any} job
  */
@@ -131,9 +131,9 @@ export function goalWords(job) {
   // Another version may write all else in its own way.
   if (job.unreadable) return String(job.prompt ?? "");
   const stages = job.params?.stages ?? [];
-  const names = stages.map((/** @type {any} */ stage) => stage.name || stage.prompt || stage.target?.prompt || stage.target);
+  const names = stages.map((/** @type {any} */ stage) => stage.name || stage.prompt || stage.target);
   const prompts = [job.prompt, ...(job.params?.prompts ?? []).map((/** @type {any} */ each) => each.prompt)].filter(Boolean);
-  return names.length ? names.join(" → ") : prompts.join(" + ") || job.params?.target?.prompt || "";
+  return names.length ? names.join(" → ") : prompts.join(" + ");
 }
 
 const KIND_TITLES = /** @type {Record<string, string>} */ ({

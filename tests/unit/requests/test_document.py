@@ -142,7 +142,7 @@ def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
     resolved = ResolvedParams.model_json_schema(mode="serialization")
     assert set(resolved["required"]) == set(resolved["properties"]) == set(DeformParams.model_fields)
     nullable = {name for name, member in resolved["properties"].items() if {"type": "null"} in member.get("anyOf", [])}
-    assert nullable == {"source_noun", "target", "sketch"}  # none is made
+    assert nullable == {"source_noun", "sketch"}  # none is made
 
 
 OLD = {
@@ -152,7 +152,10 @@ OLD = {
     "regularizer_scale_end": 1.0, "timestep_min_end": 0.02, "view_prompts": True, "negative": "perpendicular",
     "negative_weight": 2.0, "optimizer": "adam_uniform", "parametrization": "vertices", "views": "random_batch",
 }  # fmt: skip
-STORED = [("params", name, value) for name, value in OLD.items()] + [("output", "usd", True)]
+STORED = [("params", name, value) for name, value in OLD.items()] + [
+    ("params", "target", {"prompt": "a shark", "model": "shap-e"}),
+    ("output", "usd", True),
+]
 
 
 @each_case(("part", "name", "value"), STORED)

@@ -1,4 +1,4 @@
-"""Stages and generated targets in a request: what is refused, and what follows from them."""
+"""Stages in a request: what is refused, and what follows from them."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.errors import ParameterError, PromptError, VocabularyError
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.stages import (
     StageProgress,
-    generated_targets,
     named_targets,
     needs_prior,
     stage_at,
@@ -23,7 +22,6 @@ from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from tests.cases import each_case
 
 PEAR, FILE = {"prompt": "a pear"}, {"target": "target_2", "name": "a vase"}
-MADE = {"target": {"prompt": "a shark", "model": "shap-e"}}
 
 
 def of(*stages: dict[str, Any], **params: Any) -> JobRequest:
@@ -31,7 +29,7 @@ def of(*stages: dict[str, Any], **params: Any) -> JobRequest:
 
 
 def refused(request: JobRequest, targets: list[str]) -> str:
-    with pytest.raises((ParameterError, PromptError, ModelError)) as caught:
+    with pytest.raises((ParameterError, PromptError)) as caught:
         check(request, default_model="builtin", targets=targets)
     return caught.value.detail
 
@@ -51,14 +49,11 @@ def test_the_first_stage_decides_the_preset() -> None:
     assert params.steps == resolve(DeformParams(guidance=GuidanceKind.TARGET)).steps
     assert needs_prior(params)
     assert not needs_prior(resolve(of(FILE).params))
-    generated = JobRequest.model_validate({"params": MADE})
-    assert resolve(generated.params).guidance is GuidanceKind.TARGET
 
 
 def test_a_request_needs_the_files_that_its_stages_name() -> None:
-    request = of(FILE, PEAR, FILE, MADE)
+    request = of(FILE, PEAR, FILE)
     assert named_targets(request.params) == ("target_2",)
-    assert [each.prompt for each in generated_targets(request.params)] == ["a shark"]
     assert TEXT_DEFORM.inherits(request) == {"asset", "target_2"}
     assert refused(request, []) == "A stage needs `target_2`."
     assert refused(of(FILE, PEAR), ["target", "target_2"]) == "`target` was sent, but no stage uses it."
@@ -77,9 +72,8 @@ def test_a_request_needs_the_files_that_its_stages_name() -> None:
             "`landmarks` belongs to a single goal, and there are stages.",
         ),
         (of(PEAR, guidance="target"), "guidance is `target`, and `stages` needs `sds`."),
-        (of(MADE), "This server does not run the model 'shap-e'."),
     ],
-    ids=["with a prompt", "with landmarks", "with other guidance", "with a model that is not offered"],
+    ids=["with a prompt", "with landmarks", "with other guidance"],
 )
 def test_contradictions_are_refused(request_: JobRequest, detail: str) -> None:
     assert refused(request_, []) == detail
@@ -91,11 +85,11 @@ def test_every_prompt_is_checked() -> None:
 
 
 def test_steps_progress_and_names_count_all_stages() -> None:
-    request = of(PEAR, FILE, MADE, steps=10)
+    request = of(PEAR, FILE, PEAR, steps=10)
     assert TEXT_DEFORM.steps(request, "builtin", None) == 30
-    assert TEXT_DEFORM.goal(request, {"asset": "a.glb", "target_2": "b.glb"}) == "a pear, then a vase, then a shark"
+    assert TEXT_DEFORM.goal(request, {"asset": "a.glb", "target_2": "b.glb"}) == "a pear, then a vase, then a pear"
     stages = stage_titles(request.model_dump(mode="json", exclude_unset=True))
-    assert stages == [stage.title for stage in request.params.stages] == ["a pear", "a vase", "a shark"]
+    assert stages == [stage.title for stage in request.params.stages] == ["a pear", "a vase", "a pear"]
     assert stage_at(stages, 0, 0) == StageProgress(number=1, count=3, name="a pear")
     assert [stage_at(stages, step, 30).number for step in (9, 10, 29, 30)] == [1, 2, 3, 3]  # type: ignore[union-attr]
     assert stage_at((), 5, 10) is None

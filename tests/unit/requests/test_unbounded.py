@@ -48,7 +48,6 @@ def test_what_the_door_takes_is_read_as_at_the_door() -> None:
         {"regions": [{"node": "n" * 1000}] * 200},
         {"handles": [{"position": [0, 0, 0], "to": [0, 1, 0]}] * 500},
         {"length": {"x": {"max": 1e9}, "y": {"min": -3.0}}},
-        {"target": {"prompt": "a shark", "model": "m" * 1000, "steps": 10**6}},
         {"stages": [{"prompt": "a pear"}] * 50},
         {"prompts": [{"prompt": "p" * 5000, "weight": 1e9}]},
     ],

@@ -40,12 +40,10 @@ def test_a_drawing_or_a_family_is_a_target() -> None:
     ("parts", "params", "member"),
     [
         (["sketch"], {}, "guidance"),
-        (["sketch"], {"guidance": "target", "target": {"prompt": "a shark", "model": "x"}}, "target"),
         (["sketch"], {"stages": [{"prompt": "a pear"}]}, "stages"),
         (["sketch", "target"], {"guidance": "target"}, "sketch"),
         (["target"], {"sketch": VASE}, "sketch"),
         ([], {"sketch": VASE, "guidance": "sds"}, "guidance"),
-        ([], {"sketch": VASE, "target": {"prompt": "a shark", "model": "x"}}, "sketch"),
         ([], {"sketch": VASE, "stages": [{"prompt": "a pear"}]}, "sketch"),
         ([], {"sketch": VASE, "silhouettes": [{"azimuth": 0}]}, "silhouettes"),
     ],
@@ -72,7 +70,6 @@ def test_a_branch_takes_the_drawing_only_where_it_is_used() -> None:
     assert "sketch" in kind.inherits(asked(guidance="target"))
     assert "sketch" in kind.inherits(asked(sketch=VASE))
     assert "sketch" not in kind.inherits(asked())
-    assert "sketch" not in kind.inherits(asked(target={"prompt": "a shark", "model": "x"}))
     assert {"target", "sketch"} == set(kind.alternatives)
 
 
