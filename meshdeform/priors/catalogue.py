@@ -15,7 +15,6 @@ from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
 from meshdeform.priors.builtin.taught import check as check_taught
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.priors.builtin.words import Attribute, ParsedPrompt, Words
-from meshdeform.priors.multiview import adapter_file
 from meshdeform.priors.public_names import hidden_folders, public_names
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.requests.models import is_taught
@@ -33,10 +32,6 @@ EXAMPLES: tuple[str, ...] = (
 """Example prompts for the builtin prior."""
 
 _GUIDES = "A Stable Diffusion checkpoint: takes any prompt in English. A GPU is recommended."
-_SEES_ALL_SIDES = (
-    "A Stable Diffusion checkpoint with a multi-view adapter: takes any prompt in English, and sees six sides of the "
-    "asset at once. A GPU is recommended."
-)
 _TAUGHT = "The builtin model with words of its own."
 _CARD = 10_000
 """Characters of a model card that are read."""
@@ -142,7 +137,7 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
         id=name,
         # The name is the last part of a folder's path or a hub id.
         title=model.rstrip("/").rpartition("/")[2] or model,
-        description=_SEES_ALL_SIDES if _has_adapter(model) else _GUIDES,
+        description=_GUIDES,
         available=available,
         problem=problem,
         vocabulary=None,
@@ -201,25 +196,14 @@ def _examples(words: Words, lessons: Sequence[Lesson]) -> list[str]:
 
 
 def _licence(model: str) -> str:
-    """Return the licence that the model card in a folder states, and an adapter's; empty if neither is known."""
-    stated = _stated_licence(Path(model).expanduser())
-    if not _has_adapter(model):
-        return stated
-    return f"{stated or 'checkpoint: see its model card'}; adapter: {adapter_file.LICENCE}"
-
-
-def _stated_licence(folder: Path) -> str:
+    """Return the licence that the model card in a folder states; empty if it is not known."""
     try:
-        with (folder / "README.md").open(encoding="utf-8") as card:
+        with (Path(model).expanduser() / "README.md").open(encoding="utf-8") as card:
             head = card.read(_CARD)
     except (OSError, ValueError):
         return ""
     found = re.search(r"^license:[ \t]*([\w.+-]{1,60})[ \t]*$", head, re.MULTILINE)
     return found[1] if found and head.startswith("---") else ""
-
-
-def _has_adapter(model: str) -> bool:
-    return adapter_file.has_adapter(Path(model).expanduser())
 
 
 def _find(model: str, revision: str, hidden: Sequence[str]) -> tuple[bool | None, str | None]:

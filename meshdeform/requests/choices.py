@@ -11,7 +11,6 @@ __all__ = [
     "BackdropMode",
     "Carrier",
     "Easing",
-    "Encoder",
     "GuidanceKind",
     "JobKind",
     "OrientationMode",
@@ -61,13 +60,6 @@ class JobKind(StrEnum):
         # pydantic keeps its own list of members and falls back to this method.
         found = cls._value2member_map_.get(value) if isinstance(value, str) else None
         return found if isinstance(found, cls) else None
-
-
-class Encoder(StrEnum):
-    """What turns pictures into the latents of a Stable Diffusion model."""
-
-    VAE = "vae"
-    TINY = "tiny"
 
 
 class Preset(StrEnum):

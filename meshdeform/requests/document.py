@@ -24,7 +24,6 @@ from meshdeform.errors import ParameterError, UnreadableJobError
 from meshdeform.requests.choices import (
     AppearanceMode,
     Carrier,
-    Encoder,
     GuidanceKind,
     JobKind,
     Preset,
@@ -212,8 +211,6 @@ class JobRequest(StrictModel):
         if not isinstance(params, DeformParams):
             return f"{self.kind}/{getattr(params, 'guidance', '')}/{_family(getattr(params, 'model', ''))}"
         own = f"{self.kind}/{goal_guidance(params)}/{_family(params.model)}"
-        if params.encoder is not Encoder.VAE:
-            own += f"/{params.encoder}"
         pulling = active_prompts(self.prompt, params.prompts)
         # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
         local = sum(bool(each.regions) for each in pulling)
@@ -270,7 +267,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     ------
     ParameterError
         A bound of the user contradicts one of the preset, rigid parts one that they cannot have, the guidance cannot
-        use the appearance, the model has no encoder to choose, or stages contradict a parameter for one goal.
+        use the appearance, or stages contradict a parameter for one goal.
     """
     params = _with_goal(params)
     model = params.model or default_model
@@ -294,9 +291,6 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
         detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
         raise _refused("appearance", detail, "Leave params.appearance out, or use a Stable Diffusion model.")
-    if values["encoder"] is not Encoder.VAE and is_builtin(model):
-        detail = f"The built-in model works on pixels and has no encoder, and encoder is `{values['encoder']}`."
-        raise _refused("encoder", detail, "Leave params.encoder out, or use a Stable Diffusion model.")
     if values["rigid"] and values["length"] != LengthLimits():
         detail = "Rigid parts cannot be stretched or compressed to meet a limit of `length`."
         raise _refused("length", detail, "Leave out params.length or params.rigid.")

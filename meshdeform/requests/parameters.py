@@ -36,7 +36,6 @@ from meshdeform.requests.choices import (
 )
 from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, LengthLimits, Region
 from meshdeform.requests.declaration import FORM, OF_PRESET, contradiction, nullable, of_preset
-from meshdeform.requests.encoder import ENCODER, Encoder
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Coordinate, Part
@@ -228,7 +227,6 @@ class DeformParams(StrictModel):
         examples=[{"x": "keep", "y": {"max": 1.2}}],
     )
     prompts: tuple[Prompt, ...] = PROMPTS
-    encoder: Encoder = ENCODER
     guidance_scale: float = of_preset(
         100.0,
         "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",

@@ -18,6 +18,7 @@ _MEASURED = (
 REMOVED: Mapping[str, str] = {
     **{f"params.{name}": _NO_GAIN for name in _MEASURED},
     "params.attachment_weight": "Use params.carrier.",
+    "params.encoder": "Leave it out: a model encodes with its own autoencoder.",
     "params.translation_rate": "Use params.carrier.",
     "params.target": "Send the mesh that the model made as the part `target` (docs/control.md#fit-a-mesh).",
     "output.usd": "Convert result.glb (docs/recipes.md#to-usdz).",

@@ -13,16 +13,16 @@ from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.deformation.stand_in import chosen_carrier
-from meshdeform.errors import AlignmentError, ModelError, ParameterError, PromptError
+from meshdeform.errors import AlignmentError, ParameterError, PromptError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance
 from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
-from meshdeform.priors.base import HasEncoders, Prior
+from meshdeform.priors.base import Prior
 from meshdeform.priors.public_names import public_name
 from meshdeform.rendering.shading import Shading
-from meshdeform.requests.choices import AppearanceMode, Encoder, GuidanceKind
+from meshdeform.requests.choices import AppearanceMode, GuidanceKind
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.requests.models import is_builtin
 from meshdeform.requests.stages import Stage, of_stage, prompt_words
@@ -53,13 +53,7 @@ def score_distillation(
     ------
     PromptError, ParameterError
         The prior cannot use this prompt.
-    ModelError
-        The prior has no such encoder.
     """
-    if isinstance(prior, HasEncoders):
-        prior = prior.with_encoder(params.encoder)
-    elif params.encoder is not Encoder.VAE:
-        raise ModelError(f"This model has no encoder {params.encoder!r}.", advice="Leave params.encoder out.")
     return ScoreDistillation(
         prior,
         prompt,

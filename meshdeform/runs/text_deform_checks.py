@@ -92,7 +92,7 @@ def check(
             raise _not_allowed(model, known)
         from meshdeform.priors import check_model
 
-        check_model(model, revision if model == default_model else "", params.encoder)
+        check_model(model, revision if model == default_model else "")
     elif has_weights:
         check_weights_part(params.model, [WEIGHTS_PART])
     return resolved

@@ -153,6 +153,7 @@ OLD = {
     "negative_weight": 2.0, "optimizer": "adam_uniform", "parametrization": "vertices", "views": "random_batch",
 }  # fmt: skip
 STORED = [("params", name, value) for name, value in OLD.items()] + [
+    ("params", "encoder", "tiny"),
     ("params", "target", {"prompt": "a shark", "model": "shap-e"}),
     ("output", "usd", True),
 ]
