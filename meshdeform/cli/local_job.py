@@ -6,7 +6,7 @@ import json
 import shlex
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,6 @@ from typing import Any
 from meshdeform.assets import Limits
 from meshdeform.assets.bundle import read_with_files
 from meshdeform.cli.exits import ExitCode, OutcomeError
-from meshdeform.cli.goals import stage_words
 from meshdeform.cli.interrupting import ctrl_c_between_steps, second_ctrl_c_ends
 from meshdeform.cli.progress import ProgressView
 from meshdeform.cli.request import find_taught
@@ -23,11 +22,11 @@ from meshdeform.errors import AlignmentError, UnavailableError
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest, resolve
-from meshdeform.requests.stages import needs_prior, stage_at
+from meshdeform.requests.prompts import needs_prior
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.runs.devices import resolve_device, use_threads
-from meshdeform.runs.text_deform_kind import read_source, read_targets
+from meshdeform.runs.text_deform_kind import read_source, read_target
 from meshdeform.settings import Settings
 from meshdeform.support.collector import collection_paused
 from meshdeform.support.files import write_files
@@ -58,8 +57,6 @@ class LocalJob:
     outputs : Outputs
     target : Path, optional
         The mesh of `params.guidance = target`.
-    targets : mapping of str to Path
-        Target meshes by part, for stages.
     pictures : sequence of Path
         The pictures of `params.silhouettes`.
     resume : Path, optional
@@ -81,14 +78,13 @@ class LocalJob:
         outputs: Outputs,
         *,
         target: Path | None = None,
-        targets: Mapping[str, Path] | None = None,
         pictures: Sequence[Path] = (),
         resume: Path | None = None,
         load: Callable[..., Prior] = load_prior,
     ) -> None:
         self._asset, self._settings, self._outputs = asset, settings, outputs
         self._request = find_taught(request, settings)
-        self._targets = {**({"target": target} if target else {}), **(targets or {})}
+        self._target = target
         self._pictures, self._resume, self._load = pictures, resume, load
         self._shown: list[Path] = []
         self.source = asset
@@ -148,7 +144,6 @@ class LocalJob:
             "texture_stretch": report["texture_stretch"],
             "quality": report["quality"],
             "faces": report["mesh"]["welded_faces"],
-            "stages": report.get("stages"),
             "silhouettes": report.get("silhouettes"),
             "fit": report.get("fit") and report["fit"] | {"quality": report["quality"]},
             "warnings": [*report["input"]["warnings"], *report["warnings"]],
@@ -176,7 +171,8 @@ class LocalJob:
             revision = self._settings.model_revision if params.model == self._settings.model else ""
             prior = self._load(params.model, device=device, revision=revision, dtype=self._settings.dtype)
         files = {"asset": InputFile(asset, self._asset.name)}
-        files |= {part: InputFile(read_with_files(path, limits), path.name) for part, path in self._targets.items()}
+        if self._target is not None:
+            files["target"] = InputFile(read_with_files(self._target, limits), self._target.name)
         given = RunInput(
             request=self._request,
             files=files,
@@ -214,13 +210,14 @@ class LocalJob:
             self._shown.append(path)
 
     def _begin(self, given: RunInput, prior: Prior | None) -> JobRun:
-        targets, sketch = read_targets(given.request.params, given)
+        target, sketch = read_target(given.request.params, given)
         return text_deform.start(
             asset=given.files["asset"].data,
             filename=given.files["asset"].filename,
             request=given.request,
             prior=prior,
-            targets=targets,
+            target=None if target is None else target.data,
+            target_filename="" if target is None else target.filename,
             sketch=sketch,
             pictures=[path.read_bytes() for path in self._pictures],
             checkpoint=given.checkpoint,
@@ -232,13 +229,10 @@ class LocalJob:
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:
         path, every = self._outputs.checkpoint, self._request.params.checkpoint_every_steps
-        titles = [stage.title for stage in self._request.params.stages]
         with ctrl_c_between_steps() as interrupted:
             for report in run:
                 self._last_losses = report.losses
                 self._last_step = (report.step, report.total_steps)
-                if found := stage_at(titles, report.step - 1, report.total_steps):
-                    progress.phase(stage_words(found.model_dump(), "optimizing"))
                 progress.step(report.step, report.total_steps, report.losses.get("total", float("nan")))
                 stop = interrupted()
                 if path is not None and (stop or report.step % every == 0):

@@ -30,7 +30,6 @@ __all__ = [
     "RigidOption",
     "SetOption",
     "SilhouetteOption",
-    "StageOption",
     "SymmetryOption",
     "UrlOption",
     "complete_job_ids",
@@ -227,16 +226,6 @@ SymmetryOption = Annotated[
     typer.Option(
         help="Keep the mirror symmetry along an axis, or the first one there is; default: none.",
         rich_help_panel="Control",
-        show_default=False,
-    ),
-]
-StageOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="PROMPT|FILE",
-        help="Instead of PROMPT: one of several goals in a row, a prompt or a target mesh; repeatable. "
-        "Also writes the morph through all of them.",
-        rich_help_panel="Method",
         show_default=False,
     ),
 ]

@@ -29,7 +29,6 @@ from meshdeform.cli.options import (
     RigOption,
     SetOption,
     SilhouetteOption,
-    StageOption,
     SymmetryOption,
 )
 from meshdeform.cli.orientation import orientation_line, source_line
@@ -65,9 +64,7 @@ def run(
     ],
     prompt: Annotated[
         str,
-        typer.Argument(
-            help='What the asset should become: "a mushroom". Or --also, --target, --stage or --silhouette.'
-        ),
+        typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.'),
     ] = "",
     output: Annotated[
         Path | None,
@@ -147,7 +144,6 @@ def run(
         ),
     ] = None,
     also: AlsoOption = None,
-    stage: StageOption = None,
     silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
@@ -177,7 +173,7 @@ def run(
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
     if animate is not None:
         check_animation(animate, "--animate")
-    goals = parse_goals(target, stage, sketch, output)
+    goals = parse_goals(target, sketch, output)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"
@@ -199,7 +195,7 @@ def run(
         handles=parse_handles(handle),
         symmetry=symmetry,
     )
-    morph = morph or bool(morph_path) or bool(params.get("stages"))
+    morph = morph or bool(morph_path)
     written: dict[str, Any] = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
     written |= {"compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
     request = find_taught(make_request(prompt, params, output=written), settings)
@@ -224,7 +220,7 @@ def run(
         default_model=settings.model,
         allowed_models=[request.params.model] if request.params.model else [],
         revision=settings.model_revision,
-        targets=goals.files,
+        has_target="target" in goals.files,
         pictures=pictures.parts,
     )
     with collection_paused(keep=True):
@@ -233,7 +229,8 @@ def run(
 
     sketched = write_sketched_target(sketch, goals.files["target"]) if sketch else None
     outputs = Outputs(**paths, checkpoint=checkpoint)
-    job = LocalJob(asset, request, settings, outputs, targets=goals.files, pictures=pictures.paths, resume=resume)
+    target = goals.files.get("target")
+    job = LocalJob(asset, request, settings, outputs, target=target, pictures=pictures.paths, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
         if animate is not None:

@@ -30,7 +30,6 @@ from meshdeform.cli.options import (
     RigOption,
     SetOption,
     SilhouetteOption,
-    StageOption,
     SymmetryOption,
     UrlOption,
 )
@@ -66,9 +65,7 @@ def submit(
     ],
     prompt: Annotated[
         str,
-        typer.Argument(
-            help='What the asset should become: "a mushroom". Or --also, --target, --stage or --silhouette.'
-        ),
+        typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.'),
     ] = "",
     preset: Annotated[
         Preset | None,
@@ -122,7 +119,6 @@ def submit(
         ),
     ] = None,
     also: AlsoOption = None,
-    stage: StageOption = None,
     silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
@@ -205,7 +201,7 @@ def submit(
     meshdeform submit scan.xyz --kind surface_fit --set base_faces=500 -o scan
     """
     parts = parse_files(file, kind, asset)
-    goals = parse_goals(target, stage, sketch)
+    goals = parse_goals(target, sketch)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"

@@ -1,4 +1,4 @@
-"""Find jobs by words of their prompts (those of stages, too), labels and file names."""
+"""Find jobs by words of their prompts (all that it has), labels and file names."""
 
 from __future__ import annotations
 
@@ -27,12 +27,8 @@ def searched_text(new: NewJob) -> str:
 
 
 def _further_prompts(request: JobRequest) -> list[str]:
-    """Return the prompts beside that of the request, and those and the names of stages."""
-    params = request.params
-    if not isinstance(params, DeformParams):  # those of other kinds of job have none
-        return []
-    found = [each.prompt for each in params.prompts]
-    return found + [words for stage in params.stages for words in (stage.prompt, stage.name)]
+    """Return the prompts beside that of the request; parameters of other kinds of job have none."""
+    return [each.prompt for each in request.params.prompts] if isinstance(request.params, DeformParams) else []
 
 
 def has_words(query: str) -> sa.ColumnElement[bool]:

@@ -44,8 +44,8 @@ from meshdeform.requests.parameters import (
     StrictModel,
 )
 from meshdeform.requests.presets import OVERRIDES, Family
+from meshdeform.requests.prompts import active_prompts, goal_guidance
 from meshdeform.requests.removed import without_removed
-from meshdeform.requests.stages import active_prompts, contradicted, goal_guidance
 from meshdeform.requests.unbounded import first_problem, read_unbounded
 
 __all__ = [
@@ -149,8 +149,7 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.stages` and "
-        "`params.prompts`.",
+        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.prompts`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
@@ -267,7 +266,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     ------
     ParameterError
         A bound of the user contradicts one of the preset, rigid parts one that they cannot have, the guidance cannot
-        use the appearance, or stages contradict a parameter for one goal.
+        use the appearance, or a sketch contradicts another goal.
     """
     params = _with_goal(params)
     model = params.model or default_model
@@ -298,7 +297,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
 
 
 def _with_goal(params: DeformParams) -> DeformParams:
-    """Return the parameters with the guidance that their stages or their sketch imply.
+    """Return the parameters with the guidance that their sketch implies.
 
     Raises
     ------
@@ -306,19 +305,13 @@ def _with_goal(params: DeformParams) -> DeformParams:
         They contradict each other.
     """
     guidance = goal_guidance(params)
-    for other in ("sketch", "landmarks", "silhouettes"):
-        if params.stages and getattr(params, other):
-            raise _refused(other, f"`{other}` belongs to a single goal, and there are stages.", f"Leave out {other}.")
     if params.sketch is not None and params.silhouettes:
         raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
-    if found := contradicted(params, guidance):
-        other, why = found
-        raise _refused(
-            "prompts", f"`prompts` cannot be combined with `{other}`: {why}.", f"Leave out prompts or {other}."
-        )
+    if params.prompts and guidance is not GuidanceKind.SDS:
+        detail = f"`prompts` cannot be combined with `guidance`: `{guidance}` uses no prompt."
+        raise _refused("prompts", detail, "Leave out prompts or guidance.")
     if "guidance" in params.model_fields_set and params.guidance is not guidance:
-        said_by = "stages" if params.stages else "sketch"
-        detail = f"guidance is `{params.guidance}`, and `{said_by}` needs `{guidance}`."
+        detail = f"guidance is `{params.guidance}`, and `sketch` needs `{guidance}`."
         raise _refused("guidance", detail, "Leave params.guidance out.")
     return params if params.guidance is guidance else params.model_copy(update={"guidance": guidance})
 

@@ -37,11 +37,11 @@ from meshdeform.requests.choices import (
 from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, LengthLimits, Region
 from meshdeform.requests.declaration import FORM, OF_PRESET, contradiction, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
+from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Coordinate, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
 from meshdeform.requests.sketches import SKETCH, Sketch
-from meshdeform.requests.stages import PROMPTS, STAGES, Prompt, Stage
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -313,7 +313,6 @@ class DeformParams(StrictModel):
         examples=["auto"],
     )
     sketch: Sketch | None = SKETCH
-    stages: tuple[Stage, ...] = STAGES
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),
         max_length=MAX_LANDMARKS,

@@ -23,18 +23,16 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_sent
+from meshdeform.requests.prompts import (
+    goal_guidance,
+    needs_prior,
+    needs_target,
+    prompt_words,
+)
 from meshdeform.requests.removed import without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.sketches import SKETCH_PART
-from meshdeform.requests.stages import (
-    TARGET_PARTS,
-    Stage,
-    goal_guidance,
-    named_targets,
-    needs_prior,
-    prompt_words,
-)
 from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import (
     FITTED_SOURCE,
@@ -55,11 +53,12 @@ if TYPE_CHECKING:
     from meshdeform.runs.fitted_source import FittedSource
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "read_source", "read_targets"]
+__all__ = ["TEXT_DEFORM", "read_source", "read_target"]
 
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
+_TARGET = "target"
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 
@@ -75,7 +74,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             default_model=settings.model,
             allowed_models=settings.further_models,
             revision=settings.model_revision,
-            targets=files & set(TARGET_PARTS),
+            has_target=_TARGET in files,
             pictures=files.intersection(SILHOUETTE_PARTS),
             has_weights=WEIGHTS_PART in files,
             has_sketch=SKETCH_PART in files,
@@ -127,29 +126,26 @@ def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] |
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
-        params = _resolved(request, default_model, kept)
-        return params.steps * max(len(params.stages), 1)
+        return _resolved(request, default_model, kept).steps
     except MeshdeformError:
         # A default has changed since the job was accepted; its worker will report the error.
-        written = request.params.steps if "steps" in request.params.model_fields_set else 0
-        return written * max(len(request.params.stages), 1)
+        return request.params.steps if "steps" in request.params.model_fields_set else 0
 
 
 def _uses(request: JobRequest) -> list[str]:
     params = request.params
     weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
-    drawable = not params.stages and goal_guidance(params) is GuidanceKind.TARGET
     return [
         "asset",
-        *named_targets(params),
-        *([SKETCH_PART] if drawable else []),
+        *([_TARGET] if needs_target(params) else []),
+        *([SKETCH_PART] if goal_guidance(params) is GuidanceKind.TARGET else []),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
 
 
-def read_targets(params: DeformParams, given: RunInput) -> tuple[Mapping[str, InputFile], dict[str, Any] | None]:
-    """Return the target meshes of a job, among them that of its drawing, and what the report says about the drawing.
+def read_target(params: DeformParams, given: RunInput) -> tuple[InputFile | None, dict[str, Any] | None]:
+    """Return the target mesh of a job, which may be that of its drawing, and what the report says about the drawing.
 
     Raises
     ------
@@ -158,11 +154,10 @@ def read_targets(params: DeformParams, given: RunInput) -> tuple[Mapping[str, In
     """
     drawing = given.files.get(SKETCH_PART)
     if drawing is None and params.sketch is None:
-        return {part: file for part, file in given.files.items() if part in TARGET_PARTS}, None
+        return given.files.get(_TARGET), None
     from meshdeform.runs.sketched_target import sketched_target
 
-    target, about = sketched_target(None if drawing is None else drawing.data, params.sketch, given)
-    return {"target": target}, about
+    return sketched_target(None if drawing is None else drawing.data, params.sketch, given)
 
 
 def read_source(given: RunInput) -> FittedSource | None:
@@ -183,13 +178,14 @@ def _load() -> StartRun:
         params = _resolved(given.request, given.default_model, given.resolved)
         prior = load_sent(params.model, given) if needs_prior(params) else None
         source = read_source(given)
-        targets, sketch = read_targets(params, given)
+        target, sketch = read_target(params, given)
         return text_deform.start(
             asset=asset.data,
             filename=asset.filename,
             request=given.request,
             prior=prior,
-            targets=targets,
+            target=None if target is None else target.data,
+            target_filename="" if target is None else target.filename,
             sketch=sketch,
             pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
             checkpoint=given.checkpoint,
@@ -207,17 +203,10 @@ def _load() -> StartRun:
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
     """Return the prompt, or what the result is to look like; `filenames` are those of the files, by part."""
-    if request.params.stages:
-        return ", then ".join(_title(stage, filenames) for stage in request.params.stages)
-    like = filenames.get("target") or filenames.get(SKETCH_PART) or filenames.get(SILHOUETTE_PARTS[0])
+    like = filenames.get(_TARGET) or filenames.get(SKETCH_PART) or filenames.get(SILHOUETTE_PARTS[0])
     drawn = f"like a {request.params.sketch.family}" if request.params.sketch else ""
     prompts = prompt_words(request.prompt, request.params)
     return prompts or drawn or (f"like {PurePath(like).stem}" if like else "")
-
-
-def _title(stage: Stage, filenames: Mapping[str, str]) -> str:
-    part = None if stage.name else stage.target
-    return f"like {PurePath(filenames[part]).stem}" if part and part in filenames else stage.title
 
 
 TEXT_DEFORM = Kind(
@@ -232,11 +221,7 @@ TEXT_DEFORM = Kind(
             media_types=(*_MESHES, "application/octet-stream"),
             content="surface",
         ),
-        FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
-        *(
-            FilePart(part, "A target mesh of `params.stages`.", required=False, media_types=_MESHES)
-            for part in TARGET_PARTS[1:]
-        ),
+        FilePart(_TARGET, "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
         *(
             FilePart(
                 name,
@@ -273,8 +258,7 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "morph.glb",
             _GLB,
-            "The source with the way to the result as morph targets and an animation, if `output.morph` is set or "
-            "there are `params.stages`.",
+            "The source with the way to the result as morph targets and an animation, if `output.morph` is set.",
             afterwards=True,
         ),
         ArtifactKind(
@@ -285,7 +269,7 @@ TEXT_DEFORM = Kind(
         *FORMATS_OF_RESULT,
     ),
     uses=_uses,
-    alternatives=("target", SKETCH_PART),
+    alternatives=(_TARGET, SKETCH_PART),
     check_files=_check_files,
     check_words=check_words,
     as_branch=_as_branch,

@@ -82,7 +82,6 @@ def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
         "version": meshdeform.__version__,
         "prompt": facts.request.prompt,
         **({"prompts": _weighted(facts.params)} if facts.params.prompts else {}),
-        **({"stages": [stage.title for stage in facts.params.stages]} if facts.params.stages else {}),
         "seed": facts.params.seed,
         "preset": facts.params.preset.value,
         "step": step,
@@ -114,7 +113,6 @@ def build_report(
     drawn: NDArray[np.bool_],
     likeness: dict[str, Any] | None = None,
     fit: dict[str, Any] | None = None,
-    stages: list[dict[str, Any]] | None = None,
     silhouettes: Sequence[Mapping[str, Any]] | None = None,
     prompts: Sequence[Mapping[str, Any]] | None = None,
     bodies: Sequence[Body] = (),
@@ -154,8 +152,6 @@ def build_report(
         How much the result looks like its prompt.
     fit : dict, optional
         How well the result fits its target.
-    stages : list of dict, optional
-        What came of each stage (`goals.stage_reports`); `likeness` and `fit` are those of the last one.
     silhouettes : sequence of mappings, optional
         How well the result fits each picture.
     prompts : sequence of mappings, optional
@@ -240,8 +236,6 @@ def build_report(
         report["likeness"] = likeness
     if fit is not None:
         report["fit"] = fit
-    if stages is not None:
-        report["stages"] = stages
     if silhouettes is not None:
         report["silhouettes"] = list(silhouettes)
     if prompts is not None:

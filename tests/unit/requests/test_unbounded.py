@@ -48,7 +48,6 @@ def test_what_the_door_takes_is_read_as_at_the_door() -> None:
         {"regions": [{"node": "n" * 1000}] * 200},
         {"handles": [{"position": [0, 0, 0], "to": [0, 1, 0]}] * 500},
         {"length": {"x": {"max": 1e9}, "y": {"min": -3.0}}},
-        {"stages": [{"prompt": "a pear"}] * 50},
         {"prompts": [{"prompt": "p" * 5000, "weight": 1e9}]},
     ],
 )
@@ -72,7 +71,6 @@ def test_bounds_are_for_the_door_alone(params: dict[str, Any]) -> None:
         ({"preset": "ultra"}, "params.preset: Input should be"),
         ({"steps": "many"}, "params.steps: Input should be a valid integer"),
         ({"align": [1.0] * 12}, "params.align"),
-        ({"stages": [{"target": "target_9"}]}, "params.stages.0.target"),
         ({"sketch": {"family": "teapot"}}, "There is no family 'teapot'"),
         ({"regions": [{"node": "Lid", "material": "wood"}]}, "exactly one of"),
         ([], "params: Input should be a valid dictionary"),

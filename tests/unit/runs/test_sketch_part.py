@@ -13,7 +13,7 @@ from meshdeform.requests.sketches import SKETCH_FAMILIES, Sketch
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.runs.sketched_target import guessed
-from meshdeform.runs.text_deform_kind import read_targets
+from meshdeform.runs.text_deform_kind import read_target
 from meshdeform.settings import Settings
 from meshdeform.sketch.members import member_glb
 from tests.cases import each_case
@@ -40,11 +40,9 @@ def test_a_drawing_or_a_family_is_a_target() -> None:
     ("parts", "params", "member"),
     [
         (["sketch"], {}, "guidance"),
-        (["sketch"], {"stages": [{"prompt": "a pear"}]}, "stages"),
         (["sketch", "target"], {"guidance": "target"}, "sketch"),
         (["target"], {"sketch": VASE}, "sketch"),
         ([], {"sketch": VASE, "guidance": "sds"}, "guidance"),
-        ([], {"sketch": VASE, "stages": [{"prompt": "a pear"}]}, "sketch"),
         ([], {"sketch": VASE, "silhouettes": [{"azimuth": 0}]}, "silhouettes"),
     ],
 )
@@ -93,10 +91,10 @@ def test_the_target_is_shown_before_the_fit_and_described() -> None:
         on_phase=phases.append,
         on_artifact=lambda name, artifact: shown.update({name: artifact.data}),
     )
-    targets, about = read_targets(given.request.params, given)
+    target, about = read_target(given.request.params, given)
     assert phases == ["target"]
     assert shown == {"target.glb": member_glb("vase", {"handles": "two"})}
-    assert targets == {"target": InputFile(shown["target.glb"], "vase.glb")}
+    assert target == InputFile(shown["target.glb"], "vase.glb")
     assert about == {"family": "vase", "values": SKETCH_FAMILIES["vase"].checked({"handles": "two"})}
 
 
