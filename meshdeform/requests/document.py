@@ -30,7 +30,6 @@ from meshdeform.requests.choices import (
     RigMode,
     Safeguard,
 )
-from meshdeform.requests.control import LengthLimits
 from meshdeform.requests.declaration import contradiction
 from meshdeform.requests.models import is_builtin, is_sent
 from meshdeform.requests.morph import MorphPath
@@ -290,9 +289,6 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
         detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
         raise _refused("appearance", detail, "Leave params.appearance out, or use a Stable Diffusion model.")
-    if values["rigid"] and values["length"] != LengthLimits():
-        detail = "Rigid parts cannot be stretched or compressed to meet a limit of `length`."
-        raise _refused("length", detail, "Leave out params.length or params.rigid.")
     return read_unbounded(ResolvedParams, values)
 
 

@@ -34,7 +34,7 @@ from meshdeform.requests.choices import (
     Safeguard,
     Symmetry,
 )
-from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, LengthLimits, Region
+from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, Region
 from meshdeform.requests.declaration import FORM, OF_PRESET, contradiction, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.prompts import PROMPTS, Prompt
@@ -219,12 +219,6 @@ class DeformParams(StrictModel):
         "partner, if there is one; or `none`. A map of space keeps the mirror plane that it finds by itself "
         "(`keep_structure`).",
         examples=["auto"],
-    )
-    length: LengthLimits = Field(
-        LengthLimits(),
-        description="Limits on the lengths of the bounding box along x, y and z: `keep`, or `min` and `max` as factors "
-        "of the asset's own. They cannot be combined with `rigid`. Default: no limits.",
-        examples=[{"x": "keep", "y": {"max": 1.2}}],
     )
     prompts: tuple[Prompt, ...] = PROMPTS
     guidance_scale: float = of_preset(

@@ -74,7 +74,6 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a rabbit")
     page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
     page.evaluate("() => document.activeElement.blur()")
-    page.get_by_label("Length along x", exact=True).select_option("limits")
     page.get_by_role("heading", name="Recent jobs").wait_for()
     yield "form"
     page.goto("/#/surface")

@@ -83,7 +83,7 @@ test("a job's own parameters fill the form again, and what it has no field for i
   };
   const kept = { params: { timestep_min: 0.5 }, output: { other: 1 } };
   const wish = wishOf(job, FIELDS);
-  const control = { regions: [], handles: [], symmetry: "none", falloff: "", length: {}, prompts: [], of: "" };
+  const control = { regions: [], handles: [], symmetry: "none", falloff: "", prompts: [], of: "" };
   const guide = { align: "", landmarks: [], pictures: [], sketch: null, target: false };
   assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, subdivide: true, advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FIELDS);

@@ -23,7 +23,7 @@
  * @property {boolean} morph
  * @property {boolean} subdivide
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
- * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles, symmetry and lengths; `of` is the
+ * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles and symmetry; `of` is the
  *   file that they are for.
  * @property {(import("./create/guide/model.js").Guide & {target?: boolean}) | null} [guide] What its files besides the asset are for.
  * @property {Kept} kept What a job that is asked for again had and the form has no field for.

@@ -154,6 +154,7 @@ OLD = {
 }  # fmt: skip
 STORED = [("params", name, value) for name, value in OLD.items()] + [
     ("params", "encoder", "tiny"),
+    ("params", "length", {"x": "keep", "y": {"max": 1.2}}),
     ("params", "stages", [{"prompt": "a pear"}, {"prompt": "a mushroom"}]),
     ("params", "target", {"prompt": "a shark", "model": "shap-e"}),
     ("output", "usd", True),

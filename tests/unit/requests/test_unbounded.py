@@ -47,7 +47,6 @@ def test_what_the_door_takes_is_read_as_at_the_door() -> None:
         {"orientation": 720.0},
         {"regions": [{"node": "n" * 1000}] * 200},
         {"handles": [{"position": [0, 0, 0], "to": [0, 1, 0]}] * 500},
-        {"length": {"x": {"max": 1e9}, "y": {"min": -3.0}}},
         {"prompts": [{"prompt": "p" * 5000, "weight": 1e9}]},
     ],
 )

@@ -232,7 +232,7 @@ export class GuidePanel {
     const view = this.guide.pictures[at];
     const angle = (/** @type {"azimuth" | "elevation"} */ name, /** @type {string} */ label) => {
       const field = numberField(`${label} of picture ${at + 1}, degrees`, () => view[name], (value) => {
-        view[name] = Number(value);
+        view[name] = value;
         this.changed();
       });
       this.shows.push(field.show);
