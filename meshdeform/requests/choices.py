@@ -79,7 +79,7 @@ class GuidanceKind(StrEnum):
 
 
 class AlignMode(StrEnum):
-    """How a target mesh is placed on the asset where no matrix is given."""
+    """How a target mesh is placed on the asset."""
 
     AUTO = "auto"
     NONE = "none"

@@ -39,7 +39,7 @@ from meshdeform.requests.declaration import FORM, OF_PRESET, contradiction, null
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
 from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
-from meshdeform.requests.selection import MAX_SELECTORS, Coordinate, Part
+from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
 from meshdeform.requests.sketches import SKETCH, Sketch
 from meshdeform.requests.strict import StrictModel
@@ -299,11 +299,10 @@ class DeformParams(StrictModel):
         ge=0.0,
         le=_MAX_WEIGHT,
     )
-    align: AlignMode | Annotated[tuple[Coordinate, ...], Field(min_length=16, max_length=16)] = Field(
+    align: AlignMode = Field(
         AlignMode.AUTO,
         description="With `target`: how the target is placed on the asset. `auto`: up stays up, the best turn is "
-        "searched, and both get the same centre of mass and spread; `none`: both files share their coordinates; or "
-        "the 16 numbers, row by row, of the matrix that takes the target's coordinates to the asset's.",
+        "searched, and both get the same centre of mass and spread; `none`: both files share their coordinates.",
         examples=["auto"],
     )
     sketch: Sketch | None = SKETCH

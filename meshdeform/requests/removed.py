@@ -36,11 +36,15 @@ def instead(place: Sequence[Any]) -> str | None:
 
 
 def without_removed(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a stored request without what was removed since, at its top level, in `params` and in `output`."""
+    """Return a stored request without what was removed since, in `params` and in `output`."""
+
+    def is_kept(place: str, value: Any) -> bool:
+        # Once a matrix of 16 numbers.
+        return place not in REMOVED and not (place == "params.align" and isinstance(value, list))
+
     return {
-        name: {inner: each for inner, each in value.items() if f"{name}.{inner}" not in REMOVED}
+        name: {inner: each for inner, each in value.items() if is_kept(f"{name}.{inner}", each)}
         if isinstance(value, Mapping)
         else value
         for name, value in document.items()
-        if name not in REMOVED
     }

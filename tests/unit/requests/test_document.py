@@ -153,6 +153,7 @@ OLD = {
     "negative_weight": 2.0, "optimizer": "adam_uniform", "parametrization": "vertices", "views": "random_batch",
 }  # fmt: skip
 STORED = [("params", name, value) for name, value in OLD.items()] + [
+    ("params", "align", [1.0] * 16),
     ("params", "encoder", "tiny"),
     ("params", "length", {"x": "keep", "y": {"max": 1.2}}),
     ("params", "stages", [{"prompt": "a pear"}, {"prompt": "a mushroom"}]),

@@ -175,7 +175,7 @@ def test_documents_that_contradict_themselves_are_refused() -> None:
         {"handles": [{"position": [-1e308, 0, 0], "to": [0, 0, 0]}]},
         {"regions": [{"sphere": {"center": [0, 1e300, 0], "radius": 1}}]},
         {"landmarks": [{"source": [1e300, 0, 0], "target": 0}]},
-        {"align": [1e300] * 16},
+        {"align": [1.0] * 16},
         {"regions": [{"node": "a", "mesh": "b"}]},
         {"regions": [{"box": {"min": [0, 1, 0], "max": [1, 0, 1]}}]},
         {"symmetry": "w"},

@@ -182,7 +182,6 @@ export class GuidePanel {
       "select",
       { id: "target-align" },
       [["", "Turned, moved and scaled to fit"], ["none", "As the files have it"]].map(([value, text]) => h("option", { value }, text)),
-      this.guide.align.startsWith("[") ? h("option", { value: this.guide.align }, "By the matrix of that job") : null,
     );
     align.value = this.guide.align === "auto" ? "" : this.guide.align;
     align.addEventListener("change", () => {
