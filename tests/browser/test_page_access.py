@@ -344,9 +344,3 @@ def background(page: Page) -> float:
     colour = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
     channels = [float(value) for value in re.findall(r"[\d.]+", colour)[:3]]
     return sum(channels) / 3 / 255
-
-
-def test_the_reference_has_the_fonts_of_the_page(page: Page) -> None:
-    page.goto("/docs")
-    for font in ("15px 'Instrument Sans'", "32px 'Instrument Serif'"):
-        assert page.evaluate("font => document.fonts.load(font).then((found) => found.length)", font) == 1
