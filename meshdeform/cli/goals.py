@@ -27,11 +27,7 @@ class Goals:
     files: dict[str, Path] = field(default_factory=dict)
 
 
-def parse_goals(
-    target: Path | None,
-    sketch: Path | None = None,
-    output: Path | None = None,
-) -> Goals:
+def parse_goals(target: Path | None, sketch: Path | None = None, output: Path | None = None) -> Goals:
     """Return the goals for `--target` and `--sketch`.
 
     The target of a drawing is the file `OUTPUT.target.glb`, which is still to be made; without an output, the drawing

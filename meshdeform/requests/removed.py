@@ -19,10 +19,10 @@ REMOVED: Mapping[str, str] = {
     **{f"params.{name}": _NO_GAIN for name in _MEASURED},
     "params.attachment_weight": "Use params.carrier.",
     "params.encoder": "Leave it out: a model encodes with its own autoencoder.",
-    "params.translation_rate": "Use params.carrier.",
     "params.length": "Scale the result along its axes, or keep regions (docs/control.md#keep-and-only).",
     "params.stages": "Branch a job for each further goal (docs/cli.md#meshdeform-branch).",
     "params.target": "Send the mesh that the model made as the part `target` (docs/control.md#fit-a-mesh).",
+    "params.translation_rate": "Use params.carrier.",
     "output.usd": "Convert result.glb (docs/recipes.md#to-usdz).",
 }
 """What replaces each removed member, by its place in the request. No later member may have one of these names: any
