@@ -2,9 +2,8 @@
 
 Writes a checkpoint of the real classes with the published sizes, loads it as a job does, and makes whole steps with it.
 Prints memory and counted operations of a step by part; shares of the CPU time; on a GPU also seconds. Counts need no
-trained weights: they depend on sizes alone. `--model encoders` measures the two encoders alone, in minutes. `--peak`
-states a device's operations per second, and what a step would take at half of them is computed: an expectation, not a
-measurement.
+trained weights: they depend on sizes alone. `--peak` states a device's operations per second, and what a step would
+take at half of them is computed: an expectation, not a measurement.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.requests.choices import Encoder
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.testing import build_tiny_stable_diffusion
 
@@ -35,8 +33,6 @@ TEXT = {
     "1.5": {"hidden_size": 768, "intermediate_size": 3072, "num_hidden_layers": 12, "num_attention_heads": 12},
     "2.1-base": {"hidden_size": 1024, "intermediate_size": 4096, "num_hidden_layers": 23, "num_attention_heads": 16},
 }
-ENCODERS = "encoders"
-"""The model with the published encoders, and small networks beside them that are not measured."""
 STEP = "a step of 5,120 faces"
 UNET: dict[str, dict[str, Any]] = {
     "1.5": {"cross_attention_dim": 768, "attention_head_dim": 8},
@@ -50,20 +46,18 @@ UNET: dict[str, dict[str, Any]] = {
 
 def build(model: str, folder: Path) -> Path:
     """Write a checkpoint of a published size into a folder; `tiny` is that of the tests."""
-    build_tiny_stable_diffusion(folder, sample_size=16 if model == "tiny" else 64, tiny_encoder=True)
+    build_tiny_stable_diffusion(folder, sample_size=16 if model == "tiny" else 64)
     if model == "tiny":
         return folder
-    from diffusers import AutoencoderKL, AutoencoderTiny, UNet2DConditionModel
+    from diffusers import AutoencoderKL, UNet2DConditionModel
     from transformers import CLIPTextConfig, CLIPTextModel
 
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
-        if model != ENCODERS:
-            # The vocabulary and the scheduler's table have the sizes of the small checkpoint: they cost nothing.
-            config = CLIPTextConfig.from_pretrained(folder / "text_encoder").to_dict() | TEXT[model]
-            CLIPTextModel(CLIPTextConfig(**config)).save_pretrained(folder / "text_encoder")
-            UNet2DConditionModel(sample_size=64, **UNET[model]).save_pretrained(folder / "unet")
-        AutoencoderTiny().save_pretrained(folder / "vae_tiny")  # its defaults are the published sizes
+        # The vocabulary and the scheduler's table have the sizes of the small checkpoint: they cost nothing.
+        config = CLIPTextConfig.from_pretrained(folder / "text_encoder").to_dict() | TEXT[model]
+        CLIPTextModel(CLIPTextConfig(**config)).save_pretrained(folder / "text_encoder")
+        UNet2DConditionModel(sample_size=64, **UNET[model]).save_pretrained(folder / "unet")
         AutoencoderKL(
             block_out_channels=(128, 256, 512, 512),
             down_block_types=("DownEncoderBlock2D",) * 4,
@@ -101,11 +95,8 @@ class Clock:
         return begin.elapsed_time(end) / 1e3
 
 
-def measure(
-    prior: StableDiffusionPrior, repeats: int, *, encoders_alone: bool = False
-) -> dict[str, tuple[float, float]]:
+def measure(prior: StableDiffusionPrior, repeats: int) -> dict[str, tuple[float, float]]:
     """Return the counted operations and the seconds of each part of a step, and of the whole."""
-    small = prior.with_encoder(Encoder.TINY)
     size, cameras = prior.image_size, fixed_cameras(20.0, 15.0).to(prior.device)
     embedding = prior.encode_texts("a mushroom", "")
     noisy = torch.randn(1, 4, size // 8, size // 8, generator=torch.Generator().manual_seed(0)).to(prior.device)
@@ -115,25 +106,21 @@ def measure(
         with torch.no_grad():
             prior.encode_image(picture)
 
-    def encode_both(encoding: StableDiffusionPrior) -> None:
-        encoding.encode_image(picture.clone().requires_grad_()).sum().backward()
+    def encode_both() -> None:
+        prior.encode_image(picture.clone().requires_grad_()).sum().backward()
 
     def predict() -> None:
         prior.predict_noise(noisy, torch.tensor([500]), embedding, cameras)
 
-    def steps(guide: StableDiffusionPrior) -> Callable[[], object]:
-        guidance = ScoreDistillation(guide, "a mushroom", guidance_scale=100.0)
-        params = resolve(DeformParams(steps=1000), default_model="random")
-        run = iter(Deformation(icosphere(4, 0.6), guidance, params, device=str(prior.device)))
-        return lambda: next(run)
-
+    guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=100.0)
+    params = resolve(DeformParams(steps=1000), default_model="random")
+    run = iter(Deformation(icosphere(4, 0.6), guidance, params, device=str(prior.device)))
     actions: dict[str, Callable[[], object]] = {
-        "encode, and its gradient": lambda: encode_both(prior),
-        "the same with the small encoder": lambda: encode_both(small),
+        "encode the picture": encode,
+        "encode, and its gradient": encode_both,
+        "predict the noise twice": predict,
+        STEP: lambda: next(run),
     }
-    if not encoders_alone:
-        actions = {"encode the picture": encode, **actions, "predict the noise twice": predict}
-        actions |= {STEP: steps(prior), "a step with the small encoder": steps(small)}
     clock, found = Clock(prior.device), {}
     for name, action in actions.items():
         flops = counted(action)  # and warms up
@@ -144,8 +131,8 @@ def measure(
 def report(prior: StableDiffusionPrior, found: dict[str, tuple[float, float]], peak_tflops: float) -> None:
     """Print a table: seconds only of a GPU, where nothing else is at work."""
     on_gpu = prior.device.type == "cuda"
-    whole = found[STEP if STEP in found else "encode, and its gradient"][1]
-    title = "ms" if on_gpu else f"CPU time, share of {'a step' if STEP in found else 'the first'}"
+    whole = found[STEP][1]
+    title = "ms" if on_gpu else "CPU time, share of a step"
     print(f"| | TFLOP | {title} | at {UTILISATION:.0%} of {peak_tflops:g} TFLOP/s |")
     print("|---|---|---|---|")
     for name, (flops, seconds) in found.items():
@@ -162,7 +149,7 @@ def report(prior: StableDiffusionPrior, found: dict[str, tuple[float, float]], p
 def main() -> None:
     """Measure one model."""
     parser = argparse.ArgumentParser(prog="python -m bench.true_size", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--model", choices=["tiny", ENCODERS, *UNET], default="2.1-base")
+    parser.add_argument("--model", choices=["tiny", *UNET], default="2.1-base")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--dtype", default="auto")
     parser.add_argument("--threads", type=int, default=1)
@@ -175,8 +162,7 @@ def main() -> None:
         size = sum(path.stat().st_size for path in folder.rglob("*.safetensors"))
         print(f"{options.model}: {size / 2**30:.2f} GB of weights in float32\n")
         prior = StableDiffusionPrior(str(folder), device=options.device, dtype=options.dtype)
-        alone = options.model == ENCODERS
-        report(prior, measure(prior, options.repeats, encoders_alone=alone), options.peak)
+        report(prior, measure(prior, options.repeats), options.peak)
 
 
 if __name__ == "__main__":

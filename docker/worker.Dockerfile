@@ -8,7 +8,7 @@ FROM python:3.11.14-slim-bookworm AS build
 # cpu or cuda: on Linux the package index has the CUDA build, the CPU build lives on torch's own index.
 ARG TORCH=cpu
 ARG TORCH_VERSION=2.13.0
-# worker, or sd for Stable Diffusion models as well; "worker,usd" or "sd,usd" to write USDZ, too.
+# worker, or sd for Stable Diffusion models as well.
 ARG EXTRAS=worker
 # The constraints hold for the build backend, too.
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_CONSTRAINT=/src/docker/constraints.txt

@@ -8,7 +8,6 @@ from __future__ import annotations
 import ipaddress
 import json
 from functools import cached_property
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -134,10 +133,6 @@ class Settings(BaseSettings):
         description="Networks besides the public internet that webhooks may reach: CIDR blocks, separated by commas. "
         "Plain http is allowed there.",
     )
-    usd: Literal["auto", "on", "off"] = Field(
-        "auto",
-        description="Whether jobs may request `output.usd`. `auto`: if usd-core is installed with the API.",
-    )
     log_format: Literal["text", "json"] = Field("text", description="`text`: plain lines. `json`: one object per line.")
     max_steps: int = Field(MAX_STEPS, ge=1, le=MAX_STEPS, description="Largest number of steps of a job.")
     max_upload_bytes: int = Field(100 * 2**20, ge=1024, description="Largest request body.")
@@ -151,11 +146,6 @@ class Settings(BaseSettings):
     def resolved_database_url(self) -> str:
         """The record's URL, with the default filled in."""
         return self.database_url or f"sqlite:///{(self.data_dir / 'meshdeform.sqlite').absolute()}"
-
-    @cached_property
-    def writes_usd(self) -> bool:
-        """Whether the workers of this deployment can write USDZ, according to the settings."""
-        return self.usd == "on" or (self.usd == "auto" and find_spec("pxr") is not None)
 
     @property
     def offered_models(self) -> list[str]:

@@ -119,7 +119,6 @@ def build_tiny_stable_diffusion(
     prediction_type: Literal["epsilon", "v_prediction"] = "epsilon",
     sample_size: int = 16,
     seed: int = 0,
-    tiny_encoder: bool = False,
 ) -> Path:
     """Write a checkpoint of Stable Diffusion's own classes with random weights, about 4 MB.
 
@@ -132,17 +131,15 @@ def build_tiny_stable_diffusion(
         The folder to write, in diffusers' layout with safetensors weights.
     edition : 1 or 2
         Which Stable Diffusion the networks are like: 2 has a head size for each level, linear projections, attention at
-        the fine level, as adapters need it, and another activation in the text encoder.
+        the fine level, and another activation in the text encoder.
     prediction_type : "epsilon" or "v_prediction"
         The scheduler's `prediction_type`. The weights do not depend on it.
     sample_size : int
         Side of the latents. Pictures have eight times that (Stable Diffusion: 64 and 512).
     seed : int
         Seed of the weights. The caller's random state does not change.
-    tiny_encoder : bool
-        Whether to add the small encoder, for `params.encoder` = `tiny`.
     """
-    from diffusers import AutoencoderKL, AutoencoderTiny, DDIMScheduler, UNet2DConditionModel
+    from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
     from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
 
     with tempfile.TemporaryDirectory() as scratch:
@@ -174,10 +171,6 @@ def build_tiny_stable_diffusion(
             block_out_channels=(8, 8, 16, 16), layers_per_block=1, norm_num_groups=4, latent_channels=4,
             sample_size=8 * sample_size,
         )  # fmt: skip
-        tiny = AutoencoderTiny(
-            encoder_block_out_channels=(8,) * 4, decoder_block_out_channels=(8,) * 4,
-            num_encoder_blocks=(1, 1, 1, 1), num_decoder_blocks=(1, 1, 1, 1),
-        )  # fmt: skip
     scheduler = DDIMScheduler(
         beta_start=0.00085, beta_end=0.012, beta_schedule="scaled_linear", clip_sample=False,
         set_alpha_to_one=False, steps_offset=1, prediction_type=prediction_type,
@@ -188,8 +181,6 @@ def build_tiny_stable_diffusion(
     for name, part in parts.items():
         part.save_pretrained(folder / name)
         index[name] = [type(part).__module__.partition(".")[0], type(part).__name__]
-    if tiny_encoder:
-        tiny.save_pretrained(folder / "vae_tiny")
     index |= {name: [None, None] for name in ("safety_checker", "feature_extractor", "image_encoder")}
     (folder / "model_index.json").write_text(json.dumps(index, indent=2))
     return folder

@@ -6,10 +6,8 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from functools import cache
 
 from fastapi import FastAPI
-from fastapi.responses import HTMLResponse
 
 from meshdeform import __version__
 from meshdeform.errors import LimitError, UnauthorizedError
@@ -18,7 +16,6 @@ from meshdeform.settings import Settings
 from meshdeform.support.heaps import return_freed_memory
 from meshdeform.support.telemetry import start_tracing, stop_tracing
 from meshdeform.webhooks.delivery import WebhookDelivery
-from service.documentation.reference import reference_page
 from service.downloads import artifact_routes, checkpoint_routes, source_routes
 from service.events import routes as event_routes
 from service.events.waiting import on_termination
@@ -46,11 +43,6 @@ _NO_KEY = (
     "With Docker: docker compose exec service meshdeform keys create --owner me"
 )
 
-# The page has inline styles and loads nothing but this server's fonts.
-_PAGE_POLICY = {
-    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; font-src 'self'; frame-ancestors 'none'"
-}
-
 
 def create_app(settings: Settings | None = None) -> FastAPI:
     """Create the API.
@@ -65,7 +57,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=__version__,
         summary="Send a GLB and a prompt, get the same asset with a new shape.",
         lifespan=_lifespan,
-        # FastAPI's own pages load scripts from another host. `/docs` is ours.
+        # FastAPI's own pages load scripts from another host.
         docs_url=None,
         redoc_url=None,
         separate_input_output_schemas=False,
@@ -93,8 +85,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(health_routes.router)
     app.include_router(metrics_routes.router, responses=refusals)
     app.router.routes += page_routes.routes
-    page = cache(lambda: reference_page(app.openapi()))
-    app.add_api_route("/docs", lambda: HTMLResponse(page(), headers=_PAGE_POLICY), include_in_schema=False)
     add_error_handlers(app)
     describe(app)
     _put_in_frame(app)

@@ -65,12 +65,9 @@ SHARING = {
     "the viewer": ("tests/browser/viewer/",),
     # What imports diffusers or transformers, which takes seconds, and shares their small models.
     "Stable Diffusion": (
-        "tests/integration/test_api_stages.py",
         "tests/integration/test_eval.py",
         "tests/unit/evaluation/test_clip_judge.py",
         "tests/unit/priors/test_stable_diffusion",
-        "tests/unit/priors/test_text_to_3d.py",
-        "tests/unit/runs/test_generated_target.py",
         "tests/unit/test_testing.py",
     ),
     "the S3 server": (
@@ -287,11 +284,3 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Genera
     for reason, count in sorted(reasons.items()):
         terminalreporter.write_line(f"NOT RUN HERE: {count} test{'s' * (count > 1)}: {reason}", yellow=True)
     return result
-
-
-@pytest.fixture(scope="session")
-def tiny_shap_e(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a Shap-E pipeline of the real classes with small random weights."""
-    from tests.tiny_shap_e import build_tiny_shap_e
-
-    return build_tiny_shap_e(tmp_path_factory.mktemp("models") / "tiny-shap-e")

@@ -19,7 +19,6 @@ from typing import Protocol, Self
 from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError
 from meshdeform.record.leases import Leases, WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress
-from meshdeform.requests.stages import stage_at, stage_titles
 from meshdeform.runs.base import StepReport
 from meshdeform.support.telemetry import carried
 
@@ -158,7 +157,6 @@ class JobWatch:
             losses={name: value for name, value in losses.items() if math.isfinite(value)},
             eta_s=self._timer.left_s(total_steps - step) if total_steps else None,
             attempt=self._job.attempt,
-            stage=stage_at(stage_titles(self._job.document), step, total_steps),
         )
 
     def _run(self) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from meshdeform.requests.control import Handle, LengthLimits, LengthRange, Region
+from meshdeform.requests.control import Handle, Region
 from meshdeform.requests.document import DeformParams, GuidanceKind, JobRequest, OutputOptions, Preset, resolve
 from meshdeform.requests.parameters import FROM_PRESET
 from meshdeform.requests.rigid import RigidSelector
@@ -152,10 +152,6 @@ def page() -> str:
             section(Region, prefix="params.regions[].", without=tuple(Selection.model_fields)),
             "## A handle\n",
             section(Handle, prefix="params.handles[]."),
-            "## Limits on lengths\n",
-            "The members of `params.length`: each is `keep`, or an object with `min`, `max` or both.\n",
-            section(LengthLimits, prefix="params.length."),
-            section(LengthRange, prefix="params.length.x."),
             "## output\n",
             section(OutputOptions, prefix="output."),
         ]

@@ -38,9 +38,8 @@ def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
     """Insert the changelog, which is outside the docs folder, into its page."""
     if page.file.src_uri != "changes.md":
         return markdown
-    return (
-        (Path(page.file.abs_src_path).parents[1] / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "](")
-    )
+    changelog = (Path(page.file.abs_src_path).parents[1] / "CHANGELOG.md").read_text(encoding="utf-8")
+    return changelog.replace("](docs/", "](") + markdown.partition("\n")[2]
 
 
 def on_post_build(*, config: Any, **_: Any) -> None:

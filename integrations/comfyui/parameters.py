@@ -26,7 +26,7 @@ _OF_THE_JOB = ("guidance", "preset", "seed")
 def inputs() -> dict[str, tuple[Any, ...]]:
     """Return the widgets of the node, in the form's order."""
     found = {name: _widget(member) for name, member in _form().items()}
-    help_more = 'Any other parameters, as a JSON object: {"symmetry": "auto", "length": {"y": {"max": 1.2}}}'
+    help_more = 'Any other parameters, as a JSON object: {"symmetry": "auto", "falloff": 0.2}'
     return {**found, MORE: ("STRING", {"default": "", "multiline": True, "tooltip": help_more})}
 
 

@@ -106,20 +106,15 @@ class Asset:
         embed_data_uris(document)
         return document.to_bytes()
 
-    def scene(self, *, copies: bool = False) -> SceneView:
+    def scene(self) -> SceneView:
         """Return a read-only view of the default scene, for writing other formats.
-
-        Parameters
-        ----------
-        copies : bool
-            Whether to show what EXT_mesh_gpu_instancing draws; otherwise it is left out.
 
         Raises
         ------
         AssetError
             A material, texture or image is not valid.
         """
-        return SceneView(self._document, copies=copies)
+        return SceneView(self._document)
 
     def posed(self) -> Surface:
         """Return the surface as viewers show it: skins in the pose of the file's nodes, not in their bind pose."""

@@ -57,7 +57,7 @@ FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "
 """What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
 in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, a line drawing, or values at points."""
 
-SURFACE_FORMATS = frozenset({"npz", "safetensors", "vdb", "xyz"})
+SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
 
 _REMEMBERED = 512

@@ -12,7 +12,7 @@ from typing import Any
 from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive
 from meshdeform.assets.container import GLB_MAGIC, Data, Json, glb_layout, member, objects, parse_json, text
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.other_formats import CONVERTERS, LEVEL_SET_MAGIC, inspect_foreign, refuse_other_format
+from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, refuse_other_format
 from meshdeform.assets.scenegraph import (
     GPU_INSTANCING,
     LOOSE,
@@ -32,7 +32,7 @@ __all__ = ["FORMATS", "AssetSummary", "asset_format", "check_document", "inspect
 FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", *CONVERTERS})
 """File extensions that `asset_format` distinguishes."""
 
-_SURFACES = {"xyz": "points", "npz": "grid", "vdb": "level_set", "safetensors": "network"}
+_SURFACES = {"xyz": "points", "npz": "grid", "safetensors": "network"}
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def asset_format(data: Data, filename: str) -> str:
 
 
 def surface_format(head: bytes, filename: str) -> str | None:
-    """Return `points`, `grid`, `level_set` or `network` if a file may be one of these; None for a mesh.
+    """Return `points`, `grid` or `network` if a file may be one of these; None for a mesh.
 
     Parameters
     ----------
@@ -149,8 +149,6 @@ def surface_format(head: bytes, filename: str) -> str | None:
     filename : str
     """
     ending = filename.lower().rpartition(".")[2] if "." in filename else ""
-    if head.startswith(LEVEL_SET_MAGIC):
-        return "level_set"
     if ending in _SURFACES:
         return _SURFACES[ending]
     if head.startswith((b"ply\n", b"ply\r")):

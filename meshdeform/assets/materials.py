@@ -50,8 +50,6 @@ class TextureUse:
     offset, scale : tuple of 2 floats
     rotation : float
         In radians. KHR_texture_transform: uv' = offset + R(rotation) (scale * uv), with v downwards.
-    strength : float
-        `scale` of a normal texture, `strength` of an occlusion texture.
     nearest : bool
         Whether magnified texels stay squares.
     """
@@ -62,7 +60,6 @@ class TextureUse:
     offset: tuple[float, float] = (0.0, 0.0)
     rotation: float = 0.0
     scale: tuple[float, float] = (1.0, 1.0)
-    strength: float = 1.0
     nearest: bool = False
 
 
@@ -127,7 +124,7 @@ def read_material(document: Document, at: int) -> Material:
     older = extension(items[at], "KHR_materials_pbrSpecularGlossiness", where)
     if older is None or "pbrMetallicRoughness" in items[at]:
         return found
-    texture = _texture(root, older, "diffuseTexture", "", where)
+    texture = _texture(root, older, "diffuseTexture", where)
     return dataclasses.replace(
         found,
         base_color=tuple(numbers(older, "diffuseFactor", 4, where) or (1.0,) * 4),
@@ -139,11 +136,11 @@ def _material(root: Json, item: Json, where: str) -> Material:
     shading = member(item, "pbrMetallicRoughness", where)
     strength = _number(extension(item, "KHR_materials_emissive_strength", where) or {}, "emissiveStrength", 1.0, where)
     found = {
-        "base_color": _texture(root, shading, "baseColorTexture", "", where),
-        "metallic_roughness": _texture(root, shading, "metallicRoughnessTexture", "", where),
-        "normal": _texture(root, item, "normalTexture", "scale", where),
-        "occlusion": _texture(root, item, "occlusionTexture", "strength", where),
-        "emissive": _texture(root, item, "emissiveTexture", "", where),
+        "base_color": _texture(root, shading, "baseColorTexture", where),
+        "metallic_roughness": _texture(root, shading, "metallicRoughnessTexture", where),
+        "normal": _texture(root, item, "normalTexture", where),
+        "occlusion": _texture(root, item, "occlusionTexture", where),
+        "emissive": _texture(root, item, "emissiveTexture", where),
     }
     return Material(
         name=text(item, "name", where) or "",
@@ -171,7 +168,7 @@ def _pair(parent: Json, key: str, default: float, where: str) -> tuple[float, fl
     return first, second
 
 
-def _texture(root: Json, parent: Json, key: str, strength: str, where: str) -> TextureUse | None:
+def _texture(root: Json, parent: Json, key: str, where: str) -> TextureUse | None:
     if key not in parent:
         return None
     info, where = member(parent, key, where), f"{where}.{key}"
@@ -193,7 +190,6 @@ def _texture(root: Json, parent: Json, key: str, strength: str, where: str) -> T
         offset=_pair(move, "offset", 0.0, where),
         rotation=_number(move, "rotation", 0.0, where),
         scale=_pair(move, "scale", 1.0, where),
-        strength=_number(info, strength, 1.0, where) if strength else 1.0,
         nearest=modes.get("magFilter") == _NEAREST,
     )
 

@@ -61,7 +61,6 @@ def write_obj(scene: SceneView, frame: Frame = Frame(), stem: str = "result") ->
     Parameters
     ----------
     scene : SceneView
-        With `copies`, if those of EXT_mesh_gpu_instancing are to be written.
     frame : Frame
         Axes and unit, which the format itself does not store; a comment at the beginning says them, together with the
         open edges and what was left out.

@@ -14,10 +14,7 @@ from meshdeform.errors import (
     AssetUnsupportedError,
 )
 
-__all__ = ["CONVERTERS", "LEVEL_SET_MAGIC", "inspect_foreign", "is_ascii_stl", "refuse_other_format"]
-
-LEVEL_SET_MAGIC = b" BDV\0\0\0\0"
-"""The first bytes of an OpenVDB file."""
+__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "refuse_other_format"]
 
 _WRITE = "bpy.ops.export_scene.gltf(filepath='out.glb')"
 _READ_BY_BLENDER = "blender -b --python-expr \"import bpy; bpy.ops.wm.{}(filepath='in.{}'); {}\""
@@ -39,7 +36,7 @@ _MAGICS = (
     (b"PXR-USDC", "usdc"),
     (b"#usda ", "usda"),
     (b"BLENDER", "blend"),
-    (LEVEL_SET_MAGIC, "vdb"),
+    (b" BDV\0\0\0\0", "vdb"),
 )
 
 _MAX_PLY_HEADER = 64 * 1024

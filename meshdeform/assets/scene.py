@@ -16,14 +16,8 @@ from meshdeform.assets.accessors import read_floats, read_triangles
 from meshdeform.assets.container import Json, index, objects
 from meshdeform.assets.document import Document
 from meshdeform.assets.materials import Image, Material, read_image, read_materials
-from meshdeform.assets.scenegraph import (
-    GPU_INSTANCING,
-    MODE_NAMES,
-    TRIANGLES,
-    Instance,
-    instances_of,
-)
-from meshdeform.assets.surface import Matrix, instance_matrices, local_matrix, placement_matrix, world_matrices
+from meshdeform.assets.scenegraph import GPU_INSTANCING, MODE_NAMES, TRIANGLES, instances_of
+from meshdeform.assets.surface import Matrix, instance_matrices, placement_matrix, world_matrices
 from meshdeform.errors import AssetError
 
 __all__ = ["SceneNode", "ScenePrimitive", "SceneView"]
@@ -31,33 +25,24 @@ __all__ = ["SceneNode", "ScenePrimitive", "SceneView"]
 
 @dataclass(frozen=True)
 class SceneNode:
-    """A node of the default scene that shows a mesh, or an ancestor of one.
+    """A node of the default scene that shows a mesh.
 
     Attributes
     ----------
     number : int
         Its index in the file.
     name, mesh_name : str
-    parent : int or None
-        The parent's number.
-    local, world : (4, 4) float64
-        Transforms for column vectors.
-    placement : (4, 4) float64 or None
-        For a skinned mesh, which ignores its node: the transform of its bind pose to world space.
-    mesh : int or None
-    copies : tuple of (4, 4) float64
-        Transforms to world space of the copies that EXT_mesh_gpu_instancing draws, if it does and they are wanted.
+    mesh : int
+    places : tuple of (4, 4) float64
+        Transforms of the mesh to world space, for column vectors: one, or one for each copy that
+        EXT_mesh_gpu_instancing draws. A skinned mesh, which ignores its node, has that of its bind pose.
     """
 
     number: int
     name: str
     mesh_name: str
-    parent: int | None
-    local: Matrix
-    world: Matrix
-    placement: Matrix | None
-    mesh: int | None
-    copies: tuple[Matrix, ...] = ()
+    mesh: int
+    places: tuple[Matrix, ...]
 
 
 @dataclass(frozen=True)
@@ -92,13 +77,11 @@ class SceneView:
     Parameters
     ----------
     document : Document
-    copies : bool
-        Whether to show what EXT_mesh_gpu_instancing draws; otherwise it is left out.
 
     Attributes
     ----------
     nodes : list of SceneNode
-        Parents before their children.
+        Depth first.
     materials : list of Material
     left_out : dict of str to int
         Features of the document that this view does not include, with their counts.
@@ -109,8 +92,8 @@ class SceneView:
         A material, texture or image is not valid.
     """
 
-    def __init__(self, document: Document, *, copies: bool = False) -> None:
-        self._document, self._copies = document, copies
+    def __init__(self, document: Document) -> None:
+        self._document = document
         self._cached: tuple[int, dict[int, NDArray[np.float32]]] = (-1, {})
         self.materials: list[Material] = read_materials(document)
         self.left_out: dict[str, int] = {}
@@ -134,41 +117,20 @@ class SceneView:
     def _nodes(self) -> list[SceneNode]:
         root = self._document.root
         items, meshes = root.get("nodes", []), root.get("meshes", [])
-        parents = {child: i for i, node in enumerate(items) for child in node.get("children", [])}
         worlds = world_matrices(items)
-        shown: dict[int, Instance] = {}
-        kept: dict[int, None] = {}  # in order
+        found = []
         for instance in instances_of(root):
-            if not self._copies and GPU_INSTANCING in items[instance.node].get("extensions", {}):
-                self._leave_out(GPU_INSTANCING)
-                continue
             if not any(_shows_triangles(p) for p in meshes[instance.mesh].get("primitives", [])):
                 continue
-            shown[instance.node] = instance
-            path, at = [instance.node], instance.node
-            while at in parents and parents[at] not in kept:
-                at = parents[at]
-                path.append(at)
-            kept.update(dict.fromkeys(reversed(path)))
-        found = []
-        for i in kept:
-            shows = shown.get(i)
-            skinned = shows is not None and shows.skin is not None
-            many = shows is not None and not skinned and GPU_INSTANCING in items[i].get("extensions", {})
-            copies = [worlds[i] @ copy for copy in instance_matrices(self._document, i)] if many else []
-            found.append(
-                SceneNode(
-                    number=i,
-                    name=_name(items[i]),
-                    mesh_name=_name(meshes[shows.mesh]) if shows else "",
-                    parent=parents.get(i),
-                    local=local_matrix(items[i]),
-                    world=worlds[i],
-                    placement=placement_matrix(self._document, shows, worlds) if shows and skinned else None,
-                    mesh=shows.mesh if shows else None,
-                    copies=tuple(copies),
-                )
-            )
+            node, world = items[instance.node], worlds[instance.node]
+            places: tuple[Matrix, ...] = (world,)
+            if instance.skin is not None:
+                self._leave_out("skins")
+                places = (placement_matrix(self._document, instance, worlds),)
+            elif GPU_INSTANCING in node.get("extensions", {}):
+                places = tuple(world @ copy for copy in instance_matrices(self._document, instance.node)) or places
+            names = _name(node), _name(meshes[instance.mesh])
+            found.append(SceneNode(instance.node, *names, mesh=instance.mesh, places=places))
         return found
 
     def _primitive(self, mesh: int, primitive: Json, where: str) -> ScenePrimitive:
@@ -213,7 +175,7 @@ class SceneView:
             self.left_out[what] = self.left_out.get(what, 0) + count
 
     def _triangle_primitives(self) -> Iterator[tuple[int, Json]]:
-        for mesh in {node.mesh for node in self.nodes if node.mesh is not None}:
+        for mesh in {node.mesh for node in self.nodes}:
             for primitive in self._document.root["meshes"][mesh]["primitives"]:
                 if _shows_triangles(primitive):
                     yield mesh, primitive
@@ -224,7 +186,6 @@ class SceneView:
         self._leave_out("cameras", len(objects(root, "cameras")))
         lights = root.get("extensions", {}).get("KHR_lights_punctual", {})
         self._leave_out("lights", len(lights.get("lights", [])) if isinstance(lights, dict) else 0)
-        self._leave_out("skins", sum(node.placement is not None for node in self.nodes))
         self._leave_out("morph targets", sum(len(p.get("targets", [])) for _, p in self._triangle_primitives()))
         for instance in instances_of(root):
             for primitive in root["meshes"][instance.mesh].get("primitives", []):

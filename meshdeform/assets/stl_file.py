@@ -43,7 +43,6 @@ def write_stl(scene: SceneView, frame: Frame = Frame()) -> Stl:  # noqa: B008 - 
     Parameters
     ----------
     scene : SceneView
-        With `copies`, if those of EXT_mesh_gpu_instancing are to be written.
     frame : Frame
         Axes and unit, which the format itself does not store; the header says them in words, together with the open
         edges.

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from meshdeform.assets.inspect import AssetSummary, surface_format
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.thin_parts import thin_warnings
-from meshdeform.assets.vdb_file import read_level_set
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -128,8 +127,6 @@ def read_surface_file(
         )
     if kind == "points":
         return _points(*(_ply(data) if data.startswith(b"ply") else _xyz(data)))
-    if kind == "level_set":
-        return _checked(*read_level_set(data, MAX_GRID_VALUES))
     return _grid(data) if kind == "grid" else _network(data)
 
 

@@ -113,7 +113,6 @@ def place_meshes(scene: SceneView, frame: Frame = Frame()) -> Iterator[WorldMesh
     Parameters
     ----------
     scene : SceneView
-        With `copies`, if those of EXT_mesh_gpu_instancing are to be among them.
     frame : Frame
 
     Raises
@@ -124,11 +123,8 @@ def place_meshes(scene: SceneView, frame: Frame = Frame()) -> Iterator[WorldMesh
         An index is out of range.
     """
     for node in scene.nodes:
-        if node.mesh is None:
-            continue
         primitives = list(scene.primitives(node.mesh))
-        places = node.copies or (node.world if node.placement is None else node.placement,)
-        for copy, place in enumerate(places):
+        for copy, place in enumerate(node.places):
             if is_invertible(place):
                 for primitive in primitives:
                     yield _placed(node, copy, frame.matrix @ place, primitive)

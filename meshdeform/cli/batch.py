@@ -69,7 +69,6 @@ def batch(
             rich_help_panel=_WHAT,
         ),
     ] = False,
-    usd: Annotated[bool, typer.Option("--usd", help="Also make each result.usdz.", rich_help_panel=_WHAT)] = False,
     subdivide: Annotated[
         bool,
         typer.Option(
@@ -146,7 +145,7 @@ def batch(
             entries,
             defaults=defaults,
             seeds=range(first, first + seeds) if seeds else (),
-            output={"morph": morph, "usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance},
+            output={"morph": morph, "compact": compact, "subdivide": subdivide, "provenance": provenance},
             known_names=session.ledger.known_names(),
             flat=flat,
             occupied=(path.name for path in output.iterdir()),
@@ -208,14 +207,11 @@ def _target_sets(folder: Path, rows: Sequence[Row]) -> dict[str, str]:
 def _checker() -> Any:
     """Return a check that refuses a row that cannot run on this machine, without importing torch."""
     require("torch", "deform")
-    from meshdeform.assets.usd import require_usd
     from meshdeform.runs import text_deform_checks
 
     settings = load_settings()
 
     def check(request: JobRequest, has_target: bool) -> None:
-        if request.output.usd:
-            require_usd()
         request = find_taught(request, settings)
         named = request.params.model
         text_deform_checks.check(

@@ -1,4 +1,4 @@
-"""`meshdeform convert`: an asset as OBJ, STL or USDZ."""
+"""`meshdeform convert`: an asset as OBJ or STL."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ from meshdeform.cli.output import emit, plain
 from meshdeform.errors import ParameterError, UnavailableError
 
 if TYPE_CHECKING:
-    from meshdeform.assets.scene import SceneView
     from meshdeform.assets.world import Edges, Unit, Up
 
 __all__ = ["convert"]
 
-_ENDINGS = (".obj", ".zip", ".stl", ".usdz")
+_ENDINGS = (".obj", ".zip", ".stl")
 
 
 @dataclass(frozen=True)
@@ -39,19 +38,15 @@ def convert(
             "-o",
             "--output",
             help="The file to write; its ending says the format: .obj (with .mtl and textures/ beside it), .zip (the "
-            "same in one file), .stl or .usdz.",
+            "same in one file) or .stl.",
         ),
     ],
-    up: Annotated[
-        Literal["y", "z"], typer.Option(help="The axis that points up, in OBJ and STL. Slicers expect z.")
-    ] = "y",
-    unit: Annotated[
-        Literal["m", "cm", "mm"], typer.Option(help="The unit of lengths, in OBJ and STL. Slicers expect mm.")
-    ] = "m",
+    up: Annotated[Literal["y", "z"], typer.Option(help="The axis that points up. Slicers expect z.")] = "y",
+    unit: Annotated[Literal["m", "cm", "mm"], typer.Option(help="The unit of lengths. Slicers expect mm.")] = "m",
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write ASSET as OBJ, STL or USDZ, and say whether its surface is closed.
+    """Write ASSET as OBJ or STL, and say whether its surface is closed.
 
     meshdeform convert mushroom.glb -o mushroom.obj.zip
 
@@ -61,8 +56,6 @@ def convert(
     ending = output.suffix.lower()
     if ending not in _ENDINGS:
         raise typer.BadParameter(f"{output.name} ends in none of {', '.join(_ENDINGS)}", param_hint="--output")
-    if ending == ".usdz" and (up, unit) != ("y", "m"):
-        raise ParameterError("A USDZ is in metres with +Y up.", advice="Leave out --up and --unit, or write .stl.")
     made = _made(asset, output, up, unit)
     if output.exists() and output.samefile(asset):
         raise ParameterError(f"{output} is the input of this command.", advice="Choose another name with -o.")
@@ -86,9 +79,7 @@ def _made(source: Path, output: Path, up: Up, unit: Unit) -> _Made:
     limits = Limits.from_settings(load_settings())
     asset = load_asset(read_with_files(source, limits), source.name, limits)
     frame, ending = Frame(up, unit), output.suffix.lower()
-    if ending == ".usdz":
-        return _usdz(asset.scene(), output)
-    scene = asset.scene(copies=True)
+    scene = asset.scene()
     if ending == ".stl":
         from meshdeform.assets.stl_file import write_stl
 
@@ -114,17 +105,6 @@ def _facts(triangles: int, edges: Edges, frame: str, left_out: dict[str, int]) -
     }
     without = f" Left out: {_listed(left_out)}." if left_out else ""
     return facts, f"{triangles:,} triangles in {frame}; {edges.words}.{without}"
-
-
-def _usdz(scene: SceneView, output: Path) -> _Made:
-    from meshdeform.assets.usd import write_usdz
-
-    usdz = write_usdz(scene)
-    left_out = {item["what"]: item["count"] for item in usdz.left_out}
-    without = f" Left out: {_listed(left_out)}." if left_out else ""
-    return _Made(
-        {output: usdz.data}, {"meshes": usdz.meshes, "left_out": left_out}, f"{usdz.meshes:,} meshes.{without}"
-    )
 
 
 def _listed(left_out: dict[str, int]) -> str:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from meshdeform.cli.connection import command_line
 from meshdeform.cli.exits import ExitCode, OutcomeError
-from meshdeform.cli.goals import stage_words
 from meshdeform.errors import UnavailableError
 
 if TYPE_CHECKING:
@@ -157,7 +156,7 @@ def show_event(event: EventView, view: ProgressView) -> None:
         if event.type.value != "checkpoint":
             view.phase(event.type.value)
         return
-    view.phase(stage_words(data.get("stage"), str(data.get("phase", "running"))))
+    view.phase(str(data.get("phase", "running")))
     if total := int(data.get("total_steps", 0)):
         loss = (data.get("losses") or {}).get("total", math.nan)
         view.step(int(data.get("step", 0)), total, loss, data.get("eta_s"))

@@ -6,7 +6,7 @@ import json
 import shlex
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,6 @@ from typing import Any
 from meshdeform.assets import Limits
 from meshdeform.assets.bundle import read_with_files
 from meshdeform.cli.exits import ExitCode, OutcomeError
-from meshdeform.cli.goals import stage_words
 from meshdeform.cli.interrupting import ctrl_c_between_steps, second_ctrl_c_ends
 from meshdeform.cli.progress import ProgressView
 from meshdeform.cli.request import find_taught
@@ -23,12 +22,11 @@ from meshdeform.errors import AlignmentError, UnavailableError
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest, resolve
-from meshdeform.requests.stages import needs_prior, stage_at
+from meshdeform.requests.prompts import needs_prior
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.runs.devices import resolve_device, use_threads
-from meshdeform.runs.generated_target import generated_target
-from meshdeform.runs.text_deform_kind import read_source, read_targets
+from meshdeform.runs.text_deform_kind import read_source, read_target
 from meshdeform.settings import Settings
 from meshdeform.support.collector import collection_paused
 from meshdeform.support.files import write_files
@@ -44,7 +42,6 @@ class Outputs:
     report: Path
     preview: Path
     morph: Path | None = None
-    usd: Path | None = None
     checkpoint: Path | None = None
 
 
@@ -60,8 +57,6 @@ class LocalJob:
     outputs : Outputs
     target : Path, optional
         The mesh of `params.guidance = target`.
-    targets : mapping of str to Path
-        Target meshes by part, for stages.
     pictures : sequence of Path
         The pictures of `params.silhouettes`.
     resume : Path, optional
@@ -83,14 +78,13 @@ class LocalJob:
         outputs: Outputs,
         *,
         target: Path | None = None,
-        targets: Mapping[str, Path] | None = None,
         pictures: Sequence[Path] = (),
         resume: Path | None = None,
         load: Callable[..., Prior] = load_prior,
     ) -> None:
         self._asset, self._settings, self._outputs = asset, settings, outputs
         self._request = find_taught(request, settings)
-        self._targets = {**({"target": target} if target else {}), **(targets or {})}
+        self._target = target
         self._pictures, self._resume, self._load = pictures, resume, load
         self._shown: list[Path] = []
         self.source = asset
@@ -136,7 +130,6 @@ class LocalJob:
             "report": str(self._outputs.report),
             "preview": str(self._outputs.preview),
             "morph": str(self._outputs.morph) if self._outputs.morph else None,
-            "usd": str(self._outputs.usd) if self._outputs.usd else None,
             "targets": [str(path) for path in self._shown],
             "source": str(self.source) if self.source != self._asset else None,
             "steps": run.step,
@@ -153,7 +146,6 @@ class LocalJob:
             "quality": report["quality"],
             "posed_quality": report.get("posed_quality"),
             "faces": report["mesh"]["welded_faces"],
-            "stages": report.get("stages"),
             "silhouettes": report.get("silhouettes"),
             "fit": report.get("fit") and report["fit"] | {"quality": report["quality"]},
             "warnings": [*report["input"]["warnings"], *report["warnings"]],
@@ -164,7 +156,7 @@ class LocalJob:
         """Create the folders and test that they are writable, before the first step."""
         outputs = self._outputs
         with writing():
-            for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph, outputs.usd)):
+            for path in filter(None, (outputs.result, outputs.report, outputs.preview, outputs.morph)):
                 try_folder(path)
         if outputs.checkpoint is not None:
             with writing("The checkpoint", "--checkpoint"):
@@ -181,7 +173,8 @@ class LocalJob:
             revision = self._settings.model_revision if params.model == self._settings.model else ""
             prior = self._load(params.model, device=device, revision=revision, dtype=self._settings.dtype)
         files = {"asset": InputFile(asset, self._asset.name)}
-        files |= {part: InputFile(read_with_files(path, limits), path.name) for part, path in self._targets.items()}
+        if self._target is not None:
+            files["target"] = InputFile(read_with_files(self._target, limits), self._target.name)
         given = RunInput(
             request=self._request,
             files=files,
@@ -193,7 +186,7 @@ class LocalJob:
             on_artifact=self._show,
         )
         with self._alignment_picture(), collection_paused():  # compiled kernels are loaded, and a library for them
-            return self._begin(given, prior, params.seed)
+            return self._begin(given, prior)
 
     @contextmanager
     def _alignment_picture(self) -> Iterator[None]:
@@ -218,16 +211,16 @@ class LocalJob:
         else:
             self._shown.append(path)
 
-    def _begin(self, given: RunInput, prior: Prior | None, seed: int) -> JobRun:
-        targets, sketch = read_targets(given.request.params, given)
+    def _begin(self, given: RunInput, prior: Prior | None) -> JobRun:
+        target, sketch = read_target(given.request.params, given)
         return text_deform.start(
             asset=given.files["asset"].data,
             filename=given.files["asset"].filename,
             request=given.request,
             prior=prior,
-            targets=targets,
+            target=None if target is None else target.data,
+            target_filename="" if target is None else target.filename,
             sketch=sketch,
-            generate=lambda wanted, name: generated_target(wanted, name, seed, given),
             pictures=[path.read_bytes() for path in self._pictures],
             checkpoint=given.checkpoint,
             default_model=given.default_model,
@@ -238,13 +231,10 @@ class LocalJob:
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:
         path, every = self._outputs.checkpoint, self._request.params.checkpoint_every_steps
-        titles = [stage.title for stage in self._request.params.stages]
         with ctrl_c_between_steps() as interrupted:
             for report in run:
                 self._last_losses = report.losses
                 self._last_step = (report.step, report.total_steps)
-                if found := stage_at(titles, report.step - 1, report.total_steps):
-                    progress.phase(stage_words(found.model_dump(), "optimizing"))
                 progress.step(report.step, report.total_steps, report.losses.get("total", float("nan")))
                 stop = interrupted()
                 if path is not None and (stop or report.step % every == 0):
@@ -278,7 +268,6 @@ class LocalJob:
             "report.json": self._outputs.report,
             "preview.png": self._outputs.preview,
             "morph.glb": self._outputs.morph,
-            "result.usdz": self._outputs.usd,
         }
         files = {path: artifacts[name].data for name, path in places.items() if path is not None}
         # A Ctrl-C that comes now is too late: the outputs are written all or none.

@@ -61,13 +61,12 @@ def models(
             entry["id"],
             "default" if entry["id"] == document["default"] else "",
             _STATES.get(entry["available"], ""),
-            entry.get("purpose") or "",
             entry.get("licence") or "",
             entry.get("title") or "",
         )
         for entry in found
     ]
-    typer.echo(table(("MODEL", "", "STATE", "PURPOSE", "LICENCE", "TITLE"), rows))
+    typer.echo(table(("MODEL", "", "STATE", "LICENCE", "TITLE"), rows))
 
 
 def _local() -> dict[str, Any]:

@@ -30,10 +30,7 @@ __all__ = [
     "RigidOption",
     "SetOption",
     "SilhouetteOption",
-    "StageOption",
     "SymmetryOption",
-    "TargetModelOption",
-    "TargetPromptOption",
     "UrlOption",
     "complete_job_ids",
     "complete_models",
@@ -229,34 +226,6 @@ SymmetryOption = Annotated[
     typer.Option(
         help="Keep the mirror symmetry along an axis, or the first one there is; default: none.",
         rich_help_panel="Control",
-        show_default=False,
-    ),
-]
-TargetPromptOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="TEXT",
-        help="Deform towards a mesh that --target-model makes of this text.",
-        rich_help_panel="Method",
-        show_default=False,
-    ),
-]
-TargetModelOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="The text-to-3D model of --target-prompt, such as a Shap-E pipeline of diffusers.",
-        rich_help_panel="Method",
-        show_default=False,
-    ),
-]
-StageOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="PROMPT|FILE",
-        help="Instead of PROMPT: one of several goals in a row, a prompt or a target mesh; repeatable. "
-        "Also writes the morph through all of them.",
-        rich_help_panel="Method",
         show_default=False,
     ),
 ]

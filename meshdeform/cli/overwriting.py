@@ -24,7 +24,7 @@ def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path]) -> None:
     Parameters
     ----------
     outputs : mapping
-        `result`, `report`, `preview`, and if requested `morph` and `usd`.
+        `result`, `report`, `preview`, and if requested `morph`.
     inputs : sequence of Path
 
     Raises
@@ -68,7 +68,7 @@ def _read_report(path: Path) -> dict[str, Any] | None:
 def _is_ours(name: str, path: Path, report: Mapping[str, Any] | None) -> bool:
     if report is None:
         return False
-    if name in ("result", "usd"):
+    if name == "result":
         digest = (report.get(name) or {}).get("sha256")
         return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == digest
     return True  # its name is made from that of the result

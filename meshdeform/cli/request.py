@@ -127,6 +127,7 @@ def make_request(
     from pydantic import ValidationError
 
     from meshdeform.requests.document import JobRequest
+    from meshdeform.requests.removed import instead
 
     document = {
         "prompt": prompt,
@@ -137,8 +138,10 @@ def make_request(
     try:
         return JobRequest.model_validate(document)
     except ValidationError as error:
-        found = [{"loc": list(e["loc"]), "msg": e["msg"], "type": e["type"]} for e in error.errors()]
-        sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in error.errors()]
+        found = [
+            {"loc": list(e["loc"]), "msg": instead(e["loc"]) or e["msg"], "type": e["type"]} for e in error.errors()
+        ]
+        sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in found]
         raise ParameterError(
             f"{place} is not valid: {'; '.join(sentences)}.",
             advice="docs/parameters.md has every parameter with its bounds, docs/http.md those of other kinds.",

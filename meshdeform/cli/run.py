@@ -28,10 +28,7 @@ from meshdeform.cli.options import (
     RigOption,
     SetOption,
     SilhouetteOption,
-    StageOption,
     SymmetryOption,
-    TargetModelOption,
-    TargetPromptOption,
 )
 from meshdeform.cli.orientation import orientation_line, source_line
 from meshdeform.cli.output import emit
@@ -58,8 +55,7 @@ def run(
     asset: Annotated[
         Path,
         typer.Argument(
-            help="The GLB, OBJ, PLY, STL or ZIP; or points (PLY, XYZ), a distance grid (NPZ, VDB), a network "
-            "(safetensors).",
+            help="The GLB, OBJ, PLY, STL or ZIP; or points (PLY, XYZ), a distance grid (NPZ), a network (safetensors).",
             exists=True,
             dir_okay=False,
             readable=True,
@@ -67,9 +63,7 @@ def run(
     ],
     prompt: Annotated[
         str,
-        typer.Argument(
-            help='What the asset should become: "a mushroom". Or --also, --target, --stage or --silhouette.'
-        ),
+        typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.'),
     ] = "",
     output: Annotated[
         Path | None,
@@ -84,10 +78,6 @@ def run(
         typer.Option(help="Also write a GLB that animates from the source to the result.", rich_help_panel=_OUTPUTS),
     ] = False,
     morph_path: MorphPathOption = None,
-    usd: Annotated[
-        bool,
-        typer.Option("--usd", help="Also write the result as USDZ; needs the extra usd.", rich_help_panel=_OUTPUTS),
-    ] = False,
     subdivide: Annotated[
         bool,
         typer.Option(
@@ -152,10 +142,7 @@ def run(
             exists=True,
         ),
     ] = None,
-    target_prompt: TargetPromptOption = None,
-    target_model: TargetModelOption = None,
     also: AlsoOption = None,
-    stage: StageOption = None,
     silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
@@ -185,7 +172,7 @@ def run(
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
     if animate is not None:
         check_animation(animate, "--animate")
-    goals = parse_goals(target, target_prompt, target_model, stage, sketch, output)
+    goals = parse_goals(target, sketch, output)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"
@@ -207,16 +194,15 @@ def run(
         handles=parse_handles(handle),
         symmetry=symmetry,
     )
-    morph = morph or bool(morph_path) or bool(params.get("stages"))
+    morph = morph or bool(morph_path)
     written: dict[str, Any] = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
-    written |= {"usd": usd, "compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
+    written |= {"compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
     request = find_taught(make_request(prompt, params, output=written), settings)
     paths = {
         "result": output,
         "report": report or output.with_suffix(".report.json"),
         "preview": preview or output.with_suffix(".preview.png"),
         **({"morph": output.with_suffix(".morph.glb")} if morph else {}),
-        **({"usd": output.with_suffix(".usdz")} if usd else {}),
     }
     if not force:
         drawn = {"animation": animate} if animate else {}
@@ -225,21 +211,15 @@ def run(
         )
         if checkpoint is not None:
             check_checkpoint(checkpoint)
-    if usd:
-        from meshdeform.assets.usd import require_usd
-
-        require_usd()
-    from meshdeform.requests.stages import generated_targets
     from meshdeform.runs import text_deform_checks
 
     # Refuse unknown words at once, before torch is imported, which takes seconds.
-    target_models = [target.model for target in generated_targets(request.params)]
     text_deform_checks.check(
         request,
         default_model=settings.model,
-        allowed_models=[name for name in (request.params.model, *target_models) if name],
+        allowed_models=[request.params.model] if request.params.model else [],
         revision=settings.model_revision,
-        targets=goals.files,
+        has_target="target" in goals.files,
         pictures=pictures.parts,
     )
     with collection_paused(keep=True):
@@ -248,7 +228,8 @@ def run(
 
     sketched = write_sketched_target(sketch, goals.files["target"]) if sketch else None
     outputs = Outputs(**paths, checkpoint=checkpoint)
-    job = LocalJob(asset, request, settings, outputs, targets=goals.files, pictures=pictures.paths, resume=resume)
+    target = goals.files.get("target")
+    job = LocalJob(asset, request, settings, outputs, target=target, pictures=pictures.paths, resume=resume)
     with show_progress(quiet=quiet) as progress:
         summary = job.run(progress)
         if animate is not None:
@@ -262,7 +243,7 @@ def run(
         return
     if quiet:
         return
-    names = {"result": "GLB", "morph": "Morph GLB", "usd": "USDZ", "report": "Report", "preview": "Picture"}
+    names = {"result": "GLB", "morph": "Morph GLB", "report": "Report", "preview": "Picture"}
     names["animation"] = "Animation"
     names["source"] = "Source mesh"
     if sketched is not None:

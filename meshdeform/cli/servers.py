@@ -61,11 +61,11 @@ def serve(
     require("rq", "worker")
 
     def announce(url: str) -> None:
-        page = f"{url}/" if settings.web == "on" else f"{url}/docs"
+        page = f"{url}/" if settings.web == "on" else f"{url}/openapi.json"
         if as_json:
-            emit({"event": "ready", "url": url, "page": page, "docs": f"{url}/docs", "pid": os.getpid()})
+            emit({"event": "ready", "url": url, "page": page, "pid": os.getpid()})
         else:
-            typer.echo(f"Meshdeform is ready: {page} (API: {url}/docs, stop: Ctrl-C)")
+            typer.echo(f"Meshdeform is ready: {page} (API: {url}/openapi.json, stop: Ctrl-C)")
         if open_page:
             _open_in_browser(page)
 

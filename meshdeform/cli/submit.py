@@ -30,10 +30,7 @@ from meshdeform.cli.options import (
     RigOption,
     SetOption,
     SilhouetteOption,
-    StageOption,
     SymmetryOption,
-    TargetModelOption,
-    TargetPromptOption,
     UrlOption,
 )
 from meshdeform.cli.output import emit, note
@@ -68,9 +65,7 @@ def submit(
     ],
     prompt: Annotated[
         str,
-        typer.Argument(
-            help='What the asset should become: "a mushroom". Or --also, --target, --stage or --silhouette.'
-        ),
+        typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.'),
     ] = "",
     preset: Annotated[
         Preset | None,
@@ -123,10 +118,7 @@ def submit(
             show_default=False,
         ),
     ] = None,
-    target_prompt: TargetPromptOption = None,
-    target_model: TargetModelOption = None,
     also: AlsoOption = None,
-    stage: StageOption = None,
     silhouette: SilhouetteOption = None,
     exclude: ExcludeOption = None,
     rigid: RigidOption = None,
@@ -138,7 +130,6 @@ def submit(
     settings: SetOption = None,
     morph: Annotated[bool, typer.Option("--morph", help="Also make morph.glb.", rich_help_panel=_JOB)] = False,
     morph_path: MorphPathOption = None,
-    usd: Annotated[bool, typer.Option("--usd", help="Also make result.usdz.", rich_help_panel=_JOB)] = False,
     subdivide: Annotated[
         bool,
         typer.Option(
@@ -210,7 +201,7 @@ def submit(
     meshdeform submit scan.xyz --kind surface_fit --set base_faces=500 -o scan
     """
     parts = parse_files(file, kind, asset)
-    goals = parse_goals(target, target_prompt, target_model, stage, sketch)
+    goals = parse_goals(target, sketch)
     pictures = parse_pictures(silhouette)
     if silhouette and not (prompt or also) and not goals.params:
         goals.params["guidance"] = "silhouettes"
@@ -237,7 +228,6 @@ def submit(
     wanted = {
         "morph": morph or bool(morph_path),
         "morph_path": parse_morph_path(morph_path),
-        "usd": usd,
         "compact": compact,
         "subdivide": subdivide,
         "provenance": provenance,

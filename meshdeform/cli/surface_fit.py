@@ -35,7 +35,7 @@ def surface_fit(
     surface: Annotated[
         Path,
         typer.Argument(
-            help="A mesh, oriented points (PLY, XYZ), a signed distance grid (NPZ, VDB) or a network (safetensors).",
+            help="A mesh, oriented points (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).",
             exists=True,
             dir_okay=False,
             readable=True,

@@ -335,7 +335,6 @@ class ModelView(_Open):
     description: str = ""
     available: bool = True
     vocabulary: Vocabulary | None = None
-    purpose: str = "guidance"
     licence: str = ""
     lessons: list[Lesson] = Field(default_factory=list)
 

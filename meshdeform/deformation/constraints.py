@@ -1,4 +1,4 @@
-"""Constrain where vertices may go: what is kept, what is mirrored, how long the bounding box may be.
+"""Constrain where vertices may go: what is kept, and what is mirrored.
 
 The vertices p that the variables give are placed in this order, with d = p - rest::
 
@@ -6,11 +6,8 @@ The vertices p that the variables give are placed in this order, with d = p - re
                               f^2 (3 - 2 f) to 1: displacement and its derivative are continuous
     d <- (d + R P d) / 2      with a mirror (`mirror.py`)
     v  = rest + d
-    v  <- extents(v)          along each axis with a limit, a piecewise linear, monotone map
 
-All of it is differentiable, and exact: a kept vertex has the bits of the rest shape. The map of the extents moves
-nothing between the outermost kept coordinates and stretches or compresses what is beyond; as a map of space it is
-injective, so it neither folds nor cuts anything.
+All of it is differentiable, and exact: a kept vertex has the bits of the rest shape.
 """
 
 from __future__ import annotations
@@ -31,9 +28,8 @@ from meshdeform.geometry.geodesic import surface_distances
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
 
-__all__ = ["UNCONSTRAINED", "Constraints", "Extents", "Handle", "Placement", "freedom_around"]
+__all__ = ["UNCONSTRAINED", "Constraints", "Handle", "Placement", "freedom_around"]
 
-_LARGEST_FACTOR = 100.0
 _JOIN_EDGES = 2.0
 """Edges of a stand-in over which the whole mesh joins what is kept exactly: the stand-in has joined it already."""
 
@@ -63,37 +59,6 @@ class Handle:
 
 
 @dataclass(frozen=True)
-class Extents:
-    """Bounds on the lengths of the bounding box.
-
-    Attributes
-    ----------
-    least, most : (3,) float64
-        Bounds along each axis, in object units; 0 and infinity where there is none.
-    low, high : (3,) float64
-        Range along each axis in which nothing moves; NaN if all may move, about the middle of the box.
-    """
-
-    least: _Floats
-    most: _Floats
-    low: _Floats
-    high: _Floats
-
-    def fit(self, verts: Tensor) -> Tensor:
-        """Return vertices (V, 3) float64 within the bounds; those of axes whose length is within them are the same."""
-        lowest, highest = verts.amin(0), verts.amax(0)
-        size = highest - lowest
-        wanted = torch.minimum(torch.maximum(size, torch.from_numpy(self.least)), torch.from_numpy(self.most))
-        middle = (lowest + highest) / 2
-        low, high = (torch.where(torch.isnan(t), middle, t) for t in map(torch.from_numpy, (self.low, self.high)))
-        beyond = (low - lowest).clamp_min(0) + (highest - high).clamp_min(0)
-        factor = ((wanted - (high - low)) / beyond.clamp_min(1e-12)).clamp(0.0, _LARGEST_FACTOR)
-        fitted = torch.where(verts < low, low + factor * (verts - low), verts)
-        fitted = torch.where(verts > high, high + factor * (verts - high), fitted)
-        return torch.where(wanted == size, verts, fitted)
-
-
-@dataclass(frozen=True)
 class Constraints:
     """Constraints on the vertices of one mesh.
 
@@ -106,14 +71,12 @@ class Constraints:
         Length of the fall-off in object units.
     mirror : Mirror, optional
     handles : sequence of Handle
-    extents : Extents, optional
     """
 
     freedom: _Floats | None = None
     falloff: float = 0.0
     mirror: Mirror | None = None
     handles: Sequence[Handle] = ()
-    extents: Extents | None = None
 
     @property
     def kept(self) -> _Flags | None:
@@ -123,11 +86,11 @@ class Constraints:
     @property
     def changes_start(self) -> bool:
         """Whether the shape at the start may differ from the rest shape."""
-        return bool(self.handles) or self.extents is not None
+        return bool(self.handles)
 
     def placement(self, mesh: RestMesh) -> Placement | None:
         """Return what places the vertices of the mesh; None if nothing is constrained but by handles."""
-        if self.freedom is None and self.mirror is None and self.extents is None:
+        if self.freedom is None and self.mirror is None:
             return None
         return Placement(mesh, self)
 
@@ -174,7 +137,7 @@ class Placement:
     """
 
     def __init__(self, mesh: RestMesh, constraints: Constraints) -> None:
-        self._rest, self._mirror, self._extents = mesh.verts, constraints.mirror, constraints.extents
+        self._rest, self._mirror = mesh.verts, constraints.mirror
         free = constraints.freedom
         self._share = None if free is None else torch.from_numpy(free**2 * (3 - 2 * free))[:, None]
 
@@ -185,11 +148,10 @@ class Placement:
             moved = self._share * moved
         if self._mirror is not None:
             moved = self._mirror.average(moved)
-        placed = self._rest + moved
-        return placed if self._extents is None else self._extents.fit(placed)
+        return self._rest + moved
 
     def matrix(self, axis: int) -> sparse.csr_matrix:
-        """Return the matrix (V, V) that acts on one coordinate of the displacements, without the extents."""
+        """Return the matrix (V, V) that acts on one coordinate of the displacements."""
         count = len(self._rest)
         share = np.ones(count) if self._share is None else self._share.numpy()[:, 0]
         scaled = sparse.diags(share).tocsr()

@@ -48,7 +48,7 @@ from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
 from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
-from meshdeform.rendering.views import Views, views_for
+from meshdeform.rendering.views import OrthogonalGrid
 from meshdeform.requests.choices import Carrier, GuidanceKind, OrientationMode
 from meshdeform.requests.document import ResolvedParams, Safeguard
 
@@ -109,8 +109,8 @@ class Deformation:
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
-        Creates the views for the guidance from the camera bounds and the guidance's style: by default those of its own
-        cameras, or the paper's four orthogonal views in one picture.
+        Creates the views for the guidance from the camera bounds and the guidance's style: by default the paper's four
+        orthogonal views in one picture.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class Deformation:
         shares: Sequence[NDArray[np.float64]] = (),
         front: Front | None = None,
         variables: Callable[[TriangleMesh], Variables] | None = None,
-        views: Callable[[CameraRange, RenderStyle], Views] = views_for,
+        views: Callable[[CameraRange, RenderStyle], OrthogonalGrid] = OrthogonalGrid,
     ) -> None:
         self.mesh = mesh
         self.params = params
@@ -156,8 +156,7 @@ class Deformation:
             self._shape.begin(drawn)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = views(bounds, guidance.style)
-        rig = self._views.style.rig
-        self._framing = Framing(params.framing, params.framing_max) if rig is None else rig.framing
+        self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(drawn.verts.abs().max())
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None

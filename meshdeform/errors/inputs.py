@@ -119,7 +119,7 @@ class AlignmentError(RequestError):
     """The target mesh could not be placed on the asset."""
 
     code = "alignment_failed"
-    advice = "Set params.align to a matrix that places the target on the asset."
+    advice = "Turn and move the target onto the asset, and set params.align to none."
 
     picture: bytes | None = None
     """A PNG of both meshes, as they were placed."""

@@ -24,7 +24,6 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Front
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.variables import Elements
-from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance
@@ -75,21 +74,11 @@ def deformation_of(
     ablation : Ablation or None
     mesh, guidance, params, front, device
         As for `Deformation`; the parameters are those of `ablated_params`.
-
-    Raises
-    ------
-    ParameterError
-        Single views were asked for with a model that has cameras of its own.
     """
     parts: dict[str, Any] = {}
     if ablation is Ablation.VERTICES:
         parts["variables"] = VertexDisplacements
     elif ablation is Ablation.SINGLE_VIEWS:
-        if guidance.style.rig is not None:
-            raise ParameterError(
-                "The ablation single_views has nothing to separate: this model sees each view in a picture of its own.",
-                advice="Run it with a model that sees four views in one picture.",
-            )
         parts["views"] = SingleViews
     return Deformation(mesh, guidance, params, front=front, device=device, **parts)
 

@@ -29,7 +29,7 @@ from meshdeform.geometry.samples import even_samples
 from meshdeform.guidance.landmarks import Landmark
 from meshdeform.guidance.points import LIMITS, diagonal_of
 
-__all__ = ["LEAST_OVERLAP", "Alignment", "aligned", "given_alignment", "require_overlap"]
+__all__ = ["LEAST_OVERLAP", "Alignment", "aligned", "require_overlap", "shared_coordinates"]
 
 LEAST_OVERLAP = 0.2
 """Share of either surface that must be near the other one."""
@@ -70,8 +70,7 @@ class Alignment:
 
     def place_mesh(self, mesh: TriangleMesh) -> TriangleMesh:
         """Return the target in the frame of the source."""
-        faces = mesh.faces if np.linalg.det(self.matrix[:3, :3]) > 0 else mesh.faces.flip(1)
-        return TriangleMesh(torch.from_numpy(self.place(mesh.verts.numpy())), faces)
+        return TriangleMesh(torch.from_numpy(self.place(mesh.verts.numpy())), mesh.faces)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the alignment for the report; the matrix as rows."""
@@ -106,8 +105,9 @@ def aligned(target: TriangleMesh, source: TriangleMesh, landmarks: Sequence[Land
     return Alignment(matrix, (math.degrees(turn) + 180) % 360 - 180, _overlap(goal, rest, matrix))
 
 
-def given_alignment(target: TriangleMesh, source: TriangleMesh, matrix: _Floats) -> Alignment:
-    """Return the alignment with a matrix (4, 4) from the target's frame into that of the source."""
+def shared_coordinates(target: TriangleMesh, source: TriangleMesh) -> Alignment:
+    """Return the alignment of a target that is in the frame of the source already."""
+    matrix = np.eye(4)
     return Alignment(matrix, None, _overlap(RestMesh.of(target), RestMesh.of(source), matrix))
 
 

@@ -15,8 +15,6 @@ It is 1 for the 4 x 64 x 64 latents of Stable Diffusion at 512 pixels, for which
 a model on 3 x 128 x 128 pixels, so `guidance_weight` has the same meaning for every prior. Views in separate pictures
 share the weight.
 
-A multi-view prior predicts the pictures of its own cameras together, so they have one timestep; each has its own noise.
-
 Not in the paper: `guidance_rescale` phi reduces the standard deviation of the predicted clean picture, which a large s
 inflates, to that of the prompted prediction::
 
@@ -209,8 +207,7 @@ class ScoreDistillation:
         Parameters
         ----------
         image : (1, 3, S, S) or (B, 3, S, S) float32 in [0, 1]
-            The grid of four views, or one picture per camera; each picture has its own noise, and its own timestep
-            unless the prior's own cameras see the same shape at one noise level.
+            The grid of four views, or one picture per camera; each picture has its own noise and timestep.
         context : StepContext
 
         Returns
@@ -308,10 +305,9 @@ class ScoreDistillation:
         return lowest, max(lowest, min(round(high * count), count - 1))
 
     def _draw_timestep(self, count: int, context: StepContext) -> Tensor:
-        """Draw a timestep for each of `count` pictures: one for all if the prior predicts them together."""
+        """Draw a timestep for each of `count` pictures."""
         low, high = self.timestep_bounds(context)
-        draws = count if self._prior.style.rig is None else 1
-        return torch.randint(low, high + 1, (draws,), generator=context.generator).expand(count)
+        return torch.randint(low, high + 1, (count,), generator=context.generator)
 
     def _residuals(self, z0: Tensor, timestep: Tensor, level: Tensor, context: StepContext) -> list[Tensor]:
         """Return ``eps_hat - eps`` of each group for newly drawn noise; `level` is abar_t of each picture."""

@@ -42,7 +42,7 @@ Params = Annotated[
     ),
 ]
 JobId = Annotated[str, Field(description="The id that deform or fit_to_mesh returned.")]
-Name = Annotated[str, Field(description="result.glb, report.json, preview.png, morph.glb or result.usdz.")]
+Name = Annotated[str, Field(description="result.glb, report.json, preview.png or morph.glb.")]
 
 _LONGEST_WAIT_S = 600.0
 _INSPECTION_S = 120.0

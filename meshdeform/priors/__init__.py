@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshdeform.requests.choices import Encoder
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.requests.models import is_taught
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["check_model", "load_prior"]
 
 
-def check_model(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) -> None:
+def check_model(model: str, revision: str = "") -> None:
     """Check, without torch and without a network, whether `load_prior` would find the model.
 
     An environment without torch does not run models (for example, the API's own container). There, nothing is checked
@@ -27,18 +26,14 @@ def check_model(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) 
     Parameters
     ----------
     model : str
-        `builtin`, a file that `meshdeform teach` wrote, the folder of a Stable Diffusion checkpoint, with or without a
-        multi-view adapter in it, or its hub id.
+        `builtin`, a file that `meshdeform teach` wrote, the folder of a Stable Diffusion checkpoint, or its hub id.
     revision : str
         Branch, tag or commit of a hub model; by default its default branch.
-    encoder : Encoder
-        The encoder that a job will ask a Stable Diffusion model for.
 
     Raises
     ------
     ModelError
-        The model is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights, lacks the
-        encoder, or has an adapter that cannot be used.
+        The model is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights.
     DependencyError
         The model needs packages that are not installed.
     """
@@ -51,7 +46,7 @@ def check_model(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) 
         return
     from meshdeform.priors.model_files import check
 
-    check(model, revision, encoder)
+    check(model, revision)
 
 
 def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
@@ -82,13 +77,6 @@ def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "aut
         from meshdeform.priors.builtin.prior import BuiltinPrior
 
         return BuiltinPrior(device=device, weights=Path(model).expanduser(), dtype=dtype)
-    from meshdeform.priors.model_files import find
-    from meshdeform.priors.multiview.adapter_file import has_adapter
-
-    if has_adapter(find(model, revision).folder):
-        from meshdeform.priors.multiview.prior import MultiViewPrior
-
-        return MultiViewPrior(model, device=device, revision=revision, dtype=dtype)
     from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 
     return StableDiffusionPrior(model, device=device, revision=revision, dtype=dtype)

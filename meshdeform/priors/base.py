@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol
 
 from torch import Tensor
 
@@ -11,9 +11,8 @@ if TYPE_CHECKING:
 
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
-    from meshdeform.requests.choices import Encoder
 
-__all__ = ["HasEncoders", "Prior"]
+__all__ = ["Prior"]
 
 
 class Prior(Protocol):
@@ -21,7 +20,7 @@ class Prior(Protocol):
 
     @property
     def style(self) -> RenderStyle:
-        """Required style of the views; also the cameras, if the prior has its own."""
+        """Required style of the views."""
 
     @property
     def num_timesteps(self) -> int:
@@ -76,7 +75,7 @@ class Prior(Protocol):
         Parameters
         ----------
         z_t : (B, C, H, W) float32
-            One grid of four views, B single views, or the views of the prior's own cameras.
+            One grid of four views, or B single views.
         timestep : (B,) int64 in 0 .. T - 1
         embedding : (N, ...)
             Rows of `encode_texts`.
@@ -86,18 +85,4 @@ class Prior(Protocol):
         Returns
         -------
         N predictions (B, C, H, W) float32, one per text.
-        """
-
-
-@runtime_checkable
-class HasEncoders(Protocol):
-    """A prior on latents that come from one of several encoders."""
-
-    def with_encoder(self, encoder: Encoder) -> Prior:
-        """Return the same prior with an encoder; everything else is shared.
-
-        Raises
-        ------
-        ModelError
-            The model has no such encoder, or it does not fit.
         """

@@ -1,4 +1,4 @@
-"""Describe the models of a deployment: purpose, availability and vocabulary. Needs no torch."""
+"""Describe the models of a deployment: availability and vocabulary. Needs no torch."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model
@@ -16,9 +15,7 @@ from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
 from meshdeform.priors.builtin.taught import check as check_taught
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.priors.builtin.words import Attribute, ParsedPrompt, Words
-from meshdeform.priors.multiview import adapter_file
 from meshdeform.priors.public_names import hidden_folders, public_names
-from meshdeform.priors.text_to_3d import check_generator, is_generator
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.requests.models import is_taught
 
@@ -35,11 +32,6 @@ EXAMPLES: tuple[str, ...] = (
 """Example prompts for the builtin prior."""
 
 _GUIDES = "A Stable Diffusion checkpoint: takes any prompt in English. A GPU is recommended."
-_SEES_ALL_SIDES = (
-    "A Stable Diffusion checkpoint with a multi-view adapter: takes any prompt in English, and sees six sides of the "
-    "asset at once. A GPU is recommended."
-)
-_TARGETS = "A text-to-3D model: makes the target mesh of params.target. A GPU is recommended."
 _TAUGHT = "The builtin model with words of its own."
 _CARD = 10_000
 """Characters of a model card that are read."""
@@ -89,8 +81,6 @@ class ModelInfo:
         Why the model is not available, and what to do.
     vocabulary : Vocabulary or None
         None if the model takes any prompt.
-    purpose : "guidance" or "target"
-        Whether it guides a deformation (`params.model`) or makes target meshes (`params.target`).
     licence : str
         What its model card says, or an empty text.
     lessons : tuple of Lesson
@@ -103,7 +93,6 @@ class ModelInfo:
     available: bool | None
     problem: str | None
     vocabulary: Vocabulary | None
-    purpose: Literal["guidance", "target"] = "guidance"
     licence: str = ""
     lessons: tuple[Lesson, ...] = ()
 
@@ -143,17 +132,15 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
         )
     if is_taught(model):
         return describe_taught(model, name)
-    makes_targets = is_generator(model)
     available, problem = _find(model, revision, [model] if name != model else [])
     return ModelInfo(
         id=name,
         # The name is the last part of a folder's path or a hub id.
         title=model.rstrip("/").rpartition("/")[2] or model,
-        description=_TARGETS if makes_targets else _SEES_ALL_SIDES if _has_adapter(model) else _GUIDES,
+        description=_GUIDES,
         available=available,
         problem=problem,
         vocabulary=None,
-        purpose="target" if makes_targets else "guidance",
         licence=_licence(model),
     )
 
@@ -209,16 +196,9 @@ def _examples(words: Words, lessons: Sequence[Lesson]) -> list[str]:
 
 
 def _licence(model: str) -> str:
-    """Return the licence that the model card in a folder states, and an adapter's; empty if neither is known."""
-    stated = _stated_licence(Path(model).expanduser())
-    if not _has_adapter(model):
-        return stated
-    return f"{stated or 'checkpoint: see its model card'}; adapter: {adapter_file.LICENCE}"
-
-
-def _stated_licence(folder: Path) -> str:
+    """Return the licence that the model card in a folder states; empty if it is not known."""
     try:
-        with (folder / "README.md").open(encoding="utf-8") as card:
+        with (Path(model).expanduser() / "README.md").open(encoding="utf-8") as card:
             head = card.read(_CARD)
     except (OSError, ValueError):
         return ""
@@ -226,19 +206,12 @@ def _stated_licence(folder: Path) -> str:
     return found[1] if found and head.startswith("---") else ""
 
 
-def _has_adapter(model: str) -> bool:
-    return adapter_file.has_adapter(Path(model).expanduser())
-
-
 def _find(model: str, revision: str, hidden: Sequence[str]) -> tuple[bool | None, str | None]:
     if importlib.util.find_spec("torch") is None:
         return None, None  # this environment does not run models; the worker may have it
     try:
         with hidden_folders(hidden):
-            if is_generator(model):
-                check_generator(model)
-            else:
-                check_model(model, revision)
+            check_model(model, revision)
     except MeshdeformError as error:
         return False, f"{error.detail} {error.advice_text}"
     return True, None

@@ -5,8 +5,6 @@ A checkpoint is a folder in diffusers' layout; a hub id refers to its snapshot i
     model_index.json          names StableDiffusionPipeline
     unet/  vae/  text_encoder/    config.json and *.safetensors (several with an index, or an fp16 variant)
     tokenizer/  scheduler/
-    vae_tiny/                     optional: an AutoencoderTiny of the same latents, for `params.encoder` = `tiny`
-    mvadapter_t2mv_sd21.safetensors    optional: makes it a multi-view model (`multiview/`)
 
 Weights are read from safetensors only: a .bin or .ckpt file is a pickle, which runs code when it is opened.
 """
@@ -23,12 +21,10 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.errors import DependencyError, ModelError, install_command
-from meshdeform.requests.choices import Encoder
 
-__all__ = ["CONVERT", "ModelFiles", "PartFiles", "check", "find", "find_tiny_encoder", "read_config"]
+__all__ = ["CONVERT", "ModelFiles", "PartFiles", "check", "find"]
 
 _STEMS = {"text_encoder": "model", "unet": "diffusion_pytorch_model", "vae": "diffusion_pytorch_model"}
-_TINY, _TINY_CLASS, _TINY_STEM = "vae_tiny", "AutoencoderTiny", "diffusion_pytorch_model"
 _VARIANTS = ("", "fp16")
 _TOKENIZER_FILES = (("tokenizer.json",), ("vocab.json", "merges.txt"))
 _FEW_STEPS = ("LCMScheduler", "TCDScheduler")
@@ -53,10 +49,6 @@ class PartFiles:
 
     variant: str
     files: tuple[Path, ...]
-
-    def sha256(self) -> str:
-        """Return the SHA-256 of the files in the order of their names."""
-        return _sha256(self.files)
 
 
 @dataclass(frozen=True)
@@ -87,16 +79,11 @@ class ModelFiles:
         return _sha256(path for part in sorted(self.parts) for path in self.parts[part].files)
 
 
-def check(model: str, revision: str = "", encoder: Encoder = Encoder.VAE) -> None:
+def check(model: str, revision: str = "") -> None:
     """Check a checkpoint if this environment runs models; see `meshdeform.priors.check_model`."""
     if importlib.util.find_spec("torch") is None:
         return
-    from meshdeform.priors.multiview.adapter_file import find_adapter
-
-    files = find(model, revision)
-    find_adapter(files)
-    if encoder is Encoder.TINY:
-        find_tiny_encoder(files)
+    find(model, revision)
 
 
 def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
@@ -147,41 +134,6 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
     return ModelFiles(model, commit, folder, {part: _find_part(folder, part, model, half=half) for part in _STEMS})
 
 
-def find_tiny_encoder(files: ModelFiles, *, half: bool = False) -> PartFiles:
-    """Find the small autoencoder in the folder `vae_tiny` of a checkpoint.
-
-    Parameters
-    ----------
-    files : ModelFiles
-    half : bool
-        Prefer fp16 files if both kinds are present.
-
-    Raises
-    ------
-    ModelError
-        There is none, it is incomplete, or it is of another class.
-    """
-    if not (files.folder / _TINY).is_dir():
-        raise ModelError(
-            f"The model {files.model!r} has no small encoder: there is no folder {_TINY} in it.",
-            advice="Leave params.encoder out, or put TAESD (MIT licence, 10 MB) there once: hf download "
-            f"madebyollin/taesd config.json diffusion_pytorch_model.safetensors --local-dir FOLDER/{_TINY} , "
-            "where FOLDER is the model's.",
-        )
-    kind = _read_json(files.folder / _TINY / "config.json", files.model).get("_class_name")
-    if kind != _TINY_CLASS:
-        raise ModelError(
-            f"The folder {_TINY} of the model {files.model!r} has {kind or 'no known class'}, not {_TINY_CLASS}.",
-            advice="Put TAESD there, in diffusers' layout: madebyollin/taesd.",
-        )
-    return _find_part(files.folder, _TINY, files.model, half=half)
-
-
-def read_config(files: ModelFiles, part: str) -> dict[str, Any]:
-    """Read the configuration of a part of a checkpoint, such as `unet`."""
-    return _read_json(files.folder / part / "config.json", files.model)
-
-
 def _check_scheduler(config: dict[str, Any], model: str) -> None:
     """Refuse a noise schedule without betas, for which diffusers would use defaults of another model."""
     if config.get("trained_betas") is None and not {"beta_start", "beta_end", "beta_schedule"} <= config.keys():
@@ -228,7 +180,7 @@ def _cached_snapshot(model: str, revision: str) -> Path:
 
 
 def _find_part(folder: Path, part: str, model: str, *, half: bool) -> PartFiles:
-    stem = _STEMS.get(part, _TINY_STEM)
+    stem = _STEMS[part]
     _read_json(folder / part / "config.json", model)
     for variant in reversed(_VARIANTS) if half else _VARIANTS:
         suffix = f".{variant}" if variant else ""

@@ -3,28 +3,24 @@
 ::
 
     z0      = scaling_factor * E[posterior(2 image - 1)]
-    z0      = tiny(2 image - 1)                      with the small encoder
     eps_hat = uncond + s (text - uncond)             eps = sqrt(abar) v + sqrt(1 - abar) z_t   for v-prediction
 
 The posterior's mean is used, not a sample: its standard deviation is about a ten-thousandth of the latents' for the
 published autoencoders, far below the noise that score distillation adds, and the mean is deterministic.
 
-The small encoder (TAESD) was distilled from the large one to give the same scaled latents, so its own factor is 1.
-
 Views have a background and a light that change with every view, as in the paper (`rendering/scenes.py`); they show clay
 or the colours of the asset (`appearance`).
 
 Sources: Rombach et al. 2022, section 3 (latents); Ho & Salimans 2022, eq. 6, in diffusers' convention of s;
-Salimans & Ho 2022, appendix D (v-prediction); github.com/madebyollin/taesd (the small encoder).
+Salimans & Ho 2022, appendix D (v-prediction).
 """
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator
 from contextlib import contextmanager
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
@@ -32,15 +28,14 @@ from torch.nn import functional
 
 from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError, install_command
 from meshdeform.priors.half_precision import scaled_backward
-from meshdeform.priors.model_files import ModelFiles, PartFiles, find, find_tiny_encoder
+from meshdeform.priors.model_files import ModelFiles, find
 from meshdeform.priors.native_precision import is_fast_in_bfloat16
 from meshdeform.rendering.shading import RenderStyle
-from meshdeform.requests.choices import Encoder
 
 if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
 
-__all__ = ["StableDiffusionPrior", "no_progress_bar"]
+__all__ = ["StableDiffusionPrior"]
 
 _PREDICTIONS = ("epsilon", "v_prediction")
 
@@ -77,8 +72,6 @@ class StableDiffusionPrior:
         self.device = torch.device(device)
         self.dtype = _dtype(dtype, self.device)
         files = find(model, revision, half=self.dtype is not torch.float32)
-        self._files, self._encoder = files, Encoder.VAE
-        self._tiny: Any = None
         self._load(files)
         self.identity = {"id": model, "revision": files.revision, "sha256": files.sha256()}
 
@@ -92,7 +85,7 @@ class StableDiffusionPrior:
                 advice=f"Install the extra: {install_command('sd')}.",
             ) from error
         try:
-            with no_progress_bar():
+            with _no_progress_bar():
                 self._unet = self._network(UNet2DConditionModel, files, "unet")
                 self._vae = self._network(AutoencoderKL, files, "vae")
                 self._text_encoder = self._network(CLIPTextModel, files, "text_encoder")
@@ -116,8 +109,7 @@ class StableDiffusionPrior:
             )
         self._check_conditions(files.model)
         shrink = 2 ** (len(self._vae.config.block_out_channels) - 1)
-        self._latent_side = _side(self._unet.config.sample_size, files.model)
-        self.image_size = self._latent_side * shrink
+        self.image_size = _side(self._unet.config.sample_size, files.model) * shrink
         self.style = RenderStyle(view_size=self.image_size // 2, supersample=1, shading="lambert", scene="varied")
 
     def _check_conditions(self, model: str) -> None:
@@ -136,57 +128,10 @@ class StableDiffusionPrior:
                 advice="Download it again; its text_encoder and its unet are of different models.",
             )
 
-    def with_encoder(self, encoder: Encoder) -> Self:
-        """Return the same prior with an encoder; the networks are shared.
-
-        The small encoder is loaded at its first use.
-        Its identity then has `encoder` and `encoder_sha256`, the SHA-256 of the small encoder's weights.
-
-        Raises
-        ------
-        ModelError
-            The folder has no small encoder, or its latents are not those of the model.
-        """
-        if encoder is self._encoder:
-            return self
-        if encoder is Encoder.TINY and self._tiny is None:
-            self._load_tiny()
-        other = copy.copy(self)
-        other._encoder = encoder
-        own = {name: value for name, value in self.identity.items() if not name.startswith("encoder")}
-        if encoder is Encoder.TINY:
-            own |= {"encoder": str(encoder), "encoder_sha256": self._tiny[1]}
-        other.identity = own
-        return other
-
-    def _load_tiny(self) -> None:
-        from diffusers import AutoencoderTiny
-
-        found = find_tiny_encoder(self._files, half=self.dtype is not torch.float32)
-        try:
-            with _quiet():
-                network = self._network(AutoencoderTiny, self._files, "vae_tiny", found)
-        except ModelError:
-            raise
-        except Exception as error:  # as in `_load`
-            raise ModelError(
-                f"The small encoder of the model {self._files.model!r} cannot be read: {error}",
-                advice="Download it again; one of its files is damaged or belongs to another kind of model.",
-            ) from error
-        own = network.config.latent_channels, 2 ** (len(network.config.encoder_block_out_channels) - 1)
-        wanted = self._vae.config.latent_channels, 2 ** (len(self._vae.config.block_out_channels) - 1)
-        if own != wanted:
-            raise ModelError(
-                f"The small encoder of the model {self._files.model!r} makes {own[0]} channels at 1/{own[1]} of the "
-                f"picture's size, and the model's own {wanted[0]} at 1/{wanted[1]}.",
-                advice="Use the one for this family of models: madebyollin/taesd for Stable Diffusion 1 and 2.",
-            )
-        self._tiny = network, found.sha256()
-
-    def _network(self, kind: Any, files: ModelFiles, part: str, found: PartFiles | None = None) -> Any:
+    def _network(self, kind: Any, files: ModelFiles, part: str) -> Any:
         network, report = kind.from_pretrained(
             files.folder / part,
-            variant=(found or files.parts[part]).variant or None,
+            variant=files.parts[part].variant or None,
             use_safetensors=True,
             local_files_only=True,
             dtype=self.dtype,
@@ -240,11 +185,6 @@ class StableDiffusionPrior:
         return scaled_backward(self._latents, image)
 
     def _latents(self, image: Tensor) -> Tensor:
-        if self._encoder is Encoder.TINY:
-            network, _ = self._tiny
-            small: Tensor = network.encode((image * 2.0 - 1.0).to(self.dtype)).latents.float()
-            small *= network.config.scaling_factor
-            return small
         posterior = self._vae.encode((image * 2.0 - 1.0).to(self.dtype)).latent_dist
         latents: Tensor = posterior.mean.float() * self._vae.config.scaling_factor
         return latents
@@ -255,7 +195,7 @@ class StableDiffusionPrior:
         z_t: Tensor,
         timestep: Tensor,
         embedding: Tensor,
-        cameras: Cameras,
+        cameras: Cameras,  # noqa: ARG002
     ) -> tuple[Tensor, ...]:
         """Predict the noise in z_t for each text, all of them in one batch.
 
@@ -266,24 +206,19 @@ class StableDiffusionPrior:
         embedding : (N, tokens, E)
             Rows of `encode_texts`.
         cameras : Cameras
-            Unused, unless the U-Net is conditioned on cameras (`_conditions`).
+            Unused.
         """
         noisy, count = z_t.to(self.device), len(embedding)
         steps = timestep.to(self.device)
         embeddings = embedding.repeat_interleave(len(z_t), 0)
         inputs = noisy.to(self.dtype).repeat(count, 1, 1, 1)
-        conditions = self._conditions(cameras, count)
-        output = self._unet(inputs, steps.repeat(count), encoder_hidden_states=embeddings, **conditions).sample.float()
+        output = self._unet(inputs, steps.repeat(count), encoder_hidden_states=embeddings).sample.float()
         predictions: tuple[Tensor, ...] = output.chunk(count)
         if self._prediction == "epsilon":
             return predictions
         level = self.alphas_cumprod[steps].view(-1, 1, 1, 1)
         signal, sigma = level.sqrt(), (1 - level).sqrt()
         return tuple(signal * velocity + sigma * noisy for velocity in predictions)
-
-    def _conditions(self, cameras: Cameras, texts: int) -> dict[str, Any]:  # noqa: ARG002
-        """Return what the U-Net takes besides text and timestep, for `texts` copies of the batch: here nothing."""
-        return {}
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
@@ -313,20 +248,7 @@ def _side(sample_size: Any, model: str) -> int:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep diffusers from warning of a member that it writes into every AutoencoderTiny's configuration by itself."""
-    from diffusers.utils import logging
-
-    verbosity = logging.get_verbosity()
-    logging.set_verbosity_error()
-    try:
-        yield
-    finally:
-        logging.set_verbosity(verbosity)
-
-
-@contextmanager
-def no_progress_bar() -> Iterator[None]:
+def _no_progress_bar() -> Iterator[None]:
     """Keep transformers from printing its own progress bar on standard error."""
     from transformers.utils import logging
 

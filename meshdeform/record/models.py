@@ -13,7 +13,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.errors import MeshdeformError, UnreadableJobError
 from meshdeform.requests.document import MAX_PRIORITY, JobKind, JobRequest, read_stored
-from meshdeform.requests.stages import StageProgress
 
 __all__ = [
     "TERMINAL_STATES",
@@ -115,7 +114,6 @@ class Progress(_Frozen):
         None, ge=0.0, description="Seconds left by the pace so far; null until known.", examples=[9.5]
     )
     attempt: int = Field(0, ge=0, description="Which try this is; 0 before the first.", examples=[1])
-    stage: StageProgress | None = Field(None, description="The stage that runs; null without `params.stages`.")
 
 
 class JobError(_Frozen):

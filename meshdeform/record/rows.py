@@ -23,7 +23,6 @@ from meshdeform.record.models import (
 from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.choices import JobKind, member_of
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.stages import stage_at, stage_titles
 
 __all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "job_files", "new_job"]
 
@@ -106,7 +105,6 @@ def job(row: Row) -> Job:
             losses=row.losses,
             eta_s=row.eta_s,
             attempt=row.attempt,
-            stage=stage_at(stage_titles(row.request), row.step, row.total_steps),
         ),
         attempt=row.attempt,
         version=row.version,

@@ -1,4 +1,4 @@
-"""Find jobs by words of their prompts (those of stages, too), labels and file names."""
+"""Find jobs by words of their prompts (all that it has), labels and file names."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import sqlalchemy as sa
 from meshdeform.record.models import NewJob
 from meshdeform.record.schema import job_texts, jobs
 from meshdeform.requests.document import DeformParams, JobRequest
-from meshdeform.requests.stages import GeneratedTarget
 
 __all__ = ["folded", "has_words", "searched_text"]
 
@@ -28,14 +27,8 @@ def searched_text(new: NewJob) -> str:
 
 
 def _further_prompts(request: JobRequest) -> list[str]:
-    """Return the prompts beside that of the request, those and the names of stages, and those of generated targets."""
-    params = request.params
-    if not isinstance(params, DeformParams):  # those of other kinds of job have none
-        return []
-    found = [each.prompt for each in params.prompts]
-    found += [words for stage in params.stages for words in (stage.prompt, stage.name)]
-    targets = [params.target, *(stage.target for stage in params.stages)]
-    return found + [target.prompt for target in targets if isinstance(target, GeneratedTarget)]
+    """Return the prompts beside that of the request; parameters of other kinds of job have none."""
+    return [each.prompt for each in request.params.prompts] if isinstance(request.params, DeformParams) else []
 
 
 def has_words(query: str) -> sa.ColumnElement[bool]:

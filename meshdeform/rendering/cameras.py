@@ -7,8 +7,6 @@ of the camera is such that a given sphere at the origin just fits the view.
 The published code places the camera at three half extents of the shape, measured anew at every step, so a growing shape
 keeps its size in the picture and never leaves it. `Framing` does the same within bounds.
 
-A model that was trained with cameras of its own asks for them by a `CameraRig`: orthographic ones at fixed azimuths.
-
 `Frame` maps the source into the cameras' frame: centred at the origin, small enough to be able to grow.
 
 Source of the ranges: Xu et al. 2024, FusionDeformer, section 4.2 (orthogonal views).
@@ -28,12 +26,10 @@ __all__ = [
     "NUM_VIEWS",
     "RADIUS",
     "CameraRange",
-    "CameraRig",
     "Cameras",
     "Frame",
     "Framing",
     "fixed_cameras",
-    "rig_cameras",
     "sample_orthogonal_cameras",
 ]
 
@@ -41,8 +37,6 @@ __all__ = [
 NUM_VIEWS = 4
 UNIT_SPHERE = 1.05
 """Default radius of the sphere that just fits the view: the unit sphere and a margin."""
-_PARALLEL = 1e4
-"""Distance of orthographic cameras, in half sides of the view: directions to them differ by 1e-4 at most."""
 
 
 @dataclass(frozen=True)
@@ -84,30 +78,6 @@ class Framing:
 
 
 @dataclass(frozen=True)
-class CameraRig:
-    """Orthographic cameras that a model asks for, because it was trained with such ones.
-
-    Attributes
-    ----------
-    azimuths_deg : tuple of B floats
-        From the front of the shape.
-    elevation_deg : float
-        The same for all.
-    share : float
-        Share of the view that the shape spans, always: its half extent over half the side of the view.
-    """
-
-    azimuths_deg: tuple[float, ...]
-    elevation_deg: float
-    share: float
-
-    @property
-    def framing(self) -> Framing:
-        """The framing that follows the shape at once, as it grows or shrinks."""
-        return Framing(self.share, self.share)
-
-
-@dataclass(frozen=True)
 class Cameras:
     """B cameras that look at the origin.
 
@@ -118,12 +88,12 @@ class Cameras:
     view : (B, 4, 4) float32
         World to camera space; the camera looks along its -Z.
     eye : (B, 3) float32
-        Camera positions in world space; those of orthographic cameras are so far away that all rays are parallel.
+        Camera positions in world space.
     azimuths_deg : tuple of B floats
         Azimuths from the front of the shape, without the `turn_deg` with which they were placed.
     elevation_deg : tuple of B floats
     fov_deg : float
-        Vertical field of view, the same for all views; 0 for orthographic cameras.
+        Vertical field of view, the same for all views.
     """
 
     view_proj: Tensor
@@ -194,31 +164,6 @@ def fixed_cameras(
     view = torch.stack([_look_at(a + turn_deg, e, distance) for a, e in zip(azimuths, elevations, strict=True)])
     eye = -(view[:, :3, :3].mT @ view[:, :3, 3:])[..., 0]
     return Cameras((projection @ view).float(), view.float(), eye.float(), azimuths, elevations, float(fov_deg))
-
-
-def rig_cameras(rig: CameraRig, half_side: float, *, azimuth_deg: float = 0.0, turn_deg: float = 0.0) -> Cameras:
-    """Place the orthographic cameras of a rig, which look at the origin.
-
-    Parameters
-    ----------
-    rig : CameraRig
-    half_side : float
-        Half the side of the view, in the world.
-    azimuth_deg : float
-        Added to the azimuths of the rig.
-    turn_deg : float
-        As in `fixed_cameras`.
-    """
-    azimuths = tuple(float(azimuth_deg + own) for own in rig.azimuths_deg)
-    distance = _PARALLEL * half_side
-    view = torch.stack([_look_at(a + turn_deg, rig.elevation_deg, distance) for a in azimuths])
-    scale = 1 / half_side
-    # Depths within two half sides of the origin, as `fixed_cameras` has them with its radius.
-    projection = torch.diag(torch.tensor([scale, scale, -scale / 2, 1.0], dtype=torch.float64))
-    projection[2, 3] = -scale / 2 * distance
-    eye = -(view[:, :3, :3].mT @ view[:, :3, 3:])[..., 0]
-    elevations = (rig.elevation_deg,) * len(azimuths)
-    return Cameras((projection @ view).float(), view.float(), eye.float(), azimuths, elevations, 0.0)
 
 
 def sample_orthogonal_cameras(

@@ -29,7 +29,7 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
-from meshdeform.rendering.cameras import CameraRig, Cameras
+from meshdeform.rendering.cameras import Cameras
 from meshdeform.rendering.compiled_normals import SLIM_SHAPE, TRUST_FROM, TRUST_OVER, colour_by_normals, shrink
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, backend, interpolate, rasterize
 from meshdeform.rendering.scenes import Scene, sample_scene
@@ -63,8 +63,6 @@ class RenderStyle:
         Colour in a fixed scene.
     scene : "fixed" or "varied"
         Whether background and light are constant, or drawn for every view (`scenes.sample_scene`).
-    rig : CameraRig, optional
-        The prior's own cameras, each with a picture of its own; by default four views in one picture.
     """
 
     view_size: int = 64
@@ -72,7 +70,6 @@ class RenderStyle:
     shading: Shading = "normals"
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scene: Literal["fixed", "varied"] = "fixed"
-    rig: CameraRig | None = None
 
 
 @dataclass(frozen=True)

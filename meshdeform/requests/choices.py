@@ -11,7 +11,6 @@ __all__ = [
     "BackdropMode",
     "Carrier",
     "Easing",
-    "Encoder",
     "GuidanceKind",
     "JobKind",
     "OrientationMode",
@@ -63,13 +62,6 @@ class JobKind(StrEnum):
         return found if isinstance(found, cls) else None
 
 
-class Encoder(StrEnum):
-    """What turns pictures into the latents of a Stable Diffusion model."""
-
-    VAE = "vae"
-    TINY = "tiny"
-
-
 class Preset(StrEnum):
     """Named set of parameters."""
 
@@ -87,7 +79,7 @@ class GuidanceKind(StrEnum):
 
 
 class AlignMode(StrEnum):
-    """How a target mesh is placed on the asset where no matrix is given."""
+    """How a target mesh is placed on the asset."""
 
     AUTO = "auto"
     NONE = "none"

@@ -1,10 +1,9 @@
-"""Declare what controls where an asset may deform: regions, handles and limits on its size. Torch-free."""
+"""Declare what controls where an asset may deform: regions and handles. Torch-free."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -16,7 +15,7 @@ from meshdeform.requests.strict import StrictModel
 if TYPE_CHECKING:
     from meshdeform.requests.document import ResolvedParams
 
-__all__ = ["FALLOFF", "MAX_HANDLES", "Handle", "LengthLimits", "LengthRange", "Region", "check_places"]
+__all__ = ["FALLOFF", "MAX_HANDLES", "Handle", "Region", "check_places"]
 
 MAX_HANDLES = 64
 MAX_REACH = 1_000_000
@@ -29,7 +28,6 @@ FALLOFF: Any = Field(
     "begins within its regions, as a share of the diagonal of the asset's bounding box.",
     examples=[0.1],
 )
-_Factor = Annotated[float, Field(gt=0.0, le=1_000.0)]
 
 
 class Region(Selection):
@@ -70,48 +68,6 @@ class Handle(StrictModel):
         if (self.vertex is None) == (self.position is None):
             raise ValueError("exactly one of vertex and position is required")
         return self
-
-
-class LengthRange(StrictModel):
-    """Bounds on one length of the bounding box, as factors of the source's."""
-
-    min: _Factor | None = Field(None, description="Least length, as a factor of the source's.", examples=[0.9])
-    max: _Factor | None = Field(None, description="Greatest length, as a factor of the source's.", examples=[1.1])
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.min is None and self.max is None:
-            raise ValueError("at least one of min and max is required")
-        if self.min is not None and self.max is not None and self.min > self.max:
-            raise ValueError(f"min ({self.min}) must not be greater than max ({self.max})")
-        return self
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Least and greatest factor; 0 and infinity where there is no bound."""
-        return self.min or 0.0, self.max or math.inf
-
-
-_Limit = Literal["keep"] | LengthRange | None
-
-
-class LengthLimits(StrictModel):
-    """Limits on the lengths of the bounding box: `keep`, or bounds; no limit on an axis that is left out."""
-
-    x: _Limit = Field(None, description="Along +X.", examples=["keep"])
-    y: _Limit = Field(None, description="Along +Y, the height.", examples=[{"max": 1.2}])
-    z: _Limit = Field(None, description="Along +Z.", examples=[{"min": 0.9, "max": 1.1}])
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        """Least and greatest factor of each axis; 0 and infinity where there is no bound."""
-        return tuple(_bounds(limit) for limit in (self.x, self.y, self.z))
-
-
-def _bounds(limit: _Limit) -> tuple[float, float]:
-    if limit is None:
-        return 0.0, math.inf
-    return (1.0, 1.0) if limit == "keep" else limit.bounds
 
 
 _Place = tuple[str, int, str, Sequence[float]]

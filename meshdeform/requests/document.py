@@ -24,14 +24,12 @@ from meshdeform.errors import ParameterError, UnreadableJobError
 from meshdeform.requests.choices import (
     AppearanceMode,
     Carrier,
-    Encoder,
     GuidanceKind,
     JobKind,
     Preset,
     RigMode,
     Safeguard,
 )
-from meshdeform.requests.control import LengthLimits
 from meshdeform.requests.declaration import contradiction
 from meshdeform.requests.models import is_builtin, is_sent
 from meshdeform.requests.morph import MorphPath
@@ -45,7 +43,8 @@ from meshdeform.requests.parameters import (
     StrictModel,
 )
 from meshdeform.requests.presets import OVERRIDES, Family
-from meshdeform.requests.stages import active_prompts, contradicted, goal_guidance
+from meshdeform.requests.prompts import active_prompts, goal_guidance
+from meshdeform.requests.removed import without_removed
 from meshdeform.requests.unbounded import first_problem, read_unbounded
 
 __all__ = [
@@ -95,12 +94,6 @@ class OutputOptions(StrictModel):
         description="The frames and the timing of `morph.glb`: `frames`, `easing`, `ping_pong`, `seconds` "
         "(docs/control.md).",
         examples=[{"frames": 12}],
-    )
-    usd: bool = Field(
-        False,
-        description="Also write `result.usdz`, the result for AR viewers and USD pipelines. Needs the extra `usd` "
-        "where jobs run; a server without it refuses the request.",
-        examples=[False],
     )
     compact: bool = Field(
         False,
@@ -155,8 +148,7 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.stages` and "
-        "`params.prompts`.",
+        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.prompts`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
@@ -217,8 +209,6 @@ class JobRequest(StrictModel):
         if not isinstance(params, DeformParams):
             return f"{self.kind}/{getattr(params, 'guidance', '')}/{_family(getattr(params, 'model', ''))}"
         own = f"{self.kind}/{goal_guidance(params)}/{_family(params.model)}"
-        if params.encoder is not Encoder.VAE:
-            own += f"/{params.encoder}"
         pulling = active_prompts(self.prompt, params.prompts)
         # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
         local = sum(bool(each.regions) for each in pulling)
@@ -230,18 +220,8 @@ def _family(model: str | None) -> str:
     return "taught" if model and is_sent(model) else model or ""
 
 
-_REMOVED = frozenset({
-    "annealing", "attachment_weight", "candidate_steps", "candidates", "coarse_until", "distillation", "ism_interval",
-    "ism_stride", "learning_rate_end", "negative", "negative_weight", "noise_draws", "optimizer", "parametrization",
-    "regularizer_scale_end", "resolution_start", "rigidity", "smoothing_start", "stop_when_settled",
-    "timestep_min_end", "translation_rate", "view_prompts", "views",
-})  # fmt: skip
-"""Parameters of `text_deform` in earlier versions, which mean nothing any more, and whose names no later one may use.
-Any other unknown parameter is of a later version."""
-
-
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
-    """Read a stored request of any version, without bounds and without parameters that have been removed since.
+    """Read a stored request of any version, without bounds and without members that have been removed since.
 
     Parameters
     ----------
@@ -254,12 +234,11 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
         Its kind, one of its members or one of its values is not known in this process. Without it, the job would be
         another one than was asked for.
     """
+    document = without_removed(document)
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
     model = next((known for name, known in _PARAMS.items() if name == kind), None)
     if model is None:
         raise UnreadableJobError(f"The stored request cannot be read here: there is no kind of job {kind!r}.")
-    if model is DeformParams and isinstance(params, Mapping):
-        params = {name: value for name, value in params.items() if name not in _REMOVED}
     try:
         read = {"params": read_unbounded(model, params)}
     except ValidationError as error:
@@ -286,7 +265,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     ------
     ParameterError
         A bound of the user contradicts one of the preset, rigid parts one that they cannot have, the guidance cannot
-        use the appearance, the model has no encoder to choose, or stages contradict a parameter for one goal.
+        use the appearance, or a sketch contradicts another goal.
     """
     params = _with_goal(params)
     model = params.model or default_model
@@ -310,17 +289,11 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
         detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
         raise _refused("appearance", detail, "Leave params.appearance out, or use a Stable Diffusion model.")
-    if values["encoder"] is not Encoder.VAE and is_builtin(model):
-        detail = f"The built-in model works on pixels and has no encoder, and encoder is `{values['encoder']}`."
-        raise _refused("encoder", detail, "Leave params.encoder out, or use a Stable Diffusion model.")
-    if values["rigid"] and values["length"] != LengthLimits():
-        detail = "Rigid parts cannot be stretched or compressed to meet a limit of `length`."
-        raise _refused("length", detail, "Leave out params.length or params.rigid.")
     return read_unbounded(ResolvedParams, values)
 
 
 def _with_goal(params: DeformParams) -> DeformParams:
-    """Return the parameters with the guidance that their stages or their generated target imply.
+    """Return the parameters with the guidance that their sketch implies.
 
     Raises
     ------
@@ -328,28 +301,15 @@ def _with_goal(params: DeformParams) -> DeformParams:
         They contradict each other.
     """
     guidance = goal_guidance(params)
-    if params.target is not None and params.silhouettes:
-        raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
-    for other in ("target", "sketch", "landmarks", "silhouettes"):
-        if params.stages and getattr(params, other):
-            raise _refused(other, f"`{other}` belongs to a single goal, and there are stages.", f"Leave out {other}.")
-    if params.target is not None and params.sketch is not None:
-        raise _refused("sketch", "`target` and `sketch` both say what the target is.", "Leave out one of the two.")
     if params.sketch is not None and params.silhouettes:
         raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
-    if found := contradicted(params, guidance):
-        other, why = found
-        raise _refused(
-            "prompts", f"`prompts` cannot be combined with `{other}`: {why}.", f"Leave out prompts or {other}."
-        )
+    if params.prompts and guidance is not GuidanceKind.SDS:
+        detail = f"`prompts` cannot be combined with `guidance`: `{guidance}` uses no prompt."
+        raise _refused("prompts", detail, "Leave out prompts or guidance.")
     if "guidance" in params.model_fields_set and params.guidance is not guidance:
-        detail = f"guidance is `{params.guidance}`, and `{_said_by(params)}` needs `{guidance}`."
+        detail = f"guidance is `{params.guidance}`, and `sketch` needs `{guidance}`."
         raise _refused("guidance", detail, "Leave params.guidance out.")
     return params if params.guidance is guidance else params.model_copy(update={"guidance": guidance})
-
-
-def _said_by(params: DeformParams) -> str:
-    return "stages" if params.stages else "sketch" if params.sketch is not None else "target"
 
 
 def _refused(name: str, detail: str, advice: str) -> ParameterError:

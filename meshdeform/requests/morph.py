@@ -37,23 +37,15 @@ class MorphPath(StrictModel):
         """Return the shares of the way at which there is a frame, from above 0 to 1."""
         return [k / self.frames for k in range(1, self.frames + 1)]
 
-    def times(self, ways: int = 1) -> list[float]:
-        """Return the times in seconds at which the source and the frames are shown, and those on the way back.
-
-        Parameters
-        ----------
-        ways : int
-            Number of stages, each of `frames` frames and `seconds` seconds.
-        """
-        there = [(way + self._eased(share)) * self.seconds for way in range(ways) for share in self.shares()]
-        forth = [0.0, *there]
-        back = [2 * ways * self.seconds - time for time in reversed(forth[:-1])] if self.ping_pong else []
+    def times(self) -> list[float]:
+        """Return the times in seconds at which the source and the frames are shown, and those on the way back."""
+        forth = [0.0, *(self._eased(share) * self.seconds for share in self.shares())]
+        back = [2 * self.seconds - time for time in reversed(forth[:-1])] if self.ping_pong else []
         return [*forth, *back]
 
-    def weights(self, ways: int = 1) -> list[list[float]]:
+    def weights(self) -> list[list[float]]:
         """Return the weights of the frames at these times: one frame at a time, or none for the source."""
-        count = ways * self.frames
-        rows = [[float(frame == shown) for frame in range(count)] for shown in range(-1, count)]
+        rows = [[float(frame == shown) for frame in range(self.frames)] for shown in range(-1, self.frames)]
         return [*rows, *(reversed(rows[:-1]) if self.ping_pong else [])]
 
     def _eased(self, share: float) -> float:

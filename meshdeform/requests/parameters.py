@@ -34,15 +34,14 @@ from meshdeform.requests.choices import (
     Safeguard,
     Symmetry,
 )
-from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, LengthLimits, Region
+from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, Region
 from meshdeform.requests.declaration import FORM, OF_PRESET, contradiction, nullable, of_preset
-from meshdeform.requests.encoder import ENCODER, Encoder
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
+from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
-from meshdeform.requests.selection import MAX_SELECTORS, Coordinate, Part
+from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
 from meshdeform.requests.sketches import SKETCH, Sketch
-from meshdeform.requests.stages import PROMPTS, STAGES, TARGET, GeneratedTarget, Prompt, Stage
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -220,14 +219,7 @@ class DeformParams(StrictModel):
         "(`keep_structure`).",
         examples=["auto"],
     )
-    length: LengthLimits = Field(
-        LengthLimits(),
-        description="Limits on the lengths of the bounding box along x, y and z: `keep`, or `min` and `max` as factors "
-        "of the asset's own. They cannot be combined with `rigid`. Default: no limits.",
-        examples=[{"x": "keep", "y": {"max": 1.2}}],
-    )
     prompts: tuple[Prompt, ...] = PROMPTS
-    encoder: Encoder = ENCODER
     guidance_scale: float = of_preset(
         100.0,
         "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",
@@ -305,16 +297,13 @@ class DeformParams(StrictModel):
         ge=0.0,
         le=_MAX_WEIGHT,
     )
-    align: AlignMode | Annotated[tuple[Coordinate, ...], Field(min_length=16, max_length=16)] = Field(
+    align: AlignMode = Field(
         AlignMode.AUTO,
         description="With `target`: how the target is placed on the asset. `auto`: up stays up, the best turn is "
-        "searched, and both get the same centre of mass and spread; `none`: both files share their coordinates; or "
-        "the 16 numbers, row by row, of the matrix that takes the target's coordinates to the asset's.",
+        "searched, and both get the same centre of mass and spread; `none`: both files share their coordinates.",
         examples=["auto"],
     )
-    target: GeneratedTarget | None = TARGET
     sketch: Sketch | None = SKETCH
-    stages: tuple[Stage, ...] = STAGES
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),
         max_length=MAX_LANDMARKS,

@@ -16,7 +16,6 @@ __all__ = [
     "Box",
     "Capsule",
     "ColorRange",
-    "Coordinate",
     "JointWeight",
     "Name",
     "Number",
@@ -49,10 +48,10 @@ def _row(count: int, kind: str = "number", **bounds: float) -> WithJsonSchema:
 
 
 _MOST = 1e30
-Coordinate = Annotated[float, Field(ge=-_MOST, le=_MOST)]
+_Coordinate = Annotated[float, Field(ge=-_MOST, le=_MOST)]
 """A number of which float64 can hold the square, and the square's sums."""
 
-Point = Annotated[tuple[Coordinate, Coordinate, Coordinate], _row(3, minimum=-_MOST, maximum=_MOST)]
+Point = Annotated[tuple[_Coordinate, _Coordinate, _Coordinate], _row(3, minimum=-_MOST, maximum=_MOST)]
 """Coordinates in the file's world."""
 
 _Range = Annotated[tuple[Number, Number], _row(2, "integer", minimum=0)]

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets import Asset
-from meshdeform.deformation.constraints import Constraints, Extents, Handle, freedom_around
+from meshdeform.deformation.constraints import Constraints, Handle, freedom_around
 from meshdeform.deformation.handles import handle_rows
 from meshdeform.deformation.mirror import TOLERANCE, Mirror, Partners, find_partners
 from meshdeform.deformation.rigid_bodies import Body
@@ -22,7 +22,7 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests import control
 from meshdeform.requests.choices import RegionAction, Symmetry
-from meshdeform.requests.control import LengthLimits, check_places
+from meshdeform.requests.control import check_places
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.selection import SelectableSurface, select_bodies
 
@@ -30,7 +30,6 @@ __all__ = ["Control", "control_report", "read_control"]
 
 
 _AUTO_ORDER = (0, 2, 1)
-_SLACK = 1e-9
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
@@ -93,7 +92,6 @@ def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Fram
         falloff,
         Mirror.of_partners(partners) if partners is not None else None,
         handles,
-        _extents(params.length, mesh, kept, handles),
     )
     return Control(constraints, bodies, regions, partners)
 
@@ -186,28 +184,6 @@ def _held_point(
     return tuple(int(corner) for corner in places.corners[0]), tuple(float(share) for share in places.weights[0])
 
 
-def _extents(length: control.LengthLimits, mesh: RestMesh, kept: _Flags, handles: Sequence[Handle]) -> Extents | None:
-    if length == control.LengthLimits():
-        return None
-    verts = mesh.verts.numpy()
-    size = np.ptp(verts, axis=0)
-    least, most = (np.array(factors) * size for factors in zip(*length.bounds, strict=True))
-    most = np.where(np.isnan(most), np.inf, most)
-    fixed = [verts[kept], *(handle.goal[None] for handle in handles if handle.weight == 1)]
-    points = np.concatenate(fixed)
-    nothing = np.full(3, np.nan)
-    low, high = (points.min(0), points.max(0)) if len(points) else (nothing, nothing)
-    for axis in np.flatnonzero(high - low > most * (1 + _SLACK)):
-        name = "xyz"[axis]
-        raise _refusal(
-            "length",
-            f"along {name}, what is kept and the handles alone reach {(high - low)[axis] / size[axis]:.3g} times the "
-            f"asset's length, and the limit is {most[axis] / size[axis]:.3g}.",
-            "Raise the limit, or keep less.",
-        )
-    return Extents(least, most, low, high)
-
-
 def _refusal(name: str, detail: str, advice: str, *place: int) -> ParameterError:
     message = f"params.{name}: {detail}"
     return ParameterError(
@@ -249,8 +225,6 @@ def control_report(
         report["handles"] = _handles(control, frame, places, diagonal)
     if params.symmetry != "none":
         report["symmetry"] = _symmetry(control, welded.mesh, places, diagonal)
-    if params.length != LengthLimits():
-        report["length"] = _lengths(params, welded.mesh.verts.numpy(), places)
     return report
 
 
@@ -277,17 +251,4 @@ def _symmetry(control: Control, mesh: RestMesh, places: _Floats, diagonal: float
         "axis": "xyz"[axis],
         "source_deviation": control.partners.deviation,
         "added_deviation": float(np.linalg.norm(moved - mirrored, axis=1).max()) / diagonal,
-    }
-
-
-def _lengths(params: ResolvedParams, before: _Floats, after: _Floats) -> dict[str, Any]:
-    sizes, new = np.ptp(before, axis=0), np.ptp(after, axis=0)
-    return {
-        name: {
-            "source": float(sizes[axis]),
-            "result": float(new[axis]),
-            "min": low * float(sizes[axis]) if low > 0 else None,
-            "max": high * float(sizes[axis]) if high < np.inf else None,
-        }
-        for axis, (name, (low, high)) in enumerate(zip("xyz", params.length.bounds, strict=True))
     }

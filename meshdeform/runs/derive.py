@@ -23,7 +23,6 @@ from meshdeform.errors import (
     MeshdeformError,
     ParameterError,
     UnavailableError,
-    install_command,
 )
 from meshdeform.requests.document import OutputOptions
 from meshdeform.requests.morph import MorphPath
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset
     from meshdeform.assets.surface import Surface
 
-__all__ = ["DERIVED", "OF_RESULT", "STRENGTH", "DerivedInput", "derive", "main", "require_package"]
+__all__ = ["DERIVED", "OF_RESULT", "STRENGTH", "DerivedInput", "derive", "main"]
 
 STRENGTH = "result.glb"
 """The name for `derive` of a result at another strength."""
@@ -44,10 +43,9 @@ _BASE_BYTES = {
     "morph.glb": 16 * 2**30,
     "result.obj.zip": 2 * 2**30,
     "result.stl": 2 * 2**30,
-    "result.usdz": 2 * 2**30,
     STRENGTH: 16 * 2**30,
 }
-"""Address space beyond that of two checks: torch maps several gigabytes, usd-core more than one, whatever they do."""
+"""Address space beyond that of two checks: torch maps several gigabytes, whatever it does."""
 
 _SECONDS = 2.0
 """The time limit, relative to that of a check."""
@@ -86,20 +84,6 @@ class DerivedInput:
     def size(self) -> int:
         """The bytes of both files."""
         return self.source.stat().st_size + self.result.stat().st_size
-
-
-def require_package(name: str) -> None:
-    """Check that what an artifact needs is installed in this environment.
-
-    Raises
-    ------
-    DependencyError
-    """
-    if name == "result.usdz" and find_spec("pxr") is None:
-        raise DependencyError(
-            "result.usdz cannot be made: usd-core is not installed where the API runs.",
-            advice=f"The service's operator can install it there: {install_command('usd')}.",
-        )
 
 
 def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None = None) -> None:
@@ -178,7 +162,6 @@ def main(arguments: list[str] | None = None) -> int:
     bound_resources(given.options["memory"], given.options["seconds"], _WIDER * limits.max_bytes)
     verdict: dict[str, Any] = {"ok": True}
     try:
-        require_package(given.name)
         given.target.write_bytes(_MAKERS[given.name](given.source, given.result, given.options, limits))
     except MeshdeformError as error:
         verdict = {"ok": False, "error": error_to_json(error)}
@@ -221,25 +204,18 @@ def _other_triangles() -> AssetUnsupportedError:
     )
 
 
-def _usdz(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
-    from meshdeform.assets.asset import load_asset
-    from meshdeform.assets.usd import write_usdz
-
-    return write_usdz(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene()).data
-
-
 def _obj(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
     from meshdeform.assets.asset import load_asset
     from meshdeform.assets.obj_file import write_obj
 
-    return write_obj(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene(copies=True)).to_zip()
+    return write_obj(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene()).to_zip()
 
 
 def _stl(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
     from meshdeform.assets.asset import load_asset
     from meshdeform.assets.stl_file import write_stl
 
-    return write_stl(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene(copies=True)).data
+    return write_stl(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene()).data
 
 
 def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
@@ -261,11 +237,10 @@ DERIVED: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
     "morph.glb": _morph,
     "result.obj.zip": _obj,
     "result.stl": _stl,
-    "result.usdz": _usdz,
 }
 """What can be made afterwards, by the artifact's name."""
 
-OF_RESULT = frozenset({"result.obj.zip", "result.stl", "result.usdz"})
+OF_RESULT = frozenset({"result.obj.zip", "result.stl"})
 """The names in `DERIVED` that are made of `result.glb` alone."""
 
 _MAKERS = {**DERIVED, STRENGTH: _strength}

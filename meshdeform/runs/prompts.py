@@ -27,7 +27,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.sds import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.requests.stages import Prompt, active_prompts
+from meshdeform.requests.prompts import Prompt, active_prompts
 from meshdeform.runs.control import Control
 from meshdeform.runs.likeness import before
 from meshdeform.runs.selection import SelectableSurface

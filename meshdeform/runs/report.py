@@ -25,7 +25,6 @@ _PACKAGES = (
     "safetensors",
     "diffusers",
     "transformers",
-    "usd-core",
 )
 _MAX_SAMPLES = 200
 

@@ -16,7 +16,6 @@ from meshdeform.assets import Asset, Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, Track
 from meshdeform.deformation.path import ShapePath
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.morph import MorphPath
@@ -25,7 +24,7 @@ from meshdeform.runs.preparation import drawn_triangles, subdivided, welded_surf
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
 from meshdeform.runs.text_report import read_result
 
-__all__ = ["MAX_STRENGTH", "AssetPath", "check_same_asset", "matched", "with_strength", "write_morph", "write_stages"]
+__all__ = ["MAX_STRENGTH", "AssetPath", "check_same_asset", "matched", "with_strength", "write_morph"]
 
 MAX_STRENGTH = 1.5
 
@@ -189,45 +188,4 @@ def write_morph(
         name = ANIMATION_NAME if share == 1 else f"{ANIMATION_NAME} {number}/{morph.frames}"
         targets.append(MorphTarget(name, found.positions, found.normals, found.tangents))
     track = Track(morph.times(), morph.weights())
-    return source.morph(targets, track=track, compact=compact, provenance=provenance)
-
-
-def write_stages(
-    source: Asset,
-    welded: WeldedMesh,
-    shapes: Mapping[str, Tensor],
-    result: DeformedSurface,
-    morph: MorphPath,
-    *,
-    compact: bool = False,
-    provenance: Mapping[str, Any] | None = None,
-) -> bytes:
-    """Return the source as a GLB with several shapes in a row as named morph targets, and one animation through all.
-
-    Parameters
-    ----------
-    source : Asset
-    welded : WeldedMesh
-        Of the source.
-    shapes : mapping of str to (V, 3) float64
-        The ends of the stages by name, in world space, in order. The frames on the way to `a pear` are named
-        `a pear 1/8` and so on.
-    result : DeformedSurface
-        The last of them.
-    morph : MorphPath
-        The frames and the duration of each stage.
-    compact, provenance
-        As for `Asset.replace`.
-    """
-    targets = []
-    before, last = welded.mesh.verts, len(shapes)
-    for stage, (name, verts) in enumerate(shapes.items(), 1):
-        path = ShapePath(TriangleMesh(before, welded.mesh.faces), verts)
-        for number, share in enumerate(morph.shares(), 1):
-            done = share == 1
-            found = result if done and stage == last else deformed_surface(source.surface, welded, path.at(share))
-            label = name if done else f"{name} {number}/{morph.frames}"
-            targets.append(MorphTarget(label, found.positions, found.normals, found.tangents))
-        before = verts
-    track = Track(morph.times(last), morph.weights(last))
     return source.morph(targets, track=track, compact=compact, provenance=provenance)

@@ -70,8 +70,8 @@ SURFACE_FIT = Kind(
     reads=(
         FilePart(
             "asset",
-            "The surface: a mesh (GLB, OBJ, PLY, STL, ZIP), oriented points (PLY, XYZ), a signed distance grid (NPZ, "
-            "VDB) or a network (safetensors).",
+            "The surface: a mesh (GLB, OBJ, PLY, STL, ZIP), oriented points (PLY, XYZ), a signed distance grid (NPZ) "
+            "or a network (safetensors).",
             required=True,
             media_types=(_GLB, "model/obj", "model/ply", "model/stl", "application/zip", "application/octet-stream"),
             content="surface",

@@ -19,7 +19,7 @@ from meshdeform.geometry.fit_quality import measure_fit
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import weld
-from meshdeform.guidance.alignment import Alignment, aligned, given_alignment, require_overlap
+from meshdeform.guidance.alignment import Alignment, aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.landmarks import Landmark, LandmarkTerm
 from meshdeform.guidance.points import diagonal_of
 from meshdeform.guidance.target import TargetGuidance
@@ -90,15 +90,10 @@ class TargetFit:
         )
         if params.align is AlignMode.AUTO:
             alignment = aligned(goal, world, landmarks)
-            advice = "Turn the target so that it is upright as the asset is, or set params.align to a matrix."
+            advice = "Turn the target so that it is upright as the asset is."
         else:
-            matrix = np.eye(4) if params.align is AlignMode.NONE else np.reshape(np.array(params.align), (4, 4))
-            if not abs(np.linalg.det(matrix[:3, :3])) > 0:
-                detail = "params.align: the matrix has no inverse."
-                place = {"loc": ["params", "align"], "msg": detail, "type": "value_error"}
-                raise ParameterError(detail, advice="Give the 16 numbers row by row.", errors=[place])
-            alignment = given_alignment(goal, world, matrix)
-            advice = "Set params.align to auto, or to a matrix that places the target on the asset."
+            alignment = shared_coordinates(goal, world)
+            advice = "Set params.align to auto, or move the target to the asset."
         frame = Frame.around(world.verts)
         placed = frame.place(alignment.place_mesh(goal))
         try:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,16 +13,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
-from meshdeform.assets.appearance import Appearance
-from meshdeform.assets.usd import require_usd, write_usdz
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.orientation import Front, Orientation
-from meshdeform.deformation.stages import StagedDeformation
+from meshdeform.deformation.orientation import Orientation
 from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
-from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.base import Prior
@@ -33,8 +28,7 @@ from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
 from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, StepReport
 from meshdeform.runs.control import Control, control_report, read_control
-from meshdeform.runs.generated_target import GenerateTarget, cannot_generate
-from meshdeform.runs.goals import Goal, GoalSource, read_goals, stage_reports, unique_names
+from meshdeform.runs.goals import Goal, GoalSource, read_goal
 from meshdeform.runs.likeness import likeness, likeness_and_before
 from meshdeform.runs.movement import HoldCounter
 from meshdeform.runs.precision import precision_of
@@ -45,7 +39,7 @@ from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.shown import Shown
 from meshdeform.runs.silhouette_fit import SilhouetteFit
-from meshdeform.runs.strength import AssetPath, write_morph, write_stages
+from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
 from meshdeform.runs.text_report import (
     RunFacts,
@@ -62,7 +56,6 @@ if TYPE_CHECKING:
 __all__ = ["TextDeformRun", "start"]
 
 _GLB = "model/gltf-binary"
-_USDZ = "model/vnd.usdz+zip"
 
 
 def start(
@@ -73,8 +66,6 @@ def start(
     prior: Prior | None = None,
     target: bytes | None = None,
     target_filename: str = "",
-    targets: Mapping[str, InputFile] | None = None,
-    generate: GenerateTarget = cannot_generate,
     sketch: Mapping[str, Any] | None = None,
     pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
@@ -93,10 +84,6 @@ def start(
     asset, target : bytes
         A GLB, OBJ, PLY, STL or ZIP; `target` is required by `params.guidance = target`.
     filename, target_filename : str
-    targets : mapping of str to InputFile, optional
-        Further target meshes by part, for stages.
-    generate : callable
-        Returns the GLB of a target that a text-to-3D model makes.
     sketch : mapping, optional
         What the report says about a target that was drawn.
     pictures : sequence of bytes
@@ -122,21 +109,15 @@ def start(
 
     Raises
     ------
-    DependencyError
-        The request asks for USDZ, and usd-core is not installed.
     AssetError, RequestError, ModelError, NumericalError, CheckpointError
         The input cannot be run; the error says what to do.
     """
-    if request.output.usd:
-        require_usd()
     clock = PhaseClock()
     params = resolved or resolve(request.params, default_model=default_model)
     asset_sha256 = asset_sha256 or sha256_hex(asset)
     with clock.phase("read"):
         data, name = (asset, filename) if source is None else (source.data, FITTED_SOURCE.name)
         loaded, division = prepared(load_asset(data, name, limits), params, request.output, limits)
-        if request.output.usd:
-            loaded.scene()  # detect unreadable materials now, not after the last step
         welded = welded_surface(loaded, params.backdrop)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
@@ -145,46 +126,39 @@ def start(
         surface = SelectableSurface(loaded, welded)
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
-        meshes = {**(targets or {}), **({} if target is None else {"target": InputFile(target, target_filename)})}
+        mesh_file = None if target is None else InputFile(target, target_filename)
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
-        given = GoalSource(loaded, welded.mesh, mesh, prior, meshes, generate, silhouettes, limits, device, prompts)
-        goals = read_goals(request, params, given)
-        identities = [goal.guidance.identity for goal in goals]
+        given = GoalSource(loaded, welded.mesh, mesh, prior, mesh_file, silhouettes, limits, device, prompts)
+        goal = read_goal(request, params, given)
         run = fingerprint(
             params=params.model_dump(mode="json"),
             prompt=request.prompt,
             asset=shape,
-            guidance=identities if params.stages else identities[0],
+            guidance=goal.guidance.identity,
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
         start_shape = load_shape(initial, shape) if initial is not None else None
-        look = welded_appearance(loaded.appearance(), welded) if any(sees_colours(g.params) for g in goals) else None
+        look = welded_appearance(loaded.appearance(), welded) if sees_colours(params) else None
         known = known_source(welded.mesh, prior, params)
         front = front_of(known, prior, params)
-        begins = [_begin(goal, mesh, control, device, look, front) for goal in goals]
-        deformation = StagedDeformation(begins, checkpoint=state, initial=start_shape)
-    given_as, where = (asset_sha256, len(asset), filename), (device, precision_of(prior, state))
-    facts = RunFacts(request, params, *given_as, identities[-1], run, *where, shape, division, source, sketch, known)
-    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goals, silhouettes, prompts)
-
-
-def _begin(
-    goal: Goal, mesh: RestMesh, control: Control, device: str, appearance: Appearance | None, front: Front | None
-) -> Callable[..., Deformation]:
-    """Return the function that creates the optimisation of a goal (`deformation.stages.BeginStage`)."""
-    return partial(
-        Deformation,
-        mesh,
-        goal.guidance,
-        goal.params,
-        device=device,
-        bodies=control.bodies,
-        appearance=appearance if sees_colours(goal.params) else None,
-        constraints=control.constraints,
-        shares=goal.shares,
-        front=front,
-    )
+        deformation = Deformation(
+            mesh,
+            goal.guidance,
+            params,
+            device=device,
+            checkpoint=state,
+            initial=start_shape,
+            bodies=control.bodies,
+            appearance=look,
+            constraints=control.constraints,
+            shares=goal.shares,
+            front=front,
+        )
+    given_as, guided_by = (asset_sha256, len(asset), filename), goal.guidance.identity
+    where = device, precision_of(prior, state)
+    facts = RunFacts(request, params, *given_as, guided_by, run, *where, shape, division, source, sketch, known)
+    return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goal, silhouettes, prompts)
 
 
 class TextDeformRun:
@@ -195,17 +169,17 @@ class TextDeformRun:
         asset: Asset,
         welded: WeldedMesh,
         frame: Frame,
-        deformation: StagedDeformation,
+        deformation: Deformation,
         facts: RunFacts,
         clock: PhaseClock,
         control: Control,
-        goals: list[Goal],
+        goal: Goal,
         silhouettes: SilhouetteFit | None = None,
         prompts: Prompts | None = None,
     ) -> None:
         self._prompts = prompts
         self._control = control
-        self._goals = goals
+        self._goal = goal
         self._silhouettes = silhouettes
         self._asset = asset
         self._drawn = drawn_triangles(asset, facts.params.backdrop)
@@ -221,7 +195,7 @@ class TextDeformRun:
     @property
     def total_steps(self) -> int:
         """Total number of steps."""
-        return self._facts.params.steps * len(self._goals)
+        return self._facts.params.steps
 
     @property
     def step(self) -> int:
@@ -231,7 +205,7 @@ class TextDeformRun:
     @property
     def orientation(self) -> Orientation:
         """The turn of the cameras, and how it was chosen."""
-        return self._deformation.current.orientation
+        return self._deformation.orientation
 
     def __iter__(self) -> Iterator[StepReport]:
         """Run the remaining steps."""
@@ -239,7 +213,7 @@ class TextDeformRun:
         for step in self._deformation:
             self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - start
             self._history.add(step.step, step.losses)
-            checked = self._deformation.current.step % EVERY_STEPS == 0 or self._deformation.current.done
+            checked = self._deformation.step % EVERY_STEPS == 0 or self._deformation.done
             self._holds.add(step.losses, checked=checked)
             yield StepReport(step.step, self.total_steps, step.losses)
             start = time.perf_counter()
@@ -266,7 +240,7 @@ class TextDeformRun:
         return ArtifactData(self._written(self._surface(verts), verts), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` and `result.usdz` if requested.
+        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested.
 
         Raises
         ------
@@ -280,29 +254,22 @@ class TextDeformRun:
             # Read the file back, so that the report describes what is in the file.
             written = read_result(result).without(self._asset.excluded)
             artifacts = {"result.glb": ArtifactData(result, _GLB)}
-            if self._facts.request.output.morph or self._facts.params.stages:
-                artifacts["morph.glb"] = ArtifactData(self._morph(surface, verts), _GLB)
-            usdz = write_usdz(written.scene()) if self._facts.request.output.usd else None
-            if usdz is not None:
-                artifacts["result.usdz"] = ArtifactData(usdz.data, _USDZ)
+            if self._facts.request.output.morph:
+                artifacts["morph.glb"] = ArtifactData(self._morph(surface), _GLB)
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
             shown = Shown.of(self._asset, written, self._welded, verts)
             appearance = self._asset.appearance().of_triangles(self._drawn)
             artifacts["preview.png"] = ArtifactData(preview_png(appearance, *shown.poses), "image/png")
-        stages, compared = self._stages(verts), self._likeness(self._goals[-1], shown)
-        if stages is not None and compared is not None:
-            stages[-1]["likeness"] = compared
         report = build_report(
             self._facts,
             asset=self._asset,
             welded=self._welded,
             verts=verts,
-            deformation=self._deformation.current,
-            appearance=appearance_report(self._goals[-1].params, self._deformation.current),
+            deformation=self._deformation,
+            appearance=appearance_report(self._facts.params, self._deformation),
             result=result,
             written=written,
             shown=shown,
-            usdz=usdz,
             history=self._history,
             holds=self._holds,
             rebuilt_normals=self._rebuilt_normals,
@@ -310,9 +277,8 @@ class TextDeformRun:
             clock=self._clock,
             look=appearance,
             drawn=self._drawn,
-            stages=stages,
-            likeness=compared,
-            fit=self._fitted(self._goals[-1], verts) if stages is None else stages[-1].get("fit"),
+            likeness=self._likeness(shown),
+            fit=self._fitted(verts),
             silhouettes=self._overlaps(verts),
             prompts=self._compared_prompts(shown),
             bodies=self._control.bodies,
@@ -328,29 +294,9 @@ class TextDeformRun:
         shape = surface.positions, surface.normals, surface.tangents
         return self._asset.replace(*shape, jacobians=jacobians, **self._file_options())
 
-    def _morph(self, surface: DeformedSurface, verts: Tensor) -> bytes:
-        way, options = self._facts.request.output.morph_path, self._file_options()
-        if self._facts.params.stages:
-            shapes = dict(zip(unique_names(self._goals), self._ends(verts), strict=True))
-            return write_stages(self._asset, self._welded, shapes, surface, way, **options)
+    def _morph(self, surface: DeformedSurface) -> bytes:
         path = AssetPath(self._asset, surface.positions, self._welded)
-        return write_morph(self._asset, path, surface, way, **options)
-
-    def _ends(self, verts: Tensor) -> list[Tensor]:
-        """Return the world positions in which the stages ended; `verts` are those of the last one."""
-        return [*map(self._in_world, self._deformation.ends), verts]
-
-    def _stages(self, verts: Tensor) -> list[dict[str, Any]] | None:
-        if not self._facts.params.stages:
-            return None
-        with self._clock.phase("measure"):
-            return stage_reports(
-                self._goals,
-                self._welded.mesh,
-                self._ends(verts),
-                fitted=lambda fit, shape: fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(shape)),
-                likeness=self._compared,
-            )
+        return write_morph(self._asset, path, surface, self._facts.request.output.morph_path, **self._file_options())
 
     def _file_options(self) -> dict[str, Any]:
         output = self._facts.request.output
@@ -359,8 +305,9 @@ class TextDeformRun:
             "provenance": provenance(self._facts, self.step) if output.provenance else None,
         }
 
-    def _likeness(self, goal: Goal, shown: Shown) -> dict[str, Any] | None:
+    def _likeness(self, shown: Shown) -> dict[str, Any] | None:
         """Compare result and source with the prompt where the builtin prior guided; nothing else has a judge."""
+        goal = self._goal
         if goal.guidance.identity["id"] != BUILTIN_MODEL or not goal.prompt:
             return None
         known = self._facts.recognised
@@ -369,23 +316,21 @@ class TextDeformRun:
         with self._clock.phase("measure"):
             return likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
 
-    def _compared(self, prompt: str, verts: Tensor) -> dict[str, Any] | None:
-        return likeness(TriangleMesh(verts, self._welded.mesh.faces), prompt)
-
     def _compared_prompts(self, shown: Shown) -> list[dict[str, Any]] | None:
         """Compare the result with each of several prompts, if there are any."""
         if self._prompts is None:
             return None
-        judged = self._goals[-1].guidance.identity["id"] == BUILTIN_MODEL
+        judged = self._goal.guidance.identity["id"] == BUILTIN_MODEL
         with self._clock.phase("measure"):
             return prompt_reports(self._prompts, shown.source, shown.result, likeness if judged else None)
 
-    def _fitted(self, goal: Goal, verts: Tensor) -> dict[str, Any] | None:
+    def _fitted(self, verts: Tensor) -> dict[str, Any] | None:
         """Compare the result with the target, if there is one."""
-        if goal.fit is None:
+        fit = self._goal.fit
+        if fit is None:
             return None
         with self._clock.phase("measure"):
-            return goal.fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
+            return fit.measure(self._frame.place(self._welded.mesh), self._frame.enter(verts))
 
     def _overlaps(self, verts: Tensor) -> list[dict[str, Any]] | None:
         """Compare the result with the pictures, if there are any."""
@@ -400,9 +345,6 @@ class TextDeformRun:
         return found
 
     def _world_verts(self) -> Tensor:
-        return self._in_world(self._deformation.verts())
-
-    def _in_world(self, framed: Tensor) -> Tensor:
-        verts, kept = self._frame.leave(framed), self._control.constraints.kept
+        verts, kept = self._frame.leave(self._deformation.verts()), self._control.constraints.kept
         # The way into the frame and back rounds.
         return verts if kept is None else torch.where(torch.from_numpy(kept)[:, None], self._welded.mesh.verts, verts)

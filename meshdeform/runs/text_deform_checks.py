@@ -9,9 +9,9 @@ from meshdeform.errors import ModelError, ParameterError, PromptError, Vocabular
 from meshdeform.priors.public_names import public_names
 from meshdeform.requests.document import BUILTIN_MODEL, DeformParams, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
+from meshdeform.requests.prompts import active_prompts, needs_prior, needs_target
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS, Silhouette
 from meshdeform.requests.sketches import SKETCH_PART
-from meshdeform.requests.stages import active_prompts, generated_targets, named_targets, needs_prior
 from meshdeform.runs.sent_weights import check_weights_part
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ def check(
     allowed_models: Sequence[str] = (),
     revision: str = "",
     has_target: bool = False,
-    targets: Collection[str] = (),
     pictures: Collection[str] = (),
     has_weights: bool = False,
     has_sketch: bool = False,
@@ -51,8 +50,6 @@ def check(
         Revision of the default model.
     has_target : bool
         Whether the second mesh for `target` guidance is present.
-    targets : collection of str
-        The parts that are target meshes, for stages.
     pictures : collection of str
         The names of the parts with pictures that are present.
     has_weights : bool
@@ -73,18 +70,9 @@ def check(
     params = request.params
     resolved = resolve(params, default_model=default_model)
     _check_pictures(request, pictures)
-    given = {*targets, *(["target"] if has_target else [])}
-    if not _check_sketch(resolved, given | ({SKETCH_PART} if has_sketch else set())):
-        _check_targets(resolved, given)
+    if not _check_sketch(resolved, has_sketch=has_sketch, has_target=has_target):
+        _check_target(resolved, has_target=has_target)
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
-    for generated in generated_targets(resolved):
-        if generated.model != default_model and generated.model not in allowed_models:
-            raise _not_allowed(generated.model, known)
-        from meshdeform.priors.text_to_3d import check_generator
-
-        check_generator(generated.model)
-    if resolved.stages and request.prompt:
-        raise _refusal("stages", "There are a prompt and stages.", "Leave the prompt out: each stage has its own.")
     if needs_prior(resolved):
         model = params.model or default_model
         check_weights_part(model, [WEIGHTS_PART] if has_weights else [])
@@ -98,28 +86,21 @@ def check(
             raise _not_allowed(model, known)
         from meshdeform.priors import check_model
 
-        check_model(model, revision if model == default_model else "", params.encoder)
+        check_model(model, revision if model == default_model else "")
     elif has_weights:
         check_weights_part(params.model, [WEIGHTS_PART])
     return resolved
 
 
-def _check_targets(params: ResolvedParams, given: Collection[str]) -> None:
-    """Refuse a request whose target meshes are not those that were sent."""
-    needed = named_targets(params)
-    for part in needed:
-        if part not in given:
-            detail = "`target` guidance needs a second mesh." if not params.stages else f"A stage needs `{part}`."
-            raise _refusal("stages" if params.stages else "guidance", detail, f"Send it as the part `{part}`.")
-    for part in sorted(set(given) - set(needed)):
-        if params.stages or params.target is not None:
-            whose = "no stage" if params.stages else "params.target, which is generated, not"
-            detail = f"`{part}` was sent, but {whose} uses it."
-            raise _refusal("stages" if params.stages else "target", detail, f"Omit the part `{part}`.")
+def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
+    """Refuse `target` guidance without a target mesh, and a target mesh without `target` guidance."""
+    if needs_target(params) and not has_target:
+        raise _refusal("guidance", "`target` guidance needs a second mesh.", "Send it as the part `target`.")
+    if has_target and not needs_target(params):
         raise _refusal(
             "guidance",
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
-            f"Set params.guidance to `target`, or omit the part `{part}`.",
+            "Set params.guidance to `target`, or omit the part `target`.",
         )
 
 
@@ -132,9 +113,6 @@ def _prompts(request: JobRequest) -> list[_PlacedPrompt]:
         There are several, and none pulls at anything.
     """
     params = request.params
-    if params.stages:
-        staged = enumerate(params.stages)
-        return [(["params", "stages", number, "prompt"], stage.prompt) for number, stage in staged if stage.prompt]
     if not params.prompts:
         return [(["prompt"], request.prompt)]
     if not active_prompts(request.prompt, params.prompts):
@@ -234,32 +212,22 @@ def _picture_refusal(detail: str, advice: str, *place: Any) -> ParameterError:
     return ParameterError(detail, advice=advice, errors=[{"loc": loc, "msg": detail, "type": "value_error"}])
 
 
-def _check_sketch(params: ResolvedParams, files: Collection[str]) -> bool:
+def _check_sketch(params: ResolvedParams, *, has_sketch: bool, has_target: bool) -> bool:
     """Return whether the target mesh of a request is that of a drawing or of `params.sketch`.
-
-    Parameters
-    ----------
-    params : ResolvedParams
-    files : collection of str
-        The parts that are target meshes or a drawing.
 
     Raises
     ------
     ParameterError
         There is a drawing, and the request does not use it; or a target mesh beside either.
     """
-    drawn = SKETCH_PART in files
-    what = f"the part `{SKETCH_PART}`" if drawn else "params.sketch"
-    if drawn and (params.stages or params.target is not None):
-        name = "stages" if params.stages else "target"
-        raise _refusal(name, f"A drawing was sent, but params.{name} does not use it.", f"Omit {what}.")
-    if drawn and params.guidance is not GuidanceKind.TARGET:
+    what = f"the part `{SKETCH_PART}`" if has_sketch else "params.sketch"
+    if has_sketch and params.guidance is not GuidanceKind.TARGET:
         detail = f"A drawing was sent, but the guidance is `{params.guidance}`, which does not use it."
         raise _refusal("guidance", detail, f"Set params.guidance to `target`, or omit {what}.")
-    if not drawn and params.sketch is None:
+    if not has_sketch and params.sketch is None:
         return False
-    if meshes := sorted(set(files) - {SKETCH_PART}):
-        detail = f"`{meshes[0]}` and {what} both say what the target is."
+    if has_target:
+        detail = f"`target` and {what} both say what the target is."
         raise _refusal("sketch", detail, "Leave out one of the two.")
     return True
 

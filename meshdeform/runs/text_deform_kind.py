@@ -23,18 +23,16 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_sent
+from meshdeform.requests.prompts import (
+    goal_guidance,
+    needs_prior,
+    needs_target,
+    prompt_words,
+)
+from meshdeform.requests.removed import without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.sketches import SKETCH_PART
-from meshdeform.requests.stages import (
-    TARGET_PARTS,
-    Stage,
-    goal_guidance,
-    named_targets,
-    needs_prior,
-    prompt_words,
-    with_target_models,
-)
 from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import (
     FITTED_SOURCE,
@@ -55,34 +53,28 @@ if TYPE_CHECKING:
     from meshdeform.runs.fitted_source import FittedSource
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "read_source", "read_targets"]
+__all__ = ["TEXT_DEFORM", "read_source", "read_target"]
 
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
+_TARGET = "target"
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
 
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> ResolvedParams:
-    if request.output.usd and not settings.writes_usd:
-        detail = "The request asks for result.usdz, and this deployment does not write USDZ."
-        raise ParameterError(
-            detail,
-            advice="Omit output.usd. The service's operator can install the extra `usd` and set MESHDEFORM_USD.",
-            errors=[{"loc": ["output", "usd"], "msg": detail, "type": "value_error"}],
-        )
     models = settings.offered_models
-    params = with_target_models(request.params, lambda name: configured_name(name, models))
+    params = request.params
     if params.model is not None:
         params = params.model_copy(update={"model": configured_name(params.model, models)})
-    request = request.model_copy(update={"params": params})
+        request = request.model_copy(update={"params": params})
     with hidden_folders(models):
         return check(
             request,
             default_model=settings.model,
             allowed_models=settings.further_models,
             revision=settings.model_revision,
-            targets=files & set(TARGET_PARTS),
+            has_target=_TARGET in files,
             pictures=files.intersection(SILHOUETTE_PARTS),
             has_weights=WEIGHTS_PART in files,
             has_sketch=SKETCH_PART in files,
@@ -121,6 +113,7 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
 def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
     """Return the parameters stored when the request was accepted; resolve them if there are none."""
     if kept is not None:
+        kept = without_removed({"params": kept})["params"]
         try:
             return read_unbounded(ResolvedParams, kept)
         except ValidationError as error:
@@ -133,30 +126,26 @@ def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] |
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
-        params = _resolved(request, default_model, kept)
-        return params.steps * max(len(params.stages), 1)
+        return _resolved(request, default_model, kept).steps
     except MeshdeformError:
         # A default has changed since the job was accepted; its worker will report the error.
-        written = request.params.steps if "steps" in request.params.model_fields_set else 0
-        return written * max(len(request.params.stages), 1)
+        return request.params.steps if "steps" in request.params.model_fields_set else 0
 
 
 def _uses(request: JobRequest) -> list[str]:
     params = request.params
     weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
-    single = params.target is None and not params.stages
-    drawable = single and goal_guidance(params) is GuidanceKind.TARGET
     return [
         "asset",
-        *named_targets(params),
-        *([SKETCH_PART] if drawable else []),
+        *([_TARGET] if needs_target(params) else []),
+        *([SKETCH_PART] if goal_guidance(params) is GuidanceKind.TARGET else []),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
 
 
-def read_targets(params: DeformParams, given: RunInput) -> tuple[Mapping[str, InputFile], dict[str, Any] | None]:
-    """Return the target meshes of a job, among them that of its drawing, and what the report says about the drawing.
+def read_target(params: DeformParams, given: RunInput) -> tuple[InputFile | None, dict[str, Any] | None]:
+    """Return the target mesh of a job, which may be that of its drawing, and what the report says about the drawing.
 
     Raises
     ------
@@ -165,11 +154,10 @@ def read_targets(params: DeformParams, given: RunInput) -> tuple[Mapping[str, In
     """
     drawing = given.files.get(SKETCH_PART)
     if drawing is None and params.sketch is None:
-        return {part: file for part, file in given.files.items() if part in TARGET_PARTS}, None
+        return given.files.get(_TARGET), None
     from meshdeform.runs.sketched_target import sketched_target
 
-    target, about = sketched_target(None if drawing is None else drawing.data, params.sketch, given)
-    return {"target": target}, about
+    return sketched_target(None if drawing is None else drawing.data, params.sketch, given)
 
 
 def read_source(given: RunInput) -> FittedSource | None:
@@ -184,22 +172,21 @@ def read_source(given: RunInput) -> FittedSource | None:
 
 def _load() -> StartRun:
     from meshdeform.runs import text_deform
-    from meshdeform.runs.generated_target import generated_target
 
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
         params = _resolved(given.request, given.default_model, given.resolved)
         prior = load_sent(params.model, given) if needs_prior(params) else None
         source = read_source(given)
-        targets, sketch = read_targets(params, given)
+        target, sketch = read_target(params, given)
         return text_deform.start(
             asset=asset.data,
             filename=asset.filename,
             request=given.request,
             prior=prior,
-            targets=targets,
+            target=None if target is None else target.data,
+            target_filename="" if target is None else target.filename,
             sketch=sketch,
-            generate=lambda wanted, name: generated_target(wanted, name, params.seed, given),
             pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
             checkpoint=given.checkpoint,
             initial=given.initial,
@@ -216,18 +203,10 @@ def _load() -> StartRun:
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
     """Return the prompt, or what the result is to look like; `filenames` are those of the files, by part."""
-    if request.params.stages:
-        return ", then ".join(_title(stage, filenames) for stage in request.params.stages)
-    like = filenames.get("target") or filenames.get(SKETCH_PART) or filenames.get(SILHOUETTE_PARTS[0])
-    generated = request.params.target.prompt if request.params.target else ""
-    generated = f"like a {request.params.sketch.family}" if request.params.sketch else generated
+    like = filenames.get(_TARGET) or filenames.get(SKETCH_PART) or filenames.get(SILHOUETTE_PARTS[0])
+    drawn = f"like a {request.params.sketch.family}" if request.params.sketch else ""
     prompts = prompt_words(request.prompt, request.params)
-    return prompts or generated or (f"like {PurePath(like).stem}" if like else "")
-
-
-def _title(stage: Stage, filenames: Mapping[str, str]) -> str:
-    part = stage.target if isinstance(stage.target, str) and not stage.name else None
-    return f"like {PurePath(filenames[part]).stem}" if part and part in filenames else stage.title
+    return prompts or drawn or (f"like {PurePath(like).stem}" if like else "")
 
 
 TEXT_DEFORM = Kind(
@@ -237,16 +216,12 @@ TEXT_DEFORM = Kind(
         FilePart(
             "asset",
             "The file to deform: GLB, OBJ, PLY, STL or ZIP; or a surface without triangles, to which a mesh is fitted "
-            "first: oriented points (PLY, XYZ), a signed distance grid (NPZ, VDB) or a network (safetensors).",
+            "first: oriented points (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).",
             required=True,
             media_types=(*_MESHES, "application/octet-stream"),
             content="surface",
         ),
-        FilePart("target", "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
-        *(
-            FilePart(part, "A target mesh of `params.stages`.", required=False, media_types=_MESHES)
-            for part in TARGET_PARTS[1:]
-        ),
+        FilePart(_TARGET, "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
         *(
             FilePart(
                 name,
@@ -283,26 +258,18 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "morph.glb",
             _GLB,
-            "The source with the way to the result as morph targets and an animation, if `output.morph` is set or "
-            "there are `params.stages`.",
+            "The source with the way to the result as morph targets and an animation, if `output.morph` is set.",
             afterwards=True,
         ),
         ArtifactKind(
             "target.glb",
             _GLB,
-            "The target that a text-to-3D model made for `params.target`, or that was made of a drawing; there before "
-            "the fit begins. Those of stages are named `target-1.glb` and so on.",
-        ),
-        ArtifactKind(
-            "result.usdz",
-            "model/vnd.usdz+zip",
-            "The result as USDZ, if `output.usd` is set ([Assets: USDZ](assets.md#usdz)).",
-            afterwards=True,
+            "The target that was made of a drawing or of `params.sketch`; there before the fit begins.",
         ),
         *FORMATS_OF_RESULT,
     ),
     uses=_uses,
-    alternatives=("target", SKETCH_PART),
+    alternatives=(_TARGET, SKETCH_PART),
     check_files=_check_files,
     check_words=check_words,
     as_branch=_as_branch,

@@ -18,7 +18,6 @@ from meshdeform.assets.limits import Limits
 from meshdeform.assets.notices import up_axis_warnings
 from meshdeform.assets.parts import Rig
 from meshdeform.assets.subdivide import Subdivision
-from meshdeform.assets.usd import Usdz
 from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
@@ -29,7 +28,6 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.public_names import public_name
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
 from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams
-from meshdeform.requests.stages import with_target_models
 from meshdeform.runs.movement import HoldCounter, measure_movement
 from meshdeform.runs.precision import precision_warnings
 from meshdeform.runs.preparation import subdivision_warnings
@@ -78,7 +76,6 @@ def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
         "version": meshdeform.__version__,
         "prompt": facts.request.prompt,
         **({"prompts": _weighted(facts.params)} if facts.params.prompts else {}),
-        **({"stages": [stage.title for stage in facts.params.stages]} if facts.params.stages else {}),
         "seed": facts.params.seed,
         "preset": facts.params.preset.value,
         "step": step,
@@ -102,7 +99,6 @@ def build_report(
     result: bytes,
     written: Asset,
     shown: Shown,
-    usdz: Usdz | None = None,
     history: LossHistory,
     holds: HoldCounter,
     rebuilt_normals: int,
@@ -112,7 +108,6 @@ def build_report(
     drawn: NDArray[np.bool_],
     likeness: dict[str, Any] | None = None,
     fit: dict[str, Any] | None = None,
-    stages: list[dict[str, Any]] | None = None,
     silhouettes: Sequence[Mapping[str, Any]] | None = None,
     prompts: Sequence[Mapping[str, Any]] | None = None,
     bodies: Sequence[Body] = (),
@@ -138,8 +133,6 @@ def build_report(
         `result.glb`, read back, so that errors of the writer show.
     shown : Shown
         What viewers show of both.
-    usdz : Usdz, optional
-        `result.usdz`, if requested.
     history : LossHistory
     holds : HoldCounter
     rebuilt_normals : int
@@ -156,8 +149,6 @@ def build_report(
         How much the result looks like its prompt, and the source (`before`).
     fit : dict, optional
         How well the result fits its target.
-    stages : list of dict, optional
-        What came of each stage (`goals.stage_reports`); `likeness` and `fit` are those of the last one.
     silhouettes : sequence of mappings, optional
         How well the result fits each picture.
     prompts : sequence of mappings, optional
@@ -178,17 +169,15 @@ def build_report(
         stretch = measure_texture_stretch(texel_corners(look), *corners)
         conclusion = None
         if likeness is not None and prompts is None:  # of several, none alone is what the result should be
-            prompt = facts.request.prompt if stages is None else stages[-1]["prompt"]
             structure = kept_structure(shown.source, shown.result, (posed or quality).to_dict())
-            conclusion = verdict(prompt, likeness, structure)
+            conclusion = verdict(facts.request.prompt, likeness, structure)
     up_axis = up_axis_warnings(asset.surface.positions, triangles)
     losses = history.to_list()
     report: dict[str, Any] = {
         "kind": facts.request.kind.value,
         "prompt": facts.request.prompt,
         # Clients read the report: a model in a folder is named as the service names it.
-        "params": with_target_models(facts.params, public_name).model_dump(mode="json")
-        | {"model": public_name(facts.params.model)},
+        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
         "seed": facts.params.seed,
         "metadata": facts.request.metadata,
         "input": {
@@ -254,21 +243,12 @@ def build_report(
         report["verdict"] = conclusion
     if fit is not None:
         report["fit"] = fit
-    if stages is not None:
-        report["stages"] = stages
     if silhouettes is not None:
         report["silhouettes"] = list(silhouettes)
     if prompts is not None:
         report["prompts"] = list(prompts)
     if look.left_out:
         report["preview"] = {"left_out": look.left_out}
-    if usdz is not None:
-        report["usd"] = {
-            "bytes": len(usdz.data),
-            "sha256": sha256_hex(usdz.data),
-            "meshes": usdz.meshes,
-            "left_out": usdz.left_out,
-        }
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
 
 

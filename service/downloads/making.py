@@ -8,11 +8,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import DependencyError, MeshdeformError
+from meshdeform.errors import MeshdeformError
 from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
 from meshdeform.runs.base import ArtifactKind
-from meshdeform.runs.derive import DERIVED, OF_RESULT, DerivedInput, derive, require_package
+from meshdeform.runs.derive import DERIVED, OF_RESULT, DerivedInput, derive
 from service.downloads.deformed import deformed_file
 from service.state import AppState
 
@@ -43,15 +43,12 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
     ------
     AssetError
         It cannot be made of these files.
-    DependencyError
-        This deployment does not write the format.
     TooMuchStoredError
         The owner's jobs would keep more bytes than allowed.
     NotFoundError, StoredFileError, UnavailableError
         The job or one of its files is gone or damaged, or the store or the record does not answer.
     """
     kind = next(kind for kind in kind_of(job.kind).artifacts if kind.name == name)
-    _require(app, name)
     result = next(artifact for artifact in job.artifacts if artifact.name == _RESULT)
     with app.workspace.temporary_folder() as folder:
         source, shape, target = folder / "source", folder / "result", folder / "target"
@@ -66,14 +63,6 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
         derive(name, given, target, Limits.from_settings(app.settings))
         app.record.check_room(job.owner_id, {name: target.stat().st_size}, app.settings.max_stored_bytes)
         return _added(app, job, kind, target)
-
-
-def _require(app: AppState, name: str) -> None:
-    if name == "result.usdz" and app.settings.usd == "off":
-        raise DependencyError(
-            "This deployment does not write USDZ.", advice="Its operator can allow it with MESHDEFORM_USD."
-        )
-    require_package(name)
 
 
 def _added(app: AppState, job: Job, kind: ArtifactKind, file: Path) -> Artifact:

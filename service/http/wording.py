@@ -8,6 +8,8 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
+from meshdeform.requests.removed import instead
+
 __all__ = ["did_you_mean", "in_plain_words"]
 
 _CLOSE = 0.6
@@ -34,7 +36,7 @@ def did_you_mean(name: str, known: Collection[str], given: Collection[str] = (),
 
 
 def in_plain_words(findings: Sequence[Any], model: type[BaseModel], document: Any) -> list[dict[str, Any]]:
-    """Return pydantic's findings about a document, with a suggestion for each unknown member.
+    """Return pydantic's findings about a document, with what to use in place of each unknown member.
 
     Parameters
     ----------
@@ -56,6 +58,8 @@ def _unknown(place: Sequence[Any], model: type[BaseModel], document: Any) -> str
     for step in place[:-1]:
         inner = _model_of(inner, step) if inner is not None else None
         document = document.get(step) if isinstance(document, dict) else None
+    if removed := instead(place):
+        return removed
     given = document if isinstance(document, dict) else {}
     return did_you_mean(str(place[-1]), inner.model_fields if inner is not None else (), given)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import BaseModel, Field
 
 __all__ = ["LessonView", "ModelList", "ModelView", "VocabularyView"]
@@ -46,7 +44,7 @@ class LessonView(BaseModel):
 class ModelView(BaseModel):
     """A model that jobs may use."""
 
-    id: str = Field(description="The value for `params.model` or `params.target.model`.", examples=["builtin"])
+    id: str = Field(description="The value for `params.model`.", examples=["builtin"])
     title: str = Field(description="Its display name.", examples=["Builtin"])
     description: str = Field(
         description="Its description.", examples=["The small demonstration model that comes with Meshdeform."]
@@ -56,12 +54,6 @@ class ModelView(BaseModel):
     )
     problem: str | None = Field(description="Why it is not available and what to do, else null.", examples=[None])
     vocabulary: VocabularyView | None = Field(description="The words that it understands; null: any prompt.")
-    purpose: Literal["guidance", "target"] = Field(
-        "guidance",
-        description="`guidance`: guides a deformation (`params.model`). `target`: makes target meshes "
-        "(`params.target.model`).",
-        examples=["guidance"],
-    )
     licence: str = Field("", description="What its model card states; empty: unknown.", examples=["mit"])
     lessons: list[LessonView] = Field(
         default_factory=list,

@@ -30,7 +30,7 @@ router = APIRouter(prefix="/v1/models", tags=["models"], dependencies=KNOWN_QUER
     },
 )
 def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
-    """Each model with its purpose, availability and vocabulary. Prompts made of its words are accepted.
+    """Each model with its availability and vocabulary. Prompts made of its words are accepted.
 
     The models of this server come first, then those that the caller's jobs of kind `prior_teach` have made, newest
     first.

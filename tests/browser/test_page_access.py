@@ -74,7 +74,6 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a rabbit")
     page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
     page.evaluate("() => document.activeElement.blur()")
-    page.get_by_label("Length along x", exact=True).select_option("limits")
     page.get_by_role("heading", name="Recent jobs").wait_for()
     yield "form"
     page.goto("/#/surface")
@@ -345,9 +344,3 @@ def background(page: Page) -> float:
     colour = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
     channels = [float(value) for value in re.findall(r"[\d.]+", colour)[:3]]
     return sum(channels) / 3 / 255
-
-
-def test_the_reference_has_the_fonts_of_the_page(page: Page) -> None:
-    page.goto("/docs")
-    for font in ("15px 'Instrument Sans'", "32px 'Instrument Serif'"):
-        assert page.evaluate("font => document.fonts.load(font).then((found) => found.length)", font) == 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -31,20 +30,10 @@ def test_health_and_readiness(api: Api, openapi: dict[str, Any]) -> None:
     assert {part["status"] for name, part in ready.json().items() if name != "status"} == {"ok"}
 
 
-def test_the_pages_load_nothing_from_another_host(api: Api, openapi: dict[str, Any]) -> None:
+def test_the_description_is_served_without_a_page_of_another_host(api: Api, openapi: dict[str, Any]) -> None:
     assert api.http.get("/openapi.json").json() == openapi
-    page = api.http.get("/docs")
-    assert page.headers["content-type"].startswith("text/html")
-    assert not re.search(r"<script|<link|src=|@import", page.text)
-    fonts = re.findall(r"url\((.*?)\)", page.text)
-    assert len(fonts) == 3
-    assert "font-src 'self'" in page.headers["content-security-policy"]
-    for font in fonts:
-        answer = api.http.get("/" + font.strip('"'))
-        assert (answer.status_code, answer.headers["content-type"]) == (200, "font/woff2")
-    for path in openapi["paths"]:
-        assert path in page.text
-    assert api.http.get("/redoc").status_code == 404
+    for path in ("/docs", "/redoc"):
+        assert api.http.get(path).status_code == 404
 
 
 def test_nobody_elses_page_may_call_the_api(api: Api) -> None:

@@ -17,7 +17,7 @@ def messages(problem: dict[str, Any]) -> dict[str, str]:
     return {".".join(map(str, error["loc"])): error["msg"] for error in problem["errors"]}
 
 
-OUTPUTS = "compact, morph, morph_path, provenance, rig, subdivide, usd"
+OUTPUTS = "compact, morph, morph_path, provenance, rig, subdivide"
 
 
 @each_case(
@@ -65,6 +65,10 @@ def test_known_query_parameters_are_accepted(api: Api) -> None:
         (
             {"prompt": "a vase", "output": {"xyz": True}},
             {"output.xyz": f"there is no such member. There are: {OUTPUTS}."},
+        ),
+        (
+            {"prompt": "a vase", "output": {"usd": True}},
+            {"output.usd": "it was removed. Convert result.glb (docs/recipes.md#to-usdz)."},
         ),
     ],
 )

@@ -31,7 +31,7 @@ def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dic
     problem = check_problem(validate(api, asset, regions=[{"material": "Rubber"}]), 422, "parameter_invalid")
     assert "Did you mean 'rubber'?" in problem["advice"]
     assert problem["errors"][0]["loc"] == ["params", "regions", 0, "material"]
-    control = {"regions": [{"material": "rubber", "action": "only"}], "length": {"x": "keep"}, "symmetry": "auto"}
+    control = {"regions": [{"material": "rubber", "action": "only"}], "symmetry": "auto"}
     found = validate(api, asset, **control)
     check_document(found.json(), "Validation", openapi)
     assert found.json()["params"]["regions"][0]["action"] == "only"

@@ -333,7 +333,7 @@ def test_the_fraction_never_goes_back_across_a_recovery(record: JobRecord) -> No
 
 
 def test_a_progress_event_tells_what_the_job_tells(record: JobRecord) -> None:
-    job = claimed(record, posted(record, prompt="", params={"stages": [{"prompt": "a pear"}, {"prompt": "a vase"}]}))
+    job = claimed(record, posted(record))
     identity = WorkerIdentity("worker", "meshdeform", "cpu")
     with JobWatch(record.leases, identity, job, lambda: nullcontext(Silence()), LEASE_S) as watch:
         watch.phase("optimizing")
@@ -342,8 +342,7 @@ def test_a_progress_event_tells_what_the_job_tells(record: JobRecord) -> None:
     found = record.get(job.id).progress
     assert told.type == "progress"
     assert told.data == found.model_dump(mode="json")
-    assert found.stage is not None
-    assert (found.step, found.attempt, found.stage.number, found.stage.name) == (6, 1, 2, "a vase")
+    assert (found.step, found.attempt) == (6, 1)
 
 
 @pytest.mark.both_databases(long=True)

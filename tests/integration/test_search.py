@@ -98,15 +98,10 @@ def test_api_clients_and_command_line_search(api: Api) -> None:
         check_problem(api.http.get("/v1/jobs", params=httpx.QueryParams(q=words)), 422, "parameter_invalid")
 
 
-def test_prompts_and_names_of_stages_are_searched(record: JobRecord) -> None:
-    stages = [
-        {"prompt": "a pear"},
-        {"target": {"prompt": "a shark", "model": "m"}, "name": "Jaws"},
-        {"target": "target"},
-    ]
-    request = JobRequest.model_validate({"params": {"stages": stages}})
+def test_all_prompts_are_searched(record: JobRecord) -> None:
+    request = JobRequest.model_validate({"prompt": "a pear", "params": {"prompts": [{"prompt": "a shark"}]}})
     job = record.create(NewJob(request, {"asset": stored_file(filename="Duck.glb")}))
-    for words, expected in (("pear jaws SHARK duck", [job.id]), ("pear vase", [])):
+    for words, expected in (("pear SHARK duck", [job.id]), ("pear vase", [])):
         assert [found.id for found in record.list_jobs(words=words).jobs] == expected
 
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from tests.toolchain.assets import ASSETS
-from tests.toolchain.deformed import deformed, deformed_in_stages
+from tests.toolchain.deformed import deformed
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
@@ -14,7 +14,3 @@ if __name__ == "__main__":
         artifacts = deformed(make())
         for kind in ("result", "morph"):
             (folder / f"{name}-{kind}.glb").write_bytes(artifacts[f"{kind}.glb"])
-    artifacts = deformed_in_stages(ASSETS["parts"]())
-    for kind in ("source", "result", "morph"):
-        data = ASSETS["parts"]() if kind == "source" else artifacts[f"{kind}.glb"]
-        (folder / f"stages-{kind}.glb").write_bytes(data)

@@ -70,7 +70,7 @@ def test_no_secret_has_a_default_and_the_example_names_them_all(repository: Path
     required = set(re.findall(r"(?<!\$)\$\{(\w+):\?", text))
     optional = set(re.findall(r"(?<!\$)\$\{(\w+):-", text))
     assert required == {"POSTGRES_PASSWORD", "REDIS_PASSWORD", "S3_ACCESS_KEY", "S3_SECRET_KEY"}
-    assert optional == {"MESHDEFORM_MODEL", "MESHDEFORM_AUTH", "MESHDEFORM_USD", "S3_PUBLIC_URL"}
+    assert optional == {"MESHDEFORM_MODEL", "MESHDEFORM_AUTH", "S3_PUBLIC_URL"}
     example = (repository / ".env.example").read_text()
     assert set(re.findall(r"^(?:# )?(\w+)=", example, re.MULTILINE)) == required | optional
     assert re.findall(r"^\w*(?:PASSWORD|SECRET)\w*=(.+)$", example, re.MULTILINE) == []

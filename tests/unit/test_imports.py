@@ -32,7 +32,6 @@ TORCH_FREE = [
     "meshdeform.runs.*",
     "meshdeform.priors.*",
     "meshdeform.priors.builtin.grammar",
-    "meshdeform.assets.usd.*",
     "meshdeform.sketch.guesses",
     "worker.health",
     "worker.process",

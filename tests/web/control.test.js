@@ -10,7 +10,6 @@ const ASKED = {
   handles: [{ position: [0, 1, 0], to: [0, 1.5, 0] }],
   symmetry: "x",
   falloff: 0.2,
-  length: { x: "keep", y: { min: 0.9, max: null } },
 };
 
 test("a request asks for what the form holds, and the form holds what a job asked", () => {
@@ -19,9 +18,9 @@ test("a request asks for what the form holds, and the form holds what a job aske
   assert.deepEqual(controlParams(noControl()), {});
   assert.equal(isEmpty({ ...noControl(), regions: [{ faces: [], action: "keep" }] }), true);
   // As the API returns them: with members that are null.
-  const told = controlOf({ regions: [{ node: "Hinge", box: null, action: "keep" }], handles: [{ vertex: null, position: [0, 0, 0], to: [1, 0, 0], weight: 0.5 }], length: { x: null, y: null, z: "keep" } });
+  const told = controlOf({ regions: [{ node: "Hinge", box: null, action: "keep" }], handles: [{ vertex: null, position: [0, 0, 0], to: [1, 0, 0], weight: 0.5 }] });
   assert.deepEqual(told.regions, [{ node: "Hinge", action: "keep" }]);
-  assert.deepEqual([told.handles[0].vertex, told.length], [undefined, { z: "keep" }]);
+  assert.equal(told.handles[0].vertex, undefined);
 });
 
 test("a job that is asked for again brings its control, and nothing twice", () => {
@@ -83,14 +82,12 @@ test("what cannot be sent is said", () => {
   assert.equal(controlProblem(good, false), "");
   assert.match(controlProblem(good, true), /numbered as in the file/);
   assert.match(controlProblem({ ...good, falloff: "2" }, false), /from 0 to 1/);
-  assert.match(controlProblem({ ...good, length: { z: { min: 2, max: 1 } } }, false), /along z/);
-  assert.match(controlProblem({ ...good, length: { z: { min: 0, max: null } } }, false), /more than 0/);
   assert.match(controlProblem({ ...noControl(), regions: [{ box: { min: [0, 3, 0], max: [1, 2, 1] } }] }, false), /along y/);
 });
 
 test("all that was asked is said in words", () => {
   assert.deepEqual(controlWords(controlOf(ASKED)), [
-    "Keep: Painted, 7 triangles", "Only: Box", "Handle: (0, 1, 0) to (0, 1.5, 0)", "Symmetry: left and right (x)", "Length along x: kept", "Length along y: at least 0.9×",
+    "Keep: Painted, 7 triangles", "Only: Box", "Handle: (0, 1, 0) to (0, 1.5, 0)", "Symmetry: left and right (x)",
   ]);
 });
 

@@ -27,24 +27,19 @@ test("figures have three digits that say something", () => {
   assert.equal(percent(0.29), "29%");
   assert.deepEqual([0.999, 1, -1].map(percent), ["99%", "100%", "0%"]);
   assert.deepEqual(["optimizing", "thinking", ""].map((phase) => phaseWords(phase)), ["Deforming", "Thinking", ""]);
-  const stage = { number: 2, count: 3, name: "a pear" };
-  assert.deepEqual(["optimizing", "writing"].map((phase) => phaseWords(phase, stage)), ["Stage 2 of 3: a pear", "Writing the file"]);
+  assert.equal(phaseWords("writing"), "Writing the file");
 });
 
-test("a job is named after its prompt, its stages, or the target that a model makes", () => {
-  const stages = [{ prompt: "a pear" }, { target: "target", name: "vase" }, { target: { prompt: "a shark" } }, { target: "target_2" }];
-  assert.equal(goalWords({ prompt: "", params: { stages } }), "a pear → vase → a shark → target_2");
+test("a job is named after its prompts", () => {
   assert.equal(goalWords({ prompt: "a vase", params: {} }), "a vase");
-  assert.equal(goalWords({ prompt: "", params: { target: { prompt: "a shark" } } }), "a shark");
   assert.equal(goalWords({ prompt: "a vase", params: { prompts: [{ prompt: "a bell", weight: 2 }] } }), "a vase + a bell");
   assert.equal(goalWords({ prompt: "" }), "");
   const others = [{ prompt: "", target: {} }, { prompt: "" }, { prompt: "", kind: "surface_fit" }, { prompt: "", kind: "a_new_kind" }];
   assert.deepEqual(others.map(jobTitle), ["To a target mesh", "To pictures", "Surface fit", "a new kind"]);
-  assert.equal(jobTitle({ prompt: "", params: { stages } }), "a pear → vase → a shark → target_2");
 });
 
 test("of a job that only another version can read, nothing is read but its prompt", () => {
-  const odd = { unreadable: "no such member", params: { stages: "a pear", prompts: 3, target: null } };
+  const odd = { unreadable: "no such member", params: { prompts: 3, target: null } };
   assert.equal(goalWords({ ...odd, prompt: "a vase" }), "a vase");
   assert.deepEqual([odd, { ...odd, kind: "image_deform" }].map(jobTitle), ["text deform", "image deform"]);
 });

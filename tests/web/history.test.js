@@ -15,7 +15,7 @@ test("a job from its beginning to its end", () => {
   const events = [event("queued", { reason: "created" }, 0), event("started"), progress(10, 3), event("checkpoint", { step: 8 }), progress(20, 2)];
   const half = told(events);
   assert.equal(half.state, "running");
-  assert.deepEqual(half.progress, { step: 20, total: 80, fraction: 0.25, phase: "optimizing", eta: 4, stage: null });
+  assert.deepEqual(half.progress, { step: 20, total: 80, fraction: 0.25, phase: "optimizing", eta: 4 });
   assert.deepEqual(half.points, [{ step: 10, losses: { guidance: 3 } }, { step: 20, losses: { guidance: 2 } }]);
   assert.deepEqual(half.checkpoints, [8]);
   const over = withEvent(half, event("succeeded", { artifacts: ["result.glb"] }));

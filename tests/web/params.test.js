@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { guideFiles } from "../../service/web/app/create/guide/model.js";
 import { checkpointEvery, documents, fieldProblem, fieldsOf, integerProblem, keptText, nothingKept, numbersOf, randomSeed, refinement, wishOf } from "../../service/web/app/params.js";
 
-const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, usd: false, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
+const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
 // What the server serves as web/parameters.json has the same members.
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 const FIELDS = fieldsOf(openapi.components.schemas.DeformParams);
@@ -79,16 +79,16 @@ test("a job's own parameters fill the form again, and what it has no field for i
   const job = {
     prompt: "a vase",
     params: { preset: "paper", seed: 3, learning_rate: 0.01, timestep_min: 0.5, checkpoint_every_steps: 7 },
-    output: { morph: true, usd: true, subdivide: true, other: 1 },
+    output: { morph: true, subdivide: true, other: 1 },
   };
   const kept = { params: { timestep_min: 0.5 }, output: { other: 1 } };
   const wish = wishOf(job, FIELDS);
-  const control = { regions: [], handles: [], symmetry: "none", falloff: "", length: {}, prompts: [], of: "" };
+  const control = { regions: [], handles: [], symmetry: "none", falloff: "", prompts: [], of: "" };
   const guide = { align: "", landmarks: [], pictures: [], sketch: null, target: false };
-  assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, usd: true, subdivide: true, advanced: { learning_rate: "0.01" }, kept });
+  assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, subdivide: true, advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FIELDS);
   assert.deepEqual(document, {
-    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, timestep_min: 0.5 }, output: { morph: true, usd: true, subdivide: true, other: 1 },
+    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, timestep_min: 0.5 }, output: { morph: true, subdivide: true, other: 1 },
   });
   assert.equal(keptText(kept), "timestep_min 0.5, output.other 1");
   // What every job has is not kept, in whatever order its members are.

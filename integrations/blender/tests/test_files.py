@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 import pytest
 from files_seen import FOLDER, document, triangles
 
@@ -58,39 +57,3 @@ def test_a_result_comes_in_and_goes_out(name: str, tmp_path: Path) -> None:
     assert triangles(document(again)) == triangles(root)
     assert len(document(again).get("skins", [])) == len(root.get("skins", []))
     assert {**imported(again), "actions": 0} == {**found, "actions": 0}
-
-
-def drawn() -> dict[str, np.ndarray]:
-    """Return the positions of each mesh as the scene's frame shows them, (n, 3), by the object's name."""
-    graph = bpy.context.evaluated_depsgraph_get()
-    found = {}
-    for each in bpy.context.scene.objects:
-        if each.type == "MESH":
-            shape = each.evaluated_get(graph)
-            local = np.array([vertex.co for vertex in shape.data.vertices])
-            to_world = np.array(shape.matrix_world)
-            found[each.name] = local @ to_world[:3, :3].T + to_world[:3, 3]
-    return found
-
-
-def test_the_stages_of_a_job_play_one_after_the_other() -> None:
-    source, result = ({}, {})
-    for kind, kept in (("source", source), ("result", result)):
-        imported(FOLDER / f"stages-{kind}.glb")
-        kept.update(drawn())
-    imported(FOLDER / "stages-morph.glb")
-    meshes = [each for each in bpy.context.scene.objects if each.type == "MESH"]
-    assert len(meshes) > 1
-    names = ["ball 1/2", "ball", "flat 1/2", "flat"]
-    assert all([key.name for key in each.data.shape_keys.key_blocks][1:] == names for each in meshes)
-    last = max(action.frame_range[1] for action in bpy.data.actions)
-    at = {}
-    for name, time in (("source", 0.0), ("ball", last / 2), ("flat", last)):
-        bpy.context.scene.frame_set(int(time), subframe=time % 1)
-        at[name] = drawn()
-        values = [[key.value for key in each.data.shape_keys.key_blocks][1:] for each in meshes]
-        np.testing.assert_allclose(values, [[float(name == key) for key in names]] * len(meshes), atol=1e-5)
-    for name in source:
-        np.testing.assert_allclose(at["source"][name], source[name], atol=1e-5)
-        np.testing.assert_allclose(at["flat"][name], result[name], atol=1e-5)
-    assert any(np.abs(at["ball"][name] - at["flat"][name]).max() > 1e-3 for name in source)

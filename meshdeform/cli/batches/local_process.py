@@ -84,7 +84,6 @@ def _do(order: dict[str, Any], ticks: _Ticks) -> dict[str, Any]:
         report=folder / "report.json",
         preview=folder / "preview.png",
         morph=folder / "morph.glb" if request.output.morph else None,
-        usd=folder / "result.usdz" if request.output.usd else None,
         checkpoint=state,
     )
 

@@ -16,7 +16,7 @@ __all__ = ["ASSET_SUFFIXES", "TABLE_SUFFIXES", "Entry", "combine", "read_prompts
 ASSET_SUFFIXES = frozenset({".glb", ".obj", ".ply", ".stl", ".zip"})
 TABLE_SUFFIXES = {".csv": ",", ".tsv": "\t", ".jsonl": "", ".ndjson": ""}
 _ADVICE = "docs/cli.md describes manifests under meshdeform batch."
-_MEMBERS = ("asset", "prompt", "name", "target", "morph", "usd")
+_MEMBERS = ("asset", "prompt", "name", "target", "morph")
 _TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
 
 
@@ -33,7 +33,7 @@ class Entry:
     name : str
         Name of its folder in the folder of the batch; if empty, made from asset and prompt.
     target : Path, optional
-    morph, usd : bool
+    morph : bool
     params : dict
         Parameters of this row, not validated yet.
     """
@@ -44,14 +44,13 @@ class Entry:
     name: str = ""
     target: Path | None = None
     morph: bool = False
-    usd: bool = False
     params: dict[str, Any] = field(default_factory=dict)
 
 
 def read_table(path: Path) -> list[Entry]:
     """Read the rows of a CSV, TSV or JSON Lines file; paths in it are relative to its folder.
 
-    Columns are `asset`, `prompt`, `name` (or `output`), `target`, `morph`, `usd`, and any parameter; an empty cell
+    Columns are `asset`, `prompt`, `name` (or `output`), `target`, `morph`, and any parameter; an empty cell
     counts as left out.
 
     Raises
@@ -162,7 +161,6 @@ def _entry(place: str, folder: Path, members: dict[str, Any]) -> Entry:
         name=str(members.get("name", "")),
         target=folder / str(target) if target else None,
         morph=_flag(place, "morph", members.get("morph", False)),
-        usd=_flag(place, "usd", members.get("usd", False)),
         params={name: value for name, value in members.items() if name not in _MEMBERS},
     )
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ARTIFACTS", "Row", "make_rows"]
 
-ARTIFACTS = ("report.json", "preview.png", "morph.glb", "result.usdz", "result.glb")
+ARTIFACTS = ("report.json", "preview.png", "morph.glb", "result.glb")
 """Files of a row, the result last: where it exists, the others do."""
 
 _MAX_LISTED = 20
@@ -136,7 +136,7 @@ def _request(entry: Entry, defaults: Mapping[str, Any], output: Mapping[str, boo
         )
     guidance = {"guidance": "target"} if entry.target else {}
     params = {**defaults, **guidance, **entry.params}
-    own = {name: True for name in ("morph", "usd") if getattr(entry, name)}
+    own = {"morph": True} if entry.morph else {}
     return make_request(entry.prompt, params, output={**output, **own})
 
 

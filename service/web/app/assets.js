@@ -8,7 +8,7 @@ const SMALL_BYTES = 1 << 20;
 const NO_UPLOAD = ["checksum_unavailable", "upload_elsewhere"];
 export const FORMATS = ["glb", "obj", "ply", "stl", "zip"];
 /** What describes a surface: also points, grids and networks. */
-export const SURFACE_FORMATS = [...FORMATS, "xyz", "npz", "vdb", "safetensors"];
+export const SURFACE_FORMATS = [...FORMATS, "xyz", "npz", "safetensors"];
 
 /** @param {string} name @param {string[]} [formats] */
 export function formatOf(name, formats = FORMATS) {

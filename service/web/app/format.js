@@ -123,17 +123,15 @@ const LESSON_PHASES = /** @type {Record<string, string>} */ ({
 });
 
 /**
- * The goals of a job in words: its prompts, its stages, or the target that a model makes; empty: a target mesh.
+ * The goals of a job in words: its prompts; empty: a target mesh.
  *
  * @param {any} job
  */
 export function goalWords(job) {
   // Another version may write all else in its own way.
   if (job.unreadable) return String(job.prompt ?? "");
-  const stages = job.params?.stages ?? [];
-  const names = stages.map((/** @type {any} */ stage) => stage.name || stage.prompt || stage.target?.prompt || stage.target);
   const prompts = [job.prompt, ...(job.params?.prompts ?? []).map((/** @type {any} */ each) => each.prompt)].filter(Boolean);
-  return names.length ? names.join(" → ") : prompts.join(" + ") || job.params?.target?.prompt || "";
+  return prompts.join(" + ");
 }
 
 const KIND_TITLES = /** @type {Record<string, string>} */ ({
@@ -160,11 +158,9 @@ export function jobTitle(job) {
 
 /**
  * @param {string} phase
- * @param {{number: number, count: number, name: string} | null} [stage]
  * @param {string} [kind] Of the job.
  */
-export function phaseWords(phase, stage, kind) {
+export function phaseWords(phase, kind) {
   if (kind === "prior_teach" && phase in LESSON_PHASES) return LESSON_PHASES[phase];
-  if (stage && phase === "optimizing") return `Stage ${stage.number} of ${stage.count}: ${stage.name}`;
   return PHASES[phase] ?? (phase ? phase[0].toUpperCase() + phase.slice(1) : "");
 }

@@ -3,8 +3,7 @@
  * A job's history, built from its events: the same whether they come live or all at once after a reload.
  *
  * @typedef {{seq: number, job_id: string, type: string, at: string, attempt: number, data: Record<string, any>}} JobEvent
- * @typedef {{number: number, count: number, name: string}} Stage
- * @typedef {{step: number, total: number, fraction: number, phase: string, eta: number | null, stage: Stage | null}} Progress
+ * @typedef {{step: number, total: number, fraction: number, phase: string, eta: number | null}} Progress
  * @typedef {{step: number, losses: Record<string, number>}} Point
  * @typedef {{at: string, text: string, attempt: number}} Line
  * @typedef {{reason: string, step: number}} Interruption Why the last attempt ended, and at which step.
@@ -117,7 +116,6 @@ function readProgress(data) {
     fraction: shareDone(data),
     phase: String(data.phase ?? ""),
     eta: typeof data.eta_s === "number" ? data.eta_s : null,
-    stage: data.stage ?? null,
   };
 }
 

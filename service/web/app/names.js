@@ -26,7 +26,6 @@ const ARTIFACTS = /** @type {Record<string, string>} */ ({
   "result.glb": ".glb",
   "result.obj.zip": ".obj.zip",
   "result.stl": ".stl",
-  "result.usdz": ".usdz",
   "morph.glb": "-animated.glb",
   "surface.ndf": ".ndf",
   "report.json": "-report.json",

@@ -21,10 +21,9 @@
  * @property {number} seed
  * @property {number} variations
  * @property {boolean} morph
- * @property {boolean} usd
  * @property {boolean} subdivide
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
- * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles, symmetry and lengths; `of` is the
+ * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles and symmetry; `of` is the
  *   file that they are for.
  * @property {(import("./create/guide/model.js").Guide & {target?: boolean}) | null} [guide] What its files besides the asset are for.
  * @property {Kept} kept What a job that is asked for again had and the form has no field for.
@@ -143,7 +142,7 @@ export function documents(wish, steps, group, fields, known = null) {
   return Array.from({ length: wish.variations }, (_, index) => ({
     ...(target || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: texts[index] }),
     params: { ...params, seed: (wish.seed + index) % MAX_SEED },
-    output: { ...wish.kept.output, morph: wish.morph, ...(wish.usd ? { usd: true } : {}), ...(wish.subdivide ? { subdivide: true } : {}) },
+    output: { ...wish.kept.output, morph: wish.morph, ...(wish.subdivide ? { subdivide: true } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
   }));
 }
@@ -210,14 +209,13 @@ export function wishOf(job, fields, defaults = {}) {
     seed: Number(params.seed ?? 0),
     variations: 1,
     morph: Boolean(job.output?.morph),
-    usd: Boolean(job.output?.usd),
     subdivide: Boolean(job.output?.subdivide),
     advanced,
     guide: { ...guideOf(params), target: Boolean(job.files?.target || job.files?.sketch || params.sketch) },
     control: { ...controlOf(params), of: job.asset ? fileKey(job.asset.filename, job.asset.size) : "" },
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),
-      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["morph", "usd", "subdivide"].includes(name) && value && !same(value, defaults[name]))),
+      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["morph", "subdivide"].includes(name) && value && !same(value, defaults[name]))),
     },
   };
 }

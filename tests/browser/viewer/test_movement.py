@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
 from meshdeform.assets.build import build_glb
-from meshdeform.geometry.weld import weld
 from meshdeform.requests.morph import MorphPath
-from meshdeform.runs.strength import AssetPath, write_morph, write_stages
-from meshdeform.runs.surfaces import deformed_surface
+from meshdeform.runs.strength import AssetPath, write_morph
 from tests.browser.viewer.assets import FACES, KINDS, NORMALS, VERTS
 from tests.browser.viewer.site import ViewerSite
 
@@ -100,20 +97,4 @@ def test_three_plays_a_morph_through_its_frames(page: Page, site: ViewerSite) ->
     assert found["targets"] == [*(f"deform {k}/8" for k in range(1, 8)), "deform"]
     np.testing.assert_allclose(found["still"], turned(120), atol=1e-5)
     for shape, degrees in zip(found["shapes"], (0, 30, 60, 120, 60), strict=True):
-        np.testing.assert_allclose(shape, turned(degrees), atol=1e-3)
-
-
-def test_three_plays_stages_one_after_the_other(page: Page, site: ViewerSite) -> None:
-    source = load_asset(build_glb(VERTS, FACES, normals=NORMALS))
-    welded = weld(source.surface.positions, source.surface.triangles)
-    rows = np.unique(welded.vertex_map, return_index=True)[1]
-    shapes = {name: torch.from_numpy(turned(degrees)[rows]) for name, degrees in (("a pear", 60), ("a vase", -60))}
-    last = deformed_surface(source.surface, welded, shapes["a vase"])
-    site.files["morph.glb"] = write_stages(source, welded, shapes, last, MorphPath(frames=4, seconds=2.0))
-    found = played(page, [0, 1, 2, 3, 3.9999])
-    assert (found["name"], found["duration"]) == ("deform", pytest.approx(4.0))
-    names = [f"{name}{part}" for name in shapes for part in (" 1/4", " 2/4", " 3/4", "")]
-    assert found["targets"] == names
-    np.testing.assert_allclose(found["still"], turned(-60), atol=1e-5)
-    for shape, degrees in zip(found["shapes"], (0, 30, 60, 0, -60), strict=True):
         np.testing.assert_allclose(shape, turned(degrees), atol=1e-3)

@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from meshdeform.assets import build_glb, load_asset
+from meshdeform.assets.document import Document
+from meshdeform.assets.limits import Limits
 from meshdeform.assets.obj_file import Obj, write_obj
+from meshdeform.assets.scene import SceneView
 from meshdeform.assets.stl_file import Stl, write_stl
 from meshdeform.assets.world import Edges, Frame, count_edges, place_meshes
-from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
+from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError
 from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, Builder
@@ -93,7 +96,7 @@ def strip() -> Builder:
 
 def written(glb: bytes, **options: Any) -> tuple[Obj, Stl]:
     asset = load_asset(glb)
-    return write_obj(asset.scene(copies=True), **options), write_stl(asset.scene(copies=True), **options)
+    return write_obj(asset.scene(), **options), write_stl(asset.scene(), **options)
 
 
 def read_stl(stl: Stl) -> Any:
@@ -172,12 +175,37 @@ def test_copies_by_an_extension_are_written_where_they_are_drawn() -> None:
         b"o tree_2",
         b"o tree_3",
     ]
-    plain = load_asset(builder.glb()).scene()
-    assert (list(place_meshes(plain)), plain.left_out) == ([], {"EXT_mesh_gpu_instancing": 1})
+
+
+def test_a_scene_whose_only_node_is_flat_has_nothing_to_write() -> None:
+    builder = Builder()
+    builder.node(builder.mesh(quad(builder)), scale=[2, 2, 0])
+    flat = SceneView(Document.parse(builder.glb(), Limits(), glb=True))
+    assert list(place_meshes(flat)) == []
     with pytest.raises(AssetEmptyError, match="no triangles"):
-        write_stl(plain)
+        write_stl(flat)
     with pytest.raises(AssetEmptyError, match="no triangles"):
-        write_obj(plain)
+        write_obj(flat)
+
+
+@each_case(
+    "broken",
+    [
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}}},
+        {"pbrMetallicRoughness": {"baseColorTexture": {}}},
+        {"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}},
+        {"pbrMetallicRoughness": {"roughnessFactor": "rough"}},
+        {"emissiveTexture": 3},
+        {"name": 3},
+    ],
+)
+def test_a_broken_material_is_told(broken: dict[str, Any]) -> None:
+    builder = Builder()
+    builder.root["materials"] = [broken]
+    builder.node(builder.mesh(quad(builder, look=0)))
+    asset = load_asset(builder.glb())  # the deformation does not mind
+    with pytest.raises(AssetError, match=r"materials\[0\]"):
+        asset.scene()
 
 
 def looks() -> Builder:

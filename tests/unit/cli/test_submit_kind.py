@@ -15,7 +15,7 @@ from tests.cases import each_case
     ("arguments", "said"),
     [
         (["a mushroom", "--kind", "surface_fit"], "has no prompt"),
-        (["--kind", "surface_fit", "--usd"], "--usd"),
+        (["--kind", "surface_fit", "--compact"], "--compact"),
         (["--kind", "surface_fit", "--preset", "preview"], "preset"),
         (["--kind", "surface_fit", "--set", "base_faces=1"], "base_faces"),
         (["--kind", "surface_fit", "--file", "target=ball.obj"], "reads base"),

@@ -39,7 +39,7 @@ FUTURE = {
     "output": {
         "morph": True,
         "morph_path": MORPH_PATH,
-        "usd": True,
+        "hologram": True,
         "compact": False,
         "subdivide": False,
         "rig": "keep",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.deformation.constraints import Constraints, Extents, Handle, freedom_around
+from meshdeform.deformation.constraints import Constraints, Handle, freedom_around
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.mirror import Mirror, find_partners
 from meshdeform.deformation.poisson import PoissonSystem
@@ -26,7 +26,6 @@ BALL = RestMesh.of(icosphere(3))
 POINTS = BALL.verts.numpy()
 FINE = RestMesh.of(icosphere(5))
 CAP = POINTS[:, 1] > 0.5
-NAN = np.full(3, np.nan)
 PARTNERS = find_partners(BALL, 0)
 HELD = int(np.argmin(((POINTS - [0.6, -0.8, 0.1]) ** 2).sum(1)))
 
@@ -134,19 +133,6 @@ def test_a_mesh_without_the_symmetry_is_found_out() -> None:
 
 
 @each_case("carrier", ["surface", "lattice"])
-def test_lengths_stay_within_their_limits_and_what_is_kept_stays(carrier: str) -> None:
-    least, most = np.array([2.0, 2.5, 0.0]), np.array([2.0, 3.0, 1.5])
-    free = shaken(variables(carrier, extents=Extents(least, most, NAN, NAN)), 0.3).numpy()
-    assert np.allclose(np.ptp(free, axis=0), [2.0, 2.5, 1.5], atol=1e-9)
-    low, high = POINTS[CAP].min(0), POINTS[CAP].max(0)
-    extents = Extents(np.array([2.0, 2.5, 0.0]), np.array([2.0, 3.0, 1.8]), low, high)
-    kept = variables(carrier, freedom=freedom_around(BALL, CAP, 0.5), falloff=0.5, extents=extents)
-    found = shaken(kept, 0.3).numpy()
-    assert np.array_equal(found[CAP], POINTS[CAP])
-    assert np.allclose(np.ptp(found, axis=0), [2.0, 2.5, 1.8], atol=1e-9)
-
-
-@each_case("carrier", ["surface", "lattice"])
 def test_the_gradient_is_right_with_all_constraints_at_once(carrier: str) -> None:
     small = RestMesh.of(icosphere(1))
     points = small.verts.numpy()
@@ -159,7 +145,6 @@ def test_the_gradient_is_right_with_all_constraints_at_once(carrier: str) -> Non
         falloff=0.6,
         mirror=Mirror.of_partners(find_partners(small, 0)),
         handles=[Handle((held,), (1.0,), points[held] + [0.1, 0.0, 0.1]), Handle((other,), (1.0,), points[other], 0.5)],
-        extents=Extents(np.zeros(3), np.array([1.9, np.inf, np.inf]), NAN, NAN),
     )
     shaken(carried)
     ((name, tensor),) = carried.tensors.items()
@@ -198,11 +183,7 @@ def test_the_whole_of_a_large_mesh_keeps_its_bits_too(carrier: Carrier) -> None:
     points = whole.verts.numpy()
     cap = points[:, 1] > 0.5
     partners = find_partners(whole, 0)
-    most = np.array([np.inf, 2.05, np.inf])
-    low, high = points[cap].min(0), points[cap].max(0)
-    constraints = Constraints(
-        freedom_around(whole, cap, 0.5), 0.5, Mirror.of_partners(partners), (), Extents(np.zeros(3), most, low, high)
-    )
+    constraints = Constraints(freedom_around(whole, cap, 0.5), 0.5, Mirror.of_partners(partners))
     stand_in = StandIn(whole, constraints=constraints)
     assert len(stand_in.mesh.faces) < len(whole.faces)
     carried = stand_in.carry(carrier)
@@ -212,7 +193,6 @@ def test_the_whole_of_a_large_mesh_keeps_its_bits_too(carrier: Carrier) -> None:
     assert (moved[cap] == 0).all()
     assert np.abs(moved).max() > 0.01
     assert np.abs(moved - moved[partners.partner] * [-1, 1, 1]).max() < 1e-12
-    assert np.ptp(found[:, 1]) < 2.05 + 1e-9
 
 
 def test_a_lattice_that_is_pinned_everywhere_is_refused() -> None:

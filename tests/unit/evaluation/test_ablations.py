@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 import torch
 
 from meshdeform.deformation.loop import Deformation
-from meshdeform.errors import ParameterError
 from meshdeform.evaluation.ablations import Ablation, SingleViews, ablated_params, deformation_of
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.rendering.cameras import CameraRange, CameraRig
+from meshdeform.rendering.cameras import CameraRange
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.testing import FakePrior
@@ -76,12 +73,6 @@ def test_single_views_are_as_large_as_the_grid_of_four() -> None:
     assert turns == pytest.approx([90.0] * 3)
     assert views.style.view_size == 48
     assert views.arrange(torch.zeros(4, 48, 48, 3)).shape == (4, 3, 48, 48)
-
-    prior = FakePrior()
-    prior.style = replace(prior.style, rig=CameraRig((0.0, 60.0, 120.0, 180.0, 240.0, 300.0), 0.0, 0.9))
-    guidance = ScoreDistillation(prior, "", guidance_scale=1.0)
-    with pytest.raises(ParameterError, match="single_views"):
-        deformation_of(Ablation.SINGLE_VIEWS, icosphere(1, 0.6), guidance, PARAMS)
 
 
 @pytest.mark.parametrize("ablation", STRUCTURAL)

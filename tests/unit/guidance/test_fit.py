@@ -14,7 +14,7 @@ from meshdeform.geometry.fit_quality import measure_fit
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import box, grid, icosphere, join, lathe
-from meshdeform.guidance.alignment import aligned, given_alignment, require_overlap
+from meshdeform.guidance.alignment import aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.landmarks import Landmark
 from meshdeform.guidance.points import PointTerm, diagonal_of, on_border
 from meshdeform.guidance.target import TargetGuidance
@@ -93,7 +93,7 @@ def test_landmarks_choose_the_turn_of_a_symmetric_body() -> None:
 def test_a_target_far_away_is_refused_with_its_overlap() -> None:
     away = moved(SPHERE, 1000.0, 0.0, (0.0, 0.0, 0.0))
     with pytest.raises(AlignmentError, match="Only 0%") as refused:
-        require_overlap(given_alignment(away, SPHERE, np.eye(4)), "Set params.align to auto.")
+        require_overlap(shared_coordinates(away, SPHERE), "Set params.align to auto.")
     assert refused.value.extra["alignment"]["overlap"] == 0.0
     require_overlap(aligned(away, SPHERE), "")
 

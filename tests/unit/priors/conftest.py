@@ -9,7 +9,7 @@ import pytest
 
 @pytest.fixture(scope="session")
 def tiny_stable_diffusion(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a checkpoint that predicts epsilon and has a small encoder."""
+    """Folder of a checkpoint that predicts epsilon."""
     from meshdeform.testing import build_tiny_stable_diffusion
 
-    return build_tiny_stable_diffusion(tmp_path_factory.mktemp("stable-diffusion"), tiny_encoder=True)
+    return build_tiny_stable_diffusion(tmp_path_factory.mktemp("stable-diffusion"))

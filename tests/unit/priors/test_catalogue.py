@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from meshdeform.priors import catalogue
@@ -43,6 +45,12 @@ def test_a_model_that_is_not_there_says_why() -> None:
     assert (model.title, model.available, model.vocabulary) == ("sd21", False, None)
     assert model.problem is not None
     assert "/nowhere/sd21" in model.problem or "diffusers" in model.problem
+
+
+def test_a_folder_has_the_licence_that_its_card_states(tmp_path: Path) -> None:
+    (tmp_path / "README.md").write_text("---\nlicense: mit\n---\nA model.")
+    builtin, model = list_models("builtin", [str(tmp_path)])
+    assert (builtin.licence, model.licence) == ("Apache-2.0", "mit")
 
 
 def test_where_no_model_could_run_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:

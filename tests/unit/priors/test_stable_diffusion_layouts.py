@@ -30,7 +30,6 @@ from meshdeform.settings import Settings
 from meshdeform.testing import build_tiny_stable_diffusion
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving
-from tests.unit.priors.multi_view import with_adapter
 from tests.worker_world import working
 
 SCHEDULER = {"beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear", "num_train_timesteps": 1000}
@@ -39,8 +38,8 @@ DDIM = SCHEDULER | {"_class_name": "DDIMScheduler", "clip_sample": False, "steps
 VELOCITY = DDIM | {"prediction_type": "v_prediction"}
 EULER = SCHEDULER | {"_class_name": "EulerDiscreteScheduler", "timestep_spacing": "trailing"}
 WHOLE = {"preset": "preview", "steps": 1, "safeguard": "none"}
-TAKEN = ("sd15", "sd21-base", "sd21-v", "zero-snr", "sd21-fp16", "sd15-parts", "sd21-views")
-SERVED = ("sd21-v", "sd21-fp16", "sd15-parts", "sd21-views")
+TAKEN = ("sd15", "sd21-base", "sd21-v", "zero-snr", "sd21-fp16", "sd15-parts")
+SERVED = ("sd21-v", "sd21-fp16", "sd15-parts")
 """Of these a service runs a job, too: one of each way in which folders differ."""
 
 
@@ -72,7 +71,7 @@ def in_parts(folder: Path) -> None:
 def layouts(tiny_stable_diffusion: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of checkpoints, named as in `TAKEN`."""
     place = tmp_path_factory.mktemp("layouts")
-    second = build_tiny_stable_diffusion(place / "sd21-base", edition=2, sample_size=8, tiny_encoder=True)
+    second = build_tiny_stable_diffusion(place / "sd21-base", edition=2, sample_size=8)
 
     def like(model: Path, name: str, scheduler: dict[str, object]) -> Path:
         folder = model if model.name == name else shutil.copytree(model, place / name)
@@ -80,7 +79,6 @@ def layouts(tiny_stable_diffusion: Path, tmp_path_factory: pytest.TempPathFactor
         return folder
 
     like(second, "sd21-base", PNDM | {"prediction_type": "epsilon"})
-    with_adapter(second, place / "sd21-views")
     change(like(second, "sd21-v", VELOCITY) / "unet" / "config.json", sample_size=12)
     like(second, "zero-snr", VELOCITY | {"rescale_betas_zero_snr": True, "timestep_spacing": "trailing"})
     in_half_precision(like(second, "sd21-fp16", DDIM))
@@ -141,11 +139,9 @@ def test_layouts_go_through_a_service(service: tuple[str, list[str]], layouts: P
     with Client(url) as client:
         models = {model.id: model for model in client.models().models}
         assert all(models[name].available for name in TAKEN), models
-        # One of them with the small encoder, which the half-precision folder has in half precision, too.
         jobs = {name: client.submit(ball, "a pear", params={**WHOLE, "model": name}) for name in SERVED}
-        small = client.submit(ball, "a pear", params={**WHOLE, "model": "sd21-fp16", "encoder": "tiny"})
         reports = {}
-        for name, job in {**jobs, "tiny": small}.items():
+        for name, job in jobs.items():
             done = client.wait(job, timeout_s=DEADLINE_S)
             assert done.state.value == "succeeded", done.error
             reports[name] = json.loads(client.read(job.id, "report.json"))
@@ -153,14 +149,13 @@ def test_layouts_go_through_a_service(service: tuple[str, list[str]], layouts: P
         for name in SERVED:
             guidance = reports[name]["guidance"]
             assert (guidance["id"], guidance["sha256"]) == (name, find(str(layouts / name)).sha256())
-            assert "encoder" not in guidance
-            assert ("adapter_sha256" in guidance) is (name == "sd21-views")
-        assert (reports["tiny"]["guidance"]["encoder"], loaded) == ("tiny", [*SERVED, "sd21-fp16"])
-        shutil.rmtree(layouts / "sd21-v" / "vae_tiny")
-        with pytest.raises(ModelError, match="has no small encoder") as caught:
-            client.submit(ball, "a pear", params={**WHOLE, "model": "sd21-v", "encoder": "tiny"})
-        assert "madebyollin/taesd" in str(caught.value.advice_text)
+        assert tuple(loaded) == SERVED
+        tokenizer = layouts / "sd21-v" / "tokenizer"
+        aside = tokenizer.rename(tokenizer.with_name("aside"))
+        with pytest.raises(ModelError, match="has no tokenizer") as caught:
+            client.submit(ball, "a pear", params={**WHOLE, "model": "sd21-v"})
         assert str(layouts) not in str(caught.value)
+        aside.rename(tokenizer)
 
 
 def test_a_schedule_that_ends_in_pure_noise_gives_finite_noise(layouts: Path) -> None:

@@ -9,11 +9,9 @@ import torch
 
 from meshdeform.rendering.cameras import (
     CameraRange,
-    CameraRig,
     Cameras,
     Framing,
     fixed_cameras,
-    rig_cameras,
     sample_orthogonal_cameras,
 )
 from tests.cases import each_case
@@ -75,29 +73,6 @@ def test_a_framed_sphere_reaches_its_share_and_is_followed() -> None:
     follows = Framing(share=0.9, largest=0.9)
     assert follows.fitting_radius(0.3, 0.1) == pytest.approx(0.1 / 0.9)
     assert follows.fitting_radius(0.3, 2.0) == pytest.approx(2.0 / 0.9)
-
-
-@each_case("half_side", [0.1, 1.05, 40.0])
-def test_orthographic_cameras_see_every_point_of_a_ray_at_one_place(half_side: float) -> None:
-    """By hand: the frame of a camera at an azimuth and an elevation, and the border of its view."""
-    rig = CameraRig(azimuths_deg=(0.0, 90.0, 225.0), elevation_deg=30.0, share=0.8)
-    cameras = rig_cameras(rig, half_side, turn_deg=40.0)
-    assert (cameras.azimuths_deg, cameras.elevation_deg, cameras.fov_deg) == (rig.azimuths_deg, (30.0,) * 3, 0.0)
-    for view, azimuth in enumerate(rig.azimuths_deg):
-        turn = math.radians(azimuth + 40)
-        right = torch.tensor([math.cos(turn), 0.0, -math.sin(turn)])
-        level = torch.tensor([math.sin(turn), 0.0, math.cos(turn)])
-        back, up = math.sqrt(0.75) * level, -0.5 * level
-        back[1], up[1] = 0.5, math.sqrt(0.75)
-        assert_close(torch.nn.functional.normalize(cameras.eye[view], dim=0), back, atol=1e-5, rtol=0)
-        depths = []
-        for along in (1.5, 0.0, -1.5):
-            place = half_side * (right - 0.5 * up + along * back)
-            found = project(cameras, tuple(place.tolist()), view)
-            assert_close(found[:2], torch.tensor([1.0, -0.5]), atol=1e-4, rtol=0)
-            depths.append(float(found[2]))
-        assert depths == pytest.approx([-0.75, 0.0, 0.75], abs=1e-4), "nearer is less, and all of it between -1 and 1"
-    assert rig.framing.fitting_radius(0.3, 0.4) == pytest.approx(0.5)
 
 
 @each_case("radius", [0.1, 1.05, 40.0])

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from pydantic import ValidationError
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.document import DeformParams, JobRequest, Preset, ResolvedParams, read_stored, resolve
+from meshdeform.requests.document import (
+    DeformParams,
+    JobRequest,
+    OutputOptions,
+    Preset,
+    ResolvedParams,
+    params_by_kind,
+    read_stored,
+    resolve,
+)
 from meshdeform.requests.parameters import FROM_PRESET
+from meshdeform.requests.removed import REMOVED
 from tests.cases import each_case
 
 
@@ -130,7 +142,7 @@ def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
     resolved = ResolvedParams.model_json_schema(mode="serialization")
     assert set(resolved["required"]) == set(resolved["properties"]) == set(DeformParams.model_fields)
     nullable = {name for name, member in resolved["properties"].items() if {"type": "null"} in member.get("anyOf", [])}
-    assert nullable == {"source_noun", "target", "sketch"}  # none is made
+    assert nullable == {"source_noun", "sketch"}  # none is made
 
 
 OLD = {
@@ -140,14 +152,33 @@ OLD = {
     "regularizer_scale_end": 1.0, "timestep_min_end": 0.02, "view_prompts": True, "negative": "perpendicular",
     "negative_weight": 2.0, "optimizer": "adam_uniform", "parametrization": "vertices", "views": "random_batch",
 }  # fmt: skip
+STORED = [("params", name, value) for name, value in OLD.items()] + [
+    ("params", "align", [1.0] * 16),
+    ("params", "encoder", "tiny"),
+    ("params", "length", {"x": "keep", "y": {"max": 1.2}}),
+    ("params", "stages", [{"prompt": "a pear"}, {"prompt": "a mushroom"}]),
+    ("params", "target", {"prompt": "a shark", "model": "shap-e"}),
+    ("output", "usd", True),
+]
 
 
-@each_case("name", OLD)
-def test_a_parameter_of_an_earlier_version_is_refused_in_a_new_request_and_dropped_from_a_stored_one(name: str) -> None:
-    document = {"prompt": "a vase", "params": {"preset": "preview", "seed": 3, name: OLD[name]}}
+@each_case(("part", "name", "value"), STORED)
+def test_a_member_of_an_earlier_version_is_refused_in_a_new_request_and_dropped_from_a_stored_one(
+    part: str, name: str, value: object
+) -> None:
+    document: dict[str, Any] = {"prompt": "a vase", "params": {"preset": "preview", "seed": 3}, "output": {}}
+    document[part] = {**document[part], name: value}
     with pytest.raises(ValidationError):
         JobRequest.model_validate(document)
-    assert read_stored(document).params.model_dump(mode="json") == {"preset": "preview", "seed": 3}
+    read = read_stored(document)
+    assert read.params.model_dump(mode="json") == {"preset": "preview", "seed": 3}
+    assert read.output == OutputOptions()
+
+
+def test_no_member_has_the_name_of_a_removed_one() -> None:
+    members = {f"params.{name}" for model in params_by_kind().values() for name in model.model_fields}
+    members |= {f"output.{name}" for name in OutputOptions.model_fields} | set(JobRequest.model_fields)
+    assert not members & REMOVED.keys()
 
 
 @each_case("kind", [{}, [None, None], 3, None, "no-such-kind"])

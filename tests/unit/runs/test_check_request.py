@@ -83,17 +83,6 @@ def test_target_and_guidance_go_together() -> None:
         check({"prompt": "a mushroom"}, has_target=True)
 
 
-def test_usdz_is_refused_where_nobody_can_write_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    request = {"prompt": "a mushroom", "output": {"usd": True}}
-    check(request, usd="on")
-    with pytest.raises(ParameterError, match="does not write USDZ") as caught:
-        check(request, usd="off")
-    assert caught.value.extra["errors"][0]["loc"] == ["output", "usd"]
-    for installed in (True, False):
-        monkeypatch.setattr("meshdeform.settings.find_spec", lambda name, found=installed: found or None)
-        assert Settings().writes_usd is installed
-
-
 def test_a_model_that_the_server_does_not_run_is_refused_with_those_that_it_does() -> None:
     with pytest.raises(ModelError) as caught:
         check({"prompt": "x", "params": {"model": "some/body"}}, model="my/default", allowed_models=["also/this"])

@@ -159,7 +159,6 @@ def one_ball() -> Asset:
         ({"handles": [{"position": [2, 0, 0], "to": [0, 1e9, 0]}]}, "times as far from the asset"),
         ({"handles": [{"position": [0, 0, -1e9], "to": [0, 0, 0]}]}, "times as far from the asset"),
         ({"symmetry": "x"}, "not symmetric along x: [0-9,]+ of its 1,284"),
-        ({"regions": [{"node": "Body"}], "length": {"y": {"max": 0.9}}}, "alone reach 1 times .* the limit is 0.9"),
     ],
 )
 def test_control_that_the_asset_cannot_obey_is_refused(params: dict[str, Any], detail: str) -> None:
@@ -176,18 +175,13 @@ def test_documents_that_contradict_themselves_are_refused() -> None:
         {"handles": [{"position": [-1e308, 0, 0], "to": [0, 0, 0]}]},
         {"regions": [{"sphere": {"center": [0, 1e300, 0], "radius": 1}}]},
         {"landmarks": [{"source": [1e300, 0, 0], "target": 0}]},
-        {"align": [1e300] * 16},
+        {"align": [1.0] * 16},
         {"regions": [{"node": "a", "mesh": "b"}]},
         {"regions": [{"box": {"min": [0, 1, 0], "max": [1, 0, 1]}}]},
-        {"length": {"x": {}}},
-        {"length": {"x": {"min": 2, "max": 1}}},
-        {"length": {"w": "keep"}},
         {"symmetry": "w"},
     ):
         with pytest.raises(ValueError, match="validation error"):
             DeformParams.model_validate(params)
-    with pytest.raises(ParameterError, match="cannot be stretched"):
-        resolve(DeformParams(rigid=[{"node": 0}], length={"x": "keep"}))
 
 
 def test_symmetry_is_found_and_what_is_kept_is_kept_on_both_sides() -> None:
@@ -230,7 +224,6 @@ def test_a_run_obeys_all_of_it_and_a_resumed_one_bit_for_bit() -> None:
     params = {
         "regions": [{"box": {"min": [0, 0.5, -9], "max": [20, 9, 9]}}],
         "symmetry": "x",
-        "length": {"z": "keep"},
         "handles": [{"position": [10, -0.6, 0.3], "to": [10, -0.8, 0.4]}],
     }
     result, report = finished(asset, **params)
@@ -244,8 +237,6 @@ def test_a_run_obeys_all_of_it_and_a_resumed_one_bit_for_bit() -> None:
     assert report["symmetry"]["axis"] == "x"
     assert report["symmetry"]["added_deviation"] < 1e-6
     assert report["handles"][0]["distance"] < 1e-6
-    sizes = report["length"]["z"]
-    assert sizes["result"] == pytest.approx(sizes["source"], rel=1e-6)
     assert finished(asset, stop=7, **params)[0] == result
 
 
@@ -260,4 +251,3 @@ def test_separate_parts_are_kept(carrier: str, kind: str) -> None:
     assert np.array_equal(written[count:], source[count:])
     assert np.abs(written[:count] - source[:count]).max() > 0.02
     assert "symmetry" not in report
-    assert "length" not in report

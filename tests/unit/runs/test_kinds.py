@@ -21,7 +21,6 @@ from meshdeform.requests import document
 from meshdeform.requests.document import JobKind, JobRequest, resolve
 from meshdeform.requests.parameters import StrictModel
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
-from meshdeform.requests.stages import TARGET_PARTS
 from meshdeform.runs import check_request, file_parts, kind_of, register, start_run
 from meshdeform.runs.base import ArtifactData, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun, StepReport
 from meshdeform.settings import Settings
@@ -144,7 +143,7 @@ def test_the_kept_parameters_decide_unless_another_version_wrote_them() -> None:
 def test_the_door_checks_it() -> None:
     built_in = (
         "asset",
-        *TARGET_PARTS,
+        "target",
         *SILHOUETTE_PARTS,
         "sketch",
         "weights",

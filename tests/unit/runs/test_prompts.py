@@ -110,7 +110,7 @@ def test_a_prompt_with_a_region_reaches_its_faces_and_no_others() -> None:
 
 def test_the_cells_of_a_lattice_that_are_nearest_to_other_faces_get_nothing() -> None:
     run = start("", {**VASE, "regions": [ABOVE]}, **BARE, carrier="lattice", falloff=0.0)
-    field = run._deformation.current._variables
+    field = run._deformation._variables
     middles = field.lattice.origin + (field.lattice.cells + 0.5) * field.lattice.spacing
     assert len(list(run)) == 3
     jacobians = safetensors.torch.load(run.checkpoint())["cell_jacobians"]
@@ -121,7 +121,7 @@ def test_the_cells_of_a_lattice_that_are_nearest_to_other_faces_get_nothing() ->
 
 def test_the_pull_begins_at_the_border_and_never_adds_up_to_more_than_one_prompts() -> None:
     given = [{**VASE, "weight": 3, "regions": [ABOVE]}]
-    everywhere, region = start("a pear", *given, falloff=0.2)._goals[0].shares
+    everywhere, region = start("a pear", *given, falloff=0.2)._goal.shares
     assert region[~IN_BOX].max() == 0
     np.testing.assert_allclose(everywhere + 3 * region, 1.0)
     assert everywhere[~IN_BOX].min() == 1.0
@@ -130,14 +130,14 @@ def test_the_pull_begins_at_the_border_and_never_adds_up_to_more_than_one_prompt
     assert along[0] < 0.1 < along[len(along) // 3] < along[-1] == pytest.approx(0.25)
     assert 3 * along[-1] + everywhere[np.argmax(MIDDLES[:, 1])] == pytest.approx(1.0)
     # A region narrower than its fall-off reaches the whole weight in its middle.
-    (narrow,) = start("", {**VASE, "regions": [ABOVE]}, falloff=1.0)._goals[0].shares
+    (narrow,) = start("", {**VASE, "regions": [ABOVE]}, falloff=1.0)._goal.shares
     assert narrow.max() == 1.0
 
 
 def test_a_symmetry_mirrors_the_regions() -> None:
     left = {**VASE, "regions": [{"box": {"min": [0, -2, -2], "max": [2, 2, 2]}}]}
-    (share,) = start("", left, falloff=0.0)._goals[0].shares
-    (mirrored,) = start("", left, falloff=0.0, symmetry="x")._goals[0].shares
+    (share,) = start("", left, falloff=0.0)._goal.shares
+    (mirrored,) = start("", left, falloff=0.0, symmetry="x")._goal.shares
     inside = MIDDLES[:, 0] > 0.2
     assert share[inside].all()
     assert not share[MIDDLES[:, 0] < 0].any()
@@ -206,9 +206,6 @@ def test_what_prompts_cannot_be_combined_with_is_refused() -> None:
         assert caught.value.extra["errors"][0]["loc"] == ["params", "prompts"]
         return caught.value.detail
 
-    assert refused(request_of("", VASE, stages=[PEAR])) == (
-        "`prompts` cannot be combined with `stages`: each stage has one prompt of its own."
-    )
     assert "`target` uses no prompt" in refused(request_of("", VASE, guidance="target"))
     assert refused(request_of("", {**VASE, "weight": 0})) == "All prompts have the weight 0."
     for wrong in ({**VASE, "outside": True}, {"prompt": " "}, {**VASE, "weight": -1}, {**VASE, "action": "keep"}):

@@ -13,7 +13,7 @@ from meshdeform.requests.sketches import SKETCH_FAMILIES, Sketch
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.runs.sketched_target import guessed
-from meshdeform.runs.text_deform_kind import read_targets
+from meshdeform.runs.text_deform_kind import read_target
 from meshdeform.settings import Settings
 from meshdeform.sketch.members import member_glb
 from tests.cases import each_case
@@ -40,13 +40,9 @@ def test_a_drawing_or_a_family_is_a_target() -> None:
     ("parts", "params", "member"),
     [
         (["sketch"], {}, "guidance"),
-        (["sketch"], {"guidance": "target", "target": {"prompt": "a shark", "model": "x"}}, "target"),
-        (["sketch"], {"stages": [{"prompt": "a pear"}]}, "stages"),
         (["sketch", "target"], {"guidance": "target"}, "sketch"),
         (["target"], {"sketch": VASE}, "sketch"),
         ([], {"sketch": VASE, "guidance": "sds"}, "guidance"),
-        ([], {"sketch": VASE, "target": {"prompt": "a shark", "model": "x"}}, "sketch"),
-        ([], {"sketch": VASE, "stages": [{"prompt": "a pear"}]}, "sketch"),
         ([], {"sketch": VASE, "silhouettes": [{"azimuth": 0}]}, "silhouettes"),
     ],
 )
@@ -72,7 +68,6 @@ def test_a_branch_takes_the_drawing_only_where_it_is_used() -> None:
     assert "sketch" in kind.inherits(asked(guidance="target"))
     assert "sketch" in kind.inherits(asked(sketch=VASE))
     assert "sketch" not in kind.inherits(asked())
-    assert "sketch" not in kind.inherits(asked(target={"prompt": "a shark", "model": "x"}))
     assert {"target", "sketch"} == set(kind.alternatives)
 
 
@@ -96,10 +91,10 @@ def test_the_target_is_shown_before_the_fit_and_described() -> None:
         on_phase=phases.append,
         on_artifact=lambda name, artifact: shown.update({name: artifact.data}),
     )
-    targets, about = read_targets(given.request.params, given)
+    target, about = read_target(given.request.params, given)
     assert phases == ["target"]
     assert shown == {"target.glb": member_glb("vase", {"handles": "two"})}
-    assert targets == {"target": InputFile(shown["target.glb"], "vase.glb")}
+    assert target == InputFile(shown["target.glb"], "vase.glb")
     assert about == {"family": "vase", "values": SKETCH_FAMILIES["vase"].checked({"handles": "two"})}
 
 

@@ -273,7 +273,7 @@ def test_what_cannot_be_fitted_is_refused_with_the_reason() -> None:
         JobRequest.model_validate({"kind": "surface_fit", "params": {"base_faces": 1}})
     with pytest.raises(ValidationError, match="preset"):
         JobRequest.model_validate({"kind": "surface_fit", "params": {"preset": "preview"}})
-    asked = JobRequest.model_validate({"kind": "surface_fit", "output": {"usd": True}})
+    asked = JobRequest.model_validate({"kind": "surface_fit", "output": {"compact": True}})
     with pytest.raises(ParameterError, match="no output options"):
         check_request(asked, Settings(), files=["asset"])
     many = join(*[torus(n=12, m=8) for _ in range(20)])

@@ -60,13 +60,6 @@ def test_without_alignment_the_result_is_where_the_target_is() -> None:
     assert report["fit"]["alignment"]["turn_deg"] is None
 
 
-def test_a_matrix_places_the_target() -> None:
-    matrix = [0.1, 0, 0, -5, 0, 0.1, 0, -5, 0, 0, 0.1, -5, 0, 0, 0, 1]
-    positions, report = finished(glb(), glb((10.0, 10.0, 10.0), 50.0), align=matrix)
-    assert np.abs(positions - SPHERE.verts.numpy()).max() < 0.01
-    assert np.ravel(report["fit"]["alignment"]["matrix"]).tolist() == matrix
-
-
 def test_a_target_far_away_is_refused_with_a_picture() -> None:
     with pytest.raises(AlignmentError, match="Only 0%") as refused:
         finished(glb(), glb(offset=20.0), align="none")
@@ -83,7 +76,6 @@ def test_a_target_far_away_is_refused_with_a_picture() -> None:
         ({"landmarks": [{"source": [0.0, 1.0, 0.0], "target": 162}]}, ["params", "landmarks", 0, "target"]),
         ({"landmarks": [{"source": 0, "target": [0.0, 1e9, 0.0]}]}, ["params", "landmarks", 0, "target"]),
         ({"landmarks": [{"source": [0.0, 1e9, 0.0], "target": 0}]}, ["params", "landmarks", 0, "source"]),
-        ({"align": [0.0] * 16}, ["params", "align"]),
     ],
 )
 def test_what_does_not_fit_the_files_is_refused(params: dict, place: list) -> None:

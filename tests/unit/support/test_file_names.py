@@ -11,7 +11,7 @@ from tests.cases import each_case
     [
         ("result.glb", "duck.glb", "a tall vase", 7, "duck-a-tall-vase-seed7.glb"),
         ("preview.png", "duck.glb", "a tall vase", 7, "duck-a-tall-vase-seed7.preview.png"),
-        ("result.usdz", "C:\\models\\my duck.v2.obj", "like egg", 0, "my-duck-v2-like-egg-seed0.usdz"),
+        ("result.stl", "C:\\models\\my duck.v2.obj", "like egg", 0, "my-duck-v2-like-egg-seed0.stl"),
         ("result.glb", "../../etc/passwd", 'x\r\n"; rm', None, "passwd-x-rm.glb"),
         ("result.glb", "", "a vase", 0, "a-vase-seed0.glb"),
         ("result.glb", "..", "///", None, "result.glb"),

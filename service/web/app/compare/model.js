@@ -12,7 +12,7 @@ import { PRESETS } from "../params.js";
 import { shownQuality } from "../quality.js";
 
 // Said in rows of their own, or without a bearing on the result.
-const SAID = ["preset", "seed", "model", "prompts", "regions", "handles", "symmetry", "length", "checkpoint_every_steps"];
+const SAID = ["preset", "seed", "model", "prompts", "regions", "handles", "symmetry", "checkpoint_every_steps"];
 
 /** @param {string} label @param {string} a @param {string} b @returns {Row} */
 function row(label, a, b) {

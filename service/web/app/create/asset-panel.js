@@ -14,9 +14,9 @@ export const EXAMPLES = [
   { name: "animal.glb", label: "Painted animal" },
 ];
 
-const WORDS = "GLB, OBJ, PLY, STL, ZIP, XYZ, NPZ, VDB or safetensors file";
+const WORDS = "GLB, OBJ, PLY, STL, ZIP, XYZ, NPZ or safetensors file";
 const ADVICE =
-  "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files; or points with normals (PLY, XYZ), a signed distance grid (NPZ, VDB) or a network (safetensors).";
+  "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files; or points with normals (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).";
 
 export class AssetPanel {
   /**

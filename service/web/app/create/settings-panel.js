@@ -23,7 +23,6 @@ export class SettingsPanel {
     this.variations = integerField("variations", 1, MAX_VARIATIONS, onChange);
     this.variations.input.value = "1";
     this.morph = h("input", { id: "morph", type: "checkbox", on: { change: onChange } });
-    this.usd = h("input", { id: "usd", type: "checkbox", on: { change: onChange } });
     this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
     /** @type {Map<string, {input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}>} */
     this.fields = new Map();
@@ -43,7 +42,6 @@ export class SettingsPanel {
     this.advanced.append(
       this.advancedGrid,
       also(this.morph, "Also make an animated GLB, from before to after"),
-      also(this.usd, "Also make a USDZ, for AR and USD pipelines"),
       also(this.subdivide, "Split long edges first, so that large triangles can bend; the result has more triangles"),
     );
     const random = button("Random variation", () => {
@@ -206,7 +204,6 @@ export class SettingsPanel {
       seed: Number(this.seed.input.value),
       variations: this.variationCount,
       morph: this.morph.checked,
-      usd: this.usd.checked,
       subdivide: this.subdivide.checked,
       advanced: Object.fromEntries([...this.fields].map(([name, field]) => [name, field.input.value])),
       kept: this.kept,
@@ -233,7 +230,7 @@ export class SettingsPanel {
   /** Set everything as at the beginning. */
   reset() {
     const fresh = { model: this.catalogue.default, preset: PRESETS[0][0], seed: randomSeed(), variations: 1 };
-    this.restore({ ...fresh, prompt: "", morph: false, usd: false, subdivide: false, advanced: {}, kept: nothingKept() });
+    this.restore({ ...fresh, prompt: "", morph: false, subdivide: false, advanced: {}, kept: nothingKept() });
   }
 
   /** The settings as they were typed, right or wrong, for `restore`. @param {string} prompt */
@@ -250,7 +247,6 @@ export class SettingsPanel {
     this.seed.input.value = String(wish.seed);
     this.variations.input.value = String(wish.variations);
     this.morph.checked = wish.morph;
-    this.usd.checked = wish.usd;
     this.subdivide.checked = Boolean(wish.subdivide);
     this._keep(wish.kept ?? nothingKept());
     for (const name of this.fields.keys()) this.setValue(name, wish.advanced[name] ?? "");

@@ -1,19 +1,18 @@
 // @ts-check
 /**
- * What a request says about where its asset may deform, as the form edits it: regions, handles, symmetry and lengths.
+ * What a request says about where its asset may deform, as the form edits it: regions, handles and symmetry.
  * No elements here, so that node can test it.
  *
  * @typedef {Record<string, any>} Region
  * @typedef {{position?: number[], vertex?: number, to: number[], weight?: number}} Handle
- * @typedef {"keep" | {min?: number | null, max?: number | null}} Limit
- * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, length: Record<string, Limit>,
+ * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string,
  *   prompts: import("./further.js").Further[]}} Control `regions`: those of further prompts, too. `falloff` as it was typed; empty: as the service decides.
  */
 import { counted, figure } from "../../format.js";
 import { furtherOf, furtherParams, furtherProblem, withoutPrompts } from "./further.js";
 
 /** The parameters that the panel edits. */
-export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "length", "prompts"];
+export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "prompts"];
 export const AXES = ["x", "y", "z"];
 export const SYMMETRIES = /** @type {[string, string][]} */ ([
   ["none", "Not kept"],
@@ -25,7 +24,7 @@ export const SYMMETRIES = /** @type {[string, string][]} */ ([
 
 /** @returns {Control} */
 export function noControl() {
-  return { regions: [], handles: [], symmetry: "none", falloff: "", length: {}, prompts: [] };
+  return { regions: [], handles: [], symmetry: "none", falloff: "", prompts: [] };
 }
 
 /** Whether nothing is asked but prompts. @param {Control} control */
@@ -39,32 +38,28 @@ export function isEmpty(control) {
  * @param {Control} control
  * @returns {Record<string, any>}
  */
-export function controlParams({ regions, handles, symmetry, falloff, length, prompts }) {
+export function controlParams({ regions, handles, symmetry, falloff, prompts }) {
   // A box or a painted region that is still empty selects nothing.
   const chosen = withoutPrompts(regions).filter((region) => !region.faces || region.faces.length);
   const further = furtherParams(prompts, regions);
   const local = chosen.length > 0 || further.some((each) => each.regions);
-  const limits = Object.entries(length).filter(([, limit]) => limit === "keep" || given(limit.min) || given(limit.max));
   return {
     ...(chosen.length ? { regions: chosen } : {}),
     ...(handles.length ? { handles } : {}),
     ...(symmetry !== "none" ? { symmetry } : {}),
     ...(local && falloff.trim() !== "" && !falloffProblem(falloff) ? { falloff: Number(falloff) } : {}),
-    ...(limits.length ? { length: Object.fromEntries(limits) } : {}),
     ...(further.length ? { prompts: further } : {}),
   };
 }
 
 /** @param {Record<string, any>} params Of a job. @returns {Control} */
 export function controlOf(params) {
-  const length = Object.fromEntries(Object.entries(params.length ?? {}).filter(([, limit]) => limit));
   const { prompts, regions } = furtherOf(params.prompts ?? []);
   return structuredClone({
     regions: [...(params.regions ?? []), ...regions].map(withoutNulls),
     handles: (params.handles ?? []).map(withoutNulls),
     symmetry: params.symmetry ?? "none",
     falloff: params.falloff === undefined || params.falloff === null ? "" : String(params.falloff),
-    length,
     prompts,
   });
 }
@@ -72,11 +67,6 @@ export function controlOf(params) {
 /** @param {Record<string, any>} document */
 function withoutNulls(document) {
   return Object.fromEntries(Object.entries(document).filter(([, value]) => value !== null));
-}
-
-/** @param {unknown} value */
-function given(value) {
-  return typeof value === "number";
 }
 
 /** @param {Region} region What it is, in words. */
@@ -113,17 +103,11 @@ export function promptWords(prompts) {
  * @param {Control} control
  * @returns {string[]}
  */
-export function controlWords({ regions, handles, symmetry, length }) {
-  const limits = Object.entries(length).map(([axis, limit]) => {
-    if (limit === "keep") return `Length along ${axis}: kept`;
-    const [low, high] = [limit.min, limit.max].map((value) => (given(value) ? `${figure(Number(value))}×` : ""));
-    return `Length along ${axis}: ${low && high ? `${low} to ${high}` : low ? `at least ${low}` : `at most ${high}`}`;
-  });
+export function controlWords({ regions, handles, symmetry }) {
   return [
     ...withoutPrompts(regions).map((region) => `${region.action === "only" ? "Only" : "Keep"}: ${regionWords(region)}`),
     ...handles.map((handle) => `Handle: ${handle.position ? placeWords(handle.position) : `vertex ${handle.vertex}`} to ${placeWords(handle.to)}`),
     ...(symmetry !== "none" ? [`Symmetry: ${(SYMMETRIES.find(([name]) => name === symmetry) ?? [symmetry, symmetry])[1].toLowerCase()}`] : []),
-    ...limits,
   ];
 }
 
@@ -171,18 +155,12 @@ export function falloffProblem(text) {
  * @param {Control} control
  * @param {boolean} subdivided Whether the long edges are split first, which numbers the triangles anew.
  */
-export function controlProblem({ regions, handles, falloff, length, prompts }, subdivided) {
+export function controlProblem({ regions, handles, falloff, prompts }, subdivided) {
   const painted = regions.some(({ faces }) => faces?.length) || handles.some(({ vertex }) => vertex !== undefined);
   if (subdivided && painted) return "Painted triangles are numbered as in the file: they cannot be used with long edges split first. Use a box or a part.";
   for (const { box } of regions) {
     const axis = box ? AXES[[0, 1, 2].findIndex((i) => box.min[i] > box.max[i])] : undefined;
     if (axis) return `A box ends before it begins along ${axis}.`;
-  }
-  for (const [axis, limit] of Object.entries(length)) {
-    if (limit === "keep") continue;
-    const values = [limit.min, limit.max].filter(given);
-    if (values.some((value) => Number(value) <= 0 || Number(value) > 1000)) return `The limits along ${axis} must be more than 0 and at most 1,000.`;
-    if (values.length === 2 && Number(values[0]) > Number(values[1])) return `The least length along ${axis} is more than the greatest.`;
   }
   return falloffProblem(falloff) || furtherProblem(prompts, regions);
 }

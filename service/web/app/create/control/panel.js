@@ -2,10 +2,10 @@
 /** What stays, what goes where and how large the result may be: the tools below the view, and the lists in the form. */
 import { announce, toast } from "../../announce.js";
 import { button, fill, h } from "../../dom.js";
-import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES, AXES } from "./model.js";
+import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES } from "./model.js";
 import { isPromptAction, keepWords, promptAction, promptName, withoutPrompts } from "./further.js";
 import { PromptRows } from "./prompt-rows.js";
-import { handleRow, lengthRow, regionRow } from "./rows.js";
+import { handleRow, regionRow } from "./rows.js";
 import { named, partOptions } from "./parts.js";
 import { Toolbar } from "./toolbar.js";
 import { ControlView } from "./view.js";
@@ -57,13 +57,6 @@ export class ControlPanel {
     this.part = h("select", { id: "control-part", "aria-label": "Part to add" });
     this.falloff = h("input", { type: "text", id: "control-falloff", inputmode: "decimal", autocomplete: "off", placeholder: "0.1", "aria-describedby": "control-falloff-help" });
     this.symmetry = h("select", { id: "control-symmetry" }, SYMMETRIES.map(([value, text]) => h("option", { value }, text)));
-    this.lengths = AXES.map((axis) =>
-      lengthRow(axis, () => this.control.length[axis], (limit) => {
-        if (limit === undefined) delete this.control.length[axis];
-        else this.control.length[axis] = limit;
-        this.changed();
-      }),
-    );
     this.bar = new Toolbar(this);
     this.toolbar = this.bar.element;
     this.element = this._fold();
@@ -107,7 +100,6 @@ export class ControlPanel {
       this.problem,
       h("div", { class: "row" }, this.undoButton, this.clearButton),
       h("div", { class: "field" }, h("label", { class: "field-label", for: "control-symmetry" }, "Symmetry"), this.symmetry),
-      h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Lengths"), this.lengths.map(({ element }) => element)),
     );
     fold.addEventListener("toggle", () => this._place());
     return fold;
@@ -311,7 +303,7 @@ export class ControlPanel {
   /** Show the values again, as they change under the pointer. */
   refresh() {
     this.view.draw();
-    for (const row of [...this.rows, ...this.lengths]) row.update();
+    for (const row of this.rows) row.update();
     this._words();
   }
 
@@ -334,7 +326,6 @@ export class ControlPanel {
     fill(this.lists, own.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, own.map(({ element }) => element)) : null);
     this.further.show((id) => rows.filter((_, at) => regions[at].action === promptAction(id)).map(({ element }) => element));
     this.bar.offer(this.purposes, this.action);
-    for (const row of this.lengths) row.update(true);
     this.falloff.value = this.control.falloff;
     this.symmetry.value = this.control.symmetry;
     this._words();

@@ -117,7 +117,7 @@ export class PromptRows {
     const place = h("div", { class: "field-problem", id: `${id}-problem`, "aria-live": "polite", hidden: true });
     this.fields.set(each.id, { input, place });
     const weight = numberField(`Weight of ${name.toLowerCase()}`, () => each.weight, (value) => {
-      each.weight = Number(value);
+      each.weight = value;
       panel.reworded();
     });
     const where = h("select", { class: "select-small", "aria-label": `Where ${name.toLowerCase()} pulls` }, PLACES.map(([value, text]) => h("option", { value }, text)));

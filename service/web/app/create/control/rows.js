@@ -1,5 +1,5 @@
 // @ts-check
-/** The lists of the control panel: a row with its fields for each region, each handle and each length. */
+/** The lists of the control panel: a row with its fields for each region and each handle. */
 import { button, h, uniqueId } from "../../dom.js";
 import { counted } from "../../format.js";
 import { AXES, facesOf, facesText, regionWords } from "./model.js";
@@ -15,11 +15,10 @@ import { AXES, facesOf, facesText, regionWords } from "./model.js";
  *
  * @param {string} label For screen readers.
  * @param {() => number | null | undefined} get
- * @param {(value: number | null) => void} set Null where the field is empty and may be.
- * @param {{optional?: boolean, placeholder?: string}} [options]
+ * @param {(value: number) => void} set
  */
-export function numberField(label, get, set, { optional = false, placeholder = "" } = {}) {
-  const input = h("input", { type: "text", inputmode: "decimal", class: "number", autocomplete: "off", "aria-label": label, placeholder: placeholder || null });
+export function numberField(label, get, set) {
+  const input = h("input", { type: "text", inputmode: "decimal", class: "number", autocomplete: "off", "aria-label": label });
   const show = (anew = false) => {
     if (!anew && (document.activeElement === input || input.hasAttribute("aria-invalid"))) return;
     const value = get();
@@ -28,10 +27,10 @@ export function numberField(label, get, set, { optional = false, placeholder = "
   };
   input.addEventListener("input", () => {
     const text = input.value.trim().replace(",", ".");
-    const wrong = text === "" ? !optional : !Number.isFinite(Number(text));
+    const wrong = text === "" || !Number.isFinite(Number(text));
     if (wrong) input.setAttribute("aria-invalid", "true");
     else input.removeAttribute("aria-invalid");
-    set(wrong ? /** @type {any} */ (get()) : text === "" ? null : Number(text));
+    set(wrong ? /** @type {any} */ (get()) : Number(text));
   });
   show();
   return { input, show };
@@ -44,7 +43,7 @@ export function numberField(label, get, set, { optional = false, placeholder = "
  */
 export function placeFields(name, get, set) {
   const fields = AXES.map((axis, i) =>
-    numberField(`${name} ${axis}`, () => get()[i], (value) => set(get().map((old, at) => (at === i ? Number(value) : old)))),
+    numberField(`${name} ${axis}`, () => get()[i], (value) => set(get().map((old, at) => (at === i ? value : old)))),
   );
   const element = h("div", { class: "place" }, h("span", { class: "small muted" }, name), fields.map(({ input }) => input));
   return { element, show: () => fields.forEach((field) => field.show()) };
@@ -151,38 +150,6 @@ export function handleRow(handle, number, changed, remove) {
       goal.show();
     },
   };
-}
-
-/**
- * @param {string} axis
- * @param {() => import("./model.js").Limit | undefined} get
- * @param {(limit: import("./model.js").Limit | undefined) => void} set
- * @returns {Row}
- */
-export function lengthRow(axis, get, set) {
-  const kind = h(
-    "select",
-    { class: "select-small", "aria-label": `Length along ${axis}` },
-    [["free", "Free"], ["keep", "Kept"], ["limits", "Limits"]].map(([value, text]) => h("option", { value }, text)),
-  );
-  const bound = (/** @type {"min" | "max"} */ end, /** @type {string} */ words) =>
-    numberField(`${words} length along ${axis}, times that of the asset`, () => /** @type {any} */ (get())?.[end] ?? null, (value) => set({ .../** @type {any} */ (get()), [end]: value }), { optional: true, placeholder: "no limit" });
-  const [low, high] = [bound("min", "Least"), bound("max", "Greatest")];
-  const limits = h("div", { class: "limits" }, low.input, h("span", { class: "small muted", "aria-hidden": "true" }, "to"), high.input, h("span", { class: "small muted", "aria-hidden": "true" }, "×"));
-  kind.addEventListener("change", () => {
-    set(kind.value === "keep" ? "keep" : kind.value === "limits" ? { min: null, max: null } : undefined);
-    update(true);
-  });
-  const update = (anew = false) => {
-    const limit = get();
-    kind.value = limit === "keep" ? "keep" : limit ? "limits" : "free";
-    limits.hidden = kind.value !== "limits";
-    low.show(anew);
-    high.show(anew);
-  };
-  const element = h("div", { class: "length-row" }, h("span", null, axis), kind, limits);
-  update();
-  return { element, update };
 }
 
 /** @param {number[]} place To about four digits of the asset's size. @param {number} size */

@@ -8,7 +8,7 @@
  * @typedef {{azimuth: number, elevation: number, fov?: number}} Direction
  * @typedef {{family: string, values: Record<string, number | string>}} Sketch
  * @typedef {object} Guide
- * @property {string} align Empty: as the service decides; otherwise JSON, such as a matrix, or a word.
+ * @property {string} align Empty: as the service decides.
  * @property {Landmark[]} landmarks
  * @property {Direction[]} pictures The directions, in the order of the files.
  * @property {Sketch | null} sketch The shape that the target is, where it was drawn.
@@ -52,7 +52,7 @@ export function guideParams({ align, landmarks, pictures, sketch }, target, prom
     return {
       guidance: "target",
       ...(sketch ? { sketch } : {}),
-      ...(align ? { align: align.startsWith("[") ? JSON.parse(align) : align } : {}),
+      ...(align ? { align } : {}),
       ...(landmarks.length ? { landmarks } : {}),
     };
   }
@@ -62,7 +62,7 @@ export function guideParams({ align, landmarks, pictures, sketch }, target, prom
 /** @param {Record<string, any>} params Of a job. @returns {Guide} */
 export function guideOf({ align, landmarks, silhouettes, sketch }) {
   const pictures = (silhouettes ?? []).map((/** @type {any} */ view) => ({ elevation: 0, ...view }));
-  return structuredClone({ align: !align ? "" : typeof align === "string" ? align : JSON.stringify(align), landmarks: landmarks ?? [], pictures, sketch: sketch ?? null });
+  return structuredClone({ align: align ?? "", landmarks: landmarks ?? [], pictures, sketch: sketch ?? null });
 }
 
 /** An angle from -180 to 180 degrees. @param {number} degrees */

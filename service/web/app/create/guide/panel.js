@@ -182,7 +182,6 @@ export class GuidePanel {
       "select",
       { id: "target-align" },
       [["", "Turned, moved and scaled to fit"], ["none", "As the files have it"]].map(([value, text]) => h("option", { value }, text)),
-      this.guide.align.startsWith("[") ? h("option", { value: this.guide.align }, "By the matrix of that job") : null,
     );
     align.value = this.guide.align === "auto" ? "" : this.guide.align;
     align.addEventListener("change", () => {
@@ -232,7 +231,7 @@ export class GuidePanel {
     const view = this.guide.pictures[at];
     const angle = (/** @type {"azimuth" | "elevation"} */ name, /** @type {string} */ label) => {
       const field = numberField(`${label} of picture ${at + 1}, degrees`, () => view[name], (value) => {
-        view[name] = Number(value);
+        view[name] = value;
         this.changed();
       });
       this.shows.push(field.show);

@@ -1,1 +1,0 @@
-"""See six sides of a shape at once: MV-Adapter over a Stable Diffusion 2.1 checkpoint."""

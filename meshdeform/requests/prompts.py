@@ -1,0 +1,98 @@
+"""Declare further prompts of a job, and tell what guides it. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+from pydantic import Field, StringConstraints, model_validator
+
+from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.selection import MAX_SELECTORS, Selection
+from meshdeform.requests.strict import StrictModel
+
+if TYPE_CHECKING:
+    from meshdeform.requests.parameters import DeformParams
+
+__all__ = [
+    "MAX_PROMPTS",
+    "PROMPTS",
+    "Prompt",
+    "active_prompts",
+    "goal_guidance",
+    "needs_prior",
+    "needs_target",
+    "prompt_words",
+]
+
+
+MAX_PROMPTS = 8
+_MAX_LENGTH = 1_000
+_MAX_WEIGHT = 100.0
+
+_Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=_MAX_LENGTH)]
+
+
+class Prompt(StrictModel):
+    """One of several prompts that guide at the same time."""
+
+    prompt: _Text = Field(description="What the asset, or its region, should become.", examples=["a rabbit"])
+    weight: float = Field(
+        1.0,
+        ge=0.0,
+        le=_MAX_WEIGHT,
+        description="How strongly it pulls, relative to the others; 0: not at all. `prompt` of the request has the "
+        "weight 1. Where the weights add up to more than 1, they are divided by their sum.",
+        examples=[0.5],
+    )
+    regions: tuple[Selection, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="The parts of the surface that it pulls at. Default: everything.",
+        examples=[[{"box": {"min": [-1.0, 1.0, -1.0], "max": [1.0, 2.0, 1.0]}}]],
+    )
+    outside: bool = Field(False, description="Pull at everything outside of `regions` instead.", examples=[False])
+
+    @model_validator(mode="after")
+    def _outside_of_something(self) -> Self:
+        if self.outside and not self.regions:
+            raise ValueError("outside needs regions")
+        return self
+
+
+PROMPTS: Any = Field(
+    (),
+    max_length=MAX_PROMPTS,
+    description="Further prompts that guide at the same time as `prompt` of the request, each with a weight and, if it "
+    "has one, a region. Without `prompt`, they are all there are ([Control](control.md#several-prompts)).",
+    examples=[[{"prompt": "a rabbit", "weight": 0.5}]],
+)
+
+
+def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:
+    """Return the prompts that pull at anything, that of the request first; there may be none."""
+    found = [Prompt(prompt=prompt)] if prompt else []
+    return [*found, *(each for each in prompts if each.weight > 0)]
+
+
+def prompt_words(prompt: str, params: Any) -> str:
+    """Return all prompts of a job in one line; parameters of another kind of job have none of their own."""
+    # A client keeps parameters of a later service as they came.
+    prompts = [each if isinstance(each, Mapping) else vars(each) for each in getattr(params, "prompts", ())]
+    further = [each.get("prompt", "") for each in prompts]
+    return " + ".join(dict.fromkeys(text for text in (prompt, *further) if text))
+
+
+def goal_guidance(params: DeformParams) -> GuidanceKind:
+    """Return what guides a job: `params.sketch` is a target mesh."""
+    return params.guidance if params.sketch is None else GuidanceKind.TARGET
+
+
+def needs_prior(params: DeformParams) -> bool:
+    """Return whether a prompt guides a job."""
+    return goal_guidance(params) is GuidanceKind.SDS
+
+
+def needs_target(params: DeformParams) -> bool:
+    """Return whether a job needs the part `target`."""
+    return params.guidance is GuidanceKind.TARGET and params.sketch is None
