@@ -161,8 +161,9 @@ class Deformation:
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
         self._renderer = Renderer(drawn.faces, drawn.verts.shape[0], self._views.style, device, appearance=worn)
-        # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all.
-        few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS
+        # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all, and
+        # a loss for a region reaches its elements alone.
+        few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS and not shares
         planes = mirror_planes(drawn) if few or params.orientation is OrientationMode.AUTO else ()
         self.orientation = (
             self._orient(initial, planes, front or Front(guidance if isinstance(guidance, Grader) else None))

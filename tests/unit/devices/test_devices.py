@@ -124,7 +124,7 @@ def one_step(guidance: Callable[[TriangleMesh, str], object], device: str) -> tu
     params = resolve(DeformParams(preset="preview", steps=1, seed=5, checkpoint_every_steps=1))
     run = Deformation(mesh, guidance(mesh, device), params, device=device)  # type: ignore[arg-type]
     losses = next(iter(run)).losses
-    return losses, run._optimizer.state[run._variables.tensors["jacobians"]]["exp_avg"]
+    return losses, run._optimizer.state[next(iter(run._variables.tensors.values()))]["exp_avg"]
 
 
 def with_prior(mesh: TriangleMesh, device: str) -> object:

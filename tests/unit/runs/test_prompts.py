@@ -63,7 +63,9 @@ def moved(prompt: str, *prompts: dict[str, Any], **params: Any) -> np.ndarray:
 
 def first_gradient(prompt: str, *prompts: dict[str, Any], **params: Any) -> torch.Tensor:
     """The gradient on the Jacobians at the first step, without regularisers: ten times Adam's first moment."""
-    run = start(prompt, *prompts, **BARE, falloff=0.0, **params)
+    # A region needs no asking: few controls would carry its gradient everywhere.
+    carrier = "auto" if any("regions" in each for each in prompts) else "surface"
+    run = start(prompt, *prompts, **BARE, falloff=0.0, carrier=carrier, **params)
     next(iter(run))
     return 10 * safetensors.torch.load(run.checkpoint())["jacobians.exp_avg"]
 

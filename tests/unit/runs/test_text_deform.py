@@ -75,7 +75,7 @@ def test_a_large_asset_keeps_everything_though_a_stand_in_is_deformed(monkeypatc
     run = start(asset, request(steps=6))
     for _ in run:
         pass
-    assert len(run.checkpoint()) < usual / 3
+    assert len(run.checkpoint()) < 0.6 * usual  # of few controls there are as many
     files = run.finish()
     report = json.loads(files["report.json"].data)
     assert (report["mesh"]["optimized_faces"], report["mesh"]["welded_faces"]) == (800, 5120)
