@@ -38,7 +38,7 @@ from meshdeform.deformation.orientation import Front, Grader, Orientation, Orien
 from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.rigid_bodies import Body
-from meshdeform.deformation.stand_in import StandIn
+from meshdeform.deformation.stand_in import StandIn, chosen_carrier
 from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Variables, copy_into
@@ -173,6 +173,10 @@ class Deformation:
         self.structure = Structure() if few else None
         if few and params.keep_structure:
             built = is_level(drawn) or (front is not None and front.built)
+            # A building can only become an animal if it bends, which the parts of an asset would not survive.
+            if front is not None and front.grown:
+                kind = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies))
+                built = built and kind is Carrier.LATTICE
             self.structure = Structure(plane_of(planes, self.orientation.turn_deg), built)
         self._variables = (
             variables(drawn)

@@ -94,10 +94,13 @@ class Front:
         A guidance towards what the source is; None if that is not known, so that nobody is asked for the front.
     built : bool
         Whether it is known to be something that people build.
+    grown : bool
+        Whether it is to become something that nobody builds, such as an animal or a plant.
     """
 
     grader: Grader | None
     built: bool = False
+    grown: bool = False
 
 
 @dataclass(frozen=True)

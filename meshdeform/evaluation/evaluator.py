@@ -142,7 +142,7 @@ class Evaluator:
         given = _turned(rest, angle)
         frame = Frame.around(given.verts)
         guidance = score_distillation(self.prior, item.prompt, params)
-        front = front_of(known_source(given, self.prior, params), self.prior, params)
+        front = front_of(known_source(given, self.prior, params), self.prior, params, item.prompt)
         placed = frame.place(given)
         run = deformation_of(self._plan.ablation, placed, guidance, params, front=front, device=self._plan.device)
         shapes, seconds = {}, []

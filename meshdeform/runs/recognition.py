@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from meshdeform.deformation.orientation import Front
-from meshdeform.errors import ModelError
+from meshdeform.errors import ModelError, PromptError, VocabularyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge import Judge
 from meshdeform.priors.base import Prior
+from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.document import ResolvedParams
@@ -78,9 +79,18 @@ def known_source(mesh: TriangleMesh, prior: Prior | None, params: ResolvedParams
     return recognise(mesh, params.source_noun)
 
 
-def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedParams) -> Front | None:
+def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedParams, prompt: str) -> Front | None:
     """Return who finds the front of a source: the prior, asked for what the source is."""
     if source is None or prior is None:
         return None
     grader = score_distillation(prior, f"a {source.noun}", params) if source.sure else None
-    return Front(grader, built=source.built)
+    return Front(grader, source.built, _is_grown(prompt))
+
+
+def _is_grown(prompt: str) -> bool:
+    """Return whether a prompt asks for something that nobody builds."""
+    try:
+        noun = parse(prompt).noun
+    except (PromptError, VocabularyError):  # there is none, or it has taught words
+        return False
+    return not any(noun in NOUN_GROUPS[group] for group in _BUILT)

@@ -141,7 +141,7 @@ def start(
         start_shape = load_shape(initial, shape) if initial is not None else None
         look = welded_appearance(loaded.appearance(), welded) if sees_colours(params) else None
         known = known_source(welded.mesh, prior, params)
-        front = front_of(known, prior, params)
+        front = front_of(known, prior, params, request.prompt)
         deformation = Deformation(
             mesh,
             goal.guidance,

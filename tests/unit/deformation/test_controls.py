@@ -12,6 +12,7 @@ from torch import Tensor
 from meshdeform.deformation.controls import Level
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.orientation import Front
 from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.variables import JacobianField, placed
@@ -197,3 +198,14 @@ def test_a_resumed_run_equals_an_uninterrupted_one_to_the_bit() -> None:
     assert torch.equal(whole.verts(), halves.verts())
     assert whole.carrier == {"kind": "lattice", "cells": whole.cells, "mirror": "x", "level": True}
     assert np.abs((whole.verts() - mesh.verts).numpy()).max() > 0.02
+
+
+@each_case("mesh, level", [(sled(), True), (box(6), False)])
+def test_a_block_may_bend_into_an_animal_and_what_has_parts_may_not(mesh: TriangleMesh, level: bool) -> None:
+    params = resolve(DeformParams.model_validate({"preset": "preview", "orientation": "keep"}))
+    prompted = Deformation(mesh, TargetGuidance(mesh), params, front=Front(None, built=True))
+    assert prompted.structure is not None
+    assert prompted.structure.level
+    grown = Deformation(mesh, TargetGuidance(mesh), params, front=Front(None, built=True, grown=True))
+    assert grown.structure is not None
+    assert grown.structure.level is level

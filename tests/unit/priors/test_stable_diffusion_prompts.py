@@ -91,7 +91,8 @@ def start(model: str, prior: StableDiffusionPrior, prompt: str, *prompts: dict[s
     """A job of two steps whose regularisers have no weight, so that its gradients are those of the prompts."""
     params = {
         "model": model,
-        "preset": "preview", "carrier": "surface",
+        "preset": "preview",
+        "carrier": "surface",
         "steps": 2,
         "appearance": "clay",
         "safeguard": "none",

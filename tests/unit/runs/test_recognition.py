@@ -33,15 +33,20 @@ def test_what_people_build_is_known_by_its_noun(noun: str, probability: float, b
 
 def test_nobody_is_asked_for_the_front_of_what_is_not_recognised() -> None:
     prior, params = load_prior("builtin", device="cpu"), resolve(DeformParams())
-    unsure = front_of(Recognition("dog", 0.3), prior, params)
+    unsure = front_of(Recognition("dog", 0.3), prior, params, "a giraffe")
     assert unsure is not None
     assert unsure.grader is None
-    sure = front_of(Recognition("dog", 0.7), prior, params)
+    assert unsure.grown
+    sure = front_of(Recognition("dog", 0.7), prior, params, "")
     assert sure is not None
     assert sure.grader is not None
+    assert not sure.grown
+    vase = front_of(Recognition("bottle", 0.9), prior, params, "a tall vase")
+    assert vase is not None
+    assert (vase.built, vase.grown) == (True, False)
     assert known_source(icosphere(1), prior, resolve(DeformParams.model_validate({"orientation": "keep"}))) is None
     assert known_source(icosphere(1), None, params) is None
-    assert front_of(None, prior, params) is None
+    assert front_of(None, prior, params, "a giraffe") is None
 
 
 def test_probabilities_are_rounded_in_the_report() -> None:
