@@ -38,7 +38,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Structure:
-    """What a map of space keeps.
+    """What few controls keep of an asset.
 
     Attributes
     ----------

@@ -60,7 +60,7 @@ test("what a result looks like, and whether that was asked for", () => {
   assert.deepEqual([undecided.text, undecided.note], ["Front: the side at 0°", "0° is +Z, 90° is +X. No side is clearly the front."]);
   const [strange] = findings({ orientation: { turn_deg: 0, source: "unrecognised", margin: null } });
   assert.equal(strange.text, "Front: +Z");
-  const carrier = { kind: "map", mirror: "x", level: true };
+  const carrier = { kind: "lattice", mirror: "x", level: true };
   const [known] = findings({ source_noun: { noun: "chair", probability: 0.64, recognised: true }, carrier });
   assert.match(known.text, /^Taken for: chair 64\s?%$/);
   assert.equal(known.note, "Kept: mirror symmetry across x, level and upright.");

@@ -23,7 +23,7 @@ def test_a_front_that_was_searched_is_named_and_one_that_was_given_is_not() -> N
 
 def test_what_an_asset_was_taken_for_and_what_was_kept_is_said() -> None:
     known = {"noun": "chair", "probability": 0.64, "recognised": True}
-    carrier = {"kind": "map", "cells": 900, "mirror": "x", "level": True}
+    carrier = {"kind": "lattice", "cells": 900, "mirror": "x", "level": True}
     assert source_line({"source_noun": known, "carrier": carrier}) == (
         "Taken for: chair (64%; --set source_noun=NOUN corrects it). Kept: mirror symmetry across x, level and upright"
     )
