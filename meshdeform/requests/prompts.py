@@ -77,9 +77,9 @@ def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:
 
 def prompt_words(prompt: str, params: Any) -> str:
     """Return all prompts of a job in one line; parameters of another kind of job have none of their own."""
-    # A client keeps parameters of a later service as they came.
-    prompts = [each if isinstance(each, Mapping) else vars(each) for each in getattr(params, "prompts", ())]
-    further = [each.get("prompt", "") for each in prompts]
+    # A client keeps parameters of a later service as they came, in whatever form that writes them.
+    prompts = getattr(params, "prompts", ())
+    further = [each.get("prompt") if isinstance(each, Mapping) else getattr(each, "prompt", "") for each in prompts]
     return " + ".join(dict.fromkeys(text for text in (prompt, *further) if text))
 
 

@@ -80,7 +80,7 @@ def test_a_run_leaves_records_meshes_pictures_tables_and_a_sheet(finished: Path)
     rest = read_ply((finished / "sources/sphere.ply").read_bytes())
     one, two = (read_ply((place / f"steps-00000{n}.ply").read_bytes()) for n in (1, 2))
     assert not torch.equal(one.verts, two.verts)
-    assert (two.verts - rest.verts).norm(dim=1).max() < 0.2
+    assert (two.verts - rest.verts).norm(dim=1).max() < 0.3
     with Image.open(place / "steps-000002.png") as picture, Image.open(finished / "sheet.png") as sheet:
         assert picture.size == (192, 192)
         assert sheet.size == (7 * 144, 164)  # three results of twelve: after the four sources, in a row
