@@ -8,8 +8,9 @@ has the Jacobians of a hierarchy of bases, `Hierarchy`::
 
 with x_e the centre of element e and C_l (K_l, 3, 3) the controls of level l, the variables. B_l are the products of
 uniform quadratic B-splines over `_SPANS[l]` intervals of the longest side of the mesh's box. The first level has some
-60 controls, the second a few hundred; each is unlocked later in the run. What is not built, such as an animal or a
-ball, gets the elements themselves as the last level.
+60 controls, the second a few hundred; each is unlocked later in the run. The last level of what is not built, such as
+an animal or a ball, are the elements themselves. What is built gets a third level of splines if it is one surface,
+which can bear it: of several parts, more are cut.
 
 P keeps what the asset has (`structure.py`). Mirror symmetry: the mean of the controls with their mirror images,
 C <- (C + R C' R) / 2 with R the reflection, makes the map commute with it. Level and upright: without the terms that
@@ -37,6 +38,8 @@ from meshdeform.geometry.rest_mesh import sparse_product
 __all__ = ["Controls", "Hierarchy", "Level", "OwnJacobians"]
 
 _SPANS = (3, 6)
+_SPANS_OF_SURFACES = (3, 6, 12)
+"""Of what is built."""
 _UNLOCKED = 0.75
 """Share of the run over which the levels are unlocked, evenly."""
 
@@ -197,7 +200,8 @@ class Hierarchy:
         structure: Structure,
     ) -> None:
         low, high = box
-        self._levels = [Level.of_splines(centres, low, high, spans, structure) for spans in _SPANS]
+        chosen = _SPANS_OF_SURFACES if structure.level and normals is not None else _SPANS
+        self._levels = [Level.of_splines(centres, low, high, spans, structure) for spans in chosen]
         self._own = None if structure.level else Level.of_elements(centres, normals, (low + high) / 2, structure)
         self.local = self._own is not None
         if self._own is not None:
