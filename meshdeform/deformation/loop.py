@@ -171,7 +171,7 @@ class Deformation:
             else _stored_orientation(checkpoint.tensors)
         )
         self.structure = Structure() if few else None
-        if few and params.keep_structure:
+        if few and params.keep_structure and not (front is not None and front.crooked):
             built = is_level(drawn) or (front is not None and front.built)
             # A building can only become an animal if it bends, which the parts of an asset would not survive.
             if front is not None and front.grown:

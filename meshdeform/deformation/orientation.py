@@ -96,11 +96,14 @@ class Front:
         Whether it is known to be something that people build.
     grown : bool
         Whether it is to become something that nobody builds, such as an animal or a plant.
+    crooked : bool
+        Whether it is to be twisted, leaning or bent.
     """
 
     grader: Grader | None
     built: bool = False
     grown: bool = False
+    crooked: bool = False
 
 
 @dataclass(frozen=True)

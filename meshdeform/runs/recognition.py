@@ -19,10 +19,12 @@ from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.models import is_builtin
 from meshdeform.runs.goals import score_distillation
 
-__all__ = ["Recognition", "front_of", "known_source", "recognise"]
+__all__ = ["CROOKED", "Recognition", "front_of", "known_source", "recognise"]
 
 _log = logging.getLogger(__name__)
 _SURE = 0.5
+CROOKED = frozenset({"twisted", "leaning", "bent"})
+"""What a prompt may ask for that costs symmetry and flatness."""
 _BUILT = ("vehicles", "furniture", "buildings", "vessels and tools")
 
 
@@ -84,13 +86,9 @@ def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedPa
     if source is None or prior is None:
         return None
     grader = score_distillation(prior, f"a {source.noun}", params) if source.sure else None
-    return Front(grader, source.built, _is_grown(prompt))
-
-
-def _is_grown(prompt: str) -> bool:
-    """Return whether a prompt asks for something that nobody builds."""
     try:
-        noun = parse(prompt).noun
+        asked = parse(prompt)
     except (PromptError, VocabularyError):  # there is none, or it has taught words
-        return False
-    return not any(noun in NOUN_GROUPS[group] for group in _BUILT)
+        return Front(grader, source.built)
+    grown = not any(asked.noun in NOUN_GROUPS[group] for group in _BUILT)
+    return Front(grader, source.built, grown, any(attribute.degree in CROOKED for attribute in asked.attributes))

@@ -16,6 +16,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.structure import measure_structure
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.words import ParsedPrompt
+from meshdeform.runs.recognition import CROOKED
 
 __all__ = ["KEEP_RESULT", "KEEP_SOURCE", "LIMITS", "kept_structure", "verdict", "worse_than_source"]
 
@@ -37,8 +38,6 @@ _SENTENCES = {
     "cut_share": "Faces newly cut others: {:.1%} of all.",
     "flipped_faces": "Faces were flipped: {:,}.",
 }
-_CROOKED = {"twisted", "leaning", "bent"}
-"""What a prompt may ask for that costs symmetry and flatness."""
 
 
 def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any]) -> dict[str, Any]:
@@ -87,7 +86,7 @@ def verdict(prompt: str, likeness: Mapping[str, Any], structure: Mapping[str, An
     rank, was = likeness["rank"], likeness["before"]["rank"]
     attributes = parse(prompt).attributes
     gained = rank <= was if attributes else 2 * rank <= was
-    crooked = any(attribute.degree in _CROOKED for attribute in attributes)
+    crooked = any(attribute.degree in CROOKED for attribute in attributes)
     beyond = _beyond(structure, excused=("asymmetry", "flatness") if crooked else ())
     if gained or not beyond:
         return {"value": KEEP_RESULT, "reasons": [], "structure": dict(structure)}

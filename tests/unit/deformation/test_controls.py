@@ -209,3 +209,9 @@ def test_a_block_may_bend_into_an_animal_and_what_has_parts_may_not(mesh: Triang
     grown = Deformation(mesh, TargetGuidance(mesh), params, front=Front(None, built=True, grown=True))
     assert grown.structure is not None
     assert grown.structure.level is level
+
+
+def test_what_is_to_be_bent_keeps_nothing() -> None:
+    params = resolve(DeformParams.model_validate({"preset": "preview", "orientation": "keep"}))
+    bent = Deformation(sled(), TargetGuidance(sled()), params, front=Front(None, built=True, crooked=True))
+    assert bent.structure == Structure()
