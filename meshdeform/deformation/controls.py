@@ -40,7 +40,7 @@ __all__ = ["Controls", "Hierarchy", "Level", "OwnJacobians"]
 _SPANS = (3, 6)
 _SPANS_OF_SURFACES = (3, 6, 12)
 """Of what is built."""
-_UNLOCKED = 0.75
+_UNLOCKED = 0.4
 """Share of the run over which the levels are unlocked, evenly."""
 
 _REACHED = 0.1
