@@ -54,7 +54,7 @@ from meshdeform.requests.document import ResolvedParams, Safeguard
 
 __all__ = ["Deformation", "Step"]
 
-_ORIENTATION = "orientation"
+_ORIENTATION, _STRUCTURE = "orientation", "structure"
 _REACHED = 1e-8
 """Value of a target's guidance that differs from zero by rounding only."""
 _SOFT = 2 / 3
@@ -178,6 +178,8 @@ class Deformation:
                 kind = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies))
                 built = built and kind is Carrier.LATTICE
             self.structure = Structure(plane_of(planes, self.orientation.turn_deg), built)
+        if initial is not None:
+            self.structure = _stored_structure(initial)  # only the same levels can represent its shape
         self._variables = (
             variables(drawn)
             if variables is not None
@@ -287,6 +289,7 @@ class Deformation:
             **moments,
             **guarded,
             **guiding,
+            **({} if self.structure is None else {_STRUCTURE: self.structure.to_tensor()}),
             _ORIENTATION: self.orientation.to_tensor(),
             "generator": self._generator.get_state(),
         }
@@ -424,3 +427,9 @@ def _stored_orientation(state: Mapping[str, Tensor]) -> Orientation:
     """Return the orientation in a checkpoint's tensors; those of earlier versions have none."""
     stored = state.get(_ORIENTATION)
     return Orientation() if stored is None else Orientation.from_tensor(stored)
+
+
+def _stored_structure(state: Mapping[str, Tensor]) -> Structure | None:
+    """Return what the few controls of a checkpoint keep; None if every element has its own Jacobian."""
+    stored = state.get(_STRUCTURE)
+    return None if stored is None else Structure.from_tensor(stored)

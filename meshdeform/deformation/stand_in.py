@@ -87,8 +87,6 @@ def carry(
                 "The shape to start from was made by an earlier edition, which moved the parts of an asset separately."
             )
         chosen = Carrier.LATTICE if any(name.startswith("cell_") for name in initial) else Carrier.SURFACE
-        if not any("_level_" in name for name in initial):
-            structure = None
     if chosen is Carrier.LATTICE:
         return LatticeField(rest, of_whole, bodies, constraints, structure)
     if bodies and initial is not None:

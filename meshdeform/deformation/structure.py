@@ -10,9 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
@@ -50,6 +53,16 @@ class Structure:
 
     plane: int | None = None
     level: bool = False
+
+    def to_tensor(self) -> Tensor:
+        """Return the members as int64, for checkpoints."""
+        return torch.tensor([-1 if self.plane is None else self.plane, int(self.level)])
+
+    @classmethod
+    def from_tensor(cls, values: Tensor) -> Self:
+        """Return what `to_tensor` stored."""
+        plane, level = values.tolist()
+        return cls(None if plane < 0 else plane, bool(level))
 
 
 def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:

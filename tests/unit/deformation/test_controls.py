@@ -215,3 +215,16 @@ def test_what_is_to_be_bent_keeps_nothing() -> None:
     params = resolve(DeformParams.model_validate({"preset": "preview", "orientation": "keep"}))
     bent = Deformation(sled(), TargetGuidance(sled()), params, front=Front(None, built=True, crooked=True))
     assert bent.structure == Structure()
+
+
+@each_case("mesh", [sled(), bean()])
+def test_a_run_goes_on_from_a_shape_with_other_levels(mesh: TriangleMesh) -> None:
+    params = resolve(DeformParams.model_validate({"preset": "preview", "steps": 3, "orientation": "keep"}))
+    taller = TriangleMesh(mesh.verts * torch.tensor([1.0, 1.4, 1.0], dtype=F64), mesh.faces)
+    fit = resolve(DeformParams.model_validate({"preset": "preview", "steps": 3, "guidance": "target"}))
+    for front in (Front(None, built=True), Front(None, built=True, crooked=True)):
+        first = Deformation(mesh, TargetGuidance(taller), params, front=front)
+        list(first)
+        for given in (params, fit):
+            second = Deformation(mesh, TargetGuidance(taller), given, initial=first.checkpoint().tensors)
+            torch.testing.assert_close(second.verts(), first.verts(), atol=1e-9, rtol=0)
