@@ -24,8 +24,7 @@ from meshdeform.cli.output import emit, note, table
 from meshdeform.cli.request import merge_params
 
 if TYPE_CHECKING:
-    from meshdeform.cli.batches.manifest import Entry
-    from meshdeform.cli.batches.rows import Row
+    from meshdeform.cli.batches.rows import Entry, Row
     from meshdeform.requests.document import JobRequest
 
 __all__ = ["BatchCommand", "batch"]
@@ -130,14 +129,14 @@ def batch(
         if repeated:
             note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=quiet)
         if url:
-            from meshdeform.cli.batches.remote import ServiceRunner
+            from meshdeform.cli.batches.runners import ServiceRunner
             from meshdeform.cli.environment import connect
 
             concurrent = parallel or _ROWS_AT_SERVICE
             client = connect(url, api_key, api_key_file)
             session.run(rows, ServiceRunner(client, session.ledger, output), concurrent, retry_failed=retry_failed)
         else:
-            from meshdeform.cli.batches.local import LocalRunner
+            from meshdeform.cli.batches.runners import LocalRunner
 
             concurrent = min(parallel or 1, len(rows))
             share = {"device": device, "threads": threads if threads is not None else _share(concurrent)}
@@ -161,7 +160,7 @@ def batch(
 
 
 def _entries(source: Path, prompts: Sequence[str], prompts_file: Path | None) -> list[Entry]:
-    from meshdeform.cli.batches.manifest import TABLE_SUFFIXES, combine, read_prompts, read_table
+    from meshdeform.cli.batches.rows import TABLE_SUFFIXES, combine, read_prompts, read_table
 
     prompts = [*prompts, *(read_prompts(prompts_file) if prompts_file else [])]
     if source.is_file() and source.suffix.lower() in TABLE_SUFFIXES:
@@ -174,7 +173,7 @@ def _entries(source: Path, prompts: Sequence[str], prompts_file: Path | None) ->
 def _target_sets(folder: Path, rows: Sequence[Row]) -> dict[str, str]:
     """Write the results of each asset as morph targets; return the paths of the files by their names."""
     from meshdeform.assets import Limits
-    from meshdeform.cli.batches.targets import write_target_sets
+    from meshdeform.cli.batches.summary import write_target_sets
 
     paths = write_target_sets(folder, rows, Limits.from_settings(load_settings()))
     return {path.name: str(path) for path in paths}
