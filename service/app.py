@@ -16,6 +16,7 @@ from meshdeform.settings import Settings
 from meshdeform.support.heaps import return_freed_memory
 from meshdeform.support.telemetry import start_tracing, stop_tracing
 from meshdeform.webhooks.delivery import WebhookDelivery
+from service.documentation.openapi import describe
 from service.downloads import artifact_routes, checkpoint_routes, source_routes
 from service.events import routes as event_routes
 from service.events.waiting import on_termination
@@ -24,7 +25,6 @@ from service.http.errors import add_error_handlers, problem_responses
 from service.http.middleware import RequestFrame, TracingMiddleware
 from service.jobs import creation_routes, link_routes
 from service.jobs import routes as job_routes
-from service.openapi import describe
 from service.operations import health_routes, limits_routes, metrics_routes, models_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes

@@ -86,6 +86,8 @@ class AppState:
         Temporary folders for the files of requests.
     taught : TaughtModels
         The models that owners' jobs have made.
+    strengths : Strengths
+        Other strengths of results.
     intake : FairSlots
         Requests whose files are checked and stored at the same time, in separate threads: other requests never
         wait for a decoder.
@@ -97,8 +99,6 @@ class AppState:
         Searches of fronts, each in a process of its own.
     sketching : FairSlots
         Drawings that are read, and shapes that are made, each in a process of its own.
-    strengths : Strengths
-        Other strengths of results.
     lookups : LookupPool
         Threads that resolve the hosts of webhooks.
     """
@@ -111,6 +111,7 @@ class AppState:
     assets: CheckedAssets
     workspace: Workspace
     taught: TaughtModels
+    strengths: Strengths
     intake: FairSlots = field(
         default_factory=lambda: FairSlots(
             _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="files are being checked"
@@ -132,7 +133,6 @@ class AppState:
             _SKETCHES_AT_ONCE, _SKETCHES_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="drawings are being read"
         )
     )
-    strengths: Strengths = field(default_factory=Strengths)
     lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))
 
@@ -154,16 +154,17 @@ class AppState:
         record = JobRecord(settings.resolved_database_url, upgrade_elsewhere=alone)
         location, public_url = settings.resolved_storage_url, settings.storage_public_url
         store = ObjectStore(location, public_url=public_url, create=not record.files.any())
-        workspace = Workspace()
+        workspace, limits = Workspace(), Limits.from_settings(settings)
         return cls(
             settings=settings,
             record=record,
             queue=JobQueue(settings.redis_url, settings.queue),
             store=store,
             waiters=JobWaiters(record.events.heads),
-            assets=CheckedAssets(Limits.from_settings(settings)),
+            assets=CheckedAssets(limits),
             workspace=workspace,
             taught=TaughtModels(record, store, workspace),
+            strengths=Strengths(record, store, workspace, limits),
         )
 
     async def take_in(self, owner_id: str, work: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.surface import Block
-
-if TYPE_CHECKING:
-    from meshdeform.assets.writer import LocalShape
+from meshdeform.assets.surface import Block, LocalShape
 
 __all__ = ["ANIMATION_NAME", "MorphTarget", "NewTargets", "Track", "add_morph_targets", "straight"]
 

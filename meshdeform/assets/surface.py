@@ -27,6 +27,7 @@ from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 
 __all__ = [
     "Block",
+    "LocalShape",
     "Surface",
     "bind_placement",
     "instance_matrices",
@@ -186,6 +187,15 @@ class Block:
     rows: slice
     placement: Matrix
     positions: NDArray[np.float32]  # in mesh space, as in the file
+    normals: NDArray[np.float32] | None
+    tangents: NDArray[np.float32] | None
+
+
+@dataclass(frozen=True)
+class LocalShape:
+    """A block's new vertices in mesh space, as stored in the file."""
+
+    positions: NDArray[np.float32]
     normals: NDArray[np.float32] | None
     tangents: NDArray[np.float32] | None
 

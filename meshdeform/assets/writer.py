@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +18,14 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document, Usage, decode_data_uri
 from meshdeform.assets.materials import image_type
+from meshdeform.assets.morph import NewTargets, add_morph_targets
 from meshdeform.assets.storage import MESHOPT_EXTENSIONS
-from meshdeform.assets.surface import Block, Floats, Surface, handedness, unit_rows
+from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handedness, unit_rows
 from meshdeform.errors import AssetError, NumericalError, ShapeError
-
-if TYPE_CHECKING:
-    from meshdeform.assets.morph import NewTargets
 
 __all__ = [
     "Deformation",
     "Finish",
-    "LocalShape",
     "carried_positions",
     "embed_data_uris",
     "write_shape",
@@ -72,15 +69,6 @@ class Deformation:
             None if array is None else np.asarray(array, np.float64) for array in (normals, tangents, jacobians)
         ]
         return cls(surface, np.asarray(positions, np.float64), *optional)
-
-
-@dataclass(frozen=True)
-class LocalShape:
-    """A block's new vertices in mesh space, as stored in the file."""
-
-    positions: NDArray[np.float32]
-    normals: NDArray[np.float32] | None
-    tangents: NDArray[np.float32] | None
 
 
 def local_shape(block: Block, shape: Deformation) -> LocalShape:
@@ -177,8 +165,6 @@ def write_targets(
     finish: Finish,
 ) -> bytes:
     """Write shapes as morph targets into the document and return it as a GLB; `Asset.morph` documents the rest."""
-    from meshdeform.assets.morph import add_morph_targets
-
     locals_ = [_local_shapes(blocks, loose, shape) for shape in shapes]
     blocks = [*blocks, *loose]
     add_morph_targets(document, blocks, locals_, own_meshes(document, blocks), new)

@@ -7,6 +7,8 @@ import os
 import sqlite3
 import ssl
 import stat
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,7 +23,6 @@ from sqlalchemy import event
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.schema import UtcDateTime, compatible
 from meshdeform.record.sql_states import READ_ONLY_SERVER, sql_state
-from meshdeform.record.upgrade import upgrade, upgrade_apart
 
 __all__ = ["MAX_CONNECTIONS", "RECORD_FILE", "Database", "make_engine"]
 
@@ -29,6 +30,7 @@ _log = logging.getLogger(__name__)
 RECORD_FILE = "meshdeform.sqlite"
 """The name of the record in a data folder, where nothing else is kept for others."""
 
+_MIGRATIONS = Path(__file__).parent / "migrations"
 _BUSY_TIMEOUT_S = 30.0
 _CONNECT_TIMEOUT_S = 30.0
 MAX_CONNECTIONS = 15
@@ -164,7 +166,7 @@ class Database:
             if compatible(_version(connection)):
                 return
         if elsewhere is not None:
-            upgrade_apart(elsewhere)
+            _upgrade_apart(elsewhere)
         with self.write() as connection:
             # The lock ends with the transaction. DDL is transactional in both databases.
             if self.is_sqlite:
@@ -178,7 +180,7 @@ class Database:
 
     def _migrate_in(self, connection: sa.Connection) -> None:
         if not compatible(_version(connection)):
-            upgrade(connection)
+            _upgrade(connection)
 
 
 def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:
@@ -339,3 +341,45 @@ def _version(connection: sa.Connection) -> str | None:
         return None
     version: str | None = connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
     return version
+
+
+def _upgrade(connection: sa.Connection) -> None:
+    """Upgrade the record to the schema of this version, within the connection's transaction.
+
+    Raises
+    ------
+    UnavailableError
+        A newer Meshdeform has upgraded it before.
+    """
+    # Import Alembic only if there is something to do, to save time and memory.
+    import alembic.command
+    import alembic.config
+    import alembic.util
+
+    config = alembic.config.Config(attributes={"connection": connection})
+    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
+    try:
+        alembic.command.upgrade(config, "head")
+    except alembic.util.CommandError as error:
+        raise UnavailableError(
+            "The record has the schema of a newer Meshdeform.", advice="Install that version or a newer one."
+        ) from error
+
+
+def _upgrade_apart(url: str) -> None:
+    """Let a child process upgrade the record, so that Alembic (10 MB) does not stay in this one. Never raises.
+
+    Whoever calls this opens the record afterwards, and meets there what went wrong here.
+    """
+    # The URL may have a password, which must not be among the arguments.
+    command = [sys.executable, "-P", "-m", "meshdeform.record.database"]
+    subprocess.run(command, input=url.encode(), stderr=subprocess.DEVNULL, check=False)
+
+
+def _main() -> None:
+    """Open the record, which upgrades it, and close it."""
+    Database(sys.stdin.buffer.read().decode(), connections=1).close()
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,4 +1,4 @@
-"""Track which stored files are in use, count what a job keeps, and remove what nothing refers to.
+"""Track which stored files are in use, and count what a job keeps; `removal` removes what nothing refers to.
 
 Equal bytes are stored once, and removed with the last job that needs them. A request pins its file before storing it,
 and the committed row of its job replaces the pin, so that a file cannot be removed while a request relies on it.
@@ -9,21 +9,17 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from contextlib import contextmanager
+from typing import Any
 
 import sqlalchemy as sa
 
-from meshdeform.errors import NotFoundError, UnavailableError
+from meshdeform.errors import UnavailableError
 from meshdeform.record.database import Database
 from meshdeform.record.room import total_size
 from meshdeform.record.schema import artifacts, checkpoints, files, job_files, jobs, uploads
-from meshdeform.storage import ObjectStore
 
-if TYPE_CHECKING:
-    from meshdeform.record.repository import JobRecord
-
-__all__ = ["FileLeases", "FileLedger", "measure", "remove_job", "remove_unreachable", "remove_upload"]
+__all__ = ["FileLeases", "FileLedger", "measure"]
 
 
 _PIN_LASTS_S = 3600.0
@@ -196,54 +192,3 @@ def measure(connection: sa.Connection, job_id: str) -> None:
     size = checkpoints.c.size + sa.func.coalesce(checkpoints.c.mesh_size, 0)
     saved = sa.select(total_size(size)).where(checkpoints.c.job_id == job_id).scalar_subquery()
     connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(stored_bytes=results + saved))
-
-
-def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
-    """Remove from the store what the record no longer refers to. Safe to interrupt, repeat, and run concurrently.
-
-    Raises
-    ------
-    UnavailableError
-        The record or the store does not answer; the remaining work stays recorded.
-    """
-    for prefix in record.upkeep.discarded_prefixes():
-        _remove_prefix(record, store, prefix)
-    for upload_id in record.upkeep.expired_uploads():
-        remove_upload(store, upload_id)
-        with suppress(NotFoundError):
-            record.uploads.delete(upload_id)
-    for key in record.files.unused():
-        record.files.remove_unused(key, store.delete)
-
-
-def remove_job(record: JobRecord, store: ObjectStore, job_id: str, files: Iterable[str]) -> None:
-    """Remove the objects of one deleted job, and nothing else, so that the duration depends on no other job.
-
-    Parameters
-    ----------
-    record : JobRecord
-    store : ObjectStore
-    job_id : str
-    files : iterable of str
-        Keys of the files that it used, as returned by `JobRecord.delete`; files in use elsewhere stay.
-
-    Raises
-    ------
-    UnavailableError
-        The record or the store does not answer; `remove_unreachable` does the rest.
-    """
-    _remove_prefix(record, store, f"jobs/{job_id}/")
-    for key in files:
-        record.files.remove_unused(key, store.delete)
-
-
-def remove_upload(store: ObjectStore, upload_id: str) -> None:
-    """Remove the received bytes of an upload; the file stored from a complete upload is not affected."""
-    if store.appends:
-        store.discard_append(upload_id)
-    store.delete_prefix(f"uploads/{upload_id}/")
-
-
-def _remove_prefix(record: JobRecord, store: ObjectStore, prefix: str) -> None:
-    store.delete_prefix(prefix)
-    record.upkeep.forget_discarded(prefix)

@@ -23,8 +23,8 @@ import sqlalchemy as sa
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.record.database import Database
-from meshdeform.record.files import remove_unreachable
 from meshdeform.record.queue import JobQueue
+from meshdeform.record.removal import remove_unreachable
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import UtcDateTime, leaders
 from meshdeform.record.upkeep import Watch

@@ -103,7 +103,7 @@ async def _at_strength(
         raise ForbiddenError("The link shows what is stored.", advice="Other strengths need an API key.")
     artifact = await to_thread.run_sync(_find, app, id, reader.owner_id, name)
     job = await to_thread.run_sync(app.record.get, id, reader.owner_id)
-    key, found = await app.strengths.get(app, job, artifact, strength)
+    key, found = await app.strengths.get(job, artifact, strength)
     stem, dot, ending = _file_name(job, artifact).rpartition(".")
     saved_as = f"{stem}-strength{round(100 * strength)}{dot}{ending}"
     return Download(key, saved_as, artifact.content_type, found.size, found.sha256)

@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections import OrderedDict
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING
 
 from anyio import CapacityLimiter, to_thread
 
+from meshdeform.assets import Limits
 from meshdeform.errors import NotFoundError, ParameterError
 from meshdeform.record.models import Artifact, Job
+from meshdeform.record.repository import JobRecord
 from meshdeform.runs import kind_of
 from meshdeform.runs.derive import STRENGTH, DerivedInput, derive
-from meshdeform.storage import StoredObject
+from meshdeform.storage import ObjectStore, StoredObject
 from service.downloads.deformed import deformed_file
 from service.http.limits import FairSlots
-
-if TYPE_CHECKING:
-    from service.state import AppState
+from service.workspace import Workspace
 
 __all__ = ["MAX_STRENGTH", "STRENGTH_STEP", "Strengths"]
 
@@ -31,13 +30,14 @@ _REMEMBERED = 512
 class Strengths:
     """The strengths that this process has made or found in the store."""
 
-    def __init__(self) -> None:
+    def __init__(self, record: JobRecord, store: ObjectStore, workspace: Workspace, limits: Limits) -> None:
+        self._record, self._store, self._workspace, self._limits = record, store, workspace, limits
         self._slots = FairSlots(_AT_ONCE, _PER_OWNER, wait_s=_WAIT_S, purpose="strengths are being applied")
         self._threads: CapacityLimiter | None = None
         self._known: OrderedDict[str, StoredObject] = OrderedDict()
         self._lock = Lock()
 
-    async def get(self, app: AppState, job: Job, artifact: Artifact, strength: float) -> tuple[str, StoredObject]:
+    async def get(self, job: Job, artifact: Artifact, strength: float) -> tuple[str, StoredObject]:
         """Return the key, size and SHA-256 of an artifact at another strength, after making it if necessary.
 
         Raises
@@ -55,49 +55,49 @@ class Strengths:
             raise ParameterError.at(["query", "strength"], detail, advice)
         self._threads = self._threads or CapacityLimiter(_AT_ONCE)
         key = f"{_prefix(job)}{artifact.sha256[:16]}-{round(100 * strength):03d}.glb"
-        if (known := await to_thread.run_sync(self._find, app, key)) is not None:
+        if (known := await to_thread.run_sync(self._find, key)) is not None:
             return key, known
         async with self._slots.slot(job.owner_id):
-            made = await to_thread.run_sync(self._make, app, job, artifact, strength, key, limiter=self._threads)
+            made = await to_thread.run_sync(self._make, job, artifact, strength, key, limiter=self._threads)
         return key, made
 
-    def _find(self, app: AppState, key: str) -> StoredObject | None:
+    def _find(self, key: str) -> StoredObject | None:
         """Return the size and SHA-256 of a stored object; None if there is none."""
         with self._lock:
             known = self._known.get(key)
-        if known is not None and app.store.exists(key):
+        if known is not None and self._store.exists(key):
             return known
         try:
-            found = app.store.measure(key)
+            found = self._store.measure(key)
         except NotFoundError:
             return None
         self._remember(key, found)
         return found
 
-    def _make(self, app: AppState, job: Job, artifact: Artifact, strength: float, key: str) -> StoredObject:
-        if (known := self._find(app, key)) is not None:  # another request has made it meanwhile
+    def _make(self, job: Job, artifact: Artifact, strength: float, key: str) -> StoredObject:
+        if (known := self._find(key)) is not None:  # another request has made it meanwhile
             return known
-        with app.workspace.temporary_folder() as folder:
+        with self._workspace.temporary_folder() as folder:
             source, result, output = (folder / name for name in ("source", "result", "output"))
             deformed = deformed_file(job)
-            app.store.fetch(deformed.key, source, sha256=deformed.sha256)
-            app.store.fetch(artifact.key, result, sha256=artifact.sha256)
+            self._store.fetch(deformed.key, source, sha256=deformed.sha256)
+            self._store.fetch(artifact.key, result, sha256=artifact.sha256)
             exclude = getattr(job.request.params, "exclude", ())
             given = DerivedInput(source, result, deformed.filename, job.request.output, exclude, strength)
-            derive(STRENGTH, given, output, app.assets.limits)
-            made = self._keep(app, job, artifact, output, key)
+            derive(STRENGTH, given, output, self._limits)
+            made = self._keep(job, artifact, output, key)
         self._remember(key, made)
         return made
 
-    def _keep(self, app: AppState, job: Job, artifact: Artifact, made: Path, key: str) -> StoredObject:
-        others = [other for other, _ in app.store.list(_prefix(job)) if other != key]
+    def _keep(self, job: Job, artifact: Artifact, made: Path, key: str) -> StoredObject:
+        others = [other for other, _ in self._store.list(_prefix(job)) if other != key]
         for other in others[: max(0, len(others) + 1 - _KEPT_PER_JOB)]:
-            app.store.delete(other)
-        stored = app.store.put_verified(key, made, artifact.content_type)
+            self._store.delete(other)
+        stored = self._store.put_verified(key, made, artifact.content_type)
         try:
-            app.record.get(job.id)
+            self._record.get(job.id)
         except NotFoundError:  # deleted meanwhile, with its other objects
-            app.store.delete(key)
+            self._store.delete(key)
             raise
         return stored
 

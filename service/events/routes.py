@@ -140,7 +140,7 @@ async def _page(request: Request, app: AppState, job_id: str, owner: str | None,
     found = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
     if not found and wait_s is not None:
         with suppress(LimitError):
-            await wait_here(app, job_id, owner, _more(after), wait_s, request=request)
+            await wait_here(app.waiters, job_id, owner, _more(after), wait_s, request=request)
         found = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
     page = EventList(events=[EventView.of(event) for event in found], next_after=found[-1].seq if found else after)
     return JSONResponse(page.model_dump(mode="json"), headers={**_HEADERS, **applied(wait_s), "Vary": "Accept"})

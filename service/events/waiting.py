@@ -17,7 +17,7 @@ from collections.abc import AsyncIterator, Callable, Collection, Iterator, Seque
 from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, TypeVarTuple
+from typing import Annotated, Any, TypeVar, TypeVarTuple
 
 import anyio
 from anyio import CancelScope, CapacityLimiter, to_thread
@@ -27,10 +27,8 @@ from meshdeform.api.limits import MAX_WAIT_S
 from meshdeform.errors import LimitError, UnavailableError
 from meshdeform.record.events import Head
 from meshdeform.record.models import Job
+from meshdeform.record.repository import JobRecord
 from meshdeform.serving.connections import connection_limit
-
-if TYPE_CHECKING:
-    from service.state import AppState
 
 __all__ = [
     "MOST_HELD_OF_ONE",
@@ -259,13 +257,20 @@ def on_termination(callback: Callable[[], None]) -> Iterator[None]:
 
 
 async def settled(
-    app: AppState, job_id: str, owner: str | None, wait_s: float, *, request: Request | None = None
+    waiters: JobWaiters,
+    record: JobRecord,
+    job_id: str,
+    owner: str | None,
+    wait_s: float,
+    *,
+    request: Request | None = None,
 ) -> Job:
     """Return a job once it has finished, or earlier on timeout, on disconnection, or if no slot is free.
 
     Parameters
     ----------
-    app : AppState
+    waiters : JobWaiters
+    record : JobRecord
     job_id : str
     owner : str or None
         Required owner of the job; None: any.
@@ -280,20 +285,20 @@ async def settled(
     UnavailableError
         The record does not respond at the start. Later, the job is returned as last read.
     """
-    job = await app.waiters.read(app.record.get, job_id, owner)
+    job = await waiters.read(record.get, job_id, owner)
     if job.state.terminal or wait_s <= 0:
         return job
     # If no slot is free, respond at once: waiting is only a preference.
     with suppress(LimitError):
-        await wait_here(app, job_id, owner, _over, wait_s, request=request)
+        await wait_here(waiters, job_id, owner, _over, wait_s, request=request)
     try:
-        return await app.waiters.read(app.record.get, job_id, owner)
+        return await waiters.read(record.get, job_id, owner)
     except UnavailableError:
         return job
 
 
 async def wait_here(
-    app: AppState,
+    waiters: JobWaiters,
     job_id: str,
     owner: str | None,
     wanted: Callable[[Head | None], bool],
@@ -308,11 +313,11 @@ async def wait_here(
     LimitError
         No slot is free.
     """
-    with app.waiters.slot(owner or ""):
+    with waiters.slot(owner or ""):
         async with anyio.create_task_group() as group:
             if request is not None:
                 group.start_soon(_cancel_when_gone, request, group.cancel_scope)
-            await app.waiters.until(job_id, wanted, wait_s)
+            await waiters.until(job_id, wanted, wait_s)
             group.cancel_scope.cancel()
 
 

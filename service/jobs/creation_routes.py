@@ -155,7 +155,7 @@ async def create_job(
     wait_s = preferred_wait(request)
     if wait_s is None or answer.replayed:
         return answer.response()
-    job = await settled(app, answer.body["id"], principal.owner_id, wait_s, request=request)
+    job = await settled(app.waiters, app.record, answer.body["id"], principal.owner_id, wait_s, request=request)
     headers = {"Location": answer.headers["Location"], **applied(wait_s)}
     return shown(job, status=200 if job.state.terminal else 202, headers=headers)
 

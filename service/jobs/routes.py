@@ -15,8 +15,8 @@ from pydantic import AwareDatetime, BeforeValidator
 from meshdeform.api.jobs import JobList, JobView, job_headers
 from meshdeform.api.limits import MAX_PAGE, MAX_SEARCH
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
-from meshdeform.record.files import remove_job
 from meshdeform.record.models import Job, JobState
+from meshdeform.record.removal import remove_job
 from meshdeform.requests.document import MAX_METADATA_ENTRIES, MAX_METADATA_NAME, MAX_METADATA_VALUE
 from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WAITED, JobId
 from service.downloads.responses import matches
@@ -135,7 +135,7 @@ async def get_job(
     if wait_s is None or viewer.owner_id is None:
         job = await to_thread.run_sync(app.record.get, id, viewer.owner_id)
     else:
-        job = await settled(app, id, viewer.owner_id, wait_s, request=request)
+        job = await settled(app.waiters, app.record, id, viewer.owner_id, wait_s, request=request)
     if viewer.link:
         # Labels and other jobs are no part of what the owner has shown.
         document = _view(job).model_copy(update={"metadata": {}, "origin": None})
