@@ -20,8 +20,7 @@ from meshdeform.cli.cancel import cancel
 from meshdeform.cli.continuing import branch, delete, retry
 from meshdeform.cli.convert import convert
 from meshdeform.cli.doctor import doctor
-from meshdeform.cli.evaluate import evaluate
-from meshdeform.cli.exits import ExitCode, OutcomeError, report
+from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
 from meshdeform.cli.family_fit import family_fit
 from meshdeform.cli.family_synthesize import family_synthesize
 from meshdeform.cli.fetch import fetch
@@ -112,6 +111,17 @@ def _options(
     pass
 
 
+@clean_errors
+def _moved() -> None:
+    """Name the command that took the place of `eval`."""
+    raise OutcomeError(
+        ExitCode.USAGE,
+        "usage",
+        "`meshdeform eval` is no part of the package any more.",
+        "In a clone of the repository, use: python -m training.evaluation (docs/quality.md).",
+    )
+
+
 app.command(rich_help_panel=_MACHINE)(run)
 app.command(rich_help_panel=_MACHINE)(batch)
 app.command(rich_help_panel=_MACHINE)(apply)
@@ -125,7 +135,7 @@ app.command("surface-fit", rich_help_panel=_MACHINE)(surface_fit)
 app.command(rich_help_panel=_MACHINE)(unfold)
 app.command(rich_help_panel=_MACHINE)(sketch)
 app.command(rich_help_panel=_MACHINE)(teach)
-app.command("eval", rich_help_panel=_MACHINE)(evaluate)
+app.command("eval", hidden=True, context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(_moved)
 app.command(rich_help_panel=_MACHINE)(models)
 app.command(rich_help_panel=_MACHINE)(doctor)
 app.command(rich_help_panel=_MACHINE)(version)
