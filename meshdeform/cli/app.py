@@ -14,31 +14,25 @@ import typer
 from typer.core import TyperGroup
 
 from meshdeform.cli.animate import animate
-from meshdeform.cli.apply import apply
-from meshdeform.cli.batch import batch
-from meshdeform.cli.cancel import cancel
-from meshdeform.cli.continuing import branch, delete, retry
+from meshdeform.cli.apply import ApplyCommand, apply
+from meshdeform.cli.batch import BatchCommand, batch
 from meshdeform.cli.convert import convert
 from meshdeform.cli.doctor import doctor
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
-from meshdeform.cli.family_fit import family_fit
-from meshdeform.cli.family_synthesize import family_synthesize
-from meshdeform.cli.fetch import fetch
-from meshdeform.cli.inspect import inspect
-from meshdeform.cli.jobs import jobs
+from meshdeform.cli.family import FamilyFitCommand, FamilySynthesizeCommand, family_fit, family_synthesize
+from meshdeform.cli.inspect import InspectCommand, inspect
+from meshdeform.cli.jobs import BranchCommand, branch, cancel, delete, fetch, jobs, retry, wait, watch
 from meshdeform.cli.keys import keys
 from meshdeform.cli.mcp import mcp
 from meshdeform.cli.models import models
-from meshdeform.cli.run import run
+from meshdeform.cli.run import RunCommand, run
 from meshdeform.cli.servers import api, serve, worker
 from meshdeform.cli.sketch import sketch
-from meshdeform.cli.submit import submit
-from meshdeform.cli.surface_fit import surface_fit
-from meshdeform.cli.teach import teach
-from meshdeform.cli.unfold import unfold
-from meshdeform.cli.variants import variants
+from meshdeform.cli.surface_fit import SurfaceFitCommand, surface_fit, unfold
+from meshdeform.cli.teach import TeachCommand, teach
+from meshdeform.cli.variants import VariantsCommand, variants
 from meshdeform.cli.version import print_version, version
-from meshdeform.cli.waiting import wait, watch
+from meshdeform.errors import ParameterError
 from meshdeform.support.collector import skip_last_collections
 from meshdeform.support.threads import limit_spinning
 
@@ -46,6 +40,7 @@ __all__ = ["app", "main"]
 
 # From the click that typer uses, which may be a copy of its own.
 _UsageError: type[Exception] = typer.BadParameter.__base__ or Exception
+_ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
 _CLIENT, _SERVICE, _MACHINE = "A service's jobs", "Running a service", "This machine"
 
 
@@ -92,7 +87,7 @@ app = typer.Typer(
     cls=_Commands,
     help="Reshape 3D assets with a prompt: the same asset comes out with a new shape.\n\n"
     'On this machine: meshdeform run examples/sphere.glb "a mushroom". '
-    "As a service: meshdeform serve, then submit, watch and fetch. To check the installation: meshdeform doctor.",
+    "As a service: meshdeform serve, then run --url, jobs and fetch. To check the installation: meshdeform doctor.",
     epilog="Exit codes: 0 done, 1 internal error, 2 wrong usage, 3 bad input, 4 something required is missing, "
     "5 the job failed, 6 it was canceled or expired, 7 timed out, 8 some rows of a batch failed, 9 not authorised, "
     "10 over a limit, 130 interrupted.",
@@ -112,40 +107,49 @@ def _options(
 
 
 @clean_errors
-def _moved() -> None:
-    """Name the command that took the place of `eval`."""
+def evaluate() -> None:
+    """Say what has become of `meshdeform eval`."""
     raise OutcomeError(
         ExitCode.USAGE,
         "usage",
-        "`meshdeform eval` is no part of the package any more.",
+        "meshdeform eval is no part of the package any more.",
         "In a clone of the repository, use: python -m training.evaluation (docs/quality.md).",
     )
 
 
-app.command(rich_help_panel=_MACHINE)(run)
-app.command(rich_help_panel=_MACHINE)(batch)
-app.command(rich_help_panel=_MACHINE)(apply)
+@clean_errors
+def submit() -> None:
+    """Say what has become of this command."""
+    raise ParameterError(
+        "meshdeform submit is now meshdeform run --url URL, which also follows the job and saves its artifacts.",
+        advice="Name the service with --url; with --detach it prints the id of the job and does not wait.",
+    )
+
+
+app.command(cls=RunCommand, rich_help_panel=_MACHINE)(run)
+app.command(cls=BatchCommand, rich_help_panel=_MACHINE)(batch)
+app.command(cls=ApplyCommand, rich_help_panel=_MACHINE)(apply)
 app.command(rich_help_panel=_MACHINE)(convert)
-app.command(rich_help_panel=_MACHINE)(variants)
-app.command("family-fit", rich_help_panel=_MACHINE)(family_fit)
-app.command("family-synthesize", rich_help_panel=_MACHINE)(family_synthesize)
-app.command(rich_help_panel=_MACHINE)(inspect)
+app.command(cls=VariantsCommand, rich_help_panel=_MACHINE)(variants)
+app.command("family-fit", cls=FamilyFitCommand, rich_help_panel=_MACHINE)(family_fit)
+app.command("family-synthesize", cls=FamilySynthesizeCommand, rich_help_panel=_MACHINE)(family_synthesize)
+app.command(cls=InspectCommand, rich_help_panel=_MACHINE)(inspect)
 app.command(rich_help_panel=_MACHINE)(animate)
-app.command("surface-fit", rich_help_panel=_MACHINE)(surface_fit)
+app.command("surface-fit", cls=SurfaceFitCommand, rich_help_panel=_MACHINE)(surface_fit)
 app.command(rich_help_panel=_MACHINE)(unfold)
 app.command(rich_help_panel=_MACHINE)(sketch)
-app.command(rich_help_panel=_MACHINE)(teach)
-app.command("eval", hidden=True, context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(_moved)
+app.command(cls=TeachCommand, rich_help_panel=_MACHINE)(teach)
+app.command("eval", hidden=True, context_settings=_ANYTHING)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)
 app.command(rich_help_panel=_MACHINE)(doctor)
 app.command(rich_help_panel=_MACHINE)(version)
-app.command(rich_help_panel=_CLIENT)(submit)
+app.command(hidden=True, context_settings=_ANYTHING)(submit)
 app.command(rich_help_panel=_CLIENT)(watch)
 app.command(rich_help_panel=_CLIENT)(wait)
 app.command(rich_help_panel=_CLIENT)(fetch)
 app.command(rich_help_panel=_CLIENT)(cancel)
 app.command(rich_help_panel=_CLIENT)(retry)
-app.command(rich_help_panel=_CLIENT)(branch)
+app.command(cls=BranchCommand, rich_help_panel=_CLIENT)(branch)
 app.command(rich_help_panel=_CLIENT)(delete)
 app.command(rich_help_panel=_CLIENT)(jobs)
 app.command(rich_help_panel=_CLIENT)(mcp)

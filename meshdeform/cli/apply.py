@@ -11,21 +11,25 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import ForceOption, MorphPathOption
-from meshdeform.cli.request import parse_morph_path
-from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.cli.form import form_command, of_request, written
+from meshdeform.cli.options import ForceOption
+from meshdeform.cli.request import make_request
+from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset, Limits
     from meshdeform.requests.morph import MorphPath
 
-__all__ = ["apply"]
+__all__ = ["ApplyCommand", "apply"]
 
 _MAX_STRENGTH = 1.5
+
+ApplyCommand = form_command(of_request("output", "Morph", only=("morph_path",)))
 
 
 @clean_errors
 def apply(
+    ctx: typer.Context,
     result: Annotated[Path, typer.Argument(help="The deformed GLB.", exists=True, dir_okay=False)],
     strength: Annotated[
         float,
@@ -45,7 +49,6 @@ def apply(
         typer.Option("-o", "--output", help="The GLB to write. Default: RESULT-60.glb.", show_default=False),
     ] = None,
     morph: Annotated[bool, typer.Option("--morph", help="Instead: the whole way, as an animation.")] = False,
-    morph_path: MorphPathOption = None,
     compact: Annotated[bool, typer.Option("--compact", help="Drop data that the new shape made unused.")] = False,
     force: ForceOption = False,
 ) -> None:
@@ -53,11 +56,12 @@ def apply(
 
     meshdeform apply mushroom.glb --strength 0.6 --source examples/sphere.glb
 
-    meshdeform apply mushroom.glb --morph --morph-path frames=12 --morph-path ping_pong=true
+    meshdeform apply mushroom.glb --morph --frames 12 --ping-pong
     """
     require("torch", "deform")
-    way = parse_morph_path(morph_path)
-    morph = morph or way is not None
+    output_options = written(ctx, "output")
+    morph = morph or bool(output_options)
+    way = make_request("", {}, output=output_options).output.morph_path
     ending = "morph" if morph else f"{100 * strength:g}"
     path = output or result.with_name(f"{result.stem}{'.' if morph else '-'}{ending}.glb")
     for used in (result, source):
@@ -65,15 +69,14 @@ def apply(
             raise ParameterError(f"{path} is an input of this command.", advice="Choose another name with -o.")
     if path.exists() and not force:
         raise ParameterError(f"{path} exists.", advice="Choose another name with -o, or overwrite it with --force.")
-    _write(path, _made(result, source, strength, way, morph=morph, compact=compact))
+    from meshdeform.cli.local import write_all
+
+    write_all({path: _made(result, source, strength, way, morph=morph, compact=compact)}, what=str(path))
     typer.echo(path)
 
 
-def _made(
-    result: Path, source: Path | None, strength: float, way: MorphPath | None, *, morph: bool, compact: bool
-) -> bytes:
+def _made(result: Path, source: Path | None, strength: float, way: MorphPath, *, morph: bool, compact: bool) -> bytes:
     from meshdeform.assets import Limits
-    from meshdeform.requests.morph import MorphPath
     from meshdeform.runs.devices import use_threads
     from meshdeform.runs.strength import AssetPath, matched, with_strength, write_morph
     from meshdeform.runs.text_report import read_result
@@ -89,7 +92,7 @@ def _made(
         return with_strength(asset, data, strength, exclude=exclude, limits=limits, compact=compact)
     asset, end = matched(asset, read_result(data), exclude, limits)
     path = AssetPath(asset, end.surface.positions)
-    return write_morph(asset, path, path.at(1), way or MorphPath(), compact=compact, provenance=end.provenance)
+    return write_morph(asset, path, path.at(1), way, compact=compact, provenance=end.provenance)
 
 
 def _source(result: Path, report: dict[str, Any], source: Path | None, limits: Limits) -> Asset:
@@ -133,13 +136,3 @@ def _report_of(result: Path, sha256: str) -> dict[str, Any]:
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             continue
     return {"input": {}, "params": {}}
-
-
-def _write(path: Path, data: bytes) -> None:
-    from meshdeform.support.files import write_files
-
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_files({path: data})
-    except OSError as error:
-        raise UnavailableError(f"{path} cannot be written: {error}.", advice="Choose another place with -o.") from error

@@ -11,32 +11,35 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
+from meshdeform.cli.form import form_command, of_kind, of_request, overlaid, written
 from meshdeform.cli.options import (
     ApiKeyFileOption,
     ApiKeyOption,
     JsonOption,
-    ModelOption,
     QuietOption,
     SetOption,
     UrlOption,
 )
 from meshdeform.cli.output import emit, note, table
-from meshdeform.cli.request import find_taught, merge_params
-from meshdeform.requests.choices import Preset
+from meshdeform.cli.request import merge_params
 
 if TYPE_CHECKING:
-    from meshdeform.cli.batches.manifest import Entry
-    from meshdeform.cli.batches.rows import Row
+    from meshdeform.cli.batches.rows import Entry, Row
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["batch"]
+__all__ = ["BatchCommand", "batch"]
 
-_WHAT, _METHOD, _HOW = "What", "Method", "How"
+_WHAT, _HOW = "What", "How"
 _ROWS_AT_SERVICE = 8
+
+BatchCommand = form_command(
+    of_kind("text_deform"), of_request("output", _WHAT, only=("morph", "subdivide", "compact", "provenance"))
+)
 
 
 @clean_errors
 def batch(
+    ctx: typer.Context,
     source: Annotated[
         Path,
         typer.Argument(
@@ -60,7 +63,6 @@ def batch(
             min=1, help="Run each row with this many seeds, which gives as many variations.", rich_help_panel=_WHAT
         ),
     ] = None,
-    morph: Annotated[bool, typer.Option("--morph", help="Also make each morph.glb.", rich_help_panel=_WHAT)] = False,
     as_morph_targets: Annotated[
         bool,
         typer.Option(
@@ -69,39 +71,12 @@ def batch(
             rich_help_panel=_WHAT,
         ),
     ] = False,
-    subdivide: Annotated[
-        bool,
-        typer.Option(
-            "--subdivide", help="Split long edges first, so that large triangles can bend.", rich_help_panel=_WHAT
-        ),
-    ] = False,
-    compact: Annotated[
-        bool, typer.Option("--compact", help="Drop data that the new shapes made unused.", rich_help_panel=_WHAT)
-    ] = False,
-    provenance: Annotated[
-        bool, typer.Option("--provenance", help="Store prompt, seed and source in each GLB.", rich_help_panel=_WHAT)
-    ] = False,
     flat: Annotated[
         bool,
         typer.Option(
             "--flat", help="Put all results into one folder: duck-a-tall-vase-seed7.glb.", rich_help_panel=_WHAT
         ),
     ] = False,
-    preset: Annotated[
-        Preset | None,
-        typer.Option(
-            help="Quality of rows that set none: preview, balanced or paper.",
-            rich_help_panel=_METHOD,
-            show_default=False,
-        ),
-    ] = None,
-    steps: Annotated[
-        int | None, typer.Option(help="Optimiser iterations; default: the preset's.", rich_help_panel=_METHOD)
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="The seed, or the first of --seeds; default: 0.", rich_help_panel=_METHOD)
-    ] = None,
-    model: ModelOption = None,
     settings: SetOption = None,
     parallel: Annotated[
         int | None,
@@ -138,14 +113,14 @@ def batch(
     if as_morph_targets:
         require("torch", "deform")
     entries = _entries(source, prompt or [], prompts_file)
-    defaults = merge_params(settings or [], preset=preset, model=model, steps=steps, seed=seed)
+    defaults = overlaid(merge_params(settings or []), written(ctx))
     first = int(defaults.get("seed", 0))
     with Session(output, as_json=as_json, quiet=quiet, flat=flat) as session:
         rows, repeated = make_rows(
             entries,
             defaults=defaults,
             seeds=range(first, first + seeds) if seeds else (),
-            output={"morph": morph, "compact": compact, "subdivide": subdivide, "provenance": provenance},
+            output=written(ctx, "output"),
             known_names=session.ledger.known_names(),
             flat=flat,
             occupied=(path.name for path in output.iterdir()),
@@ -154,14 +129,14 @@ def batch(
         if repeated:
             note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=quiet)
         if url:
-            from meshdeform.cli.batches.remote import ServiceRunner
-            from meshdeform.cli.connection import connect
+            from meshdeform.cli.batches.runners import ServiceRunner
+            from meshdeform.cli.environment import connect
 
             concurrent = parallel or _ROWS_AT_SERVICE
             client = connect(url, api_key, api_key_file)
             session.run(rows, ServiceRunner(client, session.ledger, output), concurrent, retry_failed=retry_failed)
         else:
-            from meshdeform.cli.batches.local import LocalRunner
+            from meshdeform.cli.batches.runners import LocalRunner
 
             concurrent = min(parallel or 1, len(rows))
             share = {"device": device, "threads": threads if threads is not None else _share(concurrent)}
@@ -185,7 +160,7 @@ def batch(
 
 
 def _entries(source: Path, prompts: Sequence[str], prompts_file: Path | None) -> list[Entry]:
-    from meshdeform.cli.batches.manifest import TABLE_SUFFIXES, combine, read_prompts, read_table
+    from meshdeform.cli.batches.rows import TABLE_SUFFIXES, combine, read_prompts, read_table
 
     prompts = [*prompts, *(read_prompts(prompts_file) if prompts_file else [])]
     if source.is_file() and source.suffix.lower() in TABLE_SUFFIXES:
@@ -198,7 +173,7 @@ def _entries(source: Path, prompts: Sequence[str], prompts_file: Path | None) ->
 def _target_sets(folder: Path, rows: Sequence[Row]) -> dict[str, str]:
     """Write the results of each asset as morph targets; return the paths of the files by their names."""
     from meshdeform.assets import Limits
-    from meshdeform.cli.batches.targets import write_target_sets
+    from meshdeform.cli.batches.summary import write_target_sets
 
     paths = write_target_sets(folder, rows, Limits.from_settings(load_settings()))
     return {path.name: str(path) for path in paths}
@@ -207,20 +182,12 @@ def _target_sets(folder: Path, rows: Sequence[Row]) -> dict[str, str]:
 def _checker() -> Any:
     """Return a check that refuses a row that cannot run on this machine, without importing torch."""
     require("torch", "deform")
-    from meshdeform.runs import text_deform_checks
+    from meshdeform.cli.local import check_locally
 
     settings = load_settings()
 
     def check(request: JobRequest, has_target: bool) -> None:
-        request = find_taught(request, settings)
-        named = request.params.model
-        text_deform_checks.check(
-            request,
-            default_model=settings.model,
-            allowed_models=[named] if named else [],
-            revision=settings.model_revision,
-            has_target=has_target,
-        )
+        check_locally(request, settings, ["asset", "target"] if has_target else ["asset"])
 
     return check
 

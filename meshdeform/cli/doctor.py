@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from meshdeform.cli.connection import service_url
-from meshdeform.cli.environment import load_settings
+from meshdeform.cli.environment import load_settings, service_url
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
 from meshdeform.cli.output import emit, plain
@@ -46,8 +45,8 @@ def doctor(
 
     meshdeform doctor --url http://127.0.0.1:8765 --json
     """
-    from meshdeform.cli.connection import read_key
     from meshdeform.cli.diagnosis.checks import Subject
+    from meshdeform.cli.environment import read_key
 
     subject = Subject(
         settings=load_settings(data_dir=data_dir),

@@ -9,35 +9,37 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import AlsoOption, JsonOption, ModelOption, SetOption
-from meshdeform.cli.orientation import orientation_line
+from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.options import AlsoOption, JsonOption, SetOption
 from meshdeform.cli.output import emit, plain, table
-from meshdeform.cli.prompts import parse_also
-from meshdeform.cli.request import find_taught, make_request, merge_params
+from meshdeform.cli.report_lines import orientation_line
+from meshdeform.cli.request import make_request, merge_params
+from meshdeform.cli.written import parse_also
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
-    from meshdeform.settings import Settings
 
-__all__ = ["inspect"]
+__all__ = ["InspectCommand", "inspect"]
 
 _SHOWN = 40
+
+InspectCommand = form_command(of_kind("text_deform", only=("model", "source_noun")))
 
 
 @clean_errors
 def inspect(
+    ctx: typer.Context,
     asset: Annotated[Path, typer.Argument(help="A GLB, OBJ, PLY or STL.", exists=True, dir_okay=False, readable=True)],
     prompt: Annotated[
         str, typer.Option(help="Also find the side that a job with this prompt would make the front.")
     ] = "",
     also: AlsoOption = None,
-    model: ModelOption = None,
     param: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show what can be selected in ASSET, and propose components that should keep their shape.
 
-    Congruent parts and round ones are proposed, each with the options of `run` and `submit` that keep them.
+    Congruent parts and round ones are proposed, each with the options of `run` that keep them.
 
     meshdeform inspect truck.glb
 
@@ -47,13 +49,11 @@ def inspect(
     from meshdeform.assets import Limits, load_asset
     from meshdeform.runs.inspection import inspect_parts
 
-    settings = load_settings()
-    data = asset.read_bytes()
-    found = inspect_parts(load_asset(data, asset.name, Limits.from_settings(settings)))
+    limits = Limits.from_settings(load_settings())
+    found = inspect_parts(load_asset(asset.read_bytes(), asset.name, limits))
     if prompt or also:
-        written = merge_params(param or [], model=model, prompts=parse_also(also))
-        request = make_request(prompt, {"orientation": "auto", **written})
-        found["orientation"] = _front(data, asset.name, find_taught(request, settings), settings)
+        params = overlaid(merge_params(param or [], prompts=parse_also(also)), written(ctx))
+        found["orientation"] = _front(asset, make_request(prompt, overlaid({"orientation": "auto"}, params)))
     if as_json:
         emit(found)
         return
@@ -64,25 +64,15 @@ def inspect(
         typer.echo(warning, err=True)
 
 
-def _front(data: bytes, filename: str, request: JobRequest, settings: Settings) -> dict[str, Any]:
+def _front(asset: Path, request: JobRequest) -> dict[str, Any]:
     """Return the orientation that a job would have, as its report would describe it."""
-    from meshdeform.assets import Limits
-    from meshdeform.priors import load_prior
-    from meshdeform.runs import text_deform, text_deform_checks
-    from meshdeform.runs.devices import resolve_device, use_threads
+    from meshdeform.cli.local import LocalJob
+    from meshdeform.runs.text_deform import TextDeformRun
 
-    named = [request.params.model] if request.params.model else []
-    params = text_deform_checks.check(
-        request, default_model=settings.model, allowed_models=named, revision=settings.model_revision
-    )
-    revision = settings.model_revision if params.model == settings.model else ""
-    use_threads(settings.threads)
-    device = resolve_device(settings.device)
-    prior = load_prior(params.model, device=device, revision=revision, dtype=settings.dtype)
-    limits = Limits.from_settings(settings)
-    run = text_deform.start(
-        asset=data, filename=filename, request=request, prior=prior, limits=limits, device=device, resolved=params
-    )
+    job = LocalJob(request, {"asset": asset}, {}, load_settings())
+    job.check(force=True)
+    run = job.start()
+    assert isinstance(run, TextDeformRun)
     return run.orientation.to_dict()
 
 

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from meshdeform.cli.connection import read_key, service_url
-from meshdeform.cli.environment import require
+from meshdeform.cli.environment import read_key, require, service_url
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, UrlOption
 

@@ -7,8 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.connection import connect
-from meshdeform.cli.environment import load_settings
+from meshdeform.cli.environment import connect, load_settings
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption, complete_models
 from meshdeform.cli.output import emit, table

@@ -9,12 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.requests.choices import RigMode, Symmetry
-
 __all__ = [
     "AlsoOption",
     "ApiKeyFileOption",
     "ApiKeyOption",
+    "CheckpointOption",
+    "DetachOption",
     "ExcludeOption",
     "ForceOption",
     "HandleOption",
@@ -22,15 +22,16 @@ __all__ = [
     "JobIdsArgument",
     "JsonOption",
     "KeepOption",
-    "ModelOption",
-    "MorphPathOption",
+    "LabelOption",
     "OnlyOption",
+    "OverwriteOption",
     "QuietOption",
-    "RigOption",
+    "ResumeOption",
     "RigidOption",
     "SetOption",
     "SilhouetteOption",
-    "SymmetryOption",
+    "ThreadsOption",
+    "TimeoutOption",
     "UrlOption",
     "complete_job_ids",
     "complete_models",
@@ -64,24 +65,21 @@ def complete_states(incomplete: str) -> list[str]:
 
 def complete_parameters(incomplete: str) -> Iterator[str]:
     """Complete names of parameters up to the `=`, then the values of those that are a choice."""
-    from meshdeform.requests.document import DeformParams
+    from meshdeform.cli.form import parameter_choices
 
-    schemas = DeformParams.model_json_schema()
     name, equals, value = incomplete.partition("=")
+    choices = parameter_choices()
     if not equals:
-        yield from (f"{known}=" for known in DeformParams.model_fields if known.startswith(name))
+        yield from (f"{known}=" for known in choices if known.startswith(name))
         return
-    schema = schemas["properties"].get(name, {})
-    for kind in (schema, *schema.get("anyOf", ())):
-        choices = schemas.get("$defs", {}).get(kind.get("$ref", "").rpartition("/")[2], {}).get("enum", ())
-        yield from (f"{name}={choice}" for choice in choices if str(choice).startswith(value))
+    yield from (f"{name}={choice}" for choice in choices.get(name, ()) if choice.startswith(value))
 
 
 def complete_job_ids(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Complete the newest jobs of the service if it responds within a second."""
     from itertools import islice
 
-    from meshdeform.cli.connection import connect
+    from meshdeform.cli.environment import connect
     from meshdeform.cli.output import plain
 
     given = ctx.params
@@ -135,15 +133,6 @@ ApiKeyFileOption = Annotated[
         exists=True, dir_okay=False, help="A file with the API key.", rich_help_panel=_SERVICE, show_default=False
     ),
 ]
-ModelOption = Annotated[
-    str | None,
-    typer.Option(
-        help="`builtin`, a file that `meshdeform teach` wrote, or a Stable Diffusion model by hub id or folder.",
-        rich_help_panel="Method",
-        autocompletion=complete_models,
-        show_default=False,
-    ),
-]
 ExcludeOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -154,24 +143,6 @@ ExcludeOption = Annotated[
     ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite files, whoever wrote them.")]
-MorphPathOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--morph-path",
-        metavar="NAME=VALUE",
-        help="How the morph goes: frames, easing, ping_pong, seconds (docs/control.md); repeatable.",
-        show_default=False,
-    ),
-]
-RigOption = Annotated[
-    RigMode | None,
-    typer.Option(
-        help="What becomes of the asset's own morph targets and joints: keep them as they are, or let them follow the "
-        "shape; default: keep.",
-        rich_help_panel="Outputs",
-        show_default=False,
-    ),
-]
 RigidOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -221,14 +192,6 @@ HandleOption = Annotated[
         show_default=False,
     ),
 ]
-SymmetryOption = Annotated[
-    Symmetry | None,
-    typer.Option(
-        help="Keep the mirror symmetry along an axis, or the first one there is; default: none.",
-        rich_help_panel="Control",
-        show_default=False,
-    ),
-]
 SilhouetteOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -240,6 +203,37 @@ SilhouetteOption = Annotated[
     ),
 ]
 SetOption = Annotated[list[str] | None, _set_option(rich_help_panel="Method", show_default=False)]
+CheckpointOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Save the state to this file regularly and at Ctrl-C.",
+        dir_okay=False,
+        rich_help_panel="Interrupt and resume",
+        show_default=False,
+    ),
+]
+ResumeOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Continue from a file that --checkpoint wrote.",
+        exists=True,
+        dir_okay=False,
+        rich_help_panel="Interrupt and resume",
+        show_default=False,
+    ),
+]
+LabelOption = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=TEXT", help="A label of the job; repeatable.", rich_help_panel=_SERVICE),
+]
+DetachOption = Annotated[
+    bool, typer.Option("--detach", help="Print the id of the job, and do not wait for it.", rich_help_panel=_SERVICE)
+]
+TimeoutOption = Annotated[
+    float | None, typer.Option(min=0.0, help="Wait at most this many seconds.", rich_help_panel=_SERVICE)
+]
+OverwriteOption = Annotated[bool, typer.Option("--force", help="Overwrite files that no earlier run wrote.")]
+ThreadsOption = Annotated[int | None, typer.Option(min=0, help="CPU threads; 0: all cores.")]
 JobIdArgument = Annotated[
     str, typer.Argument(metavar="ID", help="The job: job_...", autocompletion=complete_job_ids, show_default=False)
 ]

@@ -9,25 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from meshdeform.cli.form import overlaid
 from meshdeform.errors import ParameterError
+from meshdeform.requests.choices import JobKind
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
-    from meshdeform.requests.morph import MorphPath
-    from meshdeform.settings import Settings
 
-__all__ = [
-    "make_request",
-    "make_settings",
-    "merge_params",
-    "parse_exclude",
-    "parse_labels",
-    "parse_morph_path",
-]
+__all__ = ["make_request", "make_settings", "merge_params", "parse_files", "parse_labels"]
 
 
 def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
-    """Parse parameters written as NAME=VALUE; a value that is not JSON is text.
+    """Parse parameters written as NAME=VALUE, or GROUP.NAME=VALUE; a value that is not JSON is text.
 
     Raises
     ------
@@ -40,20 +33,18 @@ def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]
         if not equals:
             raise typer.BadParameter(f"{pair!r} is not NAME=VALUE", param_hint=option)
         try:
-            parameters[name.strip()] = json.loads(value)
+            read = json.loads(value)
         except ValueError:
-            parameters[name.strip()] = value
+            read = value
+        for part in reversed(name.split(".")):
+            read = {part.strip(): read}
+        parameters = overlaid(parameters, read)
     return parameters
 
 
 def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
     """Return the parameters from `--set`, overridden by the options that are not None."""
-    return {**make_settings(pairs), **{name: value for name, value in options.items() if value is not None}}
-
-
-def parse_exclude(texts: Sequence[str] | None) -> list[str | int] | None:
-    """Parse nodes, of which those of digits are indices; None if there are none."""
-    return [int(text) if text.isascii() and text.isdecimal() else text for text in texts] if texts else None
+    return overlaid(make_settings(pairs), {name: value for name, value in options.items() if value is not None})
 
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
@@ -73,28 +64,31 @@ def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
     return labels
 
 
-def parse_morph_path(pairs: list[str] | None) -> MorphPath | None:
-    """Parse the parameters of a morph, written as NAME=VALUE; None if there are none.
+def parse_files(pairs: Sequence[str] | None, kind: JobKind, first: Path) -> dict[str, Path]:
+    """Return the files of a job by part: `first`, and those written as PART=FILE.
 
     Raises
     ------
-    ParameterError
-        A parameter is unknown or out of range.
+    typer.BadParameter
+        A pair has no `=`, its part is none that the kind reads besides the first, or its file does not exist.
     """
-    if not pairs:
-        return None
-    from pydantic import ValidationError
+    from meshdeform.runs import kinds
 
-    from meshdeform.requests.morph import MorphPath
-
-    try:
-        return MorphPath.model_validate(make_settings(pairs, "--morph-path"))
-    except ValidationError as error:
-        sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in error.errors()]
-        raise ParameterError(
-            f"--morph-path is not valid: {'; '.join(sentences)}.",
-            advice="docs/control.md has its parameters with their bounds.",
-        ) from error
+    reads = next(each for each in kinds() if each.name == kind).reads
+    others = [each.name for each in reads[1:]]
+    files = {reads[0].name: first}
+    for pair in pairs or []:
+        part, equals, path = pair.partition("=")
+        part = part.strip()
+        if not equals or part not in others:
+            known = ", ".join(others) or "no others"
+            raise typer.BadParameter(f"{pair!r} is not PART=FILE; {kind} reads {known}", param_hint="--file")
+        if not Path(path).is_file():
+            raise typer.BadParameter(f"{path!r} is not a file", param_hint="--file")
+        files[part] = Path(path)
+    if missing := [each.name for each in reads if each.required and each.name not in files]:
+        raise typer.BadParameter(f"{kind} also needs {missing[0]}=FILE", param_hint="--file")
+    return files
 
 
 def make_request(
@@ -113,7 +107,7 @@ def make_request(
     params : mapping
         As in docs/parameters.md.
     output : mapping, optional
-        The options of `output` (docs/parameters.md); those that are False or None count as left out.
+        The options of `output` (docs/parameters.md).
     more : mapping, optional
         Further members of the document, such as `priority`.
     place : str
@@ -128,11 +122,14 @@ def make_request(
 
     from meshdeform.requests.document import JobRequest
     from meshdeform.requests.removed import instead
+    from meshdeform.runs import kinds
+
+    kinds()  # the kinds register their parameters
 
     document = {
         "prompt": prompt,
         "params": {name: value for name, value in params.items() if value is not None},
-        "output": {name: wanted for name, wanted in (output or {}).items() if wanted},
+        "output": dict(output or {}),
         **{name: value for name, value in (more or {}).items() if value is not None},
     }
     try:
@@ -147,15 +144,3 @@ def make_request(
             advice="docs/parameters.md has every parameter with its bounds, docs/http.md those of other kinds.",
             errors=found,
         ) from error
-
-
-def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
-    """Return the request with the path of taught weights that are named by a file in MESHDEFORM_MODELS."""
-    from meshdeform.priors.public_names import configured_name
-    from meshdeform.requests.models import is_taught
-
-    model = request.params.model
-    if model is None or not is_taught(model) or Path(model).expanduser().exists():
-        return request
-    path = configured_name(model, settings.further_models)
-    return request.model_copy(update={"params": request.params.model_copy(update={"model": path})})

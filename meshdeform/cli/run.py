@@ -1,64 +1,70 @@
-"""`meshdeform run`: deform one asset on this machine, without a server."""
+"""`meshdeform run`: deform one asset on this machine, or run a job of any kind on a service."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from meshdeform.cli.animate import check_animation, write_animation
-from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.fit import fit_line
-from meshdeform.cli.goals import parse_goals
-from meshdeform.cli.likeness import kept_line, likeness_line, verdict_line
+from meshdeform.cli.form import form_command, of_kind, of_request, overlaid, written
+from meshdeform.cli.jobs import run_on_service
 from meshdeform.cli.options import (
     AlsoOption,
+    ApiKeyFileOption,
+    ApiKeyOption,
+    CheckpointOption,
+    DetachOption,
     ExcludeOption,
     HandleOption,
     JsonOption,
     KeepOption,
-    ModelOption,
-    MorphPathOption,
+    LabelOption,
     OnlyOption,
     QuietOption,
+    ResumeOption,
     RigidOption,
-    RigOption,
     SetOption,
     SilhouetteOption,
-    SymmetryOption,
+    TimeoutOption,
 )
-from meshdeform.cli.orientation import orientation_line, source_line
 from meshdeform.cli.output import emit
-from meshdeform.cli.overwriting import check_checkpoint, check_outputs
-from meshdeform.cli.prompts import parse_also, prompt_lines
-from meshdeform.cli.request import find_taught, make_request, merge_params, parse_exclude, parse_morph_path
-from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
-from meshdeform.cli.sketch import write_sketched_target
-from meshdeform.cli.texture_stretch import stretch_line
-from meshdeform.requests.choices import Preset
-from meshdeform.support.collector import collection_paused
+from meshdeform.cli.report_lines import report_lines, report_summary
+from meshdeform.cli.request import make_request, merge_params, parse_files, parse_labels
+from meshdeform.cli.written import parse_also, parse_exclude, parse_handles, parse_pictures, parse_regions, parse_rigid
+from meshdeform.requests.choices import JobKind
 
-__all__ = ["run"]
+if TYPE_CHECKING:
+    from meshdeform.cli.local import FinishedRun, LocalJob
+    from meshdeform.requests.document import JobRequest
 
-_OUTPUTS, _METHOD, _RESUME = "Outputs", "Method", "Interrupt and resume"
+__all__ = ["RunCommand", "run"]
+
+_OUTPUTS = "Outputs"
+_LOCAL = {JobKind.SURFACE_FIT: "surface-fit", JobKind.PRIOR_TEACH: "teach"}
+
+RunCommand = form_command(
+    of_kind("text_deform"),
+    of_request("output", _OUTPUTS),
+    of_request("job", "Service", only=("kind", "priority", "deadline_s", "retention_s")),
+)
 
 
-def _file(text: str, panel: str, *, exists: bool = False) -> Any:
-    return typer.Option(help=text, rich_help_panel=panel, dir_okay=False, exists=exists, show_default=False)
+def _file(text: str) -> Any:
+    return typer.Option(help=text, rich_help_panel=_OUTPUTS, dir_okay=False, show_default=False)
 
 
 @clean_errors
 def run(
+    ctx: typer.Context,
     asset: Annotated[
         Path,
         typer.Argument(
-            help="The GLB, OBJ, PLY, STL or ZIP; or points (PLY, XYZ), a distance grid (NPZ), a network (safetensors).",
-            exists=True,
-            dir_okay=False,
-            readable=True,
+            help="The GLB, OBJ, PLY, STL or ZIP, or what else jobs of --kind read.", exists=True, dir_okay=False
         ),
     ],
     prompt: Annotated[
@@ -68,78 +74,29 @@ def run(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="The GLB to write. Default: ASSET-deformed.glb in this folder.", show_default=False
+            "-o",
+            "--output",
+            help="The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder.",
+            show_default=False,
         ),
     ] = None,
-    report: Annotated[Path | None, _file("Where the report goes (default: beside the GLB).", _OUTPUTS)] = None,
-    preview: Annotated[Path | None, _file("Where the picture goes (default: beside the GLB).", _OUTPUTS)] = None,
-    morph: Annotated[
-        bool,
-        typer.Option(help="Also write a GLB that animates from the source to the result.", rich_help_panel=_OUTPUTS),
-    ] = False,
-    morph_path: MorphPathOption = None,
-    subdivide: Annotated[
-        bool,
-        typer.Option(
-            "--subdivide", help="Split long edges first, so that large triangles can bend.", rich_help_panel=_OUTPUTS
-        ),
-    ] = False,
-    compact: Annotated[
-        bool,
-        typer.Option("--compact", help="Drop data that the new shape made unused.", rich_help_panel=_OUTPUTS),
-    ] = False,
-    provenance: Annotated[
-        bool,
-        typer.Option("--provenance", help="Store prompt, seed and source in the GLB.", rich_help_panel=_OUTPUTS),
-    ] = False,
-    animate: Annotated[
-        Path | None, _file("Also draw source to result and back, as this .webp or .gif.", _OUTPUTS)
-    ] = None,
+    report: Annotated[Path | None, _file("Where the report goes (default: beside the GLB).")] = None,
+    preview: Annotated[Path | None, _file("Where the picture goes (default: beside the GLB).")] = None,
+    animate: Annotated[Path | None, _file("Also draw source to result and back, as this .webp or .gif.")] = None,
     force: Annotated[
         bool,
         typer.Option("--force", help="Overwrite files that no earlier run wrote.", rich_help_panel=_OUTPUTS),
     ] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
-    preset: Annotated[
-        Preset | None,
-        typer.Option(
-            help="Quality: preview (fast), balanced (the default) or paper (slow).",
-            rich_help_panel=_METHOD,
-            show_default=False,
-        ),
-    ] = None,
-    steps: Annotated[
-        int | None, typer.Option(help="Optimiser iterations; default: the preset's.", rich_help_panel=_METHOD)
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(help="Random seed: another seed gives another variation; default: 0.", rich_help_panel=_METHOD),
-    ] = None,
-    model: ModelOption = None,
-    orientation: Annotated[
-        str | None,
-        typer.Option(
-            help="Which side of the asset becomes the front: auto, keep or degrees from +Z towards +X.",
-            rich_help_panel=_METHOD,
-        ),
-    ] = None,
-    guidance_scale: Annotated[
-        float | None,
-        typer.Option(help="How strongly the prompt pulls (classifier-free guidance).", rich_help_panel=_METHOD),
-    ] = None,
-    learning_rate: Annotated[
-        float | None, typer.Option(help="How far one step may go (Adam's step size).", rich_help_panel=_METHOD)
-    ] = None,
     target: Annotated[
-        Path | None, _file("A mesh to deform towards, instead of a prompt.", _METHOD, exists=True)
-    ] = None,
-    sketch: Annotated[
         Path | None,
-        _file(
-            "A line drawing (PNG, JPEG or WebP) whose first guess is the target, as in meshdeform sketch.",
-            _METHOD,
+        typer.Option(
+            help="A mesh to deform towards, instead of a prompt.",
             exists=True,
+            dir_okay=False,
+            rich_help_panel="Method",
+            show_default=False,
         ),
     ] = None,
     also: AlsoOption = None,
@@ -149,125 +106,174 @@ def run(
     keep: KeepOption = None,
     only: OnlyOption = None,
     handle: HandleOption = None,
-    symmetry: SymmetryOption = None,
-    rig: RigOption = None,
     param: SetOption = None,
-    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel=_METHOD)] = None,
+    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel="Method")] = None,
     threads: Annotated[
-        int | None, typer.Option(min=0, help="CPU threads; 0: all cores.", rich_help_panel=_METHOD)
+        int | None, typer.Option(min=0, help="CPU threads; 0: all cores.", rich_help_panel="Method")
     ] = None,
-    checkpoint: Annotated[Path | None, _file("Save the state to this file regularly and at Ctrl-C.", _RESUME)] = None,
-    resume: Annotated[Path | None, _file("Continue from a file that --checkpoint wrote.", _RESUME, exists=True)] = None,
+    checkpoint: CheckpointOption = None,
+    resume: ResumeOption = None,
+    url: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Run the job on this service: submit it, follow it, and save its artifacts.",
+            rich_help_panel="Service",
+            show_default=False,
+        ),
+    ] = None,
+    api_key: ApiKeyOption = None,
+    api_key_file: ApiKeyFileOption = None,
+    file: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PART=FILE", help="A further file that jobs of --kind read; repeatable.", rich_help_panel="Service"
+        ),
+    ] = None,
+    label: LabelOption = None,
+    idempotency_key: Annotated[
+        str | None,
+        typer.Option(
+            help="The same key within a day returns the same job.", rich_help_panel="Service", show_default=False
+        ),
+    ] = None,
+    detach: DetachOption = False,
+    timeout: TimeoutOption = None,
 ) -> None:
-    """Deform ASSET until it looks like PROMPT, on this machine.
+    """Deform ASSET until it looks like PROMPT, on this machine or on a service.
 
     meshdeform run examples/sphere.glb "a mushroom" -o mushroom.glb
 
     meshdeform run examples/sphere.glb --target examples/vase.glb --set laplacian_weight=0.3
+
+    meshdeform run examples/sphere.glb "a mushroom" --url http://127.0.0.1:8765 -o mushroom
     """
+    job = written(ctx, "job")
+    kind = JobKind(job.get("kind", JobKind.TEXT_DEFORM))
+    if animate is not None:
+        check_animation(animate, "--animate")
+    pictures = parse_pictures(silhouette)
+    options: dict[str, Any] = {
+        **({"guidance": "target"} if target else {}),
+        **({"guidance": "silhouettes"} if silhouette and not (prompt or also or target) else {}),
+        "silhouettes": pictures.views or None,
+        "exclude": parse_exclude(exclude),
+        "rigid": parse_rigid(rigid),
+        "regions": parse_regions(keep, only),
+        "prompts": parse_also(also),
+        "handles": parse_handles(handle),
+    }
+    params = overlaid(merge_params(param or [], **options), written(ctx))
+    outputs = written(ctx, "output")
+    if "morph_path" in outputs:
+        outputs["morph"] = True
+    files = {**parse_files(file, kind, asset), **({"target": target} if target else {}), **pictures.parts}
+    _refuse_other_place(
+        url,
+        kind,
+        here={"--report": report, "--preview": preview, "--animate": animate, "--force": force, "--device": device,
+              "--threads": threads, "--checkpoint": checkpoint, "--resume": resume},
+        there={"--api-key-file": api_key_file, "--label": label, "--idempotency-key": idempotency_key,
+               "--detach": detach, "--timeout": timeout},
+    )  # fmt: skip
+    if kind is not JobKind.TEXT_DEFORM:
+        _refuse_deformation(kind, prompt, outputs)
+    request = make_request(prompt, params, output=outputs, more={**job, "metadata": parse_labels(label or [])})
+    if url:
+        folder = output or Path(f"{asset.stem}-deformed" if kind is JobKind.TEXT_DEFORM else f"{asset.stem}-{kind}")
+        place = (url, api_key, api_key_file)
+        run_on_service(
+            request,
+            files,
+            place,
+            None if detach else folder,
+            idempotency_key=idempotency_key,
+            timeout=timeout,
+            as_json=as_json,
+            quiet=quiet,
+        )
+        return
     require("torch", "deform")
-    settings = load_settings(device=device, threads=threads)
     output = output or Path(f"{asset.stem}-deformed.glb")
     if output.suffix.lower() != ".glb":
         raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
-    if animate is not None:
-        check_animation(animate, "--animate")
-    goals = parse_goals(target, sketch, output)
-    pictures = parse_pictures(silhouette)
-    if silhouette and not (prompt or also) and not goals.params:
-        goals.params["guidance"] = "silhouettes"
-    params = merge_params(
-        param or [],
-        preset=preset,
-        **goals.params,
-        silhouettes=pictures.views or None,
-        model=model,
-        steps=steps,
-        seed=seed,
-        orientation=orientation,
-        guidance_scale=guidance_scale,
-        learning_rate=learning_rate,
-        exclude=parse_exclude(exclude),
-        rigid=parse_rigid(rigid),
-        regions=parse_regions(keep, only),
-        prompts=parse_also(also),
-        handles=parse_handles(handle),
-        symmetry=symmetry,
-    )
-    morph = morph or bool(morph_path)
-    written: dict[str, Any] = {"morph": morph, "morph_path": parse_morph_path(morph_path)}
-    written |= {"compact": compact, "subdivide": subdivide, "provenance": provenance, "rig": rig}
-    request = find_taught(make_request(prompt, params, output=written), settings)
-    paths = {
-        "result": output,
-        "report": report or output.with_suffix(".report.json"),
-        "preview": preview or output.with_suffix(".preview.png"),
-        **({"morph": output.with_suffix(".morph.glb")} if morph else {}),
-    }
-    if not force:
-        drawn = {"animation": animate} if animate else {}
-        check_outputs(
-            {**paths, **drawn}, [path for path in (asset, *goals.files.values(), resume, *pictures.paths) if path]
-        )
-        if checkpoint is not None:
-            check_checkpoint(checkpoint)
-    from meshdeform.runs import text_deform_checks
-
-    # Refuse unknown words at once, before torch is imported, which takes seconds.
-    text_deform_checks.check(
-        request,
-        default_model=settings.model,
-        allowed_models=[request.params.model] if request.params.model else [],
-        revision=settings.model_revision,
-        has_target="target" in goals.files,
-        pictures=pictures.parts,
-    )
-    with collection_paused(keep=True):
-        from meshdeform.cli.local_job import LocalJob, Outputs
+    paths = _paths(request, output, report, preview)
+    from meshdeform.cli.local import LocalJob
     from meshdeform.cli.progress import show_progress
 
-    sketched = write_sketched_target(sketch, goals.files["target"]) if sketch else None
-    outputs = Outputs(**paths, checkpoint=checkpoint)
-    target = goals.files.get("target")
-    job = LocalJob(asset, request, settings, outputs, target=target, pictures=pictures.paths, resume=resume)
+    settings = load_settings(device=device, threads=threads)
+    local = LocalJob(request, files, paths, settings, checkpoint=checkpoint, resume=resume)
+    local.check(force=force, also=[animate] if animate else [])
     with show_progress(quiet=quiet) as progress:
-        summary = job.run(progress)
+        finished = local.run(progress)
         if animate is not None:
-            write_animation(job.source, output, animate, settings)
-    if sketched is not None:
-        summary["targets"].append(str(goals.files["target"]))
-    summary["sketch"] = sketched
-    summary["animation"] = str(animate) if animate else None
+            write_animation(finished.shown.get("source.glb", asset), output, animate, settings)
+    _print(_summary(local, finished, animate), as_json=as_json, quiet=quiet)
+
+
+def _refuse_other_place(url: str | None, kind: JobKind, *, here: Mapping[str, Any], there: Mapping[str, Any]) -> None:
+    """Refuse options that mean nothing where the job runs."""
+    if not url and kind is not JobKind.TEXT_DEFORM:
+        command = _LOCAL.get(kind, str(kind).replace("_", "-"))
+        raise typer.BadParameter(
+            f"jobs of kind {kind} run on this machine by meshdeform {command}, and on a service with --url",
+            param_hint="--kind",
+        )
+    wrong = [name for name, value in (here if url else there).items() if value]
+    if wrong:
+        place = "on this machine, not for a service" if url else "for a service: name it with --url"
+        raise typer.BadParameter(f"this is {place}", param_hint=wrong[0])
+
+
+def _refuse_deformation(kind: JobKind, prompt: str, outputs: Mapping[str, Any]) -> None:
+    """Refuse what only a deformation has: a prompt, and options of the output."""
+    if prompt:
+        raise typer.BadParameter(f"a job of kind {kind} has no prompt", param_hint="PROMPT")
+    for name in outputs:
+        raise typer.BadParameter(f"is only for text_deform, not for {kind}", param_hint=f"--{name.replace('_', '-')}")
+
+
+def _paths(request: JobRequest, output: Path, report: Path | None, preview: Path | None) -> dict[str, Path]:
+    """Return where each artifact goes."""
+    return {
+        "result.glb": output,
+        "report.json": report or output.with_suffix(".report.json"),
+        "preview.png": preview or output.with_suffix(".preview.png"),
+        **({"morph.glb": output.with_suffix(".morph.glb")} if request.output.morph else {}),
+    }
+
+
+def _summary(job: LocalJob, finished: FinishedRun, animation: Path | None) -> dict[str, Any]:
+    morph, shown = job.outputs.get("morph.glb"), dict(finished.shown)
+    source = shown.pop("source.glb", None)
+    return {
+        "result": str(job.outputs["result.glb"]),
+        "report": str(job.outputs["report.json"]),
+        "preview": str(job.outputs["preview.png"]),
+        "morph": str(morph) if morph else None,
+        "targets": [str(path) for path in shown.values()],
+        "source": str(source) if source else None,
+        "steps": finished.steps,
+        "resumed_from": finished.resumed_from,
+        "losses": finished.losses,
+        **report_summary(finished.report),
+        "elapsed_s": finished.elapsed_s,
+        "animation": str(animation) if animation else None,
+    }
+
+
+def _print(summary: Mapping[str, Any], *, as_json: bool, quiet: bool) -> None:
     if as_json:
         emit(summary)
         return
     if quiet:
         return
-    names = {"result": "GLB", "morph": "Morph GLB", "report": "Report", "preview": "Picture"}
-    names["animation"] = "Animation"
-    names["source"] = "Source mesh"
-    if sketched is not None:
-        typer.echo(f"{'Drawing':<10} {sketched}: {goals.files['target']}")
-    for name, title in names.items():
+    titles = {"result": "GLB", "morph": "Morph GLB", "report": "Report", "preview": "Picture"}
+    titles |= {"animation": "Animation", "source": "Source mesh"}
+    for name, title in titles.items():
         if summary[name] is not None:
             typer.echo(f"{title:<10} {summary[name]}")
-    for line in filter(None, (source_line(summary), orientation_line(summary["orientation"]))):
+    for line in filter(None, report_lines(summary)):
         typer.echo(line)
-    if summary["appearance"]["notice"]:
-        typer.echo(summary["appearance"]["notice"])
-    if summary["prompts"] is not None:
-        for line in prompt_lines(summary["prompts"]):
-            typer.echo(line)
-    elif summary["likeness"] is not None:
-        typer.echo(likeness_line(summary["likeness"]))
-    typer.echo(kept_line(summary["posed_quality"] or summary["quality"]))
-    if summary["verdict"] is not None and (verdict := verdict_line(summary["verdict"])):
-        typer.echo(verdict)
-    if summary["texture_stretch"] is not None:
-        typer.echo(stretch_line(summary["texture_stretch"]))
-    if summary["fit"] is not None:
-        typer.echo(fit_line(summary["fit"]))
-    if summary["silhouettes"] is not None:
-        typer.echo(silhouettes_line(summary["silhouettes"]))
     for warning in summary["warnings"]:
         typer.echo(warning, err=True)

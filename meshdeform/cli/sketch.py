@@ -12,12 +12,12 @@ from meshdeform.cli.environment import require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.options import ForceOption, JsonOption
 from meshdeform.cli.output import emit
-from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
     from meshdeform.sketch.guesses import Guess
 
-__all__ = ["sketch", "write_sketched_target"]
+__all__ = ["sketch"]
 
 
 @clean_errors
@@ -94,29 +94,6 @@ def sketch(
         )
 
 
-def write_sketched_target(drawing: Path, path: Path) -> str:
-    """Write the first guess of a drawing as a GLB, and return it in words.
-
-    Raises
-    ------
-    DrawingError
-        The picture is no line drawing.
-    UnavailableError
-        The file cannot be written.
-    """
-    from meshdeform.support.files import write_files
-
-    found = _guesses(drawing, "", {})[0]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_files({path: found.glb()})
-    except OSError as error:
-        raise UnavailableError(
-            f"The target cannot be written: {error}.", advice="Choose another path with -o."
-        ) from error
-    return _words(found)
-
-
 def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list[Guess]:
     """Return the guesses of a drawing, the first one with the changes; without a drawing, a member of the family."""
     from meshdeform.sketch.guesses import Guess, guess
@@ -145,20 +122,14 @@ def _changes(texts: Sequence[str]) -> dict[str, str]:
 def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> None:
     """Write the meshes and the picture of them, all or none."""
     from meshdeform.assets import Limits, load_asset
+    from meshdeform.cli.local import write_all
     from meshdeform.runs.family_picture import assets_png
-    from meshdeform.support.files import write_files
 
     files = {path: each.glb() for each, path in zip(guesses, paths, strict=True)}
     assets = [load_asset(data, "shape.glb", Limits.unlimited()) for data in files.values()]
     titles = [f"{each.family} {each.probability:.0%}" for each in guesses]
     files[picture] = assets_png(assets, titles)
-    try:
-        picture.parent.mkdir(parents=True, exist_ok=True)
-        write_files(files)
-    except OSError as error:
-        raise UnavailableError(
-            f"The meshes cannot be written: {error}.", advice="Choose another place with -o."
-        ) from error
+    write_all(files, what="The meshes")
 
 
 def _words(guess: Guess) -> str:

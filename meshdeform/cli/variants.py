@@ -10,11 +10,11 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import ForceOption, ModelOption, QuietOption, SetOption
+from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.options import ForceOption, QuietOption, SetOption
 from meshdeform.cli.output import note
 from meshdeform.cli.request import make_request, merge_params
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import Preset
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -22,14 +22,17 @@ if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
     from meshdeform.settings import Settings
 
-__all__ = ["variants"]
+__all__ = ["VariantsCommand", "variants"]
 
 _SHEET = "variants.png"
 _MAX_STRENGTH = 1.5
 
+VariantsCommand = form_command(of_kind("text_deform", hidden=("seed",)))
+
 
 @clean_errors
 def variants(
+    ctx: typer.Context,
     asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
     prompt: Annotated[str, typer.Argument(help='What the asset should become, e.g. "a mushroom".')] = "",
     seeds: Annotated[str, typer.Option(help="Seeds, separated by commas: a run for each.")] = "0,1,2",
@@ -37,8 +40,6 @@ def variants(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="The folder for the results and the sheet.", file_okay=False)
     ] = Path("variants"),
-    preset: Annotated[Preset | None, typer.Option(help="Default: preview.", show_default=False)] = None,
-    model: ModelOption = None,
     target: Annotated[
         Path | None,
         typer.Option(help="A mesh to deform towards, instead of a prompt.", exists=True, show_default=False),
@@ -64,7 +65,8 @@ def variants(
         )
     settings = load_settings()
     guidance = "target" if target else None
-    given = merge_params(param or [], preset=preset or Preset.PREVIEW, model=model, guidance=guidance)
+    given = overlaid({"preset": "preview"}, merge_params(param or [], guidance=guidance))
+    given = overlaid(given, written(ctx))
     requests = {
         int(seed): make_request(text, {**given, "seed": int(seed)})
         for seed, text in zip(numbers, _prompts(prompt, len(numbers), given.get("model")), strict=True)
@@ -112,10 +114,9 @@ def _made(
     """Run each seed, write its strengths and the sheet, and return the paths."""
     from meshdeform.assets import Limits, load_asset
     from meshdeform.assets.bundle import read_with_files
-    from meshdeform.cli.local_job import LocalJob, Outputs
+    from meshdeform.cli.local import LocalJob, write_all
     from meshdeform.cli.progress import show_progress
     from meshdeform.rendering.variants import variant_sheet
-    from meshdeform.support.files import write_files
 
     limits = Limits.from_settings(settings)
     source = load_asset(read_with_files(asset, limits), asset.name, limits)
@@ -123,18 +124,19 @@ def _made(
     for seed, request in requests.items():
         note(f"Seed {seed}: {request.prompt}" if request.prompt else f"Seed {seed}", quiet=quiet)
         names = ("result.glb", "report.json", "preview.png")
-        outputs = Outputs(*(folder / f"seed{seed}" / name for name in names))
+        outputs = {name: folder / f"seed{seed}" / name for name in names}
+        inputs = {"asset": asset, **({"target": target} if target else {})}
         with show_progress(quiet=quiet) as progress:
-            LocalJob(asset, request, settings, outputs, target=target).run(progress)
-        files, row = _strengths(source, outputs.result, strengths, request.params.exclude)
-        write_files(files)
+            LocalJob(request, inputs, outputs, settings).run(progress)
+        files, row = _strengths(source, outputs["result.glb"], strengths, request.params.exclude)
+        write_all(files)
         paths += list(files)
         rows.append(row)
     titles = [f"strength {strength:g}" for strength in strengths]
     sheet = variant_sheet(
         source.appearance(), rows, [request.prompt or f"seed {seed}" for seed, request in requests.items()], titles
     )
-    write_files({folder / _SHEET: sheet})
+    write_all({folder / _SHEET: sheet})
     return [*paths, folder / _SHEET]
 
 

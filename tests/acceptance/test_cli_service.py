@@ -1,4 +1,4 @@
-"""A service from the shell: submit, watch, wait, fetch, cancel, jobs, with real processes, signals and a terminal."""
+"""A service from the shell: run, watch, wait, fetch, cancel, jobs, with real processes, signals and a terminal."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def url(service: Service) -> str:
 
 
 def submit(folder: Path, url: str, *more: str) -> str:
-    done = call("submit", "sphere.obj", "--target", "egg.obj", *more, "--quiet", cwd=folder, MESHDEFORM_URL=url)
+    done = call("run", "sphere.obj", "--target", "egg.obj", *more, "--detach", "--quiet", "--url", url, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     return done.stdout.strip()
@@ -100,9 +100,9 @@ def test_on_a_terminal_there_is_a_bar_with_loss_and_time_left(folder: Path, url:
     assert f"{job}  succeeded" in seen
 
 
-def test_submit_can_wait_and_fetch_at_once_with_one_document(folder: Path, url: str, tmp_path: Path) -> None:
+def test_a_run_on_a_service_fetches_its_files_with_one_document(folder: Path, url: str, tmp_path: Path) -> None:
     found = answer(
-        "submit", "sphere.obj", "--target", "egg.obj", "--steps", 2, "-o", tmp_path / "o", "--url", url, cwd=folder
+        "run", "sphere.obj", "--target", "egg.obj", "--steps", 2, "-o", tmp_path / "o", "--url", url, cwd=folder
     )
     assert found["state"] == "succeeded"
     assert (tmp_path / "o/result.glb").read_bytes()[:4] == b"glTF"
@@ -163,9 +163,9 @@ def _kill_api(service: Service) -> None:
 def test_what_is_wrong_has_its_exit_code_and_costs_no_job(folder: Path, url: str) -> None:
     before = len(answer("jobs", "--limit", 500, "--url", url, cwd=folder)["jobs"])
     for arguments, code in (
-        (("submit", "sphere.obj", "a vase", "--steps", "0"), 3),
-        (("submit", "sphere.obj", "a qwertz"), 3),
-        (("submit", "nowhere.glb", "a vase"), 2),
+        (("run", "sphere.obj", "a vase", "--steps", "0"), 3),
+        (("run", "sphere.obj", "a qwertz"), 3),
+        (("run", "nowhere.glb", "a vase"), 2),
         (("watch", "job_00000000000000000000000000"), 3),
         (("jobs", "--state", "sleeping"), 2),
     ):

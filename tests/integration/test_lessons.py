@@ -69,7 +69,7 @@ def test_a_client_posts_a_lesson(url: str, pots: Path, flavor: str) -> None:
 
 
 def test_the_command_line_posts_a_lesson(url: str, pots: Path, tmp_path: Path) -> None:
-    lesson = ["teach", "a gnome", str(pots), "--service", "--url", url]
+    lesson = ["teach", "a gnome", str(pots), "--detach", "--url", url]
     done = CliRunner().invoke(app, [*lesson, "--synonym", "dwarf", "--steps", "7"])
     assert done.exit_code == 0, done.output
     record = JobRecord(Settings(data_dir=tmp_path / "data").resolved_database_url)
@@ -77,9 +77,9 @@ def test_the_command_line_posts_a_lesson(url: str, pots: Path, tmp_path: Path) -
     record.close()
     params = job.request.params.model_dump()
     assert (params["noun"], params["synonyms"], params["steps"]) == ("a gnome", ["dwarf"], 7)
-    refused = CliRunner().invoke(app, [*lesson, "--output", "x.safetensors"])
+    refused = CliRunner().invoke(app, [*lesson, "--checkpoint", "x.state"])
     assert refused.exit_code == 2
     assert "lessons on this machine" in refused.output
-    known = CliRunner().invoke(app, ["teach", "a chair", str(pots), "--service", "--url", url])
+    known = CliRunner().invoke(app, ["teach", "a chair", str(pots), "--detach", "--url", url])
     assert known.exit_code == 3
     assert "knows 'chair' already" in known.output

@@ -17,6 +17,7 @@ from typing import IO, TYPE_CHECKING, Any
 from meshdeform.errors import CheckpointError, MeshdeformError
 
 if TYPE_CHECKING:
+    from meshdeform.cli.local import FinishedRun
     from meshdeform.requests.document import JobRequest
 
 __all__ = ["main"]
@@ -74,34 +75,32 @@ class _Ticks:
 
 def _do(order: dict[str, Any], ticks: _Ticks) -> dict[str, Any]:
     from meshdeform.cli.environment import load_settings
-    from meshdeform.cli.local_job import LocalJob, Outputs
+    from meshdeform.cli.local import LocalJob
     from meshdeform.requests.document import JobRequest
 
     folder, state = Path(order["folder"]), Path(order["state"])
     request = JobRequest.model_validate(order["request"])
-    outputs = Outputs(
-        result=folder / "result.glb",
-        report=folder / "report.json",
-        preview=folder / "preview.png",
-        morph=folder / "morph.glb" if request.output.morph else None,
-        checkpoint=state,
-    )
+    names = ["result.glb", "report.json", "preview.png", *(["morph.glb"] if request.output.morph else [])]
+    files = {part: Path(order[part]) for part in ("asset", "target") if order[part]}
 
-    def job(resume: Path | None) -> LocalJob:
-        target = Path(order["target"]) if order["target"] else None
-        settings = load_settings(**order["settings"])
-        return LocalJob(
-            Path(order["asset"]), request, settings, outputs, target=target, resume=resume, load=_prior_loader()
-        )
+    def run(resume: Path | None) -> FinishedRun:
+        settings, outputs = load_settings(**order["settings"]), {name: folder / name for name in names}
+        job = LocalJob(request, files, outputs, settings, checkpoint=state, resume=resume, load=_prior_loader())
+        return job.run(ticks)
 
     try:
-        summary = job(state if state.exists() else None).run(ticks)
+        finished = run(state if state.exists() else None)
     except CheckpointError:
         # The checkpoint is damaged or of another version: start over.
         state.unlink(missing_ok=True)
-        summary = job(None).run(ticks)
+        finished = run(None)
     state.unlink(missing_ok=True)
-    return {"event": "done", **summary, "files": _digests(folder, request)}
+    return {
+        "event": "done",
+        "elapsed_s": finished.elapsed_s,
+        "losses": finished.losses,
+        "files": _digests(folder, request),
+    }
 
 
 @functools.cache

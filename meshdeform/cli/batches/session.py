@@ -1,22 +1,123 @@
-"""One run of a batch: select the rows to do, run them, and write the summary, also after Ctrl-C."""
+"""One run of a batch: select the rows to do, run and show them, and write the summary, also after Ctrl-C."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from meshdeform.cli.batches.display import BatchView, show_batch
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import ARTIFACTS, Row
+from meshdeform.cli.batches.runners import RowOutcome, Runner, Tick, do_rows
 from meshdeform.cli.batches.summary import count_states, record_of, write_summary
-from meshdeform.cli.batches.work import RowOutcome, Runner, do_rows
 from meshdeform.cli.exits import ExitCode, OutcomeError
-from meshdeform.cli.output import emit, note
+from meshdeform.cli.output import duration, emit, note, plain
+from meshdeform.cli.progress import LINE_EVERY_S, Pace, StepBars, is_terminal
 from meshdeform.errors import UnavailableError
 
-__all__ = ["Session"]
+if TYPE_CHECKING:
+    from rich.progress import TaskID
+
+__all__ = ["BatchView", "Session", "show_batch"]
+
+
+class BatchView(Protocol):
+    """Receives the progress of a batch."""
+
+    def start(self, row: Row) -> None:
+        """Show that a row has begun."""
+
+    def tick(self, row: Row, tick: Tick) -> None:
+        """Show the progress of a row."""
+
+    def end(self, row: Row, outcome: RowOutcome) -> None:
+        """Show that a row has ended."""
+
+
+class _NoProgress:
+    def start(self, row: Row) -> None:
+        """Show nothing."""
+
+    def tick(self, row: Row, tick: Tick) -> None:
+        """Show nothing."""
+
+    def end(self, row: Row, outcome: RowOutcome) -> None:
+        """Show nothing."""
+
+
+class _Lines:
+    def __init__(self, total: int, done: int) -> None:
+        self._total, self._done, self._last = total, done, time.monotonic()
+
+    def start(self, row: Row) -> None:
+        """Show nothing until the row ends."""
+
+    def tick(self, row: Row, tick: Tick) -> None:
+        now = time.monotonic()
+        if now - self._last >= LINE_EVERY_S:
+            self._last = now
+            note(f"{self._done}/{self._total} done; {row.name}: step {tick.step}/{tick.total_steps}")
+
+    def end(self, row: Row, outcome: RowOutcome) -> None:
+        self._done, self._last = self._done + 1, time.monotonic()
+        note(f"{self._done}/{self._total}  {_ended_line(row, outcome)}")
+
+
+class _Bars:
+    def __init__(self, bars: StepBars, total: int, done: int) -> None:
+        self._progress, self._bars, self._pace = bars.progress, bars, Pace()
+        self._tasks: dict[str, TaskID] = {}
+        self._done, self._failed, self._total = done, 0, total
+        self._whole = bars.add("rows")
+        self._show()
+
+    def _show(self) -> None:
+        left = self._pace.eta_s(self._done, self._total)
+        notes = [f"{self._failed} failed" if self._failed else "", f"{duration(left)} left" if left else ""]
+        self._progress.update(self._whole, completed=self._done, total=self._total, note="  ".join(filter(None, notes)))
+
+    def start(self, row: Row) -> None:
+        self._tasks[row.key] = self._bars.add(row.name[:40])
+
+    def tick(self, row: Row, tick: Tick) -> None:
+        loss = "" if math.isnan(tick.loss) else f"loss {tick.loss:.4f}"
+        self._progress.update(self._tasks[row.key], completed=tick.step, total=tick.total_steps, note=loss)
+
+    def end(self, row: Row, outcome: RowOutcome) -> None:
+        self._progress.remove_task(self._tasks.pop(row.key))
+        self._done, self._failed = self._done + 1, self._failed + (outcome.state != "succeeded")
+        self._progress.console.print(plain(_ended_line(row, outcome)), markup=False, highlight=False)
+        self._show()
+
+
+def _ended_line(row: Row, outcome: RowOutcome) -> str:
+    reason = f": {outcome.error['detail']}" if outcome.error else ""
+    return f"{row.name}  {outcome.state}  {duration(outcome.seconds)}{reason}"
+
+
+@contextmanager
+def show_batch(total: int, done: int, *, quiet: bool) -> Iterator[BatchView]:
+    """Yield a view.
+
+    Parameters
+    ----------
+    total, done : int
+        Number of rows in the batch, and of those finished earlier.
+    quiet : bool
+        Whether to show nothing.
+    """
+    if quiet:
+        yield _NoProgress()
+    elif not is_terminal():
+        yield _Lines(total, done)
+    else:
+        bars = StepBars()
+        with bars.progress:
+            yield _Bars(bars, total, done)
 
 
 class Session:

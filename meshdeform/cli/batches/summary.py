@@ -1,20 +1,27 @@
-"""Write the summary of a batch: `summary.csv`, `summary.json` and the contact sheet `sheet.png`."""
+"""Write the summary of a batch: tables, the contact sheet of before and after, and results as morph targets."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from meshdeform.cli.batches.rows import Row
+from meshdeform.errors import UnavailableError
 from meshdeform.support.files import write_files
 
-__all__ = ["count_states", "record_of", "write_summary"]
+if TYPE_CHECKING:
+    from PIL import Image, ImageDraw
+
+    from meshdeform.assets import Asset, Limits
+
+__all__ = ["contact_sheet", "count_states", "record_of", "write_summary", "write_target_sets"]
 
 _QUALITY = ("flipped_faces", "self_intersections_added", "symmetric_dirichlet_p99", "volume_ratio")
 _COLUMNS = (
@@ -90,22 +97,16 @@ def write_summary(
     """
     document = {"batch": batch_id, **count_states(records), "rows_detail": list(records)}
     files = {
-        folder / "summary.csv": _table(records).encode(),
+        folder / "summary.csv": _csv_table(records).encode(),
         folder / "summary.json": (json.dumps(document, indent=1) + "\n").encode(),
     }
-    if find_spec("PIL") is not None and (sheet := _sheet(records, pictures)):
+    if find_spec("PIL") is not None and (sheet := contact_sheet(records, pictures)):
         files[folder / "sheet.png"] = sheet
     write_files(files)
     return {path.name: str(path) for path in files}
 
 
-def _sheet(records: Sequence[Mapping[str, Any]], pictures: Sequence[Path]) -> bytes | None:
-    from meshdeform.cli.batches.sheet import contact_sheet
-
-    return contact_sheet(records, pictures)
-
-
-def _table(records: Sequence[Mapping[str, Any]]) -> str:
+def _csv_table(records: Sequence[Mapping[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -119,3 +120,148 @@ def _report(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+_WIDTH, _HEIGHT, _CAPTION, _GAP = 288, 144, 30, 8
+_MAX_TILES = 600
+_RED, _GREY, _INK = (198, 40, 40), (205, 205, 205), (30, 30, 30)
+
+
+def contact_sheet(records: Sequence[Mapping[str, Any]], pictures: Sequence[Path]) -> bytes | None:
+    """Return a PNG with the first 600 rows; None if no row succeeded.
+
+    Parameters
+    ----------
+    records : sequence of mapping
+        `name`, `state`, `prompt` and `error_code` of each row, in order.
+    pictures : sequence of Path
+        The `preview.png` of each row, which need not exist.
+    """
+    from PIL import Image
+
+    if not any(record["state"] == "succeeded" for record in records):
+        return None
+    shown = records[:_MAX_TILES]
+    columns = max(1, round(math.sqrt(len(shown) / 1.5)))
+    lines = math.ceil(len(shown) / columns)
+    size = (_GAP + columns * (_WIDTH + _GAP), _GAP + lines * (_HEIGHT + _CAPTION + _GAP))
+    sheet = Image.new("RGB", size, "white")
+    for index, (record, path) in enumerate(zip(shown, pictures, strict=False)):
+        row, column = divmod(index, columns)
+        _tile(sheet, (_GAP + column * (_WIDTH + _GAP), _GAP + row * (_HEIGHT + _CAPTION + _GAP)), path, record)
+    out = io.BytesIO()
+    sheet.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+def _tile(sheet: Image.Image, at: tuple[int, int], path: Path, record: Mapping[str, Any]) -> None:
+    from PIL import ImageDraw
+
+    draw, (x, y) = ImageDraw.Draw(sheet), at
+    picture = _picture(path) if record["state"] == "succeeded" else None
+    if picture is not None:
+        sheet.paste(picture, (x + (_WIDTH - picture.width) // 2, y + (_HEIGHT - picture.height) // 2))
+    colour = _GREY if record["state"] in ("succeeded", "pending") else _RED
+    draw.rectangle((x - 1, y - 1, x + _WIDTH, y + _HEIGHT), outline=colour)
+    if colour is _RED:
+        draw.line((x, y, x + _WIDTH, y + _HEIGHT), fill=_RED)
+        draw.line((x, y + _HEIGHT, x + _WIDTH, y), fill=_RED)
+    second = record["prompt"] if record["state"] == "succeeded" else record["error_code"] or record["state"]
+    _write(draw, (x, y + _HEIGHT + 2), str(record["name"]), _INK)
+    _write(draw, (x, y + _HEIGHT + 15), str(second), _INK if picture is not None else colour)
+
+
+def _picture(path: Path) -> Image.Image | None:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as found:
+            return _pair(found.convert("RGB"))
+    except (OSError, ValueError, Image.DecompressionBombError):
+        return None
+
+
+def _pair(preview: Image.Image) -> Image.Image:
+    """Return the first view of a preview's two rows side by side: before and after."""
+    from PIL import Image
+
+    side = preview.height // 2
+    pair = Image.new("RGB", (_WIDTH, _HEIGHT), "white")
+    for k in range(2):
+        view = preview.crop((0, k * side, side, (k + 1) * side))
+        pair.paste(view.resize((_HEIGHT, _HEIGHT), Image.Resampling.LANCZOS), (k * _WIDTH // 2, 0))
+    return pair
+
+
+def _write(draw: ImageDraw.ImageDraw, at: tuple[int, int], text: str, colour: Any) -> None:
+    """Write one line, truncated at the edge of the tile."""
+    from PIL import ImageFont
+
+    font = ImageFont.load_default(11)
+    while text and draw.textlength(text, font=font) > _WIDTH:
+        text = text[:-2].rstrip(".") + "." if len(text) > 2 else ""
+    draw.text(at, text, fill=colour, font=font)
+
+
+def write_target_sets(folder: Path, rows: Sequence[Row], limits: Limits) -> list[Path]:
+    """Write, for each asset, the source with its results as morph targets, named after their rows and of weight 0.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the batch.
+    rows : sequence of Row
+        Those without a result are left out.
+    limits : Limits
+
+    Returns
+    -------
+    list of Path
+        `ASSET.targets.glb` of each asset, in the order of the rows.
+
+    Raises
+    ------
+    ParameterError
+        Rows of one asset differ in `params.exclude` or `output.subdivide`.
+    UnavailableError
+        A file cannot be written.
+    """
+    from meshdeform.assets import load_asset
+    from meshdeform.assets.bundle import read_with_files
+    from meshdeform.assets.morph import MorphTarget
+    from meshdeform.runs.strength import check_same_asset
+
+    by_asset: dict[Path, list[Row]] = {}
+    for row in rows:
+        if row.path(folder, "result.glb").exists():
+            by_asset.setdefault(row.asset.absolute(), []).append(row)
+    files: dict[Path, bytes] = {}
+    for asset, own in by_asset.items():
+        path = folder / f"{asset.stem}.targets.glb"
+        number = 2
+        while path in files:  # assets of different folders may have the same name
+            path, number = folder / f"{asset.stem}-{number}.targets.glb", number + 1
+        source = load_asset(read_with_files(asset, limits), asset.name, limits)
+        pairs = [_row_result(source, row, folder, limits) for row in own]
+        base = pairs[0][0]
+        for row, (_, result) in zip(own, pairs, strict=True):
+            check_same_asset(base, result, (own[0].name, row.name))
+        shapes = [(row.name, result.surface) for row, (_, result) in zip(own, pairs, strict=True)]
+        targets = [MorphTarget(name, s.positions, s.normals, s.tangents) for name, s in shapes]
+        files[path] = base.morph(targets, weights=[0.0] * len(targets))
+    try:
+        write_files(files)
+    except OSError as error:
+        raise UnavailableError(
+            f"The morph targets cannot be written: {error}.", advice="Free some space, then run the same command again."
+        ) from error
+    return list(files)
+
+
+def _row_result(source: Asset, row: Row, folder: Path, limits: Limits) -> tuple[Asset, Asset]:
+    """Return the source as a row deformed it, and the row's result."""
+    from meshdeform.runs.strength import matched
+    from meshdeform.runs.text_report import read_result
+
+    result = read_result(row.path(folder, "result.glb").read_bytes())
+    return matched(source, result, row.request.params.exclude, limits)

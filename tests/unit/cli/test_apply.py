@@ -50,7 +50,7 @@ def test_the_report_names_the_source_of_a_result(ran: Path) -> None:
 
 def test_a_morph_of_any_pair(ran: Path) -> None:
     Path("tall.glb").write_bytes(glb(1, 3, 1))
-    found = apply("tall.glb", "--source", "ball.glb", "--morph", "--morph-path", "frames=3", "-o", "way.glb")
+    found = apply("tall.glb", "--source", "ball.glb", "--morph", "--frames", "3", "-o", "way.glb")
     assert found.exit_code == 0, found.output
     assert b"deform 2/3" in Path("way.glb").read_bytes()
 
@@ -65,7 +65,7 @@ def test_what_is_missing_is_said(ran: Path) -> None:
     assert "was not made from" in refused(ran, "--source", _other(), "--strength", 0.5)
     assert "out.glb is an input" in refused(ran, "-o", "out.glb")
     assert "egg.glb exists" in refused(ran, "-o", "egg.glb")
-    assert "frames: Input should be" in refused(ran, "--morph-path", "frames=0")
+    assert "frames: Input should be" in refused(ran, "--frames", "0")
     assert "less than or equal to 1.5" in refused(ran, "--strength", 1.6)
     Path("ball.glb").write_bytes(glb(1, 1, 2))
     assert "or has changed" in refused(ran, "--strength", 0.5)

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.cli.batches.manifest import Entry
-from meshdeform.cli.batches.rows import Row, make_rows
+from meshdeform.cli.batches.rows import Entry, Row, make_rows
+from meshdeform.cli.batches.runners import RowOutcome, Tick
 from meshdeform.cli.batches.session import Session
-from meshdeform.cli.batches.work import RowOutcome, Tick
 from meshdeform.errors import ParameterError, UnavailableError
 
 

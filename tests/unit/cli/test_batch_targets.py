@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.app import app
-from meshdeform.cli.batches import local
+from meshdeform.cli.batches import runners
 from meshdeform.cli.batches.rows import Row
-from meshdeform.cli.batches.work import RowOutcome, Tick
+from meshdeform.cli.batches.runners import RowOutcome, Tick
 from meshdeform.geometry.shapes import icosphere
 from tests.unit.assets.builders import unpack
 from tests.unit.assets.test_replace import accessor
@@ -43,7 +43,7 @@ class FakeRunner:
 
 
 def test_the_results_of_an_asset_are_the_targets_of_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local, "LocalRunner", FakeRunner)
+    monkeypatch.setattr(runners, "LocalRunner", FakeRunner)
     ball = icosphere(1).verts.numpy()
     (tmp_path / "ball.glb").write_bytes(build_glb(ball, icosphere(1).faces.numpy()))
     prompts = [word for prompt in HEIGHTS for word in ("--prompt", prompt)]

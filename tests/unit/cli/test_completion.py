@@ -27,7 +27,7 @@ def bash() -> str:
 OFFERED = {
     "meshdeform ba": {"batch"},
     "meshdeform run x.glb --preset ": {"preview", "balanced", "paper"},
-    "meshdeform submit x.glb --model b": {"builtin"},
+    "meshdeform run x.glb --model b": {"builtin"},
     "meshdeform jobs --state ca": {"canceling", "canceled"},
     "meshdeform run x.glb --set guidance_s": {"guidance_scale="},
     # A service that is not there offers no ids, and keeps nobody waiting.

@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
-from meshdeform.cli.control import parse_handles, parse_regions, parse_rigid
-from meshdeform.cli.request import parse_exclude
+from meshdeform.cli.written import parse_exclude, parse_handles, parse_regions, parse_rigid
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, join, torus
 from meshdeform.requests.document import DeformParams

@@ -9,11 +9,11 @@ import sys
 import time
 
 from meshdeform.cli.exits import ExitCode
-from meshdeform.cli.interrupting import ctrl_c_between_steps, second_ctrl_c_ends
+from meshdeform.cli.local import ctrl_c_between_steps, second_ctrl_c_ends
 
 IN_COMPILED_CODE = """
 import hashlib, signal
-from meshdeform.cli.interrupting import second_ctrl_c_ends
+from meshdeform.cli.local import second_ctrl_c_ends
 signal.signal(signal.SIGINT, lambda *_: print("heard", flush=True))
 with second_ctrl_c_ends():
     print("begins", flush=True)

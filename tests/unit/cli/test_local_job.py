@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from meshdeform.cli.local_job import LocalJob, Outputs
+from meshdeform.cli.local import LocalJob
 from meshdeform.errors import ModelError
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
@@ -34,9 +34,8 @@ def test_the_prior_is_loaded_as_the_settings_say(tmp_path: Path) -> None:
     asset = tmp_path / "a.glb"
     asset.write_bytes(b"is not read before the prior is there")
     settings = Settings(model="some/model", model_revision="v2", dtype="bfloat16", device="cpu")
-    outputs = Outputs(tmp_path / "result.glb", tmp_path / "report.json", tmp_path / "preview.png")
     with pytest.raises(ModelError, match="Enough"):
-        LocalJob(asset, JobRequest(prompt="a vase"), settings, outputs, load=load).run(Silent())
+        LocalJob(JobRequest(prompt="a vase"), {"asset": asset}, {}, settings, load=load).run(Silent())
     assert seen == [("some/model", {"device": "cpu", "revision": "v2", "dtype": "bfloat16"})]
 
 
@@ -45,10 +44,9 @@ def test_the_files_beside_a_gltf_come_along(tmp_path: Path) -> None:
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
-    outputs = Outputs(tmp_path / "result.glb", tmp_path / "report.json", tmp_path / "preview.png")
+    outputs = {name: tmp_path / name for name in ("result.glb", "report.json", "preview.png")}
     request = JobRequest.model_validate({"prompt": "an egg", "params": {"preset": "preview", "steps": 1}})
-    job = LocalJob(
-        tmp_path / "model/scene.gltf", request, Settings(device="cpu"), outputs, load=lambda *_, **__: FakePrior()
-    )
-    job.run(Silent())
-    assert image(outputs.result.read_bytes()) == DOT
+    files = {"asset": tmp_path / "model/scene.gltf"}
+    job = LocalJob(request, files, outputs, Settings(device="cpu"), load=lambda *_, **__: FakePrior())
+    finished = job.run(Silent())
+    assert image(outputs["result.glb"].read_bytes()) == image(finished.artifacts["result.glb"]) == DOT

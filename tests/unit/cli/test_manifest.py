@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.cli.batches.manifest import Entry, combine, read_prompts, read_table
-from meshdeform.cli.batches.rows import Row, make_rows
+from meshdeform.cli.batches.rows import Entry, Row, combine, make_rows, read_prompts, read_table
 from meshdeform.errors import ParameterError
 from tests.cases import each_case
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from meshdeform.cli.orientation import orientation_line, source_line
+from meshdeform.cli.report_lines import orientation_line, source_line
 from meshdeform.deformation.orientation import Orientation, OrientationSource
 
 

@@ -13,7 +13,7 @@ from meshdeform import errors
 from meshdeform.api.jobs import JobView
 from meshdeform.cli.app import app
 from meshdeform.cli.exits import ExitCode, exit_code, problem
-from meshdeform.cli.following import left_running, outcome_failure
+from meshdeform.cli.jobs import left_running, outcome_failure
 from tests.cases import each_case
 
 
@@ -100,7 +100,7 @@ def test_ctrl_c_names_the_commands_to_come_back(monkeypatch: pytest.MonkeyPatch)
         ["watch", "--json"],
         ["jobs", "--json", "--url", "nonsense"],
         ["jobs", "--json", "--url", "http://host:99999"],
-        ["submit", "nowhere.glb", "--json"],
+        ["run", "nowhere.glb", "--json"],
         ["no-such-command", "--json"],
     ],
 )

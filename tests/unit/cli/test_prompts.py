@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 import typer
 
-from meshdeform.cli.prompts import parse_also, prompt_lines
+from meshdeform.cli.report_lines import prompt_lines
+from meshdeform.cli.written import parse_also
 from meshdeform.requests.document import DeformParams
 from tests.cases import each_case
 

@@ -49,4 +49,4 @@ def test_a_fit_is_unfolded_and_nothing_else_is_overwritten(tmp_path: Path, monke
     assert refused.exit_code == 3
     assert Path("mine.ndf").read_bytes() == b"mine"
     assert "not a .ndf" in run.invoke(app, ["unfold", "mine.ndf"]).output
-    assert "--base-faces" in run.invoke(app, ["surface-fit", "ball.glb", "--base-faces", "1"]).output
+    assert "base_faces" in run.invoke(app, ["surface-fit", "ball.glb", "--base-faces", "1"]).output

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from meshdeform.cli.texture_stretch import stretch_line
+from meshdeform.cli.report_lines import stretch_line
 
 
 def test_the_line_names_median_percentile_and_share() -> None:

@@ -7,7 +7,7 @@ import json
 import torch
 
 from meshdeform.assets import build_glb
-from meshdeform.cli.likeness import likeness_line
+from meshdeform.cli.report_lines import likeness_line
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior

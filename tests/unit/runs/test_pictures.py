@@ -12,7 +12,8 @@ import typer
 from PIL import Image
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.cli.silhouettes import parse_pictures, silhouettes_line
+from meshdeform.cli.report_lines import silhouettes_line
+from meshdeform.cli.written import parse_pictures
 from meshdeform.errors import ParameterError, PromptError, SilhouetteError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest

@@ -310,7 +310,7 @@ def test_a_cloud_is_posted_fitted_downloaded_and_deformed(
         assert (checked.asset.format, checked.asset.vertices, checked.asset.triangles) == ("xyz", len(points), 0)
         with working(settings, start_run):
             result = client.deform(cloud, kind="surface_fit", params=SMALL, timeout_s=DEADLINE_S)
-            asked = ["submit", str(cloud), "--kind", "surface_fit", "--steps", "2", "-o", str(tmp_path / "o")]
+            asked = ["run", str(cloud), "--kind", "surface_fit", "--steps", "2", "-o", str(tmp_path / "o")]
             asked += [word for name in SMALL if name != "steps" for word in ("--set", f"{name}={SMALL[name]}")]
             shell = CliRunner().invoke(app, [*asked, "--url", url, "--json"])
         assert shell.exit_code == 0, shell.output

@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.cli.fit import fit_line
+from meshdeform.cli.report_lines import fit_line
 from meshdeform.errors import AlignmentError, ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from meshdeform.cli.likeness import kept_line, verdict_line
+from meshdeform.cli.report_lines import kept_line, verdict_line
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere

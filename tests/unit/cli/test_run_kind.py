@@ -1,4 +1,4 @@
-"""`meshdeform submit --kind`: what other kinds of job take, refused before a service is asked."""
+"""`meshdeform run --kind`: what other kinds of job take, refused before a service is asked."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ from tests.cases import each_case
         (["--kind", "family_synthesize"], "collection=FILE"),
         (["--kind", "family_synthesize", "--file", "collection=nowhere.zip"], "not a file"),
         (["--kind", "unfold"], "surface_fit"),
-        (["--sketch", "ball.obj", "--target", "ball.obj"], "--target and --sketch exclude each other"),
-        (["--sketch", "nowhere.png"], "nowhere.png"),
+        (["a mushroom", "--checkpoint", "state"], "--checkpoint"),
     ],
 )
 def test_what_does_not_go_together_is_refused_by_name(
@@ -31,7 +30,25 @@ def test_what_does_not_go_together_is_refused_by_name(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("ball.obj").write_text("v 0 0 0\n")
-    monkeypatch.setattr("meshdeform.cli.submit.connect", lambda *_: pytest.fail("the service was asked"))
-    result = CliRunner().invoke(app, ["submit", "ball.obj", *arguments], terminal_width=200)
+    monkeypatch.setattr("meshdeform.cli.jobs.connect", lambda *_: pytest.fail("the service was asked"))
+    result = CliRunner().invoke(app, ["run", "ball.obj", *arguments, "--url", "http://127.0.0.1:1"], terminal_width=200)
+    assert result.exit_code in (2, 3)
+    assert said in result.output
+
+
+@each_case(
+    ("arguments", "said"),
+    [
+        (["run", "ball.obj", "--kind", "surface_fit"], "meshdeform surface-fit"),
+        (["run", "ball.obj", "a mushroom", "--detach"], "--url"),
+        (["submit", "ball.obj", "a mushroom", "--wait"], "meshdeform run --url"),
+    ],
+)
+def test_a_job_of_a_service_needs_its_address(
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ball.obj").write_text("v 0 0 0\n")
+    result = CliRunner().invoke(app, arguments, terminal_width=200)
     assert result.exit_code in (2, 3)
     assert said in result.output

@@ -1,16 +1,139 @@
-"""Parse what says on the command line where an asset may deform: selections, regions and handles."""
+"""Parse the short forms in which the command line takes parameters that are not one word or number."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import typer
 
-__all__ = ["parse_handles", "parse_regions", "parse_rigid", "parse_selection"]
+__all__ = [
+    "Pictures",
+    "parse_also",
+    "parse_anchors",
+    "parse_exclude",
+    "parse_handles",
+    "parse_pictures",
+    "parse_regions",
+    "parse_rigid",
+    "parse_selection",
+]
 
 _MODES = ("rigid", "similarity")
 _HANDLE = "vertex=NUMBER:X,Y,Z or position=X,Y,Z:X,Y,Z, with a soft handle's @WEIGHT at the end"
+_ALSO = "--also"
+_WEIGHT = re.compile(r"^(.*\S)\s*:\s*(\d+(?:\.\d+)?|\.\d+)$", re.DOTALL)
+_OUTSIDE = "outside:"
+_PICTURE = "FILE@AZIMUTH or FILE@AZIMUTH,ELEVATION or FILE@AZIMUTH,ELEVATION,FOV, in degrees, such as front.png@0"
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """The pictures of a command, and their directions.
+
+    Attributes
+    ----------
+    paths : list of Path
+    views : list of dict
+        The parameter `silhouettes`.
+    """
+
+    paths: list[Path] = field(default_factory=list)
+    views: list[dict[str, float]] = field(default_factory=list)
+
+    @property
+    def parts(self) -> dict[str, Path]:
+        """The pictures by the names of their parts."""
+        from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+
+        return dict(zip(SILHOUETTE_PARTS, self.paths, strict=False))
+
+
+def parse_pictures(texts: Sequence[str] | None) -> Pictures:
+    """Parse pictures written as FILE@AZIMUTH[,ELEVATION[,FOV]].
+
+    Raises
+    ------
+    typer.BadParameter
+        A text does not have this form, there is no such file, or there are too many.
+    """
+    from meshdeform.requests.silhouettes import MAX_SILHOUETTES
+
+    found = Pictures()
+    for text in texts or ():
+        name, _, angles = text.rpartition("@")
+        path = Path(name)
+        try:
+            numbers = [float(part) for part in angles.split(",")]
+        except ValueError:
+            numbers = []
+        if not name or not 1 <= len(numbers) <= 3:
+            raise typer.BadParameter(f"{text!r} is not {_PICTURE}", param_hint="--silhouette")
+        if not path.is_file():
+            raise typer.BadParameter(f"there is no file {name}", param_hint="--silhouette")
+        found.paths.append(path)
+        found.views.append(dict(zip(("azimuth", "elevation", "fov"), numbers, strict=False)))
+    if len(found.paths) > MAX_SILHOUETTES:
+        raise typer.BadParameter(f"at most {MAX_SILHOUETTES} pictures", param_hint="--silhouette")
+    return found
+
+
+def parse_also(texts: Sequence[str] | None) -> list[dict[str, Any]] | None:
+    """Parse prompts written as PROMPT[:WEIGHT][@[outside:]PLACE=VALUE]...; None if there are none.
+
+    Several places make one region. What a text of this form cannot say, such as an `@` in a name, `--set prompts=` can.
+
+    Raises
+    ------
+    typer.BadParameter
+        A text does not have this form.
+    """
+    return [_prompt(text) for text in texts] if texts else None
+
+
+def _prompt(text: str) -> dict[str, Any]:
+    first, *places = text.split("@")
+    weighted = _WEIGHT.match(first.strip())
+    words, weight = (weighted[1], float(weighted[2])) if weighted else (first.strip(), None)
+    if not words:
+        raise typer.BadParameter(f"{text!r} has no prompt before the weight or the place", param_hint=_ALSO)
+    outside = [place.strip().startswith(_OUTSIDE) for place in places]
+    if any(outside) and not all(outside):
+        raise typer.BadParameter(f"{text!r}: either all places of a prompt are {_OUTSIDE} or none", param_hint=_ALSO)
+    regions = [parse_selection(place.strip().removeprefix(_OUTSIDE), _ALSO) for place in places]
+    return {
+        "prompt": words,
+        **({"weight": weight} if weight is not None else {}),
+        **({"regions": regions} if regions else {}),
+        **({"outside": True} if any(outside) else {}),
+    }
+
+
+def parse_exclude(texts: Sequence[str] | None) -> list[str | int] | None:
+    """Parse nodes, of which those of digits are indices; None if there are none."""
+    return [int(text) if text.isascii() and text.isdecimal() else text for text in texts] if texts else None
+
+
+def parse_anchors(texts: Sequence[str] | None) -> list[dict[str, list[float]]] | None:
+    """Parse pairs of points written as X,Y,Z:X,Y,Z; None if there are none.
+
+    Raises
+    ------
+    typer.BadParameter
+        A text does not have this form.
+    """
+    return [_anchor(text) for text in texts] if texts else None
+
+
+def _anchor(text: str) -> dict[str, list[float]]:
+    try:
+        base, surface = (_point(point) for point in text.split(":"))
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is not X,Y,Z:X,Y,Z", param_hint="--anchor") from error
+    return {"base": base, "surface": surface}
 
 
 def parse_rigid(texts: Sequence[str] | None) -> list[dict[str, Any]] | None:

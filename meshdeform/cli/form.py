@@ -1,0 +1,276 @@
+"""Options of commands that are generated from the models of a request, when a command is first looked at.
+
+Every parameter that is one word or number becomes an option with the name of the parameter, its help and its choices:
+`steps` is `--steps`. A group of parameters, or a choice among groups, is descended into: `scale` in `guidance` is
+`--guidance.scale`, and also `--scale` unless something else has that name. Parameters that are not simple are written
+by NAME=VALUE (`--set`) or in the short forms of `meshdeform.cli.written`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from inspect import Parameter, Signature
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+
+import typer
+from typer.core import TyperCommand
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+    from pydantic.fields import FieldInfo
+
+__all__ = ["Form", "form_command", "of_kind", "of_request", "overlaid", "parameter_choices", "written"]
+
+_META = "meshdeform.forms"
+_SENTENCE = re.compile(r"(?<=[a-z0-9)])[.:] ")
+
+
+@dataclass(frozen=True)
+class Form:
+    """Options for the members of one model.
+
+    Attributes
+    ----------
+    name : str
+        The member of the request that they write: `params`, `output`.
+    model : callable
+        Returns the model; imported only when the command is looked at.
+    panel : str
+        Their heading in the help.
+    only : collection of str, optional
+        The members that get an option; default: all.
+    hidden : collection of str
+        Members without an option, because the command has one of its own.
+    """
+
+    name: str
+    model: Callable[[], type[BaseModel]]
+    panel: str
+    only: Collection[str] | None = None
+    hidden: Collection[str] = ()
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """A parameter with an option: its place in the model, and how its text is read."""
+
+    form: str
+    path: tuple[str, ...]
+    option: Any
+    read: Callable[[Any], Any]
+
+
+def of_kind(kind: str, panel: str = "Method", **more: Any) -> Form:
+    """Return the form of the parameters of a kind of job."""
+
+    def model() -> type[BaseModel]:
+        from meshdeform.runs import kinds
+
+        return next(each.params for each in kinds() if each.name == kind)
+
+    return Form("params", model, panel, **more)
+
+
+def of_request(name: str, panel: str, **more: Any) -> Form:
+    """Return the form of a group of the request such as `output`, or of the request's own members (`job`)."""
+
+    def model() -> type[BaseModel]:
+        from meshdeform.requests.document import JobRequest, OutputOptions
+
+        return OutputOptions if name == "output" else JobRequest
+
+    return Form(name, model, panel, **more)
+
+
+def form_command(*forms: Form) -> type[TyperCommand]:
+    """Return a class of commands that have the options of these forms beside their own."""
+
+    class Command(_FormCommand):
+        FORMS = forms
+
+    return Command
+
+
+def written(ctx: typer.Context, name: str = "params") -> dict[str, Any]:
+    """Return what the options of a form say, nested as in the request; what was not written is left out."""
+    forms: dict[str, dict[str, Any]] = ctx.meta.get(_META, {})
+    return forms.get(name, {})
+
+
+def overlaid(low: Mapping[str, Any], high: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `low` with the members of `high` over it; groups are joined."""
+    joined = dict(low)
+    for name, value in high.items():
+        below = joined.get(name)
+        groups = isinstance(value, Mapping) and isinstance(below, Mapping)
+        joined[name] = overlaid(below, value) if groups else value  # type: ignore[arg-type]
+    return joined
+
+
+def parameter_choices() -> dict[str, list[str]]:
+    """Return the values that a deformation's parameters may have, where they are choices, by dotted name."""
+    from meshdeform.requests.document import DeformParams
+
+    return {
+        ".".join(path): [
+            str(choice.value)
+            for each in _members(field.annotation)
+            if isinstance(each, type) and issubclass(each, Enum)
+            for choice in each
+        ]
+        for path, field in _fields(DeformParams, ())
+    }
+
+
+class _FormCommand(TyperCommand):
+    FORMS: ClassVar[Sequence[Form]] = ()
+    _leaves: list[_Leaf] | None = None
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        own: list[Any] = super().get_params(ctx)
+        if self._leaves is None:
+            taken = {text for option in own for text in (*option.opts, *option.secondary_opts)}
+            self._leaves = [leaf for form in self.FORMS for leaf in _leaves_of(form, taken)]
+        return [*own[:-1], *(leaf.option for leaf in self._leaves), *own[-1:]]
+
+    def invoke(self, ctx: Any) -> Any:
+        forms: dict[str, dict[str, Any]] = {}
+        for leaf in self._leaves or ():
+            value = ctx.params.pop(leaf.option.name, None)
+            if value is None or value == [] or value == ():
+                continue
+            group = forms.setdefault(leaf.form, {})
+            for name in leaf.path[:-1]:
+                group = group.setdefault(name, {})
+            group[leaf.path[-1]] = leaf.read(value)
+        ctx.meta[_META] = forms
+        return super().invoke(ctx)
+
+
+def _leaves_of(form: Form, taken: set[str]) -> list[_Leaf]:
+    leaves, infos = list[tuple[str, tuple[str, ...], Callable[[Any], Any]]](), list[Parameter]()
+    for path, field in _fields(form.model(), ()):
+        kind, read = _kind_of(field)
+        if kind is None or path[0] in form.hidden or (form.only is not None and path[0] not in form.only):
+            continue
+        if names := [name for name in _names(path, field) if name not in taken]:
+            taken.update(names)
+            name = "_".join(("form", form.name, *path))
+            leaves.append((name, path, read))
+            info = _option(form, path, field, kind, names)
+            infos.append(Parameter(name, Parameter.KEYWORD_ONLY, default=info, annotation=kind | None))
+    options = _click_options(infos)
+    return [_Leaf(form.name, path, options[name], read) for name, path, read in leaves]
+
+
+def _click_options(infos: Sequence[Parameter]) -> dict[str, Any]:
+    """Return the options that typer makes of parameters of a function."""
+
+    def nothing(**_values: Any) -> None:
+        """Do nothing: only the options of this command are used."""
+
+    nothing.__signature__ = Signature(infos)  # type: ignore[attr-defined]
+    nothing.__annotations__ = {info.name: info.annotation for info in infos}
+    app = typer.Typer(add_completion=False)
+    app.command()(nothing)
+    return {str(option.name): option for option in typer.main.get_command(app).params}
+
+
+def _fields(model: type[BaseModel], above: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], FieldInfo]]:
+    """Yield the parameters of a model and of the groups in it; groups of a choice may share some."""
+    for name, field in model.model_fields.items():
+        groups = [each for each in _members(field.annotation) if _is_model(each)]
+        if not groups:
+            yield (*above, name), field
+        for group in groups:
+            yield from _fields(group, (*above, name))
+
+
+def _members(annotation: Any) -> list[Any]:
+    """Return the members of a union, without None and without what annotates them."""
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        return _members(get_args(annotation)[0])
+    if origin in (Union, UnionType):
+        return [each for part in get_args(annotation) for each in _members(part)]
+    return [] if annotation is NoneType else [annotation]
+
+
+def _is_model(annotation: Any) -> bool:
+    from pydantic import BaseModel
+
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _kind_of(field: FieldInfo) -> tuple[Any, Callable[[Any], Any]]:
+    """Return the type that the command line reads for a parameter, None if it is not simple, and what reads it."""
+    members = _members(field.annotation)
+    if len(members) == 1 and get_origin(members[0]) is list:
+        items = _members(get_args(members[0])[0])
+        return (list[str], list) if items == [str] else (None, list)
+    if not members or not all(_is_word(each) for each in members):
+        return None, str
+    if len(members) == 1 and get_origin(members[0]) is not Literal:
+        (kind,) = members
+        return kind, (lambda text: getattr(text, "value", text))
+    return str, _json_or_text
+
+
+def _is_word(annotation: Any) -> bool:
+    if get_origin(annotation) is Literal:
+        return True
+    return annotation in (int, float, str, bool) or (isinstance(annotation, type) and issubclass(annotation, Enum))
+
+
+def _json_or_text(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def _names(path: tuple[str, ...], field: FieldInfo) -> list[str]:
+    """Return the names of an option: with its groups, and the short one that the schema declares or its own."""
+    whole = ".".join(path).replace("_", "-")
+    extra = field.json_schema_extra
+    short = extra.get("x-option") if isinstance(extra, dict) else None
+    return list(dict.fromkeys([f"--{whole}", f"--{short or path[-1].replace('_', '-')}"]))
+
+
+def _option(form: Form, path: tuple[str, ...], field: FieldInfo, kind: Any, names: list[str]) -> Any:
+    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    flags = [f"{name}/--no-{name[2:]}" for name in names] if kind is bool else names
+    return typer.Option(
+        None,
+        *flags,
+        help=_help(field),
+        rich_help_panel=form.panel,
+        show_default=False,
+        # What only presets set, and no form shows, is for experts.
+        hidden="x-of-preset" in extra and "x-form" not in extra,
+        autocompletion=_completion(path[-1]),
+    )
+
+
+def _completion(name: str) -> Any:
+    from meshdeform.cli.options import complete_models
+
+    return complete_models if name == "model" else None
+
+
+def _help(field: FieldInfo) -> str:
+    """Return the first sentence of a description, without its marks, and the default."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", (field.description or "").replace("`", ""))
+    first = _SENTENCE.split(text, maxsplit=1)[0].rstrip(".") + "."
+    default = field.get_default(call_default_factory=False)
+    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    if "x-of-preset" in extra:
+        return f"{first} Default: the preset's."
+    shown = getattr(default, "value", default)
+    named = isinstance(shown, int | float | str) and shown is not False and shown != ""
+    return f"{first} Default: {shown}." if named else first

@@ -1,0 +1,464 @@
+"""Run a job of any kind in this process, without record, queue and store: the one driver of all commands.
+
+The request is checked and the outputs are protected before torch is imported; the outputs are written all or none; a
+Ctrl-C takes effect between two steps, and the state is saved first where a checkpoint is wanted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import shlex
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from meshdeform.cli.exits import ExitCode, OutcomeError
+from meshdeform.errors import AlignmentError, ParameterError, UnavailableError
+from meshdeform.support.collector import collection_paused
+
+if TYPE_CHECKING:
+    from meshdeform.cli.progress import ProgressView
+    from meshdeform.priors.base import Prior
+    from meshdeform.requests.document import JobRequest
+    from meshdeform.runs.base import ArtifactData, InputFile, JobRun
+    from meshdeform.settings import Settings
+
+__all__ = [
+    "FinishedRun",
+    "LocalJob",
+    "check_locally",
+    "check_outputs",
+    "ctrl_c_between_steps",
+    "find_taught",
+    "second_ctrl_c_ends",
+    "write_all",
+    "writing",
+]
+
+_GRACE_S = 2.0
+"""Seconds that the second Ctrl-C has to end the work by an exception."""
+_OVER = b"\0"
+_FORCE = "Choose another name with -o, or overwrite it with --force."
+_REPORT = "report.json"
+
+
+@dataclass(frozen=True)
+class FinishedRun:
+    """A run that has written its outputs.
+
+    Attributes
+    ----------
+    report : dict
+    artifacts : dict of str to bytes
+        The artifacts that were written, by name.
+    shown : dict of str to Path
+        Those that were written before the run had ended.
+    steps : int
+        Steps done, with those of the checkpoint.
+    resumed_from : int, optional
+        The step of the checkpoint.
+    losses : dict
+        Losses of the last step.
+    elapsed_s : float
+    """
+
+    report: dict[str, Any]
+    artifacts: dict[str, bytes]
+    shown: dict[str, Path]
+    steps: int
+    resumed_from: int | None
+    losses: dict[str, float]
+    elapsed_s: float
+
+
+@dataclass
+class LocalJob:
+    """A job of any kind in this process.
+
+    Attributes
+    ----------
+    request : JobRequest
+    files : dict of str to Path or InputFile
+        By part.
+    outputs : dict of str to Path
+        Where artifacts go, by name: the main one first. Others are not written.
+    settings : Settings
+        Model, device, precision, threads and limits.
+    checkpoint : Path, optional
+        The file for the state.
+    resume : Path, optional
+        A checkpoint of the same request to continue from.
+    whole_folder : bool
+        Whether outputs of an earlier run that this one does not make are removed.
+    load : callable, optional
+        Loads the prior; a caching one saves time from job to job.
+    """
+
+    request: JobRequest
+    files: Mapping[str, Path | InputFile]
+    outputs: Mapping[str, Path]
+    settings: Settings
+    checkpoint: Path | None = None
+    resume: Path | None = None
+    whole_folder: bool = False
+    load: Callable[..., Prior] | None = None
+    _shown: dict[str, Path] = field(default_factory=dict, init=False)
+    _losses: dict[str, float] = field(default_factory=dict, init=False)
+    _step: tuple[int, int] | None = field(default=None, init=False)
+    _saved_step: int | None = field(default=None, init=False)
+
+    def check(self, *, force: bool = False, also: Sequence[Path] = (), inputs: Sequence[Path] = ()) -> None:
+        """Refuse, without torch, what could not run here, and unless with `force` to lose a file.
+
+        Parameters
+        ----------
+        force : bool
+        also : sequence of Path
+            Further files that the command writes.
+        inputs : sequence of Path
+            Further files that it reads.
+
+        Raises
+        ------
+        MeshdeformError
+            The request is not valid, or a file would be lost.
+        """
+        if not force:
+            read = [file for file in (*self.files.values(), *inputs, self.resume) if isinstance(file, Path)]
+            check_outputs(self.outputs, read, also=also, kind=str(self.request.kind))
+            if self.checkpoint is not None:
+                _check_checkpoint(self.checkpoint)
+        check_locally(self.request, self.settings, list(self.files))
+
+    def run(self, progress: ProgressView) -> FinishedRun:
+        """Run the job to its end and write the outputs, all or none.
+
+        Raises
+        ------
+        MeshdeformError
+            The job cannot run, or an output cannot be written.
+        OutcomeError
+            Ctrl-C came (`interrupted`); the checkpoint is written if requested.
+        """
+        try:
+            with second_ctrl_c_ends():
+                return self._run(progress)
+        except KeyboardInterrupt:
+            raise self._interruption() from None
+
+    def start(self, on_phase: Callable[[str], None] = lambda _name: None) -> JobRun:
+        """Read the files and start the run.
+
+        Raises
+        ------
+        MeshdeformError
+            The job cannot run.
+        """
+        from meshdeform.assets import Limits
+        from meshdeform.assets.bundle import read_with_files
+        from meshdeform.runs import kind_of, start_run
+        from meshdeform.runs.base import InputFile, RunInput
+
+        limits = Limits.from_settings(self.settings)
+        with collection_paused(keep=True):
+            kind_of(self.request.kind).load()
+            from meshdeform.runs.devices import resolve_device, use_threads
+
+        use_threads(self.settings.threads)
+        device = resolve_device(self.settings.device)
+        job_input = RunInput(
+            request=find_taught(self.request, self.settings),
+            files={
+                part: InputFile(read_with_files(file, limits), file.name) if isinstance(file, Path) else file
+                for part, file in self.files.items()
+            },
+            checkpoint=self.resume.read_bytes() if self.resume else None,
+            load_prior=lambda model: self._prior(model, device),
+            default_model=self.settings.model,
+            limits=limits,
+            device=device,
+            on_phase=on_phase,
+            on_artifact=self._show,
+        )
+        with self._alignment_picture(), collection_paused():  # compiled kernels are loaded, and a library for them
+            return start_run(job_input)
+
+    def _prior(self, model: str, device: str) -> Prior:
+        from meshdeform.priors import load_prior
+
+        revision = self.settings.model_revision if model == self.settings.model else ""
+        return (self.load or load_prior)(model, device=device, revision=revision, dtype=self.settings.dtype)
+
+    def _run(self, progress: ProgressView) -> FinishedRun:
+        began = time.perf_counter()
+        progress.phase("loading")
+        with writing():
+            for path in self.outputs.values():
+                _try_folder(path)
+        if self.checkpoint is not None:
+            with writing("The checkpoint", "--checkpoint"):
+                _try_folder(self.checkpoint)
+        run = self.start(progress.phase)
+        first = run.step
+        progress.phase("optimizing")
+        self._optimize(run, progress)
+        progress.phase("writing")
+        artifacts = {name: made.data for name, made in run.finish().items() if name in self.outputs}
+        gone = [path for name, path in self.outputs.items() if name not in artifacts] if self.whole_folder else []
+        write_all({self.outputs[name]: data for name, data in artifacts.items()}, remove=gone)
+        elapsed_s = round(time.perf_counter() - began, 3)
+        report = json.loads(artifacts[_REPORT])
+        return FinishedRun(report, artifacts, self._shown, run.step, first or None, self._losses, elapsed_s)
+
+    def _optimize(self, run: JobRun, progress: ProgressView) -> None:
+        path, every = self.checkpoint, self.request.params.checkpoint_every_steps
+        with ctrl_c_between_steps() as interrupted:
+            for report in run:
+                self._losses, self._step = report.losses, (report.step, report.total_steps)
+                progress.step(report.step, report.total_steps, report.losses.get("total", math.nan))
+                stop = interrupted()
+                if path is not None and (stop or report.step % every == 0):
+                    with writing("The checkpoint", "--checkpoint"):
+                        _write({path: run.checkpoint()})
+                    self._saved_step = report.step
+                if stop:
+                    raise KeyboardInterrupt
+
+    @property
+    def _main(self) -> Path:
+        return next(iter(self.outputs.values()))
+
+    @contextmanager
+    def _alignment_picture(self) -> Iterator[None]:
+        """Write the picture of a failed alignment beside the result, and name it in the error."""
+        try:
+            yield
+        except AlignmentError as error:
+            path = self._main.with_suffix(".alignment.png")
+            if error.picture is not None:
+                with writing("The picture of the alignment"):
+                    _write({path: error.picture})
+                error.advice_text += f" {path} shows the asset in blue and the target in orange."
+            raise
+
+    def _show(self, name: str, artifact: ArtifactData) -> None:
+        """Write what is shown before the run has ended beside the result."""
+        path = self.outputs.get(name, self._main.with_suffix(f".{name}"))
+        with writing(name):
+            _write({path: artifact.data})
+        self._shown[name] = path
+
+    def _interruption(self) -> OutcomeError:
+        where = "before the first step" if self._step is None else "at step {} of {}".format(*self._step)
+        path, extra = self.checkpoint, dict[str, Any]()
+        if self._saved_step is not None and self._step is not None:
+            which = "The state" if self._saved_step == self._step[0] else f"The state of step {self._saved_step}"
+            detail, advice = f"{which} is in {path}.", f"Continue with --resume {shlex.quote(str(path))}"
+            extra = {"checkpoint": str(path), "step": self._saved_step}
+        else:
+            detail, advice = "Nothing was written.", "The same command starts over."
+            if self.resume is not None:
+                advice = f"The same command continues from {self.resume} again."
+            elif path is None:
+                advice += " With --checkpoint FILE it could be resumed."
+        return OutcomeError(ExitCode.INTERRUPTED, "interrupted", f"Interrupted {where}. {detail}", advice, **extra)
+
+
+def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:
+    """Refuse a request that could not run on this machine, where any model may be named; without torch.
+
+    Raises
+    ------
+    MeshdeformError
+        The request is not valid, or its model is not here.
+    """
+    from meshdeform.runs import check_request
+
+    request = find_taught(request, settings)
+    model = getattr(request.params, "model", None)
+    if model:
+        settings = settings.model_copy(update={"allowed_models": [*settings.allowed_models, model]})
+    check_request(request, settings, files=parts)
+
+
+def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
+    """Return the request with the path of taught weights that are named by a file in MESHDEFORM_MODELS."""
+    from meshdeform.priors.public_names import configured_name
+    from meshdeform.requests.models import is_taught
+
+    model = getattr(request.params, "model", None)
+    if model is None or not is_taught(model) or Path(model).expanduser().exists():
+        return request
+    path = configured_name(model, settings.further_models)
+    return request.model_copy(update={"params": request.params.model_copy(update={"model": path})})
+
+
+def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: Sequence[Path], kind: str) -> None:
+    """Refuse outputs that would replace an input or a file of the user.
+
+    Files of an earlier run may be replaced, so that loops and Makefiles work: the report beside the result has the
+    result's SHA-256, or that of a folder the kind of job. A result that was edited since then is a file of the user.
+
+    Parameters
+    ----------
+    outputs : mapping of str to Path
+        By artifact, the result first.
+    inputs : sequence of Path
+    also : sequence of Path
+        Further outputs, whose names are made from that of the result.
+    kind : str
+
+    Raises
+    ------
+    ParameterError
+        A file would be lost.
+    """
+    paths = [*outputs.values(), *also]
+    for path in paths:
+        if path.exists() and any(source.exists() and path.samefile(source) for source in inputs):
+            raise ParameterError(f"{path} is an input of this run.", advice=_FORCE)
+    report, main = _read_report(outputs[_REPORT], kind), next(iter(outputs.values()))
+    for path in paths:
+        if path.exists() and not (report is not None and (path != main or _is_result(path, report))):
+            raise ParameterError(f"{path} exists and was not written by an earlier run.", advice=_FORCE)
+
+
+def _read_report(path: Path, kind: str) -> dict[str, Any] | None:
+    try:
+        report = json.loads(path.read_bytes())
+        ours = report.get("kind") == kind or ("fingerprint" in report and isinstance(report["result"]["sha256"], str))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return report if ours else None
+
+
+def _is_result(path: Path, report: Mapping[str, Any]) -> bool:
+    digest = (report.get("result") or {}).get("sha256")
+    return digest is None or (path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == digest)
+
+
+def _check_checkpoint(path: Path) -> None:
+    """Refuse to replace a file that is not a checkpoint."""
+    if path.exists() and not _is_checkpoint(path):
+        raise ParameterError(
+            f"{path} exists and is not a checkpoint.",
+            advice="Choose another name with --checkpoint, or overwrite it with --force.",
+        )
+
+
+def _is_checkpoint(path: Path) -> bool:
+    from meshdeform.priors.builtin.teaching.lesson import STATE_MAGIC
+
+    # A lesson's has its own first bytes; others have the layout of safetensors: 8 bytes of length, then JSON.
+    try:
+        with path.open("rb") as file:
+            first = file.read(len(STATE_MAGIC))
+            if first == STATE_MAGIC:
+                return True
+            file.seek(0)
+            size = int.from_bytes(file.read(8), "little")
+            header = json.loads(file.read(min(size, 2**24)))
+        return str(header["__metadata__"]["format"]).startswith("meshdeform-checkpoint")
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def write_all(files: Mapping[Path, bytes], *, what: str = "The result", remove: Sequence[Path] = ()) -> None:
+    """Write all files or none, and then remove others; a Ctrl-C that comes now is too late.
+
+    Raises
+    ------
+    UnavailableError
+        A file cannot be written.
+    """
+    with ctrl_c_between_steps(), writing(what):
+        for path in files:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        _write(files)
+        for path in remove:
+            path.unlink(missing_ok=True)
+
+
+def _write(files: Mapping[Path, bytes]) -> None:
+    from meshdeform.support.files import write_files
+
+    write_files(dict(files))
+
+
+@contextmanager
+def writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
+    """Turn errors of the file system into an `UnavailableError` that names `what` and the option for another place."""
+    try:
+        yield
+    except OSError as error:
+        raise UnavailableError(
+            f"{what} cannot be written: {error}.", advice=f"Choose another path with {option}."
+        ) from error
+
+
+def _try_folder(path: Path) -> None:
+    """Make the folder of a path, and test that files can be written there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=path.parent):
+        pass
+
+
+@contextmanager
+def ctrl_c_between_steps() -> Iterator[Any]:
+    """Defer the first Ctrl-C to the end of the step, when the state is consistent; the second acts at once."""
+    interrupted = False
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        nonlocal interrupted
+        if interrupted:
+            raise KeyboardInterrupt
+        interrupted = True
+
+    with second_ctrl_c_ends():
+        previous = signal.signal(signal.SIGINT, handle)
+        try:
+            yield lambda: interrupted
+        finally:
+            signal.signal(signal.SIGINT, previous)
+
+
+@contextmanager
+def second_ctrl_c_ends() -> Iterator[None]:
+    """End the process if a second Ctrl-C does not end the block: Python's handlers wait until compiled code returns.
+
+    The interpreter writes the number of each signal to a pipe at once, and a thread reads it.
+    """
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    over = threading.Event()
+
+    def watch() -> None:
+        count = 0
+        while (number := os.read(read, 1)) != _OVER:
+            count += number[0] == signal.SIGINT
+            if count > 1 and not over.wait(_GRACE_S):
+                os.write(2, b"Interrupted.\n")
+                os._exit(ExitCode.INTERRUPTED)
+
+    watcher = threading.Thread(target=watch, name="Ctrl-C", daemon=True)
+    watcher.start()
+    previous = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(previous)
+        over.set()
+        os.write(write, _OVER)
+        watcher.join()
+        os.close(read)
+        os.close(write)
