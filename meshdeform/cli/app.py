@@ -6,6 +6,7 @@ its advice on standard error; the exit code gives its kind (`meshdeform.cli.exit
 
 from __future__ import annotations
 
+import platform
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -13,6 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+import meshdeform
 from meshdeform.cli.animate import animate
 from meshdeform.cli.apply import ApplyCommand, apply
 from meshdeform.cli.batch import BatchCommand, batch
@@ -22,16 +24,15 @@ from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
 from meshdeform.cli.family import FamilyFitCommand, FamilySynthesizeCommand, family_fit, family_synthesize
 from meshdeform.cli.inspect import InspectCommand, inspect
 from meshdeform.cli.jobs import BranchCommand, branch, cancel, delete, fetch, jobs, retry, wait, watch
-from meshdeform.cli.keys import keys
-from meshdeform.cli.mcp import mcp
 from meshdeform.cli.models import models
+from meshdeform.cli.options import JsonOption
+from meshdeform.cli.output import emit
 from meshdeform.cli.run import RunCommand, run
-from meshdeform.cli.servers import api, serve, worker
+from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
 from meshdeform.cli.surface_fit import SurfaceFitCommand, surface_fit, unfold
 from meshdeform.cli.teach import TeachCommand, teach
 from meshdeform.cli.variants import VariantsCommand, variants
-from meshdeform.cli.version import print_version, version
 from meshdeform.errors import ParameterError
 from meshdeform.support.collector import skip_last_collections
 from meshdeform.support.threads import limit_spinning
@@ -47,6 +48,21 @@ _CLIENT, _SERVICE, _MACHINE = "A service's jobs", "Running a service", "This mac
 def _message(error: Exception) -> str:
     formatted = getattr(error, "format_message", None)
     return str(formatted() if formatted else error)
+
+
+def _print_version(wanted: bool) -> None:
+    """Print the version and exit, for the option `--version`."""
+    if wanted:
+        typer.echo(meshdeform.__version__)
+        raise typer.Exit
+
+
+def _show_version(as_json: JsonOption = False) -> None:
+    """Print the version."""
+    if as_json:
+        emit({"meshdeform": meshdeform.__version__, "python": platform.python_version()})
+        return
+    typer.echo(meshdeform.__version__)
 
 
 class _Commands(TyperGroup):
@@ -100,7 +116,7 @@ app = typer.Typer(
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=print_version)
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_version)
     ] = False,
 ) -> None:
     pass
@@ -142,7 +158,7 @@ app.command(cls=TeachCommand, rich_help_panel=_MACHINE)(teach)
 app.command("eval", hidden=True, context_settings=_ANYTHING)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)
 app.command(rich_help_panel=_MACHINE)(doctor)
-app.command(rich_help_panel=_MACHINE)(version)
+app.command("version", rich_help_panel=_MACHINE)(_show_version)
 app.command(hidden=True, context_settings=_ANYTHING)(submit)
 app.command(rich_help_panel=_CLIENT)(watch)
 app.command(rich_help_panel=_CLIENT)(wait)

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from meshdeform.cli.environment import load_settings, service_url
+from meshdeform.cli.environment import load_settings, read_key, service_url
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
 from meshdeform.cli.output import emit, plain
+from meshdeform.errors import MeshdeformError
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
 
 if TYPE_CHECKING:
-    from meshdeform.cli.diagnosis.checks import Check, Finding, Subject
+    from meshdeform.cli.checks import Finding, Subject
 
-__all__ = ["doctor"]
+__all__ = ["Check", "doctor", "run_checks"]
 
 _COLOURS = {"ok": "green", "skip": None, "warn": "yellow", "fail": "red"}
 
@@ -45,8 +50,7 @@ def doctor(
 
     meshdeform doctor --url http://127.0.0.1:8765 --json
     """
-    from meshdeform.cli.diagnosis.checks import Subject
-    from meshdeform.cli.environment import read_key
+    from meshdeform.cli.checks import Subject
 
     subject = Subject(
         settings=load_settings(data_dir=data_dir),
@@ -72,44 +76,73 @@ def doctor(
         typer.echo(f"All checks passed{', with warnings' if count['warn'] else ''}.")
 
 
+@dataclass(frozen=True)
+class Check:
+    """A check, which returns its findings, and the seconds that it may take."""
+
+    name: str
+    ask: Callable[[], Iterable[Finding]]
+    timeout_s: float
+
+
 def _findings(subject: Subject, on_finding: Callable[[Finding], None]) -> list[Finding]:
-    from meshdeform.cli.diagnosis import machine
-    from meshdeform.cli.diagnosis.checks import run_checks
+    from meshdeform.cli import checks
 
-    found = []
-    for finding in run_checks(_checks(subject)):
-        found.append(finding)
-        on_finding(finding)
-    # After the others, which read the clocks of servers.
-    for finding in machine.check_clock(subject):
-        found.append(finding)
-        on_finding(finding)
-    return found
-
-
-def _checks(subject: Subject) -> Sequence[Check]:
-    from meshdeform.cli.diagnosis import machine, models, packages, servers, service
-    from meshdeform.cli.diagnosis.checks import Check
-
-    def check(name: str, ask: Callable[..., Iterable[Finding]], *arguments: object, takes_s: float = 0.0) -> Check:
-        return Check(name, partial(ask, *arguments), takes_s or 3 * subject.timeout_s)
-
-    return [
-        check("python", packages.check_python),
-        check("packages", packages.check_packages),
-        check("settings", packages.check_variables, set(type(subject.settings).model_fields)),
-        check("gpu", machine.check_gpu, subject, takes_s=machine.GPU_TIMEOUT_S),
-        check("builtin prior", models.check_builtin),
-        check("model", models.check_model, subject),
-        check("disk", machine.check_disk, subject),
-        check("data directory", machine.check_data_dir, subject),
-        check("port", machine.check_port, subject),
-        check("redis", servers.check_redis, subject),
-        check("database", servers.check_database, subject),
-        check("object store", servers.check_store, subject),
-        check("workers", servers.check_workers, subject),
-        check("service", service.check_service, subject, takes_s=5 * subject.timeout_s),
+    limit_s = 3 * subject.timeout_s
+    asked = [
+        Check("packages", checks.check_packages, limit_s),
+        Check("settings", partial(checks.check_variables, set(type(subject.settings).model_fields)), limit_s),
+        Check("gpu", partial(checks.check_gpu, subject), checks.GPU_TIMEOUT_S),
+        Check("builtin prior", checks.check_builtin, limit_s),
+        Check("model", partial(checks.check_model, subject), limit_s),
+        Check("data directory", partial(checks.check_folders, subject), limit_s),
+        Check("port", partial(checks.check_port, subject), limit_s),
+        Check("redis", partial(checks.check_redis, subject), limit_s),
+        Check("database", partial(checks.check_database, subject), limit_s),
+        Check("object store", partial(checks.check_store, subject), limit_s),
+        Check("workers", partial(checks.check_workers, subject), limit_s),
+        Check("service", partial(checks.check_service, subject), 5 * subject.timeout_s),
     ]
+    findings = []
+    for finding in run_checks(asked):
+        findings.append(finding)
+        on_finding(finding)
+    for finding in checks.check_clock(subject):  # after the others, which read the clocks of servers
+        findings.append(finding)
+        on_finding(finding)
+    return findings
+
+
+def run_checks(checks: Sequence[Check]) -> Iterator[Finding]:
+    """Run all checks at once and yield their findings in order; a check that times out is abandoned."""
+    from meshdeform.cli.checks import fail
+
+    answers = [_start(check) for check in checks]
+    start = time.monotonic()
+    for check, answer in zip(checks, answers, strict=True):
+        try:
+            yield from answer.get(timeout=max(0.0, start + check.timeout_s - time.monotonic()))
+        except queue.Empty:
+            advice = "A server does not respond: check whether it hangs or is behind a firewall."
+            yield fail(check.name, f"no response within {check.timeout_s:g} s", advice)
+
+
+def _start(check: Check) -> queue.SimpleQueue[list[Finding]]:
+    from meshdeform.cli.checks import fail
+
+    answer: queue.SimpleQueue[list[Finding]] = queue.SimpleQueue()
+
+    def work() -> None:
+        try:
+            answer.put(list(check.ask()))
+        except MeshdeformError as error:
+            answer.put([fail(check.name, error.detail, error.advice_text)])
+        except Exception as error:  # any other error is a finding as well
+            answer.put([fail(check.name, f"{type(error).__name__}: {error}", "Check that it is set up as documented.")])
+
+    # A daemon thread, so that one that hangs cannot keep the process alive.
+    threading.Thread(target=work, name=check.name, daemon=True).start()
+    return answer
 
 
 def _print(finding: Finding) -> None:

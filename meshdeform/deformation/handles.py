@@ -118,5 +118,4 @@ def handle_rows(handles: Sequence[Handle], count: int) -> sparse.csr_matrix:
 
 
 def _refusal(number: int, detail: str, advice: str) -> ParameterError:
-    place = {"loc": ["params", "handles", number], "msg": detail, "type": "value_error"}
-    return ParameterError(f"params.handles: {detail}", advice=advice, errors=[place])
+    return ParameterError.at(["params", "handles", number], f"params.handles: {detail}", advice, message=detail)

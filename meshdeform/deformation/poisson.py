@@ -11,7 +11,7 @@ Pinned vertices are eliminated: their rows leave the matrix, and their positions
 remains is positive definite on a component with a pinned vertex, so none is grounded there, and the component is not
 moved to its centre of mass: the pinned vertices determine its place.
 
-Collapsed faces (`operators.COLLAPSED_SHAPE`) have no weight, because their cotangents would swamp all others in
+Collapsed faces (`collapse.COLLAPSED_SHAPE`) have no weight, because their cotangents would swamp all others in
 float64. To keep what they connect together, each of their edges e is a weak spring  w ||v_j - v_i - J_f e||^2,
 w = 1e-6 longest edge / |e|, dimensionless like the cotangents. Springs have zero energy under every deformation with
 consistent Jacobians, and a vertex on the long edge of a collapsed face follows that edge linearly. If the factorisation

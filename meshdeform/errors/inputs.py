@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Self
+
 from meshdeform.errors.base import MeshdeformError
 
 __all__ = [
@@ -107,12 +110,36 @@ class RequestError(MeshdeformError):
     code = "request_invalid"
     advice = "Compare the request with /openapi.json."
 
+    def located(self, loc: Sequence[str | int], message: str | None = None) -> Self:
+        """Return the error after naming the member of the request that it is about."""
+        self.extra["errors"] = [{"loc": [*loc], "msg": message or self.detail, "type": "value_error"}]
+        return self
+
 
 class ParameterError(RequestError):
     """A parameter is unknown or out of range."""
 
     code = "parameter_invalid"
     advice = "Fix the members that `errors` names."
+
+    @classmethod
+    def at(
+        cls, loc: Sequence[str | int], detail: str, advice: str | None = None, *, message: str | None = None
+    ) -> Self:
+        """Return the error about one member of a request.
+
+        Parameters
+        ----------
+        loc : sequence of str and int
+            The path to the member, as in `["params", "handles", 2]`.
+        detail : str
+            One sentence about this occurrence.
+        advice : str, optional
+            What to do about it. Default: the class's advice.
+        message : str, optional
+            What stands beside the member. Default: `detail`.
+        """
+        return cls(detail, advice=advice).located(loc, message)
 
 
 class AlignmentError(RequestError):

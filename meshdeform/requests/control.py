@@ -95,9 +95,8 @@ def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[
             away = max(max(a - x, x - b) for a, x, b in zip(low, point, high, strict=True))
             if away > MAX_REACH * size:
                 detail = f"params.{name}: the point is {away / size:.1g} times as far from the {part} as that is long."
-                place = {"loc": ["params", name, number, member], "msg": detail, "type": "value_error"}
                 advice = f"Give a point within {MAX_REACH:,} lengths of the {part}."
-                raise ParameterError(detail, advice=advice, errors=[place])
+                raise ParameterError.at(["params", name, number, member], detail, advice)
 
 
 def _places_on_asset(params: ResolvedParams) -> Iterator[_Place]:

@@ -284,11 +284,13 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     if values["rigid"] and values["carrier"] is Carrier.SURFACE:
         whose = "set" if "carrier" in written else "the preset's"
         detail = f"Rigid parts need the lattice, and carrier is `surface` ({whose})."
-        raise _refused("rigid", detail, "Set params.carrier to auto or lattice.")
+        raise ParameterError.at(["params", "rigid"], detail, "Set params.carrier to auto or lattice.")
     if family != "sd" and values["appearance"] != AppearanceMode.NORMALS:
         whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
         detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
-        raise _refused("appearance", detail, "Leave params.appearance out, or use a Stable Diffusion model.")
+        raise ParameterError.at(
+            ["params", "appearance"], detail, "Leave params.appearance out, or use a Stable Diffusion model."
+        )
     return read_unbounded(ResolvedParams, values)
 
 
@@ -302,16 +304,13 @@ def _with_goal(params: DeformParams) -> DeformParams:
     """
     guidance = goal_guidance(params)
     if params.sketch is not None and params.silhouettes:
-        raise _refused("silhouettes", "Pictures cannot guide beside a target mesh.", "Leave out one of the two.")
+        raise ParameterError.at(
+            ["params", "silhouettes"], "Pictures cannot guide beside a target mesh.", "Leave out one of the two."
+        )
     if params.prompts and guidance is not GuidanceKind.SDS:
         detail = f"`prompts` cannot be combined with `guidance`: `{guidance}` uses no prompt."
-        raise _refused("prompts", detail, "Leave out prompts or guidance.")
+        raise ParameterError.at(["params", "prompts"], detail, "Leave out prompts or guidance.")
     if "guidance" in params.model_fields_set and params.guidance is not guidance:
         detail = f"guidance is `{params.guidance}`, and `sketch` needs `{guidance}`."
-        raise _refused("guidance", detail, "Leave params.guidance out.")
+        raise ParameterError.at(["params", "guidance"], detail, "Leave params.guidance out.")
     return params if params.guidance is guidance else params.model_copy(update={"guidance": guidance})
-
-
-def _refused(name: str, detail: str, advice: str) -> ParameterError:
-    place = {"loc": ["params", name], "msg": detail, "type": "value_error"}
-    return ParameterError(detail, advice=advice, errors=[place])

@@ -226,8 +226,7 @@ def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any
         matching = _matching(wanted, nodes)
         if not matching:
             detail = f"params.exclude: {_missing('node', wanted)}"
-            place = {"loc": ["params", "exclude", number], "msg": detail, "type": "value_error"}
-            raise ParameterError(detail, advice=_nearest("node", wanted, nodes), errors=[place])
+            raise ParameterError.at(["params", "exclude", number], detail, _nearest("node", wanted, nodes))
         found += matching
     return found
 
@@ -264,8 +263,7 @@ def refuse_selection(place: List, number: int, what: str, detail: str, advice: s
     """Return the error about one member of one selection."""
     path = [place] if isinstance(place, str) else list(place)
     message = f"params.{'.'.join(map(str, path))}: {detail}"
-    location = {"loc": ["params", *path, number, what], "msg": message, "type": "value_error"}
-    return ParameterError(message, advice=advice, errors=[location])
+    return ParameterError.at(["params", *path, number, what], message, advice)
 
 
 def _missing(what: str, wanted: str | int) -> str:

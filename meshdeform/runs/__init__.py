@@ -100,12 +100,12 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
     kind = kind_of(request.kind)
     for part in kind.reads:
         if part.required and part.name not in files:
-            raise _refused(
-                part.name, f"`{part.name}` is missing.", f"Send it as the part `{part.name}`: {part.summary}"
+            raise ParameterError.at(
+                [part.name], f"`{part.name}` is missing.", f"Send it as the part `{part.name}`: {part.summary}"
             )
     for name in sorted(set(files) - set(kind.parts)):
         reads = ", ".join(kind.parts) or "no file"
-        raise _refused(name, f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
+        raise ParameterError.at([name], f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
     return kind.check(request, settings, frozenset(files))
 
 
@@ -118,10 +118,6 @@ def start_run(given: RunInput) -> JobRun:
         The request, its files or this machine prevent the run.
     """
     return kind_of(given.request.kind).load()(given)
-
-
-def _refused(name: str, detail: str, advice: str) -> ParameterError:
-    return ParameterError(detail, advice=advice, errors=[{"loc": [name], "msg": detail, "type": "value_error"}])
 
 
 for _kind in _built_in():

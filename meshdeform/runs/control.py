@@ -186,9 +186,7 @@ def _held_point(
 
 def _refusal(name: str, detail: str, advice: str, *place: int) -> ParameterError:
     message = f"params.{name}: {detail}"
-    return ParameterError(
-        message, advice=advice, errors=[{"loc": ["params", name, *place], "msg": message, "type": "value_error"}]
-    )
+    return ParameterError.at(["params", name, *place], message, advice)
 
 
 def control_report(

@@ -37,11 +37,8 @@ def params_of(request: JobRequest) -> FamilyParams:
         )
     if params.samples < params.points:
         detail = f"params.samples is {params.samples}, less than params.points: {params.points}."
-        raise ParameterError(
-            detail,
-            advice="Take at least as many samples as template points; twice as many is usual.",
-            errors=[{"loc": ["params", "samples"], "msg": detail, "type": "value_error"}],
-        )
+        advice = "Take at least as many samples as template points; twice as many is usual."
+        raise ParameterError.at(["params", "samples"], detail, advice)
     return params
 
 

@@ -80,10 +80,8 @@ class FamilySynthesisRun:
         self._data = [_asset_of(assets, name) for name in family.names]
         self._members = [_member(family, name, number) for number, name in enumerate(params.members)]
         if len(set(self._members)) < len(self._members):
-            raise ParameterError(
-                "The two members are the same.",
-                advice="Name two different members.",
-                errors=[{"loc": ["params", "members"], "msg": "The two members are the same.", "type": "value_error"}],
+            raise ParameterError.at(
+                ["params", "members"], "The two members are the same.", "Name two different members."
             )
         self._keep = [_part(family, name, self._members[0], n) for n, name in enumerate(params.keep)]
         self._machine = machine_of(family)
@@ -301,11 +299,8 @@ def _member(family: FamilyFile, name: str, place: int) -> int:
     found = family.member(name)
     if found is None:
         detail = f"The family has no member {name[:100]!r}."
-        raise ParameterError(
-            detail,
-            advice=f"It has: {', '.join(family.names[:8])}{' ...' if len(family.names) > 8 else ''}.",
-            errors=[{"loc": ["params", "members", place], "msg": detail, "type": "value_error"}],
-        )
+        advice = f"It has: {', '.join(family.names[:8])}{' ...' if len(family.names) > 8 else ''}."
+        raise ParameterError.at(["params", "members", place], detail, advice)
     return found
 
 
@@ -313,9 +308,5 @@ def _part(family: FamilyFile, name: str, member: int, place: int) -> int:
     there = [family.parts[part] for part in np.unique(family.segments[member])]
     if name not in there:
         detail = f"{family.names[member]} has no part {name!r}."
-        raise ParameterError(
-            detail,
-            advice=f"It has: {', '.join(there)}.",
-            errors=[{"loc": ["params", "keep", place], "msg": detail, "type": "value_error"}],
-        )
+        raise ParameterError.at(["params", "keep", place], detail, f"It has: {', '.join(there)}.")
     return family.parts.index(name)

@@ -39,32 +39,35 @@ def params_of(request: JobRequest) -> FamilySynthesisParams:
     if not isinstance(params, FamilySynthesisParams):
         raise ParameterError("The parameters are not those of `family_synthesize`.")
     if request.output != OutputOptions():
-        raise _refused("output", "`output` is for jobs that deform one asset.", "Leave it out.", inside=False)
+        raise ParameterError.at(["output"], "`output` is for jobs that deform one asset.", "Leave it out.")
     wanted = _MEMBERS[params.mode]
     if len(params.members) != wanted:
         many = {0: "no member", 1: "one member", 2: "two members"}[wanted]
-        raise _refused(
-            "members", f"The mode {params.mode} takes {many}, not {len(params.members)}.", "Change params.members."
+        raise ParameterError.at(
+            ["params", "members"],
+            f"The mode {params.mode} takes {many}, not {len(params.members)}.",
+            "Change params.members.",
         )
     if len(set(params.members)) < len(params.members):
-        raise _refused("members", "The two members are the same.", "Name two different members.")
+        raise ParameterError.at(["params", "members"], "The two members are the same.", "Name two different members.")
     if params.mode is SynthesisMode.COMPLETE and not params.keep:
-        raise _refused("keep", "The mode complete needs the parts to keep.", "Name them in params.keep.")
+        raise ParameterError.at(
+            ["params", "keep"], "The mode complete needs the parts to keep.", "Name them in params.keep."
+        )
     if params.mode is not SynthesisMode.COMPLETE and params.keep:
-        raise _refused("keep", "params.keep is for the mode complete.", "Leave it out, or choose that mode.")
+        raise ParameterError.at(
+            ["params", "keep"], "params.keep is for the mode complete.", "Leave it out, or choose that mode."
+        )
     if params.mode is SynthesisMode.INTERPOLATE and params.count < 2:
-        raise _refused("count", "An interpolation has at least two shapes.", "Take a count of at least 2.")
+        raise ParameterError.at(
+            ["params", "count"], "An interpolation has at least two shapes.", "Take a count of at least 2."
+        )
     return params
 
 
 def total_steps(params: FamilySynthesisParams) -> int:
     """Return the number of steps of a run."""
     return READ_STEPS + (1 if params.mode is SynthesisMode.SEARCH else params.count)
-
-
-def _refused(name: str, detail: str, advice: str, *, inside: bool = True) -> ParameterError:
-    loc = ["params", name] if inside else [name]
-    return ParameterError(detail, advice=advice, errors=[{"loc": loc, "msg": detail, "type": "value_error"}])
 
 
 def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilySynthesisParams:

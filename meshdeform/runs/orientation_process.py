@@ -39,16 +39,20 @@ def check_searchable(params: ResolvedParams) -> None:
     ParameterError
     """
     if params.guidance is not GuidanceKind.SDS:
-        raise _refusal("guidance", "A target has no front to find: `align` places it.", "Omit this request.")
+        raise ParameterError.at(
+            ["params", "guidance"], "A target has no front to find: `align` places it.", "Omit this request."
+        )
     if params.orientation is not OrientationMode.AUTO:
         detail = f"params.orientation is {params.orientation}, so the job would not search its front."
-        raise _refusal("orientation", detail, "Set it to auto.")
+        raise ParameterError.at(["params", "orientation"], detail, "Set it to auto.")
     if not is_builtin(params.model):
         detail = "This model is not conditioned on the azimuth, so no side of the asset is its front."
-        raise _refusal("model", detail, f"Use {BUILTIN_MODEL}, or start the job as it is.")
+        raise ParameterError.at(["params", "model"], detail, f"Use {BUILTIN_MODEL}, or start the job as it is.")
     if is_sent(params.model):
         detail = "The front is found by models of this server, not by weights of a job."
-        raise _refusal("model", detail, f"Use {BUILTIN_MODEL}, or start the job, which searches its front itself.")
+        raise ParameterError.at(
+            ["params", "model"], detail, f"Use {BUILTIN_MODEL}, or start the job, which searches its front itself."
+        )
 
 
 def orientation_of(
@@ -129,9 +133,3 @@ def _find(task: dict[str, Any]) -> dict[str, Any]:
         resolved=params,
     )
     return run.orientation.to_dict()
-
-
-def _refusal(name: str, detail: str, advice: str) -> ParameterError:
-    return ParameterError(
-        detail, advice=advice, errors=[{"loc": ["params", name], "msg": detail, "type": "value_error"}]
-    )

@@ -39,8 +39,7 @@ def _without(asset: Asset, exclude: Sequence[str | int]) -> Asset:
         return asset.without(find_excluded(exclude, asset.parts().nodes))
     except AssetEmptyError as error:
         detail = "params.exclude: nothing is left to deform."
-        place = {"loc": ["params", "exclude"], "msg": detail, "type": "value_error"}
-        raise ParameterError(detail, advice="Exclude fewer nodes.", errors=[place]) from error
+        raise ParameterError.at(["params", "exclude"], detail, "Exclude fewer nodes.") from error
 
 
 def drawn_triangles(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> NDArray[np.bool_]:

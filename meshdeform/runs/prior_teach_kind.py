@@ -41,7 +41,7 @@ def params_of(request: JobRequest) -> TeachParams:
     if request.output != OutputOptions():
         raise ParameterError("`output` is for jobs that deform one asset.", advice="Leave it out.")
     if request.prompt:
-        raise _refused("prompt", "A lesson has no prompt.", "Leave it out; params.noun is the word.", outside=True)
+        raise ParameterError.at(["prompt"], "A lesson has no prompt.", "Leave it out; params.noun is the word.")
     return params
 
 
@@ -57,7 +57,7 @@ def noun_of_request(params: TeachParams, known: Words) -> NewNoun:
         return new_noun(params.noun, known, synonyms=params.synonyms, replace_known=params.replace)
     except ParameterError as error:
         advice = error.advice_text.replace("--replace", "params.replace")
-        raise _refused("noun", error.detail, advice) from error
+        raise ParameterError.at(["params", "noun"], error.detail, advice) from error
 
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> TeachParams:
@@ -68,7 +68,9 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Te
     offered = settings.offered_models
     model = configured_name(params.model, offered)
     if model != BUILTIN_MODEL and not is_taught(model):
-        raise _refused("model", f"{params.model!r} cannot be taught.", "Start from `builtin`, or from taught weights.")
+        raise ParameterError.at(
+            ["params", "model"], f"{params.model!r} cannot be taught.", "Start from `builtin`, or from taught weights."
+        )
     if model not in offered:
         known = [name for model, name in public_names(offered).items() if model == BUILTIN_MODEL or is_taught(model)]
         raise ModelError(
@@ -118,11 +120,6 @@ def _load() -> StartRun:
 def _goal(request: JobRequest, _files: Mapping[str, str]) -> str:
     params: Any = request.params
     return str(params.noun)
-
-
-def _refused(name: str, detail: str, advice: str, *, outside: bool = False) -> ParameterError:
-    place = [name] if outside else ["params", name]
-    return ParameterError(detail, advice=advice, errors=[{"loc": place, "msg": detail, "type": "value_error"}])
 
 
 PRIOR_TEACH = Kind(

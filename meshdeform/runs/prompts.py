@@ -213,5 +213,4 @@ def _pull(mesh: RestMesh, flags: _Flags, falloff: float) -> _Floats:
 
 def _refusal(number: int, what: str, advice: str) -> ParameterError:
     detail = f"params.prompts.{number}: {what}"
-    place = {"loc": ["params", "prompts", number, "regions"], "msg": detail, "type": "value_error"}
-    return ParameterError(detail, advice=advice, errors=[place])
+    return ParameterError.at(["params", "prompts", number, "regions"], detail, advice)

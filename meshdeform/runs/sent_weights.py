@@ -40,14 +40,21 @@ def check_weights_part(model: str | None, files: Collection[str]) -> None:
     """
     wanted, there = model is not None and is_sent(model), WEIGHTS_PART in files
     if there and not wanted:
-        raise _refused(
-            f"`{WEIGHTS_PART}` was sent, but params.model does not use it.", f"Set params.model to `{SENT_MODEL}`."
+        raise ParameterError.at(
+            ["params", "model"],
+            f"`{WEIGHTS_PART}` was sent, but params.model does not use it.",
+            f"Set params.model to `{SENT_MODEL}`.",
         )
     if wanted and not there and model is not None:
         job = teaching_job(model)
         if job is None:
-            raise _refused(f"params.model is `{model}`, but the part `{WEIGHTS_PART}` is missing.", "Send the weights.")
-        raise _refused(
+            raise ParameterError.at(
+                ["params", "model"],
+                f"params.model is `{model}`, but the part `{WEIGHTS_PART}` is missing.",
+                "Send the weights.",
+            )
+        raise ParameterError.at(
+            ["params", "model"],
             f"The model {model} is a result of a service, and there is none here.",
             f"Download {WEIGHTS_ARTIFACT} of the job {job}, and name that file.",
         )
@@ -73,9 +80,3 @@ def weights_on_disk(file: InputFile) -> Iterator[Path]:
         path = Path(folder) / WEIGHTS_ARTIFACT
         path.write_bytes(file.data)
         yield path
-
-
-def _refused(detail: str, advice: str) -> ParameterError:
-    return ParameterError(
-        detail, advice=advice, errors=[{"loc": ["params", "model"], "msg": detail, "type": "value_error"}]
-    )

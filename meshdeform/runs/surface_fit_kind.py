@@ -36,8 +36,7 @@ def params_of(request: JobRequest, kept: Mapping[str, Any] | None = None) -> Sur
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> SurfaceFitParams:  # noqa: ARG001
     if request.output != OutputOptions():
         detail = "A surface_fit job has no output options."
-        errors = [{"loc": ["output"], "msg": detail, "type": "value_error"}]
-        raise ParameterError(detail, advice="Leave `output` out; params.level chooses the meshes.", errors=errors)
+        raise ParameterError.at(["output"], detail, "Leave `output` out; params.level chooses the meshes.")
     return params_of(request)
 
 
@@ -46,10 +45,11 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     wanted, own = params_of(job), params_of(branch)
     for name in _SAME:
         if name in own.model_fields_set and getattr(own, name) != getattr(wanted, name):
-            raise ParameterError(
+            raise ParameterError.at(
+                ["params", name],
                 f"A branch starts with the weights of its job, so it needs the same params.{name}.",
-                advice=f"Leave params.{name} out, or post a new job.",
-                errors=[{"loc": ["params", name], "msg": "differs from that of the job", "type": "value_error"}],
+                f"Leave params.{name} out, or post a new job.",
+                message="differs from that of the job",
             )
     params = own.model_copy(update={name: getattr(wanted, name) for name in _SAME})
     return branch.model_copy(update={"params": params})

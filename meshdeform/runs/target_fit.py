@@ -177,8 +177,8 @@ def _place(place: Place, positions: _Floats, number: int, name: str) -> _Floats:
     if place < len(positions):
         return np.asarray(positions[place])
     detail = f"params.landmarks: the {name} has {len(positions)} vertices, and none with the index {place}."
-    where = {"loc": ["params", "landmarks", number, name], "msg": detail, "type": "value_error"}
-    raise ParameterError(detail, advice="Indices begin at 0; or give a position [x, y, z].", errors=[where])
+    advice = "Indices begin at 0; or give a position [x, y, z]."
+    raise ParameterError.at(["params", "landmarks", number, name], detail, advice)
 
 
 def _entered(frame: Frame, point: _Floats) -> _Floats:

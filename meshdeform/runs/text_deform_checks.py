@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.priors.public_names import public_names
@@ -95,10 +95,12 @@ def check(
 def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
     """Refuse `target` guidance without a target mesh, and a target mesh without `target` guidance."""
     if needs_target(params) and not has_target:
-        raise _refusal("guidance", "`target` guidance needs a second mesh.", "Send it as the part `target`.")
+        raise ParameterError.at(
+            ["params", "guidance"], "`target` guidance needs a second mesh.", "Send it as the part `target`."
+        )
     if has_target and not needs_target(params):
-        raise _refusal(
-            "guidance",
+        raise ParameterError.at(
+            ["params", "guidance"],
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
             "Set params.guidance to `target`, or omit the part `target`.",
         )
@@ -116,7 +118,9 @@ def _prompts(request: JobRequest) -> list[_PlacedPrompt]:
     if not params.prompts:
         return [(["prompt"], request.prompt)]
     if not active_prompts(request.prompt, params.prompts):
-        raise _refusal("prompts", "All prompts have the weight 0.", "Give one of them a weight, or set prompt.")
+        raise ParameterError.at(
+            ["params", "prompts"], "All prompts have the weight 0.", "Give one of them a weight, or set prompt."
+        )
     found: list[_PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
     for number, each in enumerate(params.prompts):
         found.append((["params", "prompts", number, "prompt"], each.prompt))
@@ -147,10 +151,6 @@ def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
     )
 
 
-def _refusal(name: str, detail: str, advice: str) -> ParameterError:
-    return ParameterError(detail, advice=advice, **_at_parameter(name, detail))
-
-
 def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
     """Refuse a request with prompts that a prior with these words cannot read; its weights come with the job."""
     if needs_prior(resolve(request.params)):
@@ -175,41 +175,50 @@ def _check_pictures(request: JobRequest, present: Collection[str]) -> None:
     views = params.silhouettes
     if params.guidance is GuidanceKind.TARGET and (views or present):
         detail = "Pictures cannot guide beside a second mesh, which has all its silhouettes."
-        raise _picture_refusal(detail, "Leave out params.silhouettes, or set params.guidance to sds or silhouettes.")
+        raise ParameterError.at(
+            ["params", "silhouettes"],
+            detail,
+            "Leave out params.silhouettes, or set params.guidance to sds or silhouettes.",
+        )
     if params.guidance is GuidanceKind.SILHOUETTES:
         if not views:
             detail = "`silhouettes` guidance needs at least one picture."
-            raise _picture_refusal(
-                detail, "Send it as the part `silhouette_1`, with its azimuth in params.silhouettes."
+            raise ParameterError.at(
+                ["params", "silhouettes"],
+                detail,
+                "Send it as the part `silhouette_1`, with its azimuth in params.silhouettes.",
             )
         if request.prompt:
             detail = "There is a prompt, and `silhouettes` guidance does not use it."
-            raise _picture_refusal(
-                detail, "Set params.guidance to sds to use both, or leave the prompt out.", "guidance"
+            raise ParameterError.at(
+                ["params", "guidance"], detail, "Set params.guidance to sds to use both, or leave the prompt out."
             )
     wanted = SILHOUETTE_PARTS[: len(views)]
     for number, name in enumerate(wanted):
         if name not in present:
             detail = f"params.silhouettes has {len(views)} entries, and the part `{name}` is missing."
-            raise _picture_refusal(detail, f"Send the picture as the part `{name}`.", number)
+            raise ParameterError.at(
+                ["params", "silhouettes", number], detail, f"Send the picture as the part `{name}`."
+            )
     for name in sorted(set(present) - set(wanted)):
         detail = f"The part `{name}` was sent, and params.silhouettes has {len(views)} entries."
-        raise _picture_refusal(detail, "Give each picture an entry with its azimuth, in the order of the parts.")
+        raise ParameterError.at(
+            ["params", "silhouettes"], detail, "Give each picture an entry with its azimuth, in the order of the parts."
+        )
     for number, view in enumerate(views):
         for other in range(number):
             if _same(view, views[other]):
                 detail = f"`{wanted[other]}` and `{wanted[number]}` have the same azimuth and elevation."
-                raise _picture_refusal(detail, "Correct one of the azimuths, or leave one of the pictures out.", number)
+                raise ParameterError.at(
+                    ["params", "silhouettes", number],
+                    detail,
+                    "Correct one of the azimuths, or leave one of the pictures out.",
+                )
 
 
 def _same(one: Silhouette, other: Silhouette) -> bool:
     apart = abs((one.azimuth - other.azimuth + 180.0) % 360.0 - 180.0)
     return apart < _SAME_DEG and abs(one.elevation - other.elevation) < _SAME_DEG
-
-
-def _picture_refusal(detail: str, advice: str, *place: Any) -> ParameterError:
-    loc = ["params", *place] if place == ("guidance",) else ["params", "silhouettes", *place]
-    return ParameterError(detail, advice=advice, errors=[{"loc": loc, "msg": detail, "type": "value_error"}])
 
 
 def _check_sketch(params: ResolvedParams, *, has_sketch: bool, has_target: bool) -> bool:
@@ -223,12 +232,12 @@ def _check_sketch(params: ResolvedParams, *, has_sketch: bool, has_target: bool)
     what = f"the part `{SKETCH_PART}`" if has_sketch else "params.sketch"
     if has_sketch and params.guidance is not GuidanceKind.TARGET:
         detail = f"A drawing was sent, but the guidance is `{params.guidance}`, which does not use it."
-        raise _refusal("guidance", detail, f"Set params.guidance to `target`, or omit {what}.")
+        raise ParameterError.at(["params", "guidance"], detail, f"Set params.guidance to `target`, or omit {what}.")
     if not has_sketch and params.sketch is None:
         return False
     if has_target:
         detail = f"`target` and {what} both say what the target is."
-        raise _refusal("sketch", detail, "Leave out one of the two.")
+        raise ParameterError.at(["params", "sketch"], detail, "Leave out one of the two.")
     return True
 
 
@@ -247,23 +256,18 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: DeformParams, kn
             parse(prompt, known)
         except (PromptError, VocabularyError) as error:
             if len(prompts) > 1:  # say which
-                error.extra |= {"errors": [{"loc": place, "msg": error.detail, "type": "value_error"}]}
+                error.located(place)
             raise
         if params.negative_prompt.strip():
             try:
                 parse_negative(params.negative_prompt, prompt, known)
             except (PromptError, VocabularyError) as error:
                 # Add which of the two texts the error is about.
-                error.extra |= _at_parameter("negative_prompt", error.detail)
+                error.located(["params", "negative_prompt"])
                 raise
     if params.source_noun is not None:
         try:
             parse(f"a {params.source_noun}", known)
         except (PromptError, VocabularyError) as error:
-            error.extra |= _at_parameter("source_noun", error.detail)
+            error.located(["params", "source_noun"])
             raise
-
-
-def _at_parameter(name: str, detail: str) -> dict[str, Any]:
-    """Return the member of a problem document that names a parameter."""
-    return {"errors": [{"loc": ["params", name], "msg": detail, "type": "value_error"}]}

@@ -100,10 +100,11 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     for group, name in (("output", "subdivide"), ("params", "exclude"), ("params", "backdrop")):
         wanted, own = getattr(getattr(job, group), name), getattr(branch, group)
         if name in own.model_fields_set and getattr(own, name) != wanted:
-            raise ParameterError(
+            raise ParameterError.at(
+                [group, name],
                 f"A branch deforms the same mesh as its job, so it needs the same {group}.{name}.",
-                advice=f"Leave {group}.{name} out, or post a new job.",
-                errors=[{"loc": [group, name], "msg": "differs from that of the job", "type": "value_error"}],
+                f"Leave {group}.{name} out, or post a new job.",
+                message="differs from that of the job",
             )
         if getattr(own, name) != wanted:
             branch = branch.model_copy(update={group: own.model_copy(update={name: wanted})})

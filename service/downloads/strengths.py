@@ -52,9 +52,7 @@ class Strengths:
             having = [name for name, kind in kinds.items() if kind.strengths]
             detail = f"{artifact.name} has only one strength."
             advice = f"Ask for another strength of {', '.join(having)}." if having else "Omit the strength."
-            raise ParameterError(
-                detail, advice=advice, errors=[{"loc": ["query", "strength"], "msg": detail, "type": "value_error"}]
-            )
+            raise ParameterError.at(["query", "strength"], detail, advice)
         self._threads = self._threads or CapacityLimiter(_AT_ONCE)
         key = f"{_prefix(job)}{artifact.sha256[:16]}-{round(100 * strength):03d}.glb"
         if (known := await to_thread.run_sync(self._find, app, key)) is not None:

@@ -232,8 +232,8 @@ class _Receiver:
     def callbacks(self) -> MultipartCallbacks:
         return {
             "on_part_begin": self._on_part_begin,
-            "on_header_field": lambda data, start, end: self._grow("_field", data[start:end]),
-            "on_header_value": lambda data, start, end: self._grow("_value", data[start:end]),
+            "on_header_field": self._on_header_field,
+            "on_header_value": self._on_header_value,
             "on_header_end": self._on_header_end,
             "on_headers_finished": self._on_headers_finished,
             "on_part_data": self._on_part_data,
@@ -261,11 +261,11 @@ class _Receiver:
     def _on_part_begin(self) -> None:
         self._headers = {}
 
-    def _grow(self, name: str, data: bytes) -> None:
-        grown = getattr(self, name) + data
-        if len(grown) > _MAX_HEADER_BYTES:
-            raise RequestError(f"A part's header is longer than {_MAX_HEADER_BYTES} bytes.")
-        setattr(self, name, grown)
+    def _on_header_field(self, data: bytes, start: int, end: int) -> None:
+        self._field = _joined(self._field, data[start:end])
+
+    def _on_header_value(self, data: bytes, start: int, end: int) -> None:
+        self._value = _joined(self._value, data[start:end])
 
     def _on_header_end(self) -> None:
         self._headers[self._field.decode("latin-1").lower()] = self._value
@@ -340,3 +340,9 @@ def clean_filename(filename: str) -> str:
     """Return the last component of a path without control characters. A long name keeps its end, with the suffix."""
     name = re.split(r"[/\\]", filename)[-1]
     return "".join(letter for letter in name if letter.isprintable())[-MAX_FILENAME:]
+
+
+def _joined(header: bytes, data: bytes) -> bytes:
+    if len(header) + len(data) > _MAX_HEADER_BYTES:
+        raise RequestError(f"A part's header is longer than {_MAX_HEADER_BYTES} bytes.")
+    return header + data

@@ -137,18 +137,18 @@ def _inherited(
         The document has another kind, or replaces a file to which the checkpoint belongs.
     """
     if document.kind is not job.kind:
-        raise _refused("kind", f"A branch has the kind of its job: {job.kind}.", f'Set "kind": "{job.kind}".')
+        raise ParameterError.at(
+            ["kind"], f"A branch has the kind of its job: {job.kind}.", f'Set "kind": "{job.kind}".'
+        )
     kind = kind_of(job.kind)
     for part in kind.reads:
         if part.required and part.name in named:
-            raise _refused(part.name, f"A branch keeps its job's `{part.name}`.", "Post a new job for another file.")
+            raise ParameterError.at(
+                [part.name], f"A branch keeps its job's `{part.name}`.", "Post a new job for another file."
+            )
     replaced = set(kind.alternatives) if named.keys() & set(kind.alternatives) else set[str]()
     kept = kind.inherits(document) - set(named) - replaced
     return {name: file for name, file in job.files.items() if name in kept}
-
-
-def _refused(name: str, detail: str, advice: str) -> ParameterError:
-    return ParameterError(detail, advice=advice, errors=[{"loc": [name], "msg": detail, "type": "value_error"}])
 
 
 def _lease(app: AppState, leases: FileLeases, files: Iterable[StoredFile]) -> None:

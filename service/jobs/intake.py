@@ -69,9 +69,7 @@ def check_params(request: JobRequest, settings: Settings, *, files: Collection[s
     for name, value in request.metadata.items():
         # PostgreSQL cannot store this character.
         if "\0" in name + value:
-            detail = "A label contains the character U+0000."
-            errors = [{"loc": ["metadata", name], "msg": detail, "type": "value_error"}]
-            raise ParameterError(detail, errors=errors)
+            raise ParameterError.at(["metadata", name], "A label contains the character U+0000.")
     params = check_request(request, settings, files=files)
     steps = kind_of(request.kind).steps(request, settings.model, None)
     if steps > settings.max_steps:

@@ -232,8 +232,6 @@ def _labels(request: Request) -> dict[str, str]:
         )
         if reason:
             place = ["query", "metadata", name[:MAX_METADATA_NAME]]
-            raise ParameterError(
-                f"query.metadata: {reason}.", errors=[{"loc": place, "msg": reason, "type": "value_error"}]
-            )
+            raise ParameterError.at(place, f"query.metadata: {reason}.", message=reason)
         labels[name] = value
     return labels

@@ -63,11 +63,11 @@ class Submission:
         named = self.document.references
         for name in self.files:
             if name in named:
-                raise _parameter(
+                raise ParameterError.at(
                     [name], f"`{name}` is both sent as a part and named in the document.", "Leave one of the two out."
                 )
         for name in missing_files(self.document, self.files):
-            raise _parameter([name], f"`{name}` is missing.", file_advice(name))
+            raise ParameterError.at([name], f"`{name}` is missing.", file_advice(name))
 
     @property
     def names(self) -> set[str]:
@@ -119,7 +119,7 @@ def fetch(app: AppState, owner_id: str, reference: FileReference, place: list[st
         if not job.state.terminal:
             raise ConflictError(f"The job {job.id} is {job.state}.", advice="Wait until it has succeeded.")
         detail = f"The {job.state} job {job.id} has no such artifact."
-        raise _parameter(_inside(place, "artifact"), detail, f"It has: {', '.join(artifacts) or 'none'}.")
+        raise ParameterError.at(_inside(place, "artifact"), detail, f"It has: {', '.join(artifacts) or 'none'}.")
     artifact = artifacts[reference.artifact]
     if artifact.size > app.settings.max_upload_bytes:
         raise AssetTooLargeError(
@@ -142,8 +142,6 @@ def _reported_at(place: list[str], detail: str) -> Iterator[None]:
     try:
         yield
     except NotFoundError as error:
-        raise _parameter(place, detail, "Check the id; the file may have been deleted or have expired.") from error
-
-
-def _parameter(place: list[str], detail: str, advice: str) -> ParameterError:
-    return ParameterError(detail, advice=advice, errors=[{"loc": place, "msg": detail, "type": "value_error"}])
+        raise ParameterError.at(
+            place, detail, "Check the id; the file may have been deleted or have expired."
+        ) from error

@@ -11,9 +11,9 @@ import pytest
 import sqlalchemy as sa
 from typer.testing import CliRunner
 
+from meshdeform.cli import checks
 from meshdeform.cli.app import app
-from meshdeform.cli.diagnosis import machine
-from meshdeform.cli.diagnosis.checks import ok
+from meshdeform.cli.checks import ok
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD
@@ -23,7 +23,7 @@ from tests.fault_proxy import FaultProxy
 
 @pytest.fixture(autouse=True)
 def _no_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine, "check_gpu", lambda _: iter([ok("gpu", "not asked here")]))
+    monkeypatch.setattr(checks, "check_gpu", lambda _: iter([ok("gpu", "not asked here")]))
 
 
 def doctor(*arguments: str) -> tuple[int, dict[str, dict[str, Any]]]:

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from meshdeform.cli import checks
 from meshdeform.cli.app import app
-from meshdeform.cli.diagnosis import checks, machine, models, packages, servers
-from meshdeform.cli.diagnosis.checks import Check, Status, Subject, ok, run_checks
+from meshdeform.cli.checks import Status, Subject, ok
+from meshdeform.cli.doctor import Check, run_checks
 from meshdeform.settings import Settings
 from tests.cases import each_case
 
@@ -27,7 +28,7 @@ def subject(folder: Path, **settings: object) -> Subject:
 
 
 def test_on_an_empty_folder_all_is_well_and_it_stays_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
+    monkeypatch.setattr(checks, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
     result = CliRunner().invoke(app, ["doctor", "--json", "--data-dir", str(tmp_path / "data")])
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout)
@@ -37,7 +38,7 @@ def test_on_an_empty_folder_all_is_well_and_it_stays_empty(tmp_path: Path, monke
 
 
 def test_what_is_away_fails_with_advice_and_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
+    monkeypatch.setattr(checks, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
     # Accepts connections and never answers: what hangs whoever waits without a limit.
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         port = deaf.getsockname()[1]
@@ -74,39 +75,25 @@ def test_a_check_that_hangs_is_left_behind() -> None:
     assert "no response within 0.05 s" in found[0].detail
 
 
-@each_case(
-    ("version", "bounds", "fits"),
-    [
-        ("2.13.0+cpu", ">=2.8", True),
-        ("0.43.0", ">=0.42,<0.43", False),
-        ("0.42.1", "<0.43,>=0.42", True),
-        ("2", ">=2.0.0", True),
-        ("1.9", ">=1.10", False),
-        ("4.32.5", "==4.32.5", True),
-    ],
-)
-def test_versions(version: str, bounds: str, fits: bool) -> None:
-    assert packages._fits(version, bounds) is fits
-
-
 def test_an_extra_is_looked_at_with_those_that_it_is_made_of(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = [
         "pydantic>=2",
         'meshdeform[deform,stack]; extra == "worker"',
         'torch>=2.8; extra == "deform"',
         'rq<2.13,>=2.12; extra == "stack"',
+        'redis>=6; extra == "stack"',
         'fastapi>=0.1; extra == "service"',
     ]
-    have = {"pydantic": "2.11", "torch": "2.13.0", "rq": "2.11.0"}
-    monkeypatch.setattr(packages.importlib.metadata, "requires", lambda name: asked)
-    monkeypatch.setattr(packages, "_version", have.get)
-    found = {finding.name: finding for finding in packages.check_packages()}
+    have = {"pydantic": "2.11", "torch": "2.13.0", "rq": "2.12.1"}
+    monkeypatch.setattr(checks.importlib.metadata, "requires", lambda name: asked)
+    monkeypatch.setattr(checks, "_version", have.get)
+    found = {finding.name: finding for finding in checks.check_packages()}
     assert found["extra deform"].status is Status.OK
     worker = found["extra worker"]
-    assert (worker.status, worker.detail) == (Status.FAIL, "rq 2.11.0 is not <2.13,>=2.12")
+    assert (worker.status, worker.detail) == (Status.FAIL, "missing: redis")
     assert found["extra service"].status is Status.SKIP
-    have |= {"rq": "2.12.1"}
-    assert {finding.name: finding.status for finding in packages.check_packages()}["extra worker"] is Status.OK
+    have |= {"redis": "6.1"}
+    assert {finding.name: finding.status for finding in checks.check_packages()}["extra worker"] is Status.OK
 
 
 def test_a_folder_that_is_full_is_said_to_be_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,7 +106,7 @@ def test_a_folder_that_is_full_is_said_to_be_full(tmp_path: Path, monkeypatch: p
     here = subject(tmp_path)
     ObjectStore(here.settings.resolved_storage_url).put("assets/a", b"before")
     monkeypatch.setattr(ObjectStore, "put", full)
-    (finding,) = servers.check_store(here)
+    (finding,) = checks.check_store(here)
     assert (finding.status, finding.advice) == (Status.FAIL, "Free space.")
     assert finding.detail.endswith(": No space is left.")
 
@@ -128,25 +115,25 @@ def test_a_record_is_read_and_not_migrated(tmp_path: Path) -> None:
     from meshdeform.record.database import Database
 
     here = subject(tmp_path)
-    (finding,) = servers.check_database(here)
+    (finding,) = checks.check_database(here)
     assert (finding.status, "will be created at the first start" in finding.detail) == (Status.OK, True)
-    assert not here.data_dir.exists()
+    assert not here.settings.data_dir.exists()
     Database(here.settings.resolved_database_url).close()
-    path = here.data_dir / "meshdeform.sqlite"
-    (finding,) = servers.check_database(here)
+    path = here.settings.data_dir / "meshdeform.sqlite"
+    (finding,) = checks.check_database(here)
     assert finding.status is Status.OK
     assert "schema" in finding.detail
     for version, status in (("0001", Status.WARN), ("9999", Status.FAIL)):
         with sqlite3.connect(path) as connection:
             connection.execute("UPDATE alembic_version SET version_num = ?", (version,))
         connection.close()
-        (finding,) = servers.check_database(here)
+        (finding,) = checks.check_database(here)
         assert finding.status is status
         with sqlite3.connect(path) as connection:
             assert connection.execute("SELECT version_num FROM alembic_version").fetchone() == (version,)
         connection.close()
     path.write_bytes(b"no database at all" * 100)
-    (finding,) = servers.check_database(here)
+    (finding,) = checks.check_database(here)
     assert finding.status is Status.FAIL
 
 
@@ -156,7 +143,7 @@ def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     here = subject(tmp_path)
     ObjectStore(here.settings.resolved_storage_url).put("kept", b"x")
     before = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*"))
-    (finding,) = servers.check_store(here)
+    (finding,) = checks.check_store(here)
     assert finding.status is Status.OK
     assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before
 
@@ -165,14 +152,14 @@ def test_a_port_that_somebody_has(tmp_path: Path) -> None:
     here = subject(tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         here.port, here.timeout_s = taken.getsockname()[1], 0.2
-        (finding,) = machine.check_port(here)
+        (finding,) = checks.check_port(here)
     assert finding.status is Status.WARN
 
 
 def test_the_clock_is_compared(tmp_path: Path) -> None:
     here = subject(tmp_path)
     here.skews_s["Redis"] = -90.0
-    (finding,) = machine.check_clock(here)
+    (finding,) = checks.check_clock(here)
     assert (finding.status, finding.detail) == (Status.WARN, "Redis is 90 s behind")
 
 
@@ -188,16 +175,20 @@ def test_the_clock_is_compared(tmp_path: Path) -> None:
     ],
 )
 def test_graphics_cards(device: str, driver: str, found: dict[str, object], status: Status) -> None:
-    assert machine._gpu(device, driver, {"torch": "2.13.0", "error": "", **found}).status is status
+    assert checks._gpu(device, driver, {"torch": "2.13.0", "error": "", **found}).status is status
 
 
-def test_weights_are_whole_and_of_this_grammar() -> None:
-    from meshdeform.priors.builtin.weights_file import WEIGHTS, vocabulary_hash
+def test_weights_are_whole_and_those_of_this_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from meshdeform.priors.builtin.weights_file import WEIGHTS
 
-    assert models._vocabulary_hash() == vocabulary_hash()
-    (finding,) = models.check_builtin()
+    (finding,) = checks.check_builtin()
     assert finding.status is Status.OK, finding
+    place = tmp_path / "priors/builtin/weights/prior.safetensors"
+    place.parent.mkdir(parents=True)
+    monkeypatch.setattr(checks.meshdeform, "__file__", str(tmp_path / "__init__.py"))
     data = WEIGHTS.read_bytes()
-    for damaged in (b"", data[:5], data[:-1], data + b"x", struct.pack("<Q", len(data)) + data[8:]):
-        with pytest.raises(ValueError):
-            models._metadata(damaged)
+    for damaged in (None, b"", data[:5], data[:-1], struct.pack("<Q", len(data)) + data[8:]):
+        if damaged is not None:
+            place.write_bytes(damaged)
+        (finding,) = checks.check_builtin()
+        assert finding.status is Status.FAIL, finding

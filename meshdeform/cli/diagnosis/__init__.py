@@ -1,1 +1,0 @@
-"""The checks of `meshdeform doctor`. They download nothing and leave nothing behind."""

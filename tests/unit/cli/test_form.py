@@ -1,0 +1,94 @@
+"""Options that are made of the schema: each says in the request what its parameter says."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import pytest
+import typer
+from pydantic import BaseModel, Field
+from typer.testing import CliRunner
+
+from meshdeform.cli.app import app
+from meshdeform.cli.form import Form, form_command, overlaid, written
+from meshdeform.cli.request import make_request, make_settings
+
+
+class Prompted(BaseModel):
+    """One choice of guidance."""
+
+    kind: Literal["sds"] = "sds"
+    scale: float = Field(7.5, description="How strongly it pulls. More.")
+    views: list[dict[str, float]] = Field(default_factory=list)
+
+
+class Fitted(BaseModel):
+    """Another."""
+
+    kind: Literal["target"] = "target"
+    align: bool = True
+
+
+class Params(BaseModel):
+    """Parameters with a choice among groups."""
+
+    steps: int = Field(10, description="Iterations.")
+    noun: str | None = None
+    front: Literal["auto"] | float = "auto"
+    tags: list[str] = Field(default_factory=list)
+    guidance: Annotated[Prompted | Fitted, Field(discriminator="kind")] = Prompted()
+
+
+def said(*arguments: str) -> dict[str, Any]:
+    """What a command with these options reads from them."""
+    read: list[dict[str, Any]] = []
+    own = typer.Typer()
+
+    @own.command(cls=form_command(Form("params", lambda: Params, "Method")))
+    def command(ctx: typer.Context) -> None:
+        read.append(written(ctx))
+
+    result = CliRunner().invoke(own, arguments)
+    assert result.exit_code == 0, result.output
+    return read[0]
+
+
+def test_groups_and_choices_among_them_are_descended_into() -> None:
+    assert said() == {}
+    assert said("--steps", "3", "--noun", "12", "--front", "90", "--tags", "a", "--tags", "b") == {
+        "steps": 3,
+        "noun": "12",
+        "front": 90,
+        "tags": ["a", "b"],
+    }
+    assert said("--guidance.kind", "target", "--no-align") == {"guidance": {"kind": "target", "align": False}}
+    assert said("--scale", "9") == said("--guidance.scale", "9") == {"guidance": {"scale": 9.0}}
+
+
+def test_what_is_set_by_name_may_be_in_a_group() -> None:
+    assert make_settings(["a.b=1", "a.c=word", "d=[1]"]) == {"a": {"b": 1, "c": "word"}, "d": [1]}
+    assert overlaid({"a": {"b": 1}, "d": 2}, {"a": {"c": 3}, "d": {"e": 4}}) == {"a": {"b": 1, "c": 3}, "d": {"e": 4}}
+
+
+@pytest.mark.parametrize("name", sorted(typer.main.get_command(app).commands))  # type: ignore[attr-defined]
+def test_the_options_of_every_command_write_parameters_that_exist(name: str) -> None:
+    command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+    options = command.get_params(typer.Context(command))
+    flags = [flag for option in options for flag in (*option.opts, *option.secondary_opts)]
+    assert len(flags) == len(set(flags)), "an option has the name of another"
+    for leaf in getattr(command, "_leaves", None) or ():
+        assert leaf.option.help, leaf.path
+
+
+def test_examples_of_parameters_can_be_typed() -> None:
+    command = typer.main.get_command(app).commands["run"]  # type: ignore[attr-defined]
+    command.get_params(typer.Context(command))
+    from meshdeform.requests.document import DeformParams
+
+    for leaf in command._leaves:
+        field = DeformParams.model_fields.get(leaf.path[0])
+        if leaf.form != "params" or field is None or len(leaf.path) > 1 or not field.examples:
+            continue
+        example = field.examples[0]
+        if isinstance(example, bool | str | int | float):
+            make_request("a vase", {leaf.path[0]: leaf.read(example if isinstance(example, bool) else str(example))})
