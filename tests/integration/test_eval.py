@@ -196,13 +196,13 @@ def test_a_failing_item_is_recorded_the_others_go_on_and_the_next_run_tries_agai
 
 def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) -> None:
     other = shutil.copytree(finished, tmp_path / "other")
-    table = CliRunner().invoke(app, ["eval", "--compare", str(finished), str(other)])
+    table = CliRunner().invoke(app, ["--compare", str(finished), str(other)])
     assert table.exit_code == 0
     rows = table.stdout.splitlines()
     assert len(rows) == 2 + 4
     assert rows[2].startswith("| run ")
     assert rows[5].startswith("| other ")
-    missing = CliRunner().invoke(app, ["eval", "--compare", str(tmp_path / "nothing")])
+    missing = CliRunner().invoke(app, ["--compare", str(tmp_path / "nothing")])
     assert missing.exit_code == 3
 
 
@@ -284,7 +284,7 @@ def test_the_suite_for_stable_diffusion_runs_with_a_checkpoint_and_is_judged_by_
 @pytest.mark.slow
 def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path, repository: Path) -> None:
     out = tmp_path / "run"
-    command = [sys.executable, "-m", "meshdeform", "eval", "--out", str(out), "--judge", JUDGE, "--jobs", "2"]
+    command = [sys.executable, "-m", "training.evaluation", "--out", str(out), "--judge", JUDGE, "--jobs", "2"]
     command += ["--steps", "2", "--limit", "30", *KEEP]
     process = subprocess.Popen(
         command, cwd=repository, stderr=subprocess.PIPE, text=True, start_new_session=True, env=os.environ.copy(),
@@ -353,5 +353,5 @@ def test_the_suite_of_real_assets_takes_its_files_from_a_folder(tmp_path: Path) 
     table = (tmp_path / "run" / "table.md").read_text()
     assert "| CesiumMilkTruck " in table
     assert "most apart" in table
-    again = CliRunner().invoke(app, ["eval", "--rejudge", "--out", str(tmp_path / "run")])
+    again = CliRunner().invoke(app, ["--rejudge", "--out", str(tmp_path / "run")])
     assert again.exit_code == 0, again.output
