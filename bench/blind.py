@@ -20,7 +20,7 @@ from typing import Any
 
 from PIL import Image, ImageDraw
 
-from meshdeform.evaluation.delivered import stretched_picture
+from training.evaluation.delivered import stretched_picture
 
 ROWS = 12
 VIEWS = (0, 1)

@@ -1,7 +1,7 @@
 """Measure what control costs and keeps: ``python bench/control.py [keep] [symmetry] [prompts] [strength]``.
 
-The sources are shapes of `meshdeform eval` (`evaluation/sources.py`), so that no files are needed; the judge retrieves
-the prompt among the twelve of the suite `small`, and its noun among all nouns, as there. Tables as printed:
+The sources are shapes of `training/evaluation/sources.py`, so that no files are needed; the judge retrieves the prompt
+among the twelve of the suite `small`, and its noun among all nouns, as there. Tables as printed:
 
 ``keep``: the legs and the trunk of the quadruped kept; the greatest motion of a kept vertex in the file, the root mean
 square motion of the others, and what the judge says, beside the same runs without it. ``symmetry``: the greatest
@@ -25,9 +25,6 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets import Asset, build_glb, load_asset
-from meshdeform.evaluation.retrieval import ShapeJudge, judgement, load_judge
-from meshdeform.evaluation.sources import source_mesh
-from meshdeform.evaluation.suite import SUITES
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
@@ -35,6 +32,9 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.likeness import likeness
 from meshdeform.runs.strength import AssetPath
+from training.evaluation.retrieval import ShapeJudge, judgement, load_judge
+from training.evaluation.sources import source_mesh
+from training.evaluation.suite import SUITES
 
 Floats = NDArray[np.float64]
 ALL = SUITES["small"].prompts

@@ -30,10 +30,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds i
 from bench.parametric_families import PARTS, Member, family, labels_document, packed
 from meshdeform.families.collection import SampledShape, sample_shape
 from meshdeform.families.matching import unlike
-from meshdeform.priors.builtin.training.families import FAMILIES, member
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, RunInput
+from training.prior.families import FAMILIES, member
 
 _LABELLED = 10
 _MEMBERS, _SAMPLES, _SEEN = 12, 300, 4

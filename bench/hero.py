@@ -19,7 +19,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from meshdeform.assets import build_glb
-from meshdeform.evaluation.sources import quadruped
+from training.evaluation.sources import quadruped
 
 PROMPT = "a camel"
 COAT, PATCH, MUZZLE, HOOF = (0.80, 0.52, 0.22), (0.30, 0.10, 0.03), (0.86, 0.66, 0.42), (0.07, 0.04, 0.03)

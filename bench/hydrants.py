@@ -16,8 +16,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from meshdeform.assets import build_glb
-from meshdeform.priors.builtin.training.families.parts import Part, disc, join, lathe, moved, pair, turned
 from meshdeform.support.files import write_files
+from training.prior.families.parts import Part, disc, join, lathe, moved, pair, turned
 
 _SEED = 0x68796472
 """First word of the seeds of all hydrants ("hydr")."""

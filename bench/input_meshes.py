@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, lathe, torus, uv_sphere
+from training.evaluation.relaxed import geodesic_sphere
 
 __all__ = ["INPUTS", "Input"]
 

@@ -14,9 +14,9 @@ import numpy as np
 import torch
 from PIL import Image
 
-from meshdeform.evaluation.sources import source_mesh
 from meshdeform.judge import WEIGHTS, Judge
 from meshdeform.judge.scoring import draw_views, judging_cameras
+from training.evaluation.sources import source_mesh
 
 
 def main() -> None:

@@ -13,14 +13,14 @@ import argparse
 import torch
 
 from meshdeform.deformation.loop import Deformation
-from meshdeform.evaluation.measures import measures
-from meshdeform.evaluation.retrieval import load_judge
-from meshdeform.evaluation.sources import source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.goals import score_distillation
+from training.evaluation.measures import measures
+from training.evaluation.retrieval import load_judge
+from training.evaluation.sources import source_mesh
 
 PAIRS = (
     ("a vase", "a tall vase", "a short vase"),

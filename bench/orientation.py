@@ -13,9 +13,9 @@ import torch
 
 from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt
 from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.priors.builtin.training.families import member
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
+from training.prior.families import member
 
 TURNS = (0.0, 90.0, 180.0, 270.0)
 

@@ -1,7 +1,7 @@
 """Show that a change of the code changes no result: ``python bench/same_results.py [--write FILE | --against FILE]``.
 
-Runs 20 short requests (prompts, targets, pictures, control) through `meshdeform.runs.start_run` on one thread and prints
-the SHA-256 of each `result.glb`. Write them at one commit and compare at another, on the same machine: other processors
+Runs 20 short requests (prompts, targets, pictures, control) by `meshdeform.runs.start_run` on one thread and prints the
+SHA-256 of each `result.glb`. Write them at one commit and compare at another, on the same machine: other processors
 round differently. Exit status 1 names the requests whose result differs. ``--names`` runs some of them.
 """
 

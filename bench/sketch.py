@@ -25,8 +25,6 @@ from PIL import Image, ImageFilter
 
 from meshdeform.assets.drawing import prepared, read_drawing
 from meshdeform.errors import DrawingError
-from meshdeform.priors.builtin.training.families import FAMILIES as NOUNS
-from meshdeform.priors.builtin.training.families import member as noun_member
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.sketch.families import FAMILIES
@@ -37,7 +35,9 @@ from meshdeform.sketch.looking import WEIGHTS, look, read_weights
 from meshdeform.sketch.network import SketchNetwork, load_network
 from meshdeform.sketch.solids import Solid
 from meshdeform.sketch.strokes import draw
-from meshdeform.sketch.training import Drawings, make_drawings, measured
+from training.prior.families import FAMILIES as NOUNS
+from training.prior.families import member as noun_member
+from training.sketch.train import Drawings, make_drawings, measured
 
 Floats = NDArray[np.float64]
 _ALIKE = {"armchair", "bed", "bench", "cabinet", "desk", "sofa", "stool"}

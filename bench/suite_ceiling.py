@@ -14,14 +14,14 @@ import argparse
 import numpy as np
 import torch
 
-from meshdeform.evaluation.suite import find_suite
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge import Judge
-from meshdeform.judge.training.members import roughened
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.teaching.measure import interval
-from meshdeform.priors.builtin.training.families import member
 from meshdeform.runs.devices import use_threads
+from training.evaluation.suite import find_suite
+from training.judge.members import roughened
+from training.prior.families import member
 
 _SEED = 0x6365696C
 """First word of the seeds of the members ("ceil"), which neither the prior nor the judge was trained on."""

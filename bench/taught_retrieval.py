@@ -4,7 +4,7 @@
     python -m bench.taught_retrieval mine.safetensors "a gnome" gnome.glb --picture sheet.png
     python -m bench.taught_retrieval mine.safetensors "a gnome" gnome.glb --sources --control eval-small
 
-The judge of `meshdeform eval` knows the shipped nouns only. So results are classified in the space of its features: the
+The judge knows the shipped nouns only. So results are classified in the space of its features: the
 mean over eight views of its last layer but one. Every known noun is a normal distribution there, around the mean of
 held-out members that neither judge nor prior was trained on; the taught noun is one around the mean of members of its
 meshes; all share one covariance (linear discriminant analysis). The accuracy on further members, printed first, says
@@ -26,29 +26,29 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from meshdeform.assets import load_asset
-from meshdeform.evaluation.ablations import deformation_of
-from meshdeform.evaluation.measures import measures
-from meshdeform.evaluation.mesh_file import read_ply
-from meshdeform.evaluation.picture import SIZE, draw
-from meshdeform.evaluation.sources import source_mesh
-from meshdeform.evaluation.suite import find_suite
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.weld import weld
 from meshdeform.judge.network import JudgeNetwork, read_judge
 from meshdeform.judge.scoring import draw_views, judging_cameras
-from meshdeform.judge.training.members import roughened
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.teaching.measure import interval
 from meshdeform.priors.builtin.teaching.shapes import Shape, member, shape_of
-from meshdeform.priors.builtin.training.families import Part
-from meshdeform.priors.builtin.training.families import member as member_of_family
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.requests.document import resolve
 from meshdeform.requests.parameters import DeformParams
 from meshdeform.runs.devices import use_threads
 from meshdeform.runs.goals import score_distillation
+from training.evaluation.ablations import deformation_of
+from training.evaluation.measures import measures
+from training.evaluation.mesh_file import read_ply
+from training.evaluation.picture import SIZE, draw
+from training.evaluation.sources import source_mesh
+from training.evaluation.suite import find_suite
+from training.judge.members import roughened
+from training.prior.families import Part
+from training.prior.families import member as member_of_family
 
 _SEED = 0x7461756768
 """First word of the seeds of all members drawn here ("taugh")."""
@@ -143,7 +143,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--sources", nargs="*", default=find_suite("full").sources, help="by default those of `full`")
-    parser.add_argument("--control", type=Path, help="folder of a finished run of meshdeform eval")
+    parser.add_argument("--control", type=Path, help="folder of a finished run of python -m training.evaluation")
     options = parser.parse_args()
     use_threads(options.threads)
     noun = options.prompt.removeprefix("a ").removeprefix("an ").strip()

@@ -22,13 +22,13 @@ from scipy.spatial import KDTree
 
 from bench.taught_retrieval import Classifier, deformed, pictures
 from meshdeform.assets import load_asset
-from meshdeform.evaluation.sources import source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.weld import weld
 from meshdeform.priors import load_prior
 from meshdeform.priors.builtin.teaching.shapes import shape_of
 from meshdeform.requests.parameters import DeformParams
 from meshdeform.runs.devices import use_threads
+from training.evaluation.sources import source_mesh
 
 ATTRIBUTES = ("tall", "short", "thin", "fat", "flat", "twisted")
 _POINTS = 2_000

@@ -22,10 +22,10 @@ from meshdeform.geometry.weld import weld
 from meshdeform.priors.builtin.grammar import tokenise
 from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.builtin.teaching.measure import held_out_loss, retrieved
-from meshdeform.priors.builtin.teaching.pictures import LessonSize, joined
+from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures
+from meshdeform.priors.builtin.teaching.pictures import joined
 from meshdeform.priors.builtin.teaching.shapes import shape_of
 from meshdeform.priors.builtin.teaching.teacher import TeachConfig
-from meshdeform.priors.builtin.training.dataset import PictureSet, pictures
 from meshdeform.priors.builtin.weights_file import read_network
 from meshdeform.priors.builtin.words import ParsedPrompt
 from meshdeform.runs.devices import use_threads
@@ -65,13 +65,11 @@ def main() -> None:
     parser.add_argument("--family", type=Path)
     parser.add_argument("--test", type=Path, nargs="+", default=[])
     parser.add_argument("--only-test", action="store_true", help="measure by the meshes of --test alone")
-    parser.add_argument("--replay", type=int, default=LessonSize.replay)
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
     use_threads(options.threads)
     config = TeachConfig(steps=options.steps, seed=options.seed)
-    size = LessonSize(replay=options.replay)
-    request = TeachRequest(options.noun, front_deg=options.front, config=config, size=size)
+    request = TeachRequest(options.noun, front_deg=options.front, config=config)
     marks = [time.process_time()]
     family = options.family.read_bytes() if options.family else None
     run = start(request, [MeshFile(path.name, path.read_bytes()) for path in options.meshes], family=family)

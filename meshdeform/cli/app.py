@@ -20,7 +20,6 @@ from meshdeform.cli.apply import ApplyCommand, apply
 from meshdeform.cli.batch import BatchCommand, batch
 from meshdeform.cli.convert import convert
 from meshdeform.cli.doctor import doctor
-from meshdeform.cli.evaluate import evaluate
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
 from meshdeform.cli.family import FamilyFitCommand, FamilySynthesizeCommand, family_fit, family_synthesize
 from meshdeform.cli.inspect import InspectCommand, inspect
@@ -124,6 +123,17 @@ def _options(
 
 
 @clean_errors
+def evaluate() -> None:
+    """Say what has become of `meshdeform eval`."""
+    raise OutcomeError(
+        ExitCode.USAGE,
+        "usage",
+        "meshdeform eval is no part of the package any more.",
+        "In a clone of the repository, use: python -m training.evaluation (docs/quality.md).",
+    )
+
+
+@clean_errors
 def submit() -> None:
     """Say what has become of this command."""
     raise ParameterError(
@@ -145,7 +155,7 @@ app.command("surface-fit", cls=SurfaceFitCommand, rich_help_panel=_MACHINE)(surf
 app.command(rich_help_panel=_MACHINE)(unfold)
 app.command(rich_help_panel=_MACHINE)(sketch)
 app.command(cls=TeachCommand, rich_help_panel=_MACHINE)(teach)
-app.command("eval", rich_help_panel=_MACHINE)(evaluate)
+app.command("eval", hidden=True, context_settings=_ANYTHING)(evaluate)
 app.command(rich_help_panel=_MACHINE)(models)
 app.command(rich_help_panel=_MACHINE)(doctor)
 app.command("version", rich_help_panel=_MACHINE)(_show_version)

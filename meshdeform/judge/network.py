@@ -139,8 +139,7 @@ class JudgeNetwork(nn.Module):
 
 WEIGHTS = Path(__file__).parent / "weights" / "judge.safetensors"
 _ADVICE = (
-    "Install meshdeform again (the weights are part of the package), or train them: "
-    "python -m meshdeform.judge.training.train."
+    "Install meshdeform again (the weights are part of the package), or train them: python -m training.judge.train."
 )
 
 

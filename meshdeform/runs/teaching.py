@@ -22,9 +22,11 @@ from meshdeform.errors import MeshdeformError
 from meshdeform.geometry.weld import weld
 from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.taught import Lesson, lessons_of, metadata_of, words_of
+from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.priors.builtin.teaching.lesson import NewNoun, new_noun
 from meshdeform.priors.builtin.teaching.measure import interval, retrieved
-from meshdeform.priors.builtin.teaching.pictures import LessonPictures, LessonSize, draw_lesson, replay_of, taken
+from meshdeform.priors.builtin.teaching.picture_set import taken
+from meshdeform.priors.builtin.teaching.pictures import LessonPictures, LessonSize, draw_lesson, replay_of
 from meshdeform.priors.builtin.teaching.replay import read_replay, replay_tensors
 from meshdeform.priors.builtin.teaching.shapes import Shape, seen_turned, shape_of
 from meshdeform.priors.builtin.teaching.sheet import learned_sheet
@@ -36,7 +38,6 @@ from meshdeform.priors.builtin.teaching.teacher import (
     fastest_precision,
     read_state,
 )
-from meshdeform.priors.builtin.training.families.parts import Part
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, pack_weights, read_network
 from meshdeform.runs.family_members import made_members
 from meshdeform.runs.lesson_files import MeshFile, check_count

@@ -25,9 +25,7 @@ WEIGHTS = Path(__file__).parent / "weights" / "sketch.safetensors"
 """The weights that are part of the package."""
 WIDTHS = ((16, 2), (32, 2), (48, 1), (64, 2), (64, 1), (96, 2))
 """Channels and stride of each convolution."""
-_ADVICE = (
-    "Install meshdeform again (the weights are part of the package), or train: python -m meshdeform.sketch.training."
-)
+_ADVICE = "Install meshdeform again (the weights are part of the package), or train: python -m training.sketch.train."
 _Floats = NDArray[np.float32]
 
 

@@ -1,4 +1,4 @@
-"""`meshdeform eval` as a person runs it: with the real prior, a judge that stands in, and few steps."""
+"""`python -m training.evaluation` as a person runs it: with the real prior, a judge that stands in, and few steps."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ import torch
 from PIL import Image
 from typer.testing import CliRunner, Result
 
-from meshdeform.cli.app import app
-from meshdeform.evaluation.mesh_file import read_ply
-from meshdeform.evaluation.suite import ASSET_PAIRS, SUITES, find_suite
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors import load_prior
 from tests.cases import each_case
 from tests.taught import write_small_weights
 from tests.unit.runs.test_text_deform import glb
+from training.evaluation.__main__ import app
+from training.evaluation.mesh_file import read_ply
+from training.evaluation.suite import ASSET_PAIRS, SUITES, find_suite
 
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
 FIRST = "sphere--a-mushroom--seed0"
@@ -35,7 +35,7 @@ QUICK = ["--steps", "2", "--checkpoint-at", "1", "--jobs", "1", *KEEP]
 
 
 def evaluated(out: Path, *options: str, judge: str = JUDGE) -> Result:
-    return CliRunner().invoke(app, ["eval", "--out", str(out), "--judge", judge, *options])
+    return CliRunner().invoke(app, ["--out", str(out), "--judge", judge, *options])
 
 
 def results(out: Path) -> dict[str, Any]:
@@ -174,7 +174,7 @@ def test_judging_can_wait(tmp_path: Path) -> None:
 def test_a_failing_item_is_recorded_the_others_go_on_and_the_next_run_tries_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from meshdeform.evaluation import evaluator
+    from training.evaluation import evaluator
 
     real, out = evaluator.measures, tmp_path / "run"
 
@@ -196,13 +196,13 @@ def test_a_failing_item_is_recorded_the_others_go_on_and_the_next_run_tries_agai
 
 def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) -> None:
     other = shutil.copytree(finished, tmp_path / "other")
-    table = CliRunner().invoke(app, ["eval", "--compare", str(finished), str(other)])
+    table = CliRunner().invoke(app, ["--compare", str(finished), str(other)])
     assert table.exit_code == 0
     rows = table.stdout.splitlines()
     assert len(rows) == 2 + 4
     assert rows[2].startswith("| run ")
     assert rows[5].startswith("| other ")
-    missing = CliRunner().invoke(app, ["eval", "--compare", str(tmp_path / "nothing")])
+    missing = CliRunner().invoke(app, ["--compare", str(tmp_path / "nothing")])
     assert missing.exit_code == 3
 
 
@@ -253,7 +253,7 @@ def test_the_builtin_judge_is_told_when_it_does_not_know_the_prompts(
 ) -> None:
     from meshdeform.testing import FakePrior
 
-    monkeypatch.setattr("meshdeform.evaluation.evaluator.load_prior", lambda *_, **__: FakePrior())
+    monkeypatch.setattr("training.evaluation.evaluator.load_prior", lambda *_, **__: FakePrior())
     refused = evaluated(tmp_path / "run", "--suite", "paper")
     assert refused.exit_code == 3
     assert "--judge none" in refused.stderr
@@ -284,7 +284,7 @@ def test_the_suite_for_stable_diffusion_runs_with_a_checkpoint_and_is_judged_by_
 @pytest.mark.slow
 def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path, repository: Path) -> None:
     out = tmp_path / "run"
-    command = [sys.executable, "-m", "meshdeform", "eval", "--out", str(out), "--judge", JUDGE, "--jobs", "2"]
+    command = [sys.executable, "-m", "training.evaluation", "--out", str(out), "--judge", JUDGE, "--jobs", "2"]
     command += ["--steps", "2", "--limit", "30", *KEEP]
     process = subprocess.Popen(
         command, cwd=repository, stderr=subprocess.PIPE, text=True, start_new_session=True, env=os.environ.copy(),
@@ -353,5 +353,5 @@ def test_the_suite_of_real_assets_takes_its_files_from_a_folder(tmp_path: Path) 
     table = (tmp_path / "run" / "table.md").read_text()
     assert "| CesiumMilkTruck " in table
     assert "most apart" in table
-    again = CliRunner().invoke(app, ["eval", "--rejudge", "--out", str(tmp_path / "run")])
+    again = CliRunner().invoke(app, ["--rejudge", "--out", str(tmp_path / "run")])
     assert again.exit_code == 0, again.output

@@ -36,7 +36,10 @@ def declared(repository: Path, *, dev: bool) -> set[str]:
 
 @each_case(
     ("folders", "dev"),
-    [(("meshdeform", "service", "worker"), False), (("tests", "bench", "docs", "examples", "release"), True)],
+    [
+        (("meshdeform", "service", "worker"), False),
+        (("training", "tests", "bench", "docs", "examples", "release"), True),
+    ],
     ids=["shipped", "development"],
 )
 def test_every_import_is_a_declared_requirement(folders: tuple[str, ...], dev: bool, repository: Path) -> None:
@@ -73,7 +76,7 @@ def _statements(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def _third_party_imports(folder: Path) -> Iterator[tuple[Path, str]]:
-    ours = {"meshdeform", "service", "worker", "tests", "bench", "docs", "release"}
+    ours = {"meshdeform", "service", "worker", "training", "tests", "bench", "docs", "release"}
     for path in sorted(_own_files(folder)):
         for node in _statements(ast.parse(path.read_text())):
             modules = []

@@ -2,5 +2,5 @@
 
 `grammar` defines the prompts that it accepts and needs no torch; `prior.BuiltinPrior` is the model. `training` contains
 the code that made the weights. `docs/model_card.md` describes what they can do, and
-``python -m meshdeform.priors.builtin.training.sample`` shows it.
+``python -m training.prior.sample`` shows it.
 """

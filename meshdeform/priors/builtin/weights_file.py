@@ -38,8 +38,7 @@ REPLAY = "replay."
 WEIGHTS = Path(__file__).parent / "weights" / "prior.safetensors"
 _LARGEST = 512
 _ADVICE = (
-    "Install meshdeform again (the weights are part of the package), or train them: "
-    "python -m meshdeform.priors.builtin.training.train."
+    "Install meshdeform again (the weights are part of the package), or train them: python -m training.prior.train."
 )
 
 

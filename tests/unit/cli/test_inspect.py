@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
 from meshdeform.cli.written import parse_exclude, parse_handles, parse_regions, parse_rigid
-from meshdeform.evaluation.sources import source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, join, torus
 from meshdeform.requests.document import DeformParams
 from tests.cases import each_case
+from training.evaluation.sources import source_mesh
 
 
 def test_parts_are_written_as_place_and_name() -> None:

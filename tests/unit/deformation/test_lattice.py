@@ -16,7 +16,6 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.stand_in import chosen_carrier
 from meshdeform.deformation.variables import placed
 from meshdeform.errors import CheckpointError
-from meshdeform.evaluation.neighbours import neighbour_offsets
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere, join, torus
@@ -25,6 +24,7 @@ from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, resolve
 from tests.close import assert_close
+from training.evaluation.neighbours import neighbour_offsets
 
 F64 = torch.float64
 

@@ -17,7 +17,6 @@ from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere, join, torus
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.priors.builtin.training.families import member
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.rendering.shading import Renderer, RenderStyle
@@ -25,6 +24,7 @@ from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from tests.cases import each_case
 from tests.close import assert_close
+from training.prior.families import member
 
 STYLE = RenderStyle(view_size=32, supersample=2)
 

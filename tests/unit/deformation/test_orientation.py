@@ -12,7 +12,6 @@ from torch import Tensor
 from meshdeform.deformation.checkpoint import dump_checkpoint, load_checkpoint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Orientation, OrientationSource, find_orientation
-from meshdeform.evaluation.sources import source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.guidance.target import TargetGuidance
@@ -21,6 +20,7 @@ from meshdeform.rendering.cameras import Cameras, Frame, fixed_cameras
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
+from training.evaluation.sources import source_mesh
 
 
 @cache

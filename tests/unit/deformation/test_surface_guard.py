@@ -10,7 +10,6 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import JacobianField, Variables, placed
-from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import FaceNeighbours
@@ -22,6 +21,7 @@ from meshdeform.requests.document import DeformParams, Safeguard, resolve
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.creased import creased
+from training.evaluation.ablations import VertexDisplacements
 
 MESH = icosphere(2)
 

@@ -10,11 +10,11 @@ import torch
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.variables import JacobianField, Variables, copy_into, placed
 from meshdeform.errors import CheckpointError
-from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
 from tests.close import assert_close
+from training.evaluation.ablations import VertexDisplacements
 
 MESH = icosphere(2)
 KINDS = (JacobianField, VertexDisplacements)

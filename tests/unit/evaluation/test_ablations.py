@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from meshdeform.deformation.loop import Deformation
-from meshdeform.evaluation.ablations import Ablation, SingleViews, ablated_params, deformation_of
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.rendering.cameras import CameraRange
@@ -14,6 +13,7 @@ from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from training.evaluation.ablations import Ablation, SingleViews, ablated_params, deformation_of
 
 PARAMS = resolve(DeformParams.model_validate({"preset": "paper", "steps": 60, "learning_rate": 0.02}))
 

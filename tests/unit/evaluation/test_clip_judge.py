@@ -9,11 +9,11 @@ import pytest
 import torch
 
 from meshdeform.errors import ModelError, ParameterError
-from meshdeform.evaluation.clip_judge import ClipJudge, refuse_the_guides_own
-from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.geometry.shapes import box
 from meshdeform.testing import build_tiny_stable_diffusion
 from tests.unit.evaluation.tiny_clip import build_tiny_clip
+from training.evaluation.clip_judge import ClipJudge, refuse_the_guides_own
+from training.evaluation.relaxed import geodesic_sphere
 
 PROMPTS = ("a giraffe", "a dragon", "an octopus")
 
@@ -46,8 +46,8 @@ def test_the_best_prompt_is_a_hit_and_no_other(folder: Path) -> None:
 def test_the_picture_is_what_transformers_own_processor_makes_of_it(folder: Path) -> None:
     from transformers import CLIPImageProcessor, CLIPModel, CLIPTokenizer
 
-    from meshdeform.evaluation.picture import draw
     from meshdeform.rendering.cameras import fixed_cameras
+    from training.evaluation.picture import draw
 
     judge, mesh = ClipJudge(folder), box(2)
     view = draw(mesh, fixed_cameras((0.0,), 20.0), 32)[0]

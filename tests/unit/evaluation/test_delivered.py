@@ -11,16 +11,16 @@ import torch
 
 from meshdeform.assets import load_asset
 from meshdeform.errors import ParameterError
-from meshdeform.evaluation import runner
-from meshdeform.evaluation.delivered import best_stretch
-from meshdeform.evaluation.plan import Plan
-from meshdeform.evaluation.suite import KEEP_ASSETS, Suite, find_suite
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors.builtin.grammar import NOUNS, parse
 from meshdeform.requests.document import DeformParams, resolve
 from tests.unit.evaluation.stand_ins import HeightJudge
 from tests.unit.runs.test_text_deform import glb
+from training.evaluation import runner
+from training.evaluation.delivered import best_stretch
+from training.evaluation.plan import Plan
+from training.evaluation.suite import KEEP_ASSETS, Suite, find_suite
 
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from meshdeform.evaluation.listing import listing, outline
-from meshdeform.evaluation.plan import Plan
-from meshdeform.evaluation.suite import PAPER_PROMPTS, find_suite
 from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
+from training.evaluation.listing import listing, outline
+from training.evaluation.plan import Plan
+from training.evaluation.suite import PAPER_PROMPTS, find_suite
 
 
 def plan(suite: str, model: str, *, judge: str = "none", **params: object) -> Plan:

@@ -9,12 +9,12 @@ import pytest
 import torch
 
 from meshdeform.errors import NumericalError, ShapeError
-from meshdeform.evaluation.measures import chamfer_distance, displacement, measures, surface_points
-from meshdeform.evaluation.neighbours import neighbour_offsets
-from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, join
 from tests.cases import each_case
+from training.evaluation.measures import chamfer_distance, displacement, measures, surface_points
+from training.evaluation.neighbours import neighbour_offsets
+from training.evaluation.relaxed import geodesic_sphere
 
 
 def moved(mesh: TriangleMesh, matrix: list[list[float]] | torch.Tensor, by: float = 0.0) -> TriangleMesh:

@@ -7,9 +7,9 @@ import torch
 
 from meshdeform.assets import load_asset
 from meshdeform.errors import AssetFormatError
-from meshdeform.evaluation.mesh_file import read_ply, write_ply
-from meshdeform.evaluation.relaxed import geodesic_sphere
 from tests.cases import each_case
+from training.evaluation.mesh_file import read_ply, write_ply
+from training.evaluation.relaxed import geodesic_sphere
 
 
 def test_a_mesh_comes_back_bit_for_bit() -> None:

@@ -10,8 +10,11 @@ import pytest
 import torch
 
 from meshdeform.errors import ParameterError
-from meshdeform.evaluation.evaluator import Evaluator
-from meshdeform.evaluation.plan import (
+from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.requests.document import DeformParams, resolve
+from tests.cases import each_case
+from training.evaluation.evaluator import Evaluator
+from training.evaluation.plan import (
     Plan,
     check_manifest,
     code_sha256,
@@ -20,10 +23,7 @@ from meshdeform.evaluation.plan import (
     read_manifest,
     write_manifest,
 )
-from meshdeform.evaluation.suite import Suite
-from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.requests.document import DeformParams, resolve
-from tests.cases import each_case
+from training.evaluation.suite import Suite
 
 SUITE = Suite("tiny", ("sphere", "cube"), ("a fish",), (0, 1), "preview")
 PRIOR = {"id": "builtin", "revision": "", "sha256": "ab"}

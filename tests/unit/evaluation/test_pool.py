@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from meshdeform.errors import WorkerLostError
-from meshdeform.evaluation.pool import each
 from tests.cases import each_case
 from tests.unit.evaluation.arithmetic import broken, squares
+from training.evaluation.pool import each
 
 
 @each_case("jobs", [1, 3])

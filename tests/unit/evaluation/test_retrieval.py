@@ -7,11 +7,11 @@ import math
 import pytest
 
 from meshdeform.errors import ParameterError, VocabularyError
-from meshdeform.evaluation.relaxed import geodesic_sphere
-from meshdeform.evaluation.retrieval import judgement, load_judge, ranked, wilson
 from meshdeform.geometry.mesh import TriangleMesh
 from tests.cases import each_case
 from tests.unit.evaluation.stand_ins import HeightJudge
+from training.evaluation.relaxed import geodesic_sphere
+from training.evaluation.retrieval import judgement, load_judge, ranked, wilson
 
 # Newcombe 1998, Two-sided confidence intervals for the single proportion, table I, method 3 (score, no correction).
 NEWCOMBE = [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)]

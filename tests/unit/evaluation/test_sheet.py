@@ -8,11 +8,11 @@ from typing import Any
 
 from PIL import Image
 
-from meshdeform.evaluation.evaluator import item_folder
-from meshdeform.evaluation.picture import SIZE
-from meshdeform.evaluation.sheet import contact_sheet
-from meshdeform.evaluation.suite import Item
 from tests.cases import each_case
+from training.evaluation.evaluator import item_folder
+from training.evaluation.picture import SIZE
+from training.evaluation.sheet import contact_sheet
+from training.evaluation.suite import Item
 
 RED, GREEN = (255, 0, 0), (46, 125, 50)
 

@@ -10,19 +10,19 @@ import torch
 
 from meshdeform.assets import build_glb
 from meshdeform.errors import ParameterError
-from meshdeform.evaluation.measures import measures
-from meshdeform.evaluation.mesh_file import read_texels, write_texels
-from meshdeform.evaluation.relaxed import capsule, geodesic_sphere, relaxed_surface
-from meshdeform.evaluation.sources import SOURCES, mesh_sha256, source_mesh, source_texels
-from meshdeform.evaluation.suite import SUITES, find_suite
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh, connected_components, edges_of, face_areas, face_cross
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import box
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.priors.builtin.training.held_out import is_held_out
 from tests.cases import each_case
 from tests.unit.rendering.test_painted import encoded, textured
+from training.evaluation.measures import measures
+from training.evaluation.mesh_file import read_texels, write_texels
+from training.evaluation.relaxed import capsule, geodesic_sphere, relaxed_surface
+from training.evaluation.sources import SOURCES, mesh_sha256, source_mesh, source_texels
+from training.evaluation.suite import SUITES, find_suite
+from training.prior.held_out import is_held_out
 
 SINGLE = [name for name in SOURCES if name != "toy"]
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from meshdeform.evaluation.summary import states_of, summarise
-from meshdeform.evaluation.tables import comparison, table
+from training.evaluation.summary import states_of, summarise
+from training.evaluation.tables import comparison, table
 
 QUALITY = {
     "flipped_faces": 0,

@@ -18,7 +18,6 @@ from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.path import ShapePath
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import Elements, placed
-from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry import intersections, nearest_places
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
@@ -29,6 +28,7 @@ from meshdeform.geometry.samples import count_samples, sample_blocks, samples_of
 from meshdeform.geometry.shapes import box, icosphere, torus
 from meshdeform.geometry.simplify import simplified
 from meshdeform.requests.document import Safeguard
+from training.evaluation.ablations import VertexDisplacements
 
 MIB = 1 << 20
 

@@ -18,7 +18,6 @@ from meshdeform.deformation import step_repair
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import JacobianField, Variables, placed
-from meshdeform.evaluation.ablations import VertexDisplacements
 from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh, connected_components
 from meshdeform.geometry.quality import FaceNeighbours
@@ -27,6 +26,7 @@ from meshdeform.geometry.weld import weld
 from meshdeform.requests.document import Safeguard
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from training.evaluation.ablations import VertexDisplacements
 
 SIZE = 0.3
 

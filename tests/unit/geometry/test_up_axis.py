@@ -6,10 +6,10 @@ import numpy as np
 import torch
 
 from meshdeform.assets.notices import looks_z_up
-from meshdeform.evaluation.sources import SOURCES, source_mesh
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, lathe
 from tests.cases import each_case
+from training.evaluation.sources import SOURCES, source_mesh
 
 
 def answer(mesh: TriangleMesh) -> bool:

@@ -9,9 +9,10 @@ import pytest
 import torch
 
 from meshdeform.judge.network import JudgeNetwork, encoded, read_judge, write_judge
-from meshdeform.judge.training.augment import augmented
-from meshdeform.judge.training.measure import prompts_of, variants
-from meshdeform.judge.training.members import (
+from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
+from training.judge.augment import augmented
+from training.judge.measure import prompts_of, variants
+from training.judge.members import (
     CALIBRATION,
     HELD_OUT,
     NOTHING,
@@ -24,10 +25,9 @@ from meshdeform.judge.training.members import (
     roughened,
     seeded,
 )
-from meshdeform.judge.training.shapes.solids import ball, block, carved, drum, rod, surfaced
-from meshdeform.judge.training.train import TrainConfig, Trainer, _unknown, calibrate
-from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
-from meshdeform.priors.builtin.training.families import Part
+from training.judge.shapes.solids import ball, block, carved, drum, rod, surfaced
+from training.judge.train import TrainConfig, Trainer, _unknown, calibrate
+from training.prior.families import Part
 
 pytestmark = pytest.mark.training
 

@@ -11,7 +11,6 @@ from meshdeform.priors.builtin import taught
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.prior import BuiltinPrior, add_noise
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
-from meshdeform.priors.builtin.training.families import member
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
@@ -21,6 +20,7 @@ from tests.cases import each_case
 from tests.close import assert_close
 from tests.taught import THREE_NOUNS
 from tests.unit.priors.combined import guided, text_rows
+from training.prior.families import member
 
 
 @pytest.fixture

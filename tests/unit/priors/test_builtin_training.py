@@ -10,15 +10,17 @@ from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.grammar import NOUNS, OPPOSITES, VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
-from meshdeform.priors.builtin.training import dataset, sample, train, warm_start
-from meshdeform.priors.builtin.training.dataset import PictureFolder, PictureSet, draw_prompt, pictures, single_views
-from meshdeform.priors.builtin.training.families import FAMILIES, member
-from meshdeform.priors.builtin.training.held_out import held_out_pairs, is_held_out
-from meshdeform.priors.builtin.training.train import TrainConfig, Trainer
+from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures, single_views
+from meshdeform.priors.builtin.teaching.trainer import TrainConfig
 from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from tests.close import assert_close
+from training.prior import dataset, sample, train, warm_start
+from training.prior.dataset import PictureFolder, draw_prompt, draw_set
+from training.prior.families import FAMILIES, member
+from training.prior.held_out import held_out_pairs, is_held_out
+from training.prior.train import PriorTrainer
 
 pytestmark = pytest.mark.training
 
@@ -94,7 +96,7 @@ def test_drawn_prompts_are_mostly_plain_and_never_contradict_themselves() -> Non
 
 
 def test_a_drawn_noun_is_the_same_again_and_its_file_gives_it_back(tmp_path: Path) -> None:
-    first = PictureSet.drawn("heart", members=2, pictures_each=2, seed=3)
+    first = draw_set("heart", members=2, pictures_each=2, seed=3)
     assert first.single.tolist() == [False, False, True] * 2
     for _ in range(2):
         kept = PictureFolder.cached(tmp_path, ["heart"], 2, 2, 3).sets["heart"]
@@ -141,7 +143,7 @@ def test_a_batch_has_each_noun_as_often_as_its_odds_say(tiny: PictureSet) -> Non
 
 @pytest.mark.usefixtures("small_network")
 def test_training_lowers_the_loss(tiny: PictureSet) -> None:
-    trainer = Trainer(tiny, TrainConfig(batch=4), device="cpu", precision="fp32")
+    trainer = PriorTrainer(tiny, TrainConfig(batch=4), device="cpu", precision="fp32")
     trainer.total_steps = 60
     losses = [trainer.step() for _ in range(60)]
     assert np.mean(losses[-10:]) < 0.75 * np.mean(losses[:5])
@@ -151,8 +153,8 @@ def test_training_lowers_the_loss(tiny: PictureSet) -> None:
 def test_a_resumed_run_equals_an_uninterrupted_one(tiny: PictureSet, tmp_path: Path) -> None:
     state, weights = tmp_path / "state.pt", tmp_path / "prior.safetensors"
 
-    def trainer() -> Trainer:
-        made = Trainer(tiny, TrainConfig(batch=2), device="cpu", precision="fp32")
+    def trainer() -> PriorTrainer:
+        made = PriorTrainer(tiny, TrainConfig(batch=2), device="cpu", precision="fp32")
         made.total_steps = 6
         return made
 
@@ -171,7 +173,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tiny: PictureSet, tmp_path: P
 
 @pytest.mark.usefixtures("small_network")
 def test_the_learning_rate_rises_then_falls_to_zero(tiny: PictureSet) -> None:
-    trainer = Trainer(tiny, TrainConfig(learning_rate=1.0), device="cpu", precision="fp32")
+    trainer = PriorTrainer(tiny, TrainConfig(learning_rate=1.0), device="cpu", precision="fp32")
     assert trainer.learning_rate() == pytest.approx(0.02)  # while the first steps are timed
     trainer.total_steps = 1000
     rates = []
@@ -185,7 +187,7 @@ def test_the_learning_rate_rises_then_falls_to_zero(tiny: PictureSet) -> None:
 
 @pytest.mark.usefixtures("small_network")
 def test_weights_come_back_in_half_precision(tiny: PictureSet, tmp_path: Path) -> None:
-    trainer = Trainer(tiny, TrainConfig(batch=2), device="cpu", precision="fp32")
+    trainer = PriorTrainer(tiny, TrainConfig(batch=2), device="cpu", precision="fp32")
     trainer.total_steps = 1
     trainer.step()
     trainer.save(tmp_path / "state.pt", tmp_path / "prior.safetensors")
@@ -254,7 +256,7 @@ def test_a_warm_start_maps_words_by_name_and_keeps_the_rest(older: Path) -> None
 def test_a_run_starts_from_older_weights_and_says_so(
     tiny: PictureSet, older: Path, tmp_path: Path, small_network: None
 ) -> None:
-    trainer = Trainer(tiny, TrainConfig(batch=3), device="cpu", precision="fp32", initial=older)
+    trainer = PriorTrainer(tiny, TrainConfig(batch=3), device="cpu", precision="fp32", initial=older)
     held, _ = weights_file.read_tensors(older)
     assert torch.equal(trainer.network.out.weight, held["out.weight"])
     assert torch.equal(trainer.average["out.weight"], held["out.weight"])
@@ -288,7 +290,7 @@ def test_a_file_of_the_first_edition_is_known_by_its_hash_and_others_are_refused
 
 @pytest.mark.usefixtures("small_network")
 def test_most_timesteps_are_those_that_score_distillation_asks(tiny: PictureSet) -> None:
-    trainer = Trainer(tiny, TrainConfig(batch=20), device="cpu", precision="fp32")
+    trainer = PriorTrainer(tiny, TrainConfig(batch=20), device="cpu", precision="fp32")
     timesteps = torch.cat([trainer.batch()[1] for _ in range(50)])
     assert int(timesteps.min()) < 20
     assert int(timesteps.max()) > 980

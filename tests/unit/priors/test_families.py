@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from meshdeform.priors.builtin.grammar import ADJECTIVES, NOUNS, PARTS, Attribute
-from meshdeform.priors.builtin.training.families import FAMILIES, Part, member, parts
-from meshdeform.priors.builtin.training.families.traits import WHOLE
+from meshdeform.priors.builtin.teaching.deformed import WHOLE
 from tests.cases import each_case
+from training.prior.families import FAMILIES, Part, member, parts
 
 pytestmark = pytest.mark.training
 

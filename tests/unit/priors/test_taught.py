@@ -22,12 +22,14 @@ from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
 from meshdeform.priors.builtin.taught import Lesson, known_words, lessons_of, metadata_of, words_of
 from meshdeform.priors.builtin.teaching import measure
 from meshdeform.priors.builtin.teaching.lesson import attributes_of_folder, new_noun
+from meshdeform.priors.builtin.teaching.picture_set import PictureSet
+from meshdeform.priors.builtin.teaching.replay import shipped_pictures
 from meshdeform.priors.builtin.teaching.shapes import seen_turned, shape_of
-from meshdeform.priors.builtin.training.dataset import PictureSet
 from meshdeform.priors.builtin.vocabulary import THIRD_EDITION
 from meshdeform.priors.builtin.words import BUILTIN_WORDS, ParsedPrompt, Words
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, write_small_weights
+from training.prior.rehearsal import rehearsal
 
 
 @each_case(
@@ -268,3 +270,27 @@ def test_a_mesh_of_which_nothing_can_be_seen_is_refused() -> None:
     flat = TriangleMesh(wedge.verts * torch.tensor([1.0, 1.0, 0.0]), wedge.faces)
     with pytest.raises(AssetEmptyError, match="nearly nothing but background"):
         shape_of(flat, "flat.glb")
+
+
+def test_the_shipped_rehearsal_shows_every_noun_and_is_what_its_command_draws(tmp_path: Path) -> None:
+    shipped = shipped_pictures(BUILTIN_WORDS)
+    assert set(shipped) == set(BUILTIN_WORDS.nouns)
+    drawn = tmp_path / "rehearsal.zip"
+    drawn.write_bytes(rehearsal([next(iter(shipped))]))
+    (noun, again), *others = shipped_pictures(BUILTIN_WORDS, drawn).items()
+    assert not others
+    for one, other in ((again.training, shipped[noun].training), (again.held_out, shipped[noun].held_out)):
+        # Another processor may round a pixel otherwise.
+        assert (one.images.int() - other.images.int()).abs().float().mean() < 1
+        assert torch.equal(one.tokens, other.tokens)
+        assert torch.equal(one.single, other.single)
+    assert len(again.training) == 6
+    assert len(again.held_out) == 2
+
+
+@each_case("content", [b"", b"no zip"])
+def test_a_damaged_rehearsal_says_what_to_do(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "rehearsal.zip"
+    path.write_bytes(content)
+    with pytest.raises(ModelError, match=r"rehearsal.zip.*cannot be read"):
+        shipped_pictures(BUILTIN_WORDS, path)

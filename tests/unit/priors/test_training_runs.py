@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from meshdeform.judge.network import JudgeNetwork, read_judge
-from meshdeform.judge.training import train as judge_training
 from meshdeform.priors.builtin import weights_file
 from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.training import train
 from tests.cases import each_case
+from training.judge import train as judge_training
+from training.prior import train
 
 TWO_NOUNS = {noun: NOUNS[noun] for noun in ("bowl", "heart")}
 

@@ -7,13 +7,13 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
-from meshdeform.evaluation.relaxed import geodesic_sphere
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, icosphere, join
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 from tests.cases import each_case
 from tests.close import assert_close
+from training.evaluation.relaxed import geodesic_sphere
 
 
 def test_a_square_that_faces_the_camera_has_the_colour_of_its_normal() -> None:

@@ -10,14 +10,14 @@ from meshdeform.assets import build_glb
 from meshdeform.cli.report_lines import likeness_line
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.judge.training.members import HELD_OUT, seeded
 from meshdeform.priors import load_prior
-from meshdeform.priors.builtin.training.families import member
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.likeness import before, likeness, likeness_and_before, summarize
 from meshdeform.runs.recognition import recognise
 from tests.cases import each_case
+from training.judge.members import HELD_OUT, seeded
+from training.prior.families import member
 
 
 def test_a_shape_of_the_family_matches_its_prompt_and_no_other() -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from meshdeform.evaluation.sources import source_mesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
 from tests.cases import each_case
+from training.evaluation.sources import source_mesh
 
 
 def test_a_noun_that_is_given_is_taken() -> None:

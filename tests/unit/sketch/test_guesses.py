@@ -19,7 +19,7 @@ from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.looking import WEIGHTS, look, read_weights
 from meshdeform.sketch.network import Look, SketchNetwork, load_network, write_network
 from meshdeform.sketch.strokes import draw
-from meshdeform.sketch.training import losses, main, make_drawings, make_strangers, train
+from training.sketch.train import losses, main, make_drawings, make_strangers, train
 
 
 def drawing(family: str, seed: int, **values: object) -> bytes:

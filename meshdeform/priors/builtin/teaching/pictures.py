@@ -6,30 +6,28 @@ Source of replay: Robins 1995, Catastrophic forgetting, rehearsal and pseudorehe
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from meshdeform.priors.builtin.grammar import tokenise
+from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.priors.builtin.teaching.lesson import NewNoun
+from meshdeform.priors.builtin.teaching.picture_set import PictureSet, joined, pictures, single_views, taken
+from meshdeform.priors.builtin.teaching.replay import shipped_pictures
 from meshdeform.priors.builtin.teaching.shapes import Shape, member, prompt_of
-from meshdeform.priors.builtin.training.dataset import PictureSet, draw_prompt, pictures, single_views
-from meshdeform.priors.builtin.training.families import FAMILIES
-from meshdeform.priors.builtin.training.families import member as member_of_family
-from meshdeform.priors.builtin.training.families.parts import Part
 from meshdeform.priors.builtin.words import ParsedPrompt, Words
 
-__all__ = ["KEPT_PICTURES", "LessonPictures", "LessonSize", "draw_lesson", "joined", "replay_of", "taken"]
+__all__ = ["KEPT_PICTURES", "LessonPictures", "LessonSize", "draw_lesson", "replay_of"]
 
 KEPT_PICTURES = 32
 """Pictures of a taught noun that its file keeps, for replay when the file is taught again."""
 _HELD_MEMBERS = 6
-_HELD_GRIDS, _HELD_OLD_SEED = 1, 7
+_HELD_GRIDS = 1
 _HELD_NOUNS = 30
 """Old nouns by which a lesson measures what it forgets: every one costs a pass for each noun of the vocabulary."""
-_NEW, _HELD, _OLD = 0, 1, 2
+_NEW, _HELD = 0, 1
 """First numbers of the seeds of members; the second is the member, so that a set does not depend on the order."""
 _FEWEST_TO_HOLD_OUT = 3
 
@@ -45,14 +43,11 @@ class LessonSize:
     each : int
     grids : int
         Grids of four views of a member, in addition to one single view.
-    replay : int
-        Least number of members of all nouns that the weights know and that have a family; at least one of each.
     """
 
     members: int = 60
     each: int = 4
     grids: int = 3
-    replay: int = 240
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,7 @@ class LessonPictures:
     held_new : PictureSet
         Of the new noun: other members of the meshes, and of a mesh that the training does not see if there are three.
     held_old : PictureSet
-        One member of each of up to 30 old nouns with a family, from other seeds than the training's.
+        Of up to 30 old nouns, one member each that the training does not see.
     held_mesh : str
         Name of the mesh that is held out, or empty.
     kept : PictureSet
@@ -111,16 +106,11 @@ def draw_lesson(
     ours = [_of_shape(pool[k % len(pool)], new, (seed, _NEW, k), size.grids, jitter=not made) for k in range(count)]
     tests = [held] if held is not None else seen
     held_new = [_of_shape(tests[k % len(tests)], new, (seed, _HELD, k), _HELD_GRIDS) for k in range(_HELD_MEMBERS)]
-    old = [noun for noun in new.words.nouns if noun in FAMILIES and noun != new.noun and noun not in replayed]
-    replay = [
-        _of_family(noun, new.words, (seed, _OLD, number, k), max(1, size.grids - 1))
-        for number, noun in enumerate(old)
-        for k in range(-(-size.replay // len(old)))
-    ]
+    shipped = shipped_pictures(new.words)
+    old = [noun for noun in new.words.nouns if noun in shipped and noun != new.noun and noun not in replayed]
+    replay = [shipped[noun].training for noun in old]
     held_old = [
-        _of_family(noun, new.words, (_HELD_OLD_SEED, _OLD, number), 1, plain=True)
-        for number, noun in enumerate(old)
-        if number * _HELD_NOUNS % len(old) < _HELD_NOUNS
+        shipped[noun].held_out for number, noun in enumerate(old) if number * _HELD_NOUNS % len(old) < _HELD_NOUNS
     ]
     drawn = joined(ours)
     rows = torch.randperm(len(drawn), generator=torch.Generator().manual_seed(seed))[:KEPT_PICTURES]
@@ -139,12 +129,6 @@ def _of_shape(shape: Shape, new: NewNoun, seed: tuple[int, ...], grids: int, *, 
     return _drawn(part, prompt_of(new.noun, attributes), new.words, rng, grids)
 
 
-def _of_family(noun: str, words: Words, seed: tuple[int, ...], grids: int, *, plain: bool = False) -> PictureSet:
-    rng = np.random.default_rng(seed)
-    prompt = ParsedPrompt(noun) if plain else draw_prompt(noun, rng)
-    return _drawn(member_of_family(noun, prompt.attributes, rng), prompt, words, rng, grids)
-
-
 def _drawn(part: Part, prompt: ParsedPrompt, words: Words, rng: np.random.Generator, grids: int) -> PictureSet:
     """Render grids and one single view of a member."""
     generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
@@ -156,16 +140,6 @@ def _drawn(part: Part, prompt: ParsedPrompt, words: Words, rng: np.random.Genera
         torch.cat([azimuths, azimuth]),
         torch.arange(grids + 1) >= grids,
     )
-
-
-def joined(sets: Sequence[PictureSet]) -> PictureSet:
-    """Return all pictures of several sets, in order."""
-    return PictureSet(*(torch.cat([getattr(each, field.name) for each in sets]) for field in fields(PictureSet)))
-
-
-def taken(pictures_: PictureSet, rows: Tensor) -> PictureSet:
-    """Return some pictures of a set."""
-    return PictureSet(*(getattr(pictures_, field.name)[rows] for field in fields(PictureSet)))
 
 
 def replay_of(tensors: Mapping[str, PictureSet], new: NewNoun) -> dict[str, PictureSet]:

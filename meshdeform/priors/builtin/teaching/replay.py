@@ -1,21 +1,107 @@
-"""Keep pictures of what was taught in the file of weights, for replay when it is taught again."""
+"""Read and keep pictures for replay: of the builtin nouns, which ship with the weights, and of nouns that were taught.
+
+`rehearsal.zip` beside the weights holds for each noun a lossless WebP with its pictures one below the other, and
+`labels.json` their prompts and azimuths (`python -m training.prior.rehearsal` writes it). Pictures of a taught noun are
+tensors in its file of weights.
+"""
 
 from __future__ import annotations
 
-from dataclasses import fields
+import io
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TypedDict
 
+import numpy as np
 import torch
+from PIL import Image
 from torch import Tensor
 
 from meshdeform.errors import ModelError
-from meshdeform.priors.builtin.grammar import SEQUENCE_LENGTH
+from meshdeform.priors.builtin.grammar import SEQUENCE_LENGTH, parse, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE
 from meshdeform.priors.builtin.taught import words_of
-from meshdeform.priors.builtin.training.dataset import PictureSet
-from meshdeform.priors.builtin.weights_file import REPLAY, read_tensors
+from meshdeform.priors.builtin.teaching.picture_set import PictureSet
+from meshdeform.priors.builtin.weights_file import REPLAY, WEIGHTS, read_tensors
+from meshdeform.priors.builtin.words import BUILTIN_WORDS, Words
 
-__all__ = ["read_replay", "replay_tensors"]
+__all__ = ["REHEARSAL", "Rehearsal", "packed_rehearsal", "read_replay", "replay_tensors", "shipped_pictures"]
+
+REHEARSAL = WEIGHTS.with_name("rehearsal.zip")
+_LABELS = "labels.json"
+
+
+class _Label(TypedDict):
+    """What one picture shows: `held` pictures measure what a lesson forgets, and are never trained on."""
+
+    prompt: str
+    azimuth_deg: float
+    single: bool
+    held: bool
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """Pictures of a builtin noun: for training, and those that are held out."""
+
+    training: PictureSet
+    held_out: PictureSet
+
+
+def shipped_pictures(words: Words, path: Path = REHEARSAL) -> dict[str, Rehearsal]:
+    """Return the pictures of the builtin nouns that ship with the weights and that `words` knows.
+
+    Raises
+    ------
+    ModelError
+        The file is missing or unreadable.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            labels: dict[str, list[_Label]] = json.loads(archive.read(_LABELS))
+            known = [noun for noun in labels if noun in words.nouns]
+            return {noun: _rehearsal(archive.read(f"{noun}.webp"), labels[noun], words) for noun in known}
+    except (OSError, zipfile.BadZipFile, KeyError, ValueError) as error:
+        raise ModelError(
+            f"The pictures that lessons rehearse, {path.name}, cannot be read: {error}",
+            advice="Install meshdeform again: the file is part of the package.",
+        ) from error
+
+
+def _rehearsal(picture: bytes, labels: Sequence[_Label], words: Words) -> Rehearsal:
+    """Return the pictures of a noun from its file."""
+    column = np.array(Image.open(io.BytesIO(picture)).convert("RGB"))
+    images = torch.from_numpy(column.reshape(len(labels), IMAGE_SIZE, IMAGE_SIZE, 3)).permute(0, 3, 1, 2).contiguous()
+    pictures = PictureSet(
+        images,
+        torch.tensor([tokenise(parse(label["prompt"], BUILTIN_WORDS), words) for label in labels]),
+        torch.tensor([label["azimuth_deg"] for label in labels], dtype=torch.float32),
+        torch.tensor([label["single"] for label in labels]),
+    )
+    held = torch.tensor([label["held"] for label in labels])
+    return Rehearsal(pictures.rows(torch.nonzero(~held)[:, 0]), pictures.rows(torch.nonzero(held)[:, 0]))
+
+
+def packed_rehearsal(nouns: Mapping[str, tuple[PictureSet, Sequence[str], Sequence[bool]]]) -> bytes:
+    """Return the file of `shipped_pictures` from each noun's pictures with their prompts and which are held out."""
+    content = io.BytesIO()
+    labels: dict[str, list[_Label]] = {}
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
+        for noun, (pictures, prompts, held) in nouns.items():
+            column = pictures.images.permute(0, 2, 3, 1).reshape(-1, IMAGE_SIZE, 3).numpy()
+            picture = io.BytesIO()
+            Image.fromarray(column).save(picture, "WEBP", lossless=True, quality=100, method=6)
+            archive.writestr(zipfile.ZipInfo(f"{noun}.webp"), picture.getvalue())
+            rows = zip(prompts, pictures.azimuth_deg.tolist(), pictures.single.tolist(), held, strict=True)
+            labels[noun] = [
+                {"prompt": prompt, "azimuth_deg": azimuth, "single": single, "held": out}
+                for prompt, azimuth, single, out in rows
+            ]
+        archive.writestr(zipfile.ZipInfo(_LABELS), json.dumps(labels))
+    return content.getvalue()
 
 
 def read_replay(path: Path) -> dict[str, PictureSet]:

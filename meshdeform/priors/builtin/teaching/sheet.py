@@ -1,21 +1,102 @@
-"""Draw what a network has learned of a noun: a contact sheet by ancestral sampling, from four azimuths."""
+"""Sample pictures from a network of the builtin prior, and draw what it has learned of a noun as a contact sheet.
+
+Source: Song et al. 2021, Denoising diffusion implicit models, eqs. 12 and 16 (eta = 1 is the ancestral sampling of
+Ho et al. 2020).
+"""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
 import torch
-from PIL import Image
+from PIL import Image, ImageDraw
 from torch import Tensor
 
-from meshdeform.priors.builtin.network import PriorNetwork
-from meshdeform.priors.builtin.training.dataset import PictureSet
-from meshdeform.priors.builtin.training.sample import contact_sheet, sample
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, parse, tokenise
+from meshdeform.priors.builtin.network import IMAGE_SIZE, PriorNetwork, null_tokens
+from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
+from meshdeform.priors.builtin.teaching.picture_set import PictureSet
 from meshdeform.priors.builtin.words import Attribute, ParsedPrompt, Words
 
-__all__ = ["learned_sheet"]
+__all__ = ["contact_sheet", "learned_sheet", "sample"]
 
 _AZIMUTHS = (0.0, 90.0, 180.0, 270.0)
 _STEPS = 24
 _SHOWN = ("tall",)
+
+
+@torch.no_grad()
+def sample(
+    network: PriorNetwork,
+    prompts: Sequence[str],
+    azimuth_deg: Tensor,
+    *,
+    steps: int = 40,
+    guidance_scale: float = 3.0,
+    seed: int = 0,
+    single: bool = False,
+    words: Words = BUILTIN_WORDS,
+    eta: float = 0.0,
+) -> Tensor:
+    """Sample pictures of prompts.
+
+    Parameters
+    ----------
+    network : PriorNetwork
+    prompts : B strings
+    azimuth_deg : (B,) float32
+        Azimuth of the first or only view.
+    steps : int
+        Number of evenly spaced evaluations of the network.
+    single : bool
+        Sample single views instead of grids.
+    words : Words
+        The words of the network.
+    eta : float
+        Share of the noise that is drawn anew after every step: 0 is deterministic, 1 is ancestral sampling.
+
+    Returns
+    -------
+    (B, 3, 128, 128) float32 in [0, 1].
+    """
+    count = len(prompts)
+    numbers = [tokenise(parse(prompt, words), words) for prompt in prompts]
+    tokens = torch.cat([torch.tensor(numbers), null_tokens(count)])
+    text = network.text(tokens)
+    levels = cosine_alphas_cumprod()
+    alone = torch.ones(2 * count, dtype=torch.bool) if single else None
+    generator = torch.Generator().manual_seed(seed)
+    x = torch.randn(count, 3, IMAGE_SIZE, IMAGE_SIZE, generator=generator)
+    schedule = torch.linspace(NUM_TIMESTEPS - 1, 0, steps + 1).long()
+    for now, following in itertools.pairwise(schedule):
+        both = torch.cat([x, x]).contiguous(memory_format=torch.channels_last)
+        prompted, nothing = network(both, now.expand(2 * count), text, azimuth_deg.repeat(2), alone).chunk(2)
+        # Guidance of x0 is equivalent to guidance of eps, because each is affine in the other.
+        clean = (nothing + guidance_scale * (prompted - nothing)).clamp(-1.0, 1.0)
+        noise = noise_from_clean(clean, x, now.expand(count), levels)
+        level, after = levels[now], levels[following]
+        fresh = eta * ((1 - after) / (1 - level) * (1 - level / after)).clamp_min(0.0).sqrt()
+        x = after.sqrt() * clean + (1.0 - after - fresh**2).clamp_min(0.0).sqrt() * noise
+        if eta:
+            x = x + fresh * torch.randn(x.shape, generator=generator)
+    return (x.clamp(-1.0, 1.0) + 1.0) / 2.0
+
+
+def contact_sheet(rows: Sequence[Tensor], labels: Sequence[str], columns: int = 1) -> Image.Image:
+    """Arrange rows (N, 3, H, W) of pictures in [0, 1] under their labels, several rows side by side."""
+    tiles = []
+    for row, label in zip(rows, labels, strict=True):
+        strip = torch.cat(list(row), 2).permute(1, 2, 0).mul(255).round().to(torch.uint8).numpy()
+        tile = Image.fromarray(np.pad(strip, ((14, 4), (0, 6), (0, 0))))
+        ImageDraw.Draw(tile).text((2, 1), label, fill="white")
+        tiles.append(tile)
+    width, height = tiles[0].size
+    sheet = Image.new("RGB", (width * columns, height * -(-len(tiles) // columns)))
+    for number, tile in enumerate(tiles):
+        sheet.paste(tile, (number % columns * width, number // columns * height))
+    return sheet
 
 
 def learned_sheet(network: PriorNetwork, words: Words, noun: str, seen: PictureSet, *, seed: int = 0) -> Image.Image:

@@ -20,14 +20,15 @@ from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.teaching.lesson import STATE_MAGIC, NewNoun
 from meshdeform.priors.builtin.teaching.measure import held_out_loss
 from meshdeform.priors.builtin.teaching.pictures import LessonPictures
-from meshdeform.priors.builtin.training.train import TrainConfig, Trainer
-from meshdeform.priors.builtin.training.warm_start import new_rows
+from meshdeform.priors.builtin.teaching.trainer import TrainConfig, Trainer
 from meshdeform.priors.builtin.words import Words
 from meshdeform.priors.native_precision import is_fast_in_bfloat16
 
-__all__ = ["TeachConfig", "TeachStep", "Teacher", "extended", "fastest_precision", "read_state"]
+__all__ = ["TeachConfig", "TeachStep", "Teacher", "extended", "fastest_precision", "new_rows", "read_state"]
 
 _WORDS = "text.word.weight"
+_NOISE = 0.3
+"""Standard deviation of the noise on a new word, relative to that of its kind."""
 _RESTART = "Repeat the command that wrote it, or start again without it."
 
 
@@ -93,6 +94,12 @@ def extended(network: PriorNetwork, known: Words, new: NewNoun, seed: int) -> Pr
     return copy
 
 
+def new_rows(peers: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """Return rows (count, width) of new words: the mean of the rows (P, width) of their kind, with a little noise."""
+    noise = torch.randn(count, peers.shape[1], generator=generator)
+    return peers.mean(0) + _NOISE * peers.std(0) * noise
+
+
 class Teacher:
     """The training of a lesson.
 
@@ -125,7 +132,7 @@ class Teacher:
             learning_rate=config.learning_rate,
             ema_decay=config.ema_decay,
         )
-        self._trainer = Trainer(pictures.training, training, device=device, precision=precision, network=network)
+        self._trainer = Trainer(pictures.training, training, network, device=device, precision=precision)
         self._trainer.total_steps = config.steps
         self.measured: list[tuple[int, float, float]] = []
         self.best_step = 0

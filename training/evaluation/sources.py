@@ -1,0 +1,167 @@
+"""Generate the benchmark's source meshes: eight closed surfaces of about 2,000 even triangles.
+
+None is a member of the builtin prior's families, so changes to those do not affect them.
+
+=========  ====================================================================
+sphere     geodesic: no direction is special
+cube       flat sides, sharp edges
+cylinder   upright, with rounded rims
+torus      genus 1, which no deformation can change
+vase       a solid body with a thin neck
+armchair   a block with a back: concave, with flat sides
+quadruped  four legs, head and tail, in one piece
+toy        the same kind of animal of seven overlapping components
+=========  ====================================================================
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import texel_corners
+from meshdeform.geometry.shapes import box, join, torus
+from meshdeform.geometry.weld import WeldedMesh, weld
+from training.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
+
+__all__ = ["SOURCES", "PosedMesh", "mesh_sha256", "posed_mesh", "quadruped", "source_mesh", "source_texels"]
+
+_FREQUENCY = 10
+_Point = tuple[float, float, float]
+
+
+def _rounded_box(centre: _Point, half: _Point) -> Solid:
+    """Return a superellipsoid of exponent 8: a box with rounded edges."""
+    middle, size = torch.tensor(centre, dtype=torch.float64), torch.tensor(half, dtype=torch.float64)
+    return lambda p: ((((p - middle) / size).abs() ** 8).sum(1) ** 0.125 - 1) * min(half)
+
+
+def _turned(radius: Callable[[Tensor], Tensor], half_height: float) -> Solid:
+    """Return a solid of revolution around the Y axis of `radius(y)`, with rounded rims."""
+
+    def value(p: Tensor) -> Tensor:
+        across = (p[:, 0] ** 2 + p[:, 2] ** 2).sqrt() / radius(p[:, 1])
+        return ((across**10 + (p[:, 1].abs() / half_height) ** 10) ** 0.1 - 1) * 0.3
+
+    return value
+
+
+def _cylinder() -> TriangleMesh:
+    return relaxed_surface(_turned(lambda y: torch.full_like(y, 0.5), 0.8), _FREQUENCY)
+
+
+def _vase() -> TriangleMesh:
+    return relaxed_surface(_turned(lambda y: 0.34 + 0.2 * torch.sin(3.4 * y + 2.46), 0.9), _FREQUENCY)
+
+
+def _armchair() -> TriangleMesh:
+    seat, back = _rounded_box((0, -0.1, 0), (0.45, 0.28, 0.45)), _rounded_box((0, 0.3, -0.3), (0.43, 0.62, 0.15))
+    return relaxed_surface(smooth_union(seat, back, blend=0.03), _FREQUENCY)
+
+
+def quadruped(frequency: int = _FREQUENCY) -> TriangleMesh:
+    """Return an animal in one piece, of 20 * frequency^2 triangles."""
+    legs = [
+        capsule((0.05 * x, -0.05, 0.1 * z), (0.25 * x, -0.55, 0.42 * z), 0.18, 0.14) for x in (-1, 1) for z in (-1, 1)
+    ]
+    trunk = capsule((0, 0, -0.42), (0, 0, 0.42), 0.27, 0.27)
+    head, tail = capsule((0, 0, 0.2), (0, 0.42, 0.62), 0.18, 0.2), capsule((0, 0, -0.2), (0, 0.28, -0.72), 0.13, 0.08)
+    return relaxed_surface(smooth_union(trunk, *legs, head, tail, blend=0.08), frequency)
+
+
+def _toy() -> TriangleMesh:
+    def ellipsoid(centre: _Point, half: _Point, frequency: int) -> TriangleMesh:
+        ball = geodesic_sphere(frequency)
+        size, middle = torch.tensor(half, dtype=torch.float64), torch.tensor(centre, dtype=torch.float64)
+        return TriangleMesh(ball.verts * size + middle, ball.faces)
+
+    legs = [ellipsoid((0.2 * x, -0.35, 0.33 * z), (0.1, 0.32, 0.1), 3) for x in (-1, 1) for z in (-1, 1)]
+    trunk = ellipsoid((0, 0, 0), (0.3, 0.26, 0.55), 6)
+    head, tail = ellipsoid((0, 0.27, 0.55), (0.2, 0.24, 0.26), 5), ellipsoid((0, 0.13, -0.58), (0.08, 0.08, 0.24), 3)
+    return join(trunk, head, tail, *legs)
+
+
+SOURCES: dict[str, Callable[[], TriangleMesh]] = {
+    "sphere": lambda: geodesic_sphere(_FREQUENCY),
+    "cube": lambda: box(13),
+    "cylinder": _cylinder,
+    "torus": lambda: torus(0.6, 0.25, 44, 24),
+    "vase": _vase,
+    "armchair": _armchair,
+    "quadruped": quadruped,
+    "toy": _toy,
+}
+"""Every source by name."""
+
+
+@cache
+def source_mesh(name: str) -> TriangleMesh:
+    """Return one of `SOURCES`, or the welded surface of a file as viewers show it; computed once per process.
+
+    Parameters
+    ----------
+    name : str
+        A name in `SOURCES` (+Y up, facing +Z, about 1 unit in size), or the path of a GLB, OBJ, PLY or STL.
+
+    Raises
+    ------
+    AssetError
+        The file cannot be read.
+    """
+    return SOURCES[name]() if name in SOURCES else _of_file(name)[0]
+
+
+def source_texels(name: str) -> NDArray[np.float64] | None:
+    """Return the corners (F, 3, 2) of the faces of `source_mesh` in the file's textures; None if it has no texture."""
+    if name in SOURCES:
+        return None
+    texels = _of_file(name)[1]
+    return texels if np.isfinite(texels).any() else None
+
+
+@dataclass(frozen=True)
+class PosedMesh:
+    """The welded surface of an asset in the pose that viewers show.
+
+    Attributes
+    ----------
+    mesh : TriangleMesh
+    welded : WeldedMesh
+        In the bind pose.
+    """
+
+    mesh: TriangleMesh
+    welded: WeldedMesh
+
+    def moved(self, result: Asset) -> TriangleMesh:
+        """Return the mesh with the places that its vertices have in a result."""
+        return self.welded.gather(result.posed().positions)
+
+
+def posed_mesh(asset: Asset) -> PosedMesh:
+    """Weld the surface of an asset, and place it as viewers show it."""
+    welded = weld(asset.surface.positions, asset.surface.triangles)
+    return PosedMesh(welded.gather(asset.posed().positions), welded)
+
+
+@cache
+def _of_file(name: str) -> tuple[TriangleMesh, NDArray[np.float64]]:
+    asset = load_asset(Path(name).read_bytes(), Path(name).name, Limits.unlimited())
+    posed = posed_mesh(asset)
+    return posed.mesh, texel_corners(asset.appearance())[posed.welded.face_source]
+
+
+def mesh_sha256(mesh: TriangleMesh) -> str:
+    """Hash the vertices of a mesh, rounded to a billionth, and its faces."""
+    rounded = (mesh.verts * 1e9).round().long()
+    return hashlib.sha256(rounded.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()

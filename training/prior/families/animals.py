@@ -1,0 +1,181 @@
+"""Draw four-legged animals with a body, legs, neck, head with a muzzle, tail and ears."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from training.prior.families.parts import (
+    Part,
+    curved,
+    ellipsoid,
+    join,
+    lathe,
+    limb,
+    moved,
+    pair,
+    turned,
+)
+from training.prior.families.traits import Rng, Traits
+
+__all__ = ["Body", "at", "dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
+
+
+@dataclass(frozen=True)
+class Body:
+    """Barrel along Z on four legs; lengths in the family's unit."""
+
+    length: float
+    radius: float
+    leg: float
+    leg_radius: float
+
+    @property
+    def height(self) -> float:
+        """Height of the barrel's axis."""
+        return self.leg + 0.75 * self.radius
+
+    def parts(self, slope: float = 0.0) -> list[Part]:
+        """Return the barrel and the legs; `slope` raises the shoulders (front) above the hips."""
+        half = self.length / 2
+        spine = [[0, self.height - slope, -half], [0, self.height, 0], [0, self.height + slope, half]]
+        parts = [limb(spine, [self.radius * 0.95, self.radius * 0.97, self.radius], segments=18)]
+        for z, lift in ((-half, -slope), (half, slope)):
+            x = self.radius - self.leg_radius * 0.8
+            foot = [x, self.leg_radius * 0.5, z]
+            parts += pair(limb([foot, [x * 0.95, self.height + lift, z]], [self.leg_radius, self.leg_radius * 1.2]))
+        return parts
+
+
+def at(angle_deg: float, length: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return a vector of this length in the YZ plane, at this angle above straight ahead."""
+    angle = np.radians(angle_deg)
+    return np.array([0.0, length * np.sin(angle), length * np.cos(angle)])
+
+
+def giraffe(rng: Rng, traits: Traits) -> Part:
+    """Draw a giraffe: a short sloping body on long legs, a very long neck, a small head with horns."""
+    leg = traits.draw(rng, "legs", (0.24, 0.32), (0.72, 0.88), (1.3, 1.55))
+    neck = traits.draw(rng, "neck", (0.32, 0.42), (0.95, 1.15), (1.6, 1.9))
+    head = traits.draw(rng, "head", (0.09, 0.1), (0.155, 0.18), (0.28, 0.33))
+    body = Body(rng.uniform(0.42, 0.55), rng.uniform(0.25, 0.29), leg, rng.uniform(0.105, 0.12))
+    chest = np.array([0.0, body.height + 0.1, body.length / 2])
+    crown = chest + at(rng.uniform(64, 72), neck)
+    muzzle = crown + np.array([0.0, -0.45 * head, 1.75 * head])
+    parts = body.parts(slope=0.06)
+    parts.append(limb([chest, crown], [0.18, 0.115]))
+    parts.append(limb([crown, muzzle], [head, head * 0.72]))
+    parts += pair(limb([crown, crown + [head * 0.5, head * 1.7, -0.02]], [0.055, 0.06], segments=8))
+    rump = np.array([0.0, body.height, -body.length / 2 - body.radius * 0.8])
+    parts.append(limb([rump, rump + [0, -0.34, -0.1]], [0.06, 0.075], segments=8))
+    return join(parts)
+
+
+def horse(rng: Rng, traits: Traits) -> Part:
+    """Draw a horse: a long barrel on long legs, a strong neck, a long face, a full tail."""
+    leg = traits.draw(rng, "legs", (0.22, 0.28), (0.58, 0.7), (1.1, 1.3))
+    neck = traits.draw(rng, "neck", (0.16, 0.22), (0.46, 0.56), (0.95, 1.15))
+    head = traits.draw(rng, "head", (0.09, 0.1), (0.15, 0.17), (0.26, 0.3))
+    tail = traits.draw(rng, "tail", (0.14, 0.2), (0.5, 0.62), (1.0, 1.2))
+    body = Body(rng.uniform(0.82, 0.98), rng.uniform(0.26, 0.3), leg, rng.uniform(0.1, 0.12))
+    chest = np.array([0.0, body.height + 0.06, body.length / 2])
+    poll = chest + at(rng.uniform(48, 58), neck + 0.12)
+    face = poll + at(rng.uniform(-42, -32), 2.7 * head)
+    parts = body.parts()
+    parts.append(limb([chest, poll], [[0.16, 0.25], [0.11, 0.16]]))
+    parts.append(limb([poll, face], [head, head * 0.68]))
+    parts += pair(limb([poll, poll + [head * 0.55, head * 1.5, 0]], [0.06, 0.045], segments=8))
+    rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.8])
+    parts.append(limb([rump, rump + [0, -0.1, -0.14], rump + [0, -0.1 - tail, -0.2]], [0.07, 0.1, 0.085], segments=10))
+    return join(parts)
+
+
+def dog(rng: Rng, traits: Traits) -> Part:
+    """Draw a dog: a long body on short legs, a big head with a snout and hanging ears, a tail held up."""
+    leg = traits.draw(rng, "legs", (0.08, 0.12), (0.34, 0.44), (0.8, 1.0))
+    head = traits.draw(rng, "head", (0.14, 0.16), (0.26, 0.3), (0.44, 0.52))
+    ears = traits.draw(rng, "ears", (0.06, 0.1), (0.22, 0.28), (0.5, 0.62))
+    tail = traits.draw(rng, "tail", (0.06, 0.1), (0.34, 0.44), (0.8, 1.0))
+    body = Body(rng.uniform(0.7, 0.9), rng.uniform(0.22, 0.26), leg, rng.uniform(0.095, 0.115))
+    front = np.array([0.0, body.height, body.length / 2 + 0.04])
+    skull = front + at(rng.uniform(48, 62), 0.2 + head)
+    parts = body.parts()
+    parts.append(limb([front, skull], [0.17, 0.16]))
+    parts.append(ellipsoid(skull, [head * 0.95, head, head]))
+    snout = skull + np.array([0.0, -0.28 * head, 1.45 * head])
+    parts.append(limb([skull + [0, -0.2 * head, 0], snout], [head * 0.55, head * 0.44]))
+    top = skull + np.array([head * 0.75, head * 0.65, -0.1 * head])
+    parts += pair(limb([top, top + [0.3 * ears + 0.06, -ears, 0]], [[0.06, 0.09], [0.07, 0.11]], segments=10))
+    rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.6])
+    parts.append(limb([rump, rump + at(rng.uniform(115, 130), tail)], [0.08, 0.065], segments=10))
+    return join(parts)
+
+
+def elephant(rng: Rng, traits: Traits) -> Part:
+    """Draw an elephant: a huge round body on pillars, large flat ears, a trunk that hangs to the ground."""
+    leg = traits.draw(rng, "legs", (0.08, 0.14), (0.36, 0.46), (0.9, 1.1))
+    ears = traits.draw(rng, "ears", (0.12, 0.15), (0.3, 0.36), (0.56, 0.66))
+    trunk = traits.draw(rng, "trunk", (0.16, 0.22), (0.62, 0.74), (1.2, 1.4))
+    body = Body(rng.uniform(0.5, 0.65), rng.uniform(0.42, 0.48), leg, rng.uniform(0.165, 0.19))
+    skull = np.array([0.0, body.height + 0.22, body.length / 2 + body.radius * 0.85])
+    parts = body.parts()
+    parts.append(ellipsoid(skull, [0.3, 0.33, 0.32]))
+    start = skull + [0, -0.06, 0.24]
+    bend = start + [0, -0.4 * trunk, 0.2]
+    tip = start + [0, -0.85 * trunk, 0.18 + 0.3 * trunk]
+    parts.append(limb([start - [0, 0, 0.1], bend, tip], [0.16, 0.12, 0.085]))
+    ear = ellipsoid(skull + [0.24 + ears * 0.8, 0.06, -0.12], [ears, ears * 1.2, 0.09])
+    parts += pair(ear)
+    tusk = skull + [0.17, -0.18, 0.22]
+    parts += pair(limb([tusk, tusk + [0.03, -0.14, 0.22]], [0.065, 0.045], segments=8))
+    rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.9])
+    parts.append(limb([rump, rump + [0, -0.34, -0.08]], [0.055, 0.06], segments=8))
+    return join(parts)
+
+
+def dinosaur(rng: Rng, traits: Traits) -> Part:
+    """Draw a sauropod: a heavy body, a long neck that rises in front, a long tail that tapers behind."""
+    leg = traits.draw(rng, "legs", (0.06, 0.1), (0.28, 0.36), (0.75, 0.95))
+    neck = traits.draw(rng, "neck", (0.12, 0.2), (0.72, 0.9), (1.35, 1.6))
+    tail = traits.draw(rng, "tail", (0.1, 0.18), (0.8, 0.98), (1.5, 1.8))
+    head = traits.draw(rng, "head", (0.08, 0.09), (0.135, 0.16), (0.27, 0.32))
+    body = Body(rng.uniform(0.5, 0.62), rng.uniform(0.32, 0.37), leg, rng.uniform(0.13, 0.15))
+    half, girth = body.length / 2, body.radius
+    chest = np.array([0.0, body.height + 0.03, half])
+    middle = chest + [0, 0, 0.22] + at(42, 0.5 * neck)
+    crown = middle + at(66, 0.5 * neck)
+    rump = np.array([0.0, body.height, -half])
+    tip = rump + [0, -0.1 - 0.18 * tail, -0.34 - tail]
+    behind = (2 * rump + tip) / 3 + [0, -0.03, 0]
+    # One smooth tube from the tail's tip to the head: parts of their own would leave seams along the back.
+    path = np.array([tip, behind, rump, chest - [0, 0, half], chest, middle, crown])
+    girths = [[0.07], [0.6 * girth], [0.95 * girth], [1.02 * girth], [0.9 * girth], [0.18], [0.13]]
+    spine = curved(np.column_stack([path, girths]))
+    legs = body.parts()[1:]
+    parts = [*legs, limb(spine[:, :3], spine[:, 3], segments=20, samples=2)]
+    parts.append(limb([crown, crown + [0, -0.1 * head, 1.5 * head]], [head, head * 0.75]))
+    return join(parts)
+
+
+def pig(rng: Rng, traits: Traits) -> Part:
+    """Draw a pig: a round barrel on short legs, a snout that ends in a disc, pointed ears, a curly tail."""
+    leg = traits.draw(rng, "legs", (0.03, 0.06), (0.22, 0.28), (0.75, 0.95))
+    ears = traits.draw(rng, "ears", (0.03, 0.06), (0.17, 0.22), (0.46, 0.56))
+    nose = traits.draw(rng, "nose", (0.02, 0.05), (0.16, 0.22), (0.6, 0.75))
+    body = Body(rng.uniform(0.42, 0.54), rng.uniform(0.4, 0.46), leg, rng.uniform(0.115, 0.135))
+    skull = np.array([0.0, body.height + 0.12, body.length / 2 + body.radius * 0.8])
+    parts = body.parts()
+    parts.append(ellipsoid(skull, [0.31, 0.3, 0.29]))
+    wide = rng.uniform(0.155, 0.18)
+    disc = lathe([(wide * 0.85, 0.0), (wide * 0.88, 0.16 + nose), (wide, 0.18 + nose), (wide * 0.9, 0.26 + nose)])
+    parts.append(moved(turned(disc, 90, "x"), skull + [0, -0.07, 0.02]))
+    ear = skull + [0.17, 0.18, -0.04]
+    parts += pair(
+        limb([ear, ear + [0.05 + 0.25 * ears, 0.08 + ears, 0.06]], [[0.12, 0.07], [0.04, 0.035]], segments=10)
+    )
+    rump = np.array([0.0, body.height + 0.12, -body.length / 2 - body.radius * 0.85])
+    turn = np.linspace(0.0, 2 * np.pi, 7)
+    curl = [rump + [0.11 * np.sin(t), 0.11 * (1 - np.cos(t)), -0.05 - 0.028 * t] for t in turn]
+    parts.append(limb(curl, np.linspace(0.06, 0.045, 7), segments=8, samples=3))
+    return join(parts)

@@ -1,0 +1,177 @@
+"""Draw buildings, their doors facing +Z."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from training.prior.families.parts import (
+    Part,
+    box,
+    ellipsoid,
+    extrude,
+    join,
+    lathe,
+    limb,
+    moved,
+    pair,
+    turned,
+)
+from training.prior.families.traits import Rng, Traits
+
+__all__ = ["castle", "church", "igloo", "lighthouse", "skyscraper", "tent", "windmill"]
+
+
+def _pyramid(half: float, height: float, base: ArrayLike) -> Part:
+    """Return an upright pyramid on a square of side 2 `half` whose centre is `base`."""
+    side = half * np.sqrt(2.0)
+    return moved(turned(lathe([(side, 0.0), (0.5 * side, 0.5 * height), (0.04, height)], segments=4), 45, "y"), base)
+
+
+def _gable(half: float, rise: float, depth: float, base: ArrayLike) -> Part:
+    """Return a gabled roof whose ridge runs along Z; `base` is the middle of its eaves' plane."""
+    outline = [(-half, 0.0), (-half, -0.1), (0.0, -0.1), (half, -0.1), (half, 0.0), (0.06, rise), (-0.06, rise)]
+    return moved(extrude(outline, depth, bevel=0.03), base)
+
+
+def _arch(width: float, height: float, depth: float, base: ArrayLike) -> Part:
+    """Return a plate with a round top, a door or a window; `base` is the middle of its foot."""
+    turn = np.linspace(0, np.pi, 9)
+    half = width / 2
+    top = [(half * np.cos(t), height - half + half * np.sin(t)) for t in turn]
+    return moved(extrude([(-half, 0.0), (half, 0.0), *top], depth, bevel=0.3), base)
+
+
+def castle(rng: Rng, traits: Traits) -> Part:
+    """Draw a castle: a square wall with battlements, four round towers with battlements at its corners, a gate."""
+    half, wall = rng.uniform(0.62, 0.72), rng.uniform(0.5, 0.6)
+    rise = traits.draw(rng, "tower", (0.04, 0.1), (0.42, 0.55), (1.2, 1.45))
+    radius, keep = rng.uniform(0.23, 0.27), rng.uniform(0.2, 0.26)
+    top = wall + rise
+    crown = [(radius, top - 0.1), (1.2 * radius, top), (1.2 * radius, top + 0.1), (0.8 * radius, top + 0.1)]
+    tower = lathe([(1.12 * radius, 0.0), (radius, 0.2), (radius, 0.6 * top), *crown, (0.8 * radius, top)], segments=24)
+    tooth = box([0, top + 0.14, radius], [0.17, 0.26, 0.14], round_by=0.2, cells=4)
+    turret = join([tower, *(turned(tooth, 60 * step, "y") for step in range(6))])
+    parts = [part for z in (half, -half) for part in pair(moved(turret, [half, 0, z]))]
+    parts.append(box([0, wall / 2, 0], [2 * half, wall, 2 * half], round_by=0.04))
+    row = [box([x, wall, half], [0.17, 0.26, 0.14], round_by=0.2, cells=4) for x in (-0.34 * half, 0.0, 0.34 * half)]
+    parts += [turned(part, 90 * side, "y") for side in range(4) for part in row]
+    # The gate lies deep between two posts and a lintel.
+    parts.append(box([0, 0.5 * wall + keep, half + 0.1], [0.64, 0.7 * wall, 0.24], round_by=0.15))
+    parts += pair(box([0.23, (wall + keep) / 2, half + 0.1], [0.2, wall + keep, 0.3], round_by=0.15))
+    return join([*parts, box([0, wall, 0], [0.7 * half, wall + 2 * keep, 0.7 * half], round_by=0.1)])
+
+
+def church(rng: Rng, traits: Traits) -> Part:
+    """Draw a church: a long gabled nave, a square tower in front (+Z) with a spire and a cross, arched windows."""
+    width, length, wall = rng.uniform(0.72, 0.84), rng.uniform(1.15, 1.4), rng.uniform(0.5, 0.62)
+    roof = traits.draw(rng, "roof", (0.1, 0.15), (0.42, 0.52), (0.95, 1.15))
+    rise = traits.draw(rng, "tower", (0.06, 0.14), (0.6, 0.75), (1.5, 1.75))
+    side, spire = rng.uniform(0.42, 0.48), rng.uniform(0.5, 0.62)
+    front, top = length / 2 + 0.08, wall + rise
+    peak = top + spire
+    parts = [
+        box([0, wall / 2, 0], [width, wall, length], round_by=0.06),
+        _gable(width / 2 + 0.1, roof, length + 0.12, [0, wall + 0.05, 0]),
+        box([0, top / 2, front], [side, top, side], round_by=0.06),
+        box([0, top - 0.02, front], [side + 0.13, 0.13, side + 0.13], round_by=0.35),
+        _pyramid(side / 2 + 0.03, spire, [0, top, front]),
+        box([0, peak + 0.12, front], [0.11, 0.4, 0.11], round_by=0.25),
+        box([0, peak + 0.16, front], [0.32, 0.11, 0.11], round_by=0.25),
+        _arch(0.26, 0.4, 0.12, [0, 0.0, front + side / 2 + 0.02]),
+    ]
+    pane = turned(_arch(0.18, 0.36 * wall / 0.55, 0.12, [0, 0, 0]), 90, "y")
+    for z in (-0.36, -0.08, 0.2):
+        parts += pair(moved(pane, [width / 2 + 0.01, wall * 0.22, z * length]))
+    return join(parts)
+
+
+def igloo(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+    """Draw an igloo: a dome of blocks with grooves between them, a round tunnel with an open mouth in front (+Z)."""
+    tall, blocks = rng.uniform(0.86, 1.02), 14
+    levels, across = np.linspace(0.0, np.pi / 2, 41)[:-1], 56
+    dome = lathe([(np.cos(t), np.sin(t)) for t in levels] + [(0.0, 1.0)], segments=across)
+    x, y, z = dome.verts.T
+    course = np.arcsin(np.clip(y, 0, 1)) / (np.pi / 2) * 5
+    around = np.arctan2(x, z) / (2 * np.pi) * blocks + 0.5 * np.floor(course)
+    seam = np.minimum(np.abs(course - np.round(course)) * 0.3, np.abs(around - np.round(around)) * 0.42)
+    # The lowest seam is the ground, the highest course one lid.
+    seam[(course < 0.2) | (course > 4.6)] = 1.0
+    groove = 1 - 0.075 * (seam < 0.045)
+    shell = Part(dome.verts * groove[:, None] * [1.0, tall, 1.0], dome.faces)
+    radius, reach = rng.uniform(0.36, 0.42), rng.uniform(1.35, 1.5)
+    outer = [(radius, 0.4), (radius, reach - 0.24), (radius * 1.14, reach - 0.2), (radius * 1.14, reach)]
+    tube = lathe([*outer, (radius * 0.68, reach), (radius * 0.66, reach - 0.32)], segments=28)
+    passage = moved(turned(tube, 90, "x"), [0, 0.12, 0])
+    return join([shell, Part(np.maximum(passage.verts, [-9.0, 0.0, -9.0]), passage.faces)])
+
+
+def lighthouse(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+    """Draw a lighthouse: a slim tapering tower with raised bands, a gallery, a lantern under a cap, a low hut."""
+    foot, waist, tall = rng.uniform(0.4, 0.46), rng.uniform(0.25, 0.29), rng.uniform(1.55, 1.85)
+    wall: list[tuple[float, float]] = []
+    for step, level in enumerate(np.linspace(0.0, 1.0, 7)[:-1]):
+        swell = 0.05 * (step % 2)
+        for height in (level, level + 1 / 6):
+            wall.append((foot + (waist - foot) * height + swell, 0.14 + tall * height))
+    top = 0.14 + tall
+    gallery = [(0.42, top + 0.02), (0.44, top + 0.05), (0.44, top + 0.16), (0.36, top + 0.17), (0.2, top + 0.17)]
+    lantern = [(0.2, top + 0.48), (0.32, top + 0.48), (0.32, top + 0.54), (0.18, top + 0.66), (0.05, top + 0.7)]
+    tower = lathe([(foot * 1.4, 0.0), (foot * 1.3, 0.14), *wall, *gallery, *lantern, (0.05, top + 0.8)])
+    hut, wide = rng.uniform(0.34, 0.42), rng.uniform(0.4, 0.5)
+    parts = [tower, box([foot + 0.2, hut / 2, 0.05], [wide + 0.2, hut, 0.46], round_by=0.06)]
+    parts.append(turned(_gable(0.31, 0.22, wide + 0.3, [-0.05, hut, foot + 0.2]), 90, "y"))
+    parts.append(_arch(0.2, 0.38, 0.14, [0, 0.12, foot + 0.02]))
+    window = [
+        ellipsoid([0, 0.14 + tall * level, foot + (waist - foot) * level + 0.05], 0.075) for level in (0.42, 0.75)
+    ]
+    return join([*parts, *window, ellipsoid([0, top + 0.8, 0], 0.08, rings=8)])
+
+
+def skyscraper(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+    """Draw a skyscraper: a broad base, tall stepped tiers with ribs all round, a crown and a mast."""
+    parts: list[Part] = []
+    bottom, half, deep = 0.0, rng.uniform(0.56, 0.66), rng.uniform(0.48, 0.56)
+    for tall in (rng.uniform(0.3, 0.4), rng.uniform(0.6, 0.75), rng.uniform(0.75, 0.95), rng.uniform(0.24, 0.32)):
+        parts.append(box([0, bottom + tall / 2, 0], [2 * half, tall, 2 * deep], round_by=0.04))
+        for place in (-0.72, -0.24, 0.24, 0.72):
+            rib = (bottom + tall / 2 + 0.01, tall + 0.02)
+            parts.append(box([place * half, rib[0], 0], [0.24 * half, rib[1], 2 * deep + 0.09], round_by=0.3))
+            parts.append(box([0, rib[0], place * deep], [2 * half + 0.09, rib[1], 0.24 * deep], round_by=0.3))
+        shrink = rng.uniform(0.7, 0.78)
+        bottom, half, deep = bottom + tall, half * shrink, deep * shrink
+    mast = [(0.17, 0.0), (0.15, 0.16), (0.09, 0.22), (0.08, rng.uniform(0.5, 0.65)), (0.06, 0.75)]
+    return join([*parts, moved(lathe(mast), [0, bottom - 0.02, 0])])
+
+
+def tent(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+    """Draw a ridge tent: two sloping cloths down to the ground, poles crossed at the ends, flaps turned open (+Z)."""
+    half, tall, length = rng.uniform(0.72, 0.86), rng.uniform(0.92, 1.08), rng.uniform(1.5, 1.8)
+    cloth = [(-half + 0.1, 0.0), (half - 0.1, 0.0), (0.03, tall - 0.06), (-0.03, tall - 0.06)]
+    parts = [moved(extrude(cloth, length - 0.5, bevel=0.02), [0, 0, -0.16])]
+    sheet = [(half - 0.17, 0.0), (half + 0.06, 0.0), (0.4 * half, 0.42 * tall), (0.03, tall), (-0.08, tall - 0.08)]
+    sheet += [(0.4 * half - 0.17, 0.42 * tall - 0.02)]
+    parts += pair(extrude(sheet, length, bevel=0.1))
+    # Each flap is folded back beside the opening, broad at its foot.
+    flap = extrude([(half * 0.45, 0.0), (half, 0.0), (0.08, tall - 0.08), (0.0, tall - 0.12)], 0.12)
+    parts += pair(moved(flap, [0, 0, length / 2 - 0.08]))
+    for z in (-length / 2 + 0.04, length / 2 - 0.04):
+        parts += pair(limb([[half + 0.06, 0.05, z], [-0.14, tall + 0.16, z]], [0.065, 0.06], segments=10))
+    return join([*parts, limb([[0, tall - 0.01, -length / 2], [0, tall - 0.01, length / 2]], [0.075, 0.075])])
+
+
+def windmill(rng: Rng, traits: Traits) -> Part:
+    """Draw a windmill: an eight-sided tapering tower, a gallery, a round cap, four broad sails on a hub in front."""
+    foot, neck, tall = rng.uniform(0.46, 0.54), rng.uniform(0.26, 0.31), rng.uniform(1.3, 1.5)
+    sail = traits.draw(rng, "sail", (0.34, 0.42), (0.85, 1.0), (1.5, 1.75))
+    tower = lathe([(foot, 0.0), (neck, tall), (neck * 0.8, tall + 0.04)], segments=8)
+    ring = foot + (neck - foot) * 0.34
+    deck = lathe([(ring, 0.28 * tall), (ring + 0.16, 0.31 * tall), (ring + 0.16, 0.37 * tall), (ring, 0.4 * tall)])
+    cap = ellipsoid([0, tall + 0.02, 0.03], [neck * 1.2, 0.3, neck * 1.35])
+    hub, front = tall + 0.06, neck + 0.26
+    axle = limb([[0, hub, 0], [0, hub, front + 0.06]], [0.12, 0.12], segments=10)
+    blade = extrude([(-0.14, 0.14), (0.3, 0.14), (0.36, 0.1 + sail), (-0.14, 0.1 + sail)], 0.16, bevel=0.25)
+    vane = [blade, limb([[0, 0, 0.02], [0, 0.14 + sail, 0.02]], [0.075, 0.07], segments=8)]
+    turn = rng.uniform(38, 52)
+    sails = [moved(turned(part, turn + 90 * step, "z"), [0, hub, front]) for step in range(4) for part in vane]
+    return join([tower, deck, cap, axle, *sails, _arch(0.26, 0.3, 0.14, [0, 0, foot - 0.05])])

@@ -1,0 +1,161 @@
+"""Draw figures that sit or stand upright: toys, apes, people, machines and a ghost."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from training.prior.families.parts import (
+    Part,
+    box,
+    curved,
+    ellipsoid,
+    join,
+    lathe,
+    limb,
+    moved,
+    pair,
+    turned,
+)
+from training.prior.families.traits import Rng, Traits
+
+__all__ = ["bear", "ghost", "monkey", "person", "robot"]
+
+
+def bear(rng: Rng, traits: Traits) -> Part:
+    """Draw a sitting bear: a round belly, thick legs stretched ahead, arms, a big head with round ears and a muzzle."""
+    ears = traits.draw(rng, "ears", (0.06, 0.075), (0.15, 0.18), (0.29, 0.34))
+    head = traits.draw(rng, "head", (0.19, 0.21), (0.36, 0.41), (0.6, 0.68))
+    legs = traits.draw(rng, "legs", (0.0, 0.05), (0.34, 0.42), (0.95, 1.15))
+    girth, height = rng.uniform(0.4, 0.52), rng.uniform(0.44, 0.56)
+    parts = [ellipsoid([0, height * 0.9, 0], [girth, height, girth * 0.92])]
+    skull = np.array([0.0, height * 1.6 + 0.72 * head, 0.06])
+    parts.append(ellipsoid(skull, [head * 1.06, head * 0.95, head * 0.95]))
+    parts.append(ellipsoid(skull + [0, -0.22 * head, 0.85 * head], [0.46 * head, 0.38 * head, 0.4 * head], rings=10))
+    parts.append(ellipsoid(skull + [0, -0.08 * head, 1.22 * head], 0.15 * head + 0.01, rings=8))
+    parts += pair(
+        ellipsoid(
+            skull + [0.68 * head + 0.4 * ears, 0.68 * head + 0.4 * ears, -0.02],
+            [ears, ears, 0.6 * ears + 0.02],
+            rings=10,
+        )
+    )
+    hip, splay = np.array([girth * 0.55, 0.19, girth * 0.3]), rng.uniform(0.1, 0.3)
+    foot = hip + (0.3 + legs) * np.array([splay, 0.0, 1.0])
+    parts += pair(limb([hip, foot], [0.2, 0.18]))
+    parts += pair(ellipsoid(foot + [0, 0.1, 0.05], [0.19, 0.26, 0.14], rings=10))
+    shoulder = np.array([girth * 0.65, height * 1.35, 0.05])
+    hand = shoulder + [rng.uniform(0.25, 0.38), rng.uniform(-0.42, -0.28), rng.uniform(0.1, 0.25)]
+    return join([*parts, *pair(limb([shoulder, hand], [0.15, 0.16]))])
+
+
+def monkey(rng: Rng, traits: Traits) -> Part:
+    """Draw a sitting monkey: large ears at the sides of a broad face, long arms, bent knees, a tail in a curl."""
+    arms = traits.draw(rng, "arms", (0.18, 0.24), (0.68, 0.8), (1.25, 1.45))
+    ears = traits.draw(rng, "ears", (0.06, 0.09), (0.23, 0.27), (0.4, 0.46))
+    tail = traits.draw(rng, "tail", (0.12, 0.18), (0.72, 0.85), (1.35, 1.55))
+    head, girth, height = rng.uniform(0.36, 0.42), rng.uniform(0.3, 0.36), rng.uniform(0.44, 0.54)
+    parts = [ellipsoid([0, height * 0.85, 0], [girth, height * 0.95, girth * 0.9])]
+    skull = np.array([0.0, height * 1.65 + 0.7 * head, 0.05])
+    parts.append(ellipsoid(skull, head))
+    parts.append(ellipsoid(skull + [0, -0.38 * head, 0.55 * head], [0.78 * head, 0.52 * head, 0.62 * head], rings=10))
+    parts += pair(
+        ellipsoid(skull + [0.3 * head, 0.28 * head, 0.75 * head], [0.26 * head, 0.3 * head, 0.25 * head], rings=8)
+    )
+    parts += pair(ellipsoid(skull + [head * 0.8 + 0.75 * ears, 0.02, -0.02], [ears, ears * 1.1, 0.12], rings=10))
+    shoulder = np.array([girth * 0.75, height * 1.4, 0.02])
+    elbow = shoulder + arms * np.array([0.5, -0.3, 0.05])
+    hand = elbow + arms * np.array([0.05, rng.uniform(0.35, 0.55), 0.3])
+    parts += pair(limb([shoulder, elbow, hand], [0.13, 0.12, 0.115], segments=10))
+    parts += pair(ellipsoid(hand, [0.15, 0.16, 0.14], rings=8))
+    knee = np.array([girth * 1.5, 0.42, 0.42])
+    parts += pair(
+        limb([[girth * 0.6, 0.14, 0.0], [*knee], [girth * 1.15, 0.09, 0.55]], [0.16, 0.14, 0.12], segments=10)
+    )
+    parts += pair(ellipsoid([girth * 1.15, 0.08, 0.66], [0.12, 0.085, 0.2], rings=8))
+    rump = np.array([0.0, 0.12, -girth * 0.6])
+    curl = [(0.0, 0.0), (-0.45, -0.02), (-0.75, 0.2), (-0.75, 0.6), (-0.5, 0.85), (-0.25, 0.75), (-0.28, 0.52)]
+    path = curved([rump + tail * np.array([0.0, y, z]) for z, y in curl])
+    parts.append(limb(path, np.linspace(0.12, 0.09, len(path)), segments=10, samples=1))
+    return join(parts)
+
+
+def person(rng: Rng, traits: Traits) -> Part:
+    """Draw a standing person: a round head, shoulders, arms held off the sides, two legs with feet."""
+    arms = traits.draw(rng, "arms", (0.14, 0.22), (0.62, 0.74), (1.2, 1.4))
+    head = traits.draw(rng, "head", (0.11, 0.125), (0.21, 0.24), (0.38, 0.44))
+    legs = traits.draw(rng, "legs", (0.12, 0.2), (0.72, 0.86), (1.4, 1.6))
+    wide, trunk, thick = rng.uniform(0.26, 0.36), rng.uniform(0.57, 0.73), rng.uniform(0.094, 0.126)
+    hips = legs + 0.1
+    spine = [[0, hips + 0.05, 0], [0, hips + 0.4 * trunk, 0], [0, hips + trunk - 0.1, 0]]
+    parts = [limb(spine, [[wide * 0.8, 0.18], [wide * 0.75, 0.17], [wide, 0.19]], segments=18)]
+    top = hips + trunk
+    skull = np.array([0.0, top + 0.18 + 0.85 * head, 0.02])
+    parts.append(limb([[0, top - 0.05, 0], [*skull]], [0.115, 0.1]))
+    parts.append(ellipsoid(skull, [head * 0.92, head * 1.08, head * 0.98]))
+    parts.append(ellipsoid(skull + [0, -0.1 * head, 0.95 * head], 0.2 * head + 0.01, rings=8))
+    shoulder, lift = np.array([wide * 0.95, top - 0.08, 0.0]), np.radians(rng.uniform(25, 50))
+    elbow = shoulder + 0.5 * arms * np.array([np.sin(lift), -np.cos(lift), -0.05])
+    hand = elbow + 0.55 * arms * np.array([np.sin(lift) * 0.9, -np.cos(lift), 0.2])
+    parts += pair(limb([shoulder, elbow, hand], [thick * 1.1, thick * 0.95, thick * 0.85], segments=12))
+    parts += pair(ellipsoid(hand, thick * 1.15, rings=8))
+    foot = np.array([wide * rng.uniform(0.59, 0.91), 0.09, 0.0])
+    parts += pair(limb([[wide * 0.45, hips + 0.02, 0], [*foot]], [thick * 1.45, thick * 1.05], segments=12))
+    return join([*parts, *pair(ellipsoid(foot + [0.01, -0.01, 0.1], [0.115, 0.09, 0.22], rings=8))])
+
+
+def robot(rng: Rng, traits: Traits) -> Part:
+    """Draw a robot: a box with round eyes and a feeler on a box, jointed arms with clamps, block feet."""
+    arms = traits.draw(rng, "arms", (0.1, 0.16), (0.5, 0.6), (1.1, 1.3))
+    head = traits.draw(rng, "head", (0.17, 0.2), (0.36, 0.42), (0.66, 0.76))
+    legs = traits.draw(rng, "legs", (0.02, 0.08), (0.36, 0.46), (1.0, 1.2))
+    wide, tall, deep = rng.uniform(0.62, 0.84), rng.uniform(0.58, 0.78), rng.uniform(0.4, 0.52)
+    bottom = 0.18 + legs
+    top = bottom + tall
+    parts = [box([0, bottom + tall / 2, 0], [wide, tall, deep], round_by=0.12)]
+    parts.append(box([0, bottom + tall * 0.55, deep / 2], [wide * 0.6, tall * 0.4, 0.12], round_by=0.2))
+    parts.append(limb([[0, top - 0.05, 0], [0, top + 0.14, 0]], [0.14, 0.14]))
+    skull = np.array([0.0, top + 0.1 + 0.45 * head, 0.0])
+    parts.append(box(skull, [1.4 * head, 0.95 * head, 1.05 * head], round_by=0.12))
+    eye = turned(lathe([(0.23 * head, -0.1), (0.23 * head, 0.1)]), 90, "x")
+    parts += pair(moved(eye, skull + [0.34 * head, 0.08 * head, 0.52 * head]))
+    crown = skull + [0, 0.45 * head, 0]
+    parts.append(limb([crown, crown + [0, 0.2, 0]], [0.065, 0.06], segments=8))
+    parts += [ellipsoid(crown + [0, 0.24, 0], 0.1, rings=8)]
+    parts += pair(ellipsoid([wide / 2, top - 0.14, 0], 0.16, rings=10))
+    shoulder, bend = np.array([wide / 2 + 0.1, top - 0.14, 0.0]), rng.uniform(0.15, 0.5)
+    elbow = shoulder + arms * np.array([0.2, -0.5, 0.0])
+    hand = elbow + arms * np.array([0.0, -0.6 + 0.3 * bend, bend])
+    parts += pair(limb([shoulder, elbow, hand], [0.095, 0.095, 0.095], segments=8))
+    parts += pair(box(hand, [0.22, 0.22, 0.22], round_by=0.2))
+    for side in (-0.085, 0.085):
+        claw = hand + [side, -0.12, 0.08]
+        parts += pair(box(claw, [0.1, 0.24, 0.14], round_by=0.25))
+    hip = np.array([wide * 0.28, bottom, 0.0])
+    parts += pair(limb([hip, hip * [1, 0, 0] + [0, 0.12, 0]], [0.11, 0.11], segments=10))
+    return join([*parts, *pair(box([hip[0], 0.1, 0.06], [0.27, 0.2, 0.46], round_by=0.2))])
+
+
+def ghost(rng: Rng, traits: Traits) -> Part:
+    """Draw a ghost: a hanging sheet with deep folds that flare at the hem, hollow eyes and mouth, two arms held out."""
+    arms = traits.draw(rng, "arms", (0.0, 0.06), (0.3, 0.4), (0.9, 1.1))
+    girth, height, flare = rng.uniform(0.38, 0.48), rng.uniform(1.19, 1.51), rng.uniform(0.2, 0.32)
+    rise = np.linspace(0.0, 1.0, 16)
+    dome = [(girth * np.sqrt(max(0.0, 1 - ((t - 0.68) / 0.32) ** 2)) if t > 0.68 else girth, t) for t in rise]
+    wall = [(radius + flare * (1 - t) ** 2, height * t) for radius, t in dome]
+    sheet = lathe([(0.0, 0.04), *wall], segments=56)
+    verts = sheet.verts.copy()
+    low = np.clip(1 - verts[:, 1] / (0.7 * height), 0, 1)
+    folds = int(rng.integers(6, 9))
+    wave = np.cos(folds * np.arctan2(verts[:, 0], verts[:, 2]) + rng.uniform(0, 2 * np.pi))
+    away = np.hypot(verts[:, 0], verts[:, 2])
+    verts[:, [0, 2]] *= (1 + 0.2 * low * wave)[:, None]
+    # Down at the crests of the folds, up between them.
+    verts[:, 1] += -0.12 * wave * low**3 * (away > 0)
+    verts[:, 2] -= rng.uniform(0.1, 0.3) * low**2
+    parts = [Part(verts, sheet.faces)]
+    face = height * 0.76
+    parts += pair(ellipsoid([0.15, face, girth * 0.82], [0.1, 0.16, 0.11], rings=8))
+    parts.append(ellipsoid([0, face - 0.32, girth * 0.98], [0.11, 0.14, 0.1], rings=8))
+    shoulder = np.array([girth * 0.7, height * 0.55, 0.06])
+    hand = shoulder + [0.26 + 0.75 * arms, 0.06 + rng.uniform(0.0, 0.3) * arms, 0.1 + 0.45 * arms]
+    return join([*parts, *pair(limb([shoulder, hand], [0.17, 0.115], segments=12))])

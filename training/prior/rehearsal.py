@@ -1,0 +1,66 @@
+"""Draw the pictures that lessons rehearse: `python -m training.prior.rehearsal`.
+
+Of each noun two members as the training draws them, and a plain one that measures what a lesson forgets; of each member
+grids of four views and one single view. The same code draws the same pictures, and the file is written whole.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
+from meshdeform.priors.builtin.teaching.picture_set import PictureSet, joined, pictures, single_views
+from meshdeform.priors.builtin.teaching.replay import REHEARSAL, packed_rehearsal
+from meshdeform.support.files import write_files
+from training.prior.dataset import draw_prompt
+from training.prior.families import FAMILIES, member
+
+__all__ = ["main", "rehearsal"]
+
+_MEMBERS, _GRIDS, _HELD_GRIDS = 2, 2, 1
+_TRAINING_SEED, _HELD_SEED = 0, 7
+
+
+def rehearsal(nouns: list[str]) -> bytes:
+    """Return the file of the pictures of some nouns."""
+    drawn = {}
+    for number, noun in enumerate(nouns):
+        seeds = [(_TRAINING_SEED, number, k) for k in range(_MEMBERS)]
+        sets = [_drawn(noun, seed, _GRIDS, plain=False) for seed in seeds]
+        sets.append(_drawn(noun, (_HELD_SEED, number), _HELD_GRIDS, plain=True))
+        prompts = [str(prompt) for some, prompt in sets for _ in range(len(some))]
+        held = [some is sets[-1][0] for some, _ in sets for _ in range(len(some))]
+        drawn[noun] = joined([some for some, _ in sets]), prompts, held
+    return packed_rehearsal(drawn)
+
+
+def _drawn(noun: str, seed: tuple[int, ...], grids: int, *, plain: bool) -> tuple[PictureSet, ParsedPrompt]:
+    """Render grids and one single view of a member."""
+    rng = np.random.default_rng(seed)
+    prompt = ParsedPrompt(noun) if plain else draw_prompt(noun, rng)
+    part = member(noun, prompt.attributes, rng)
+    generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
+    several, azimuths = pictures(part, grids, generator)
+    alone, azimuth = single_views(part, 1, generator)
+    return PictureSet(
+        torch.cat([several, alone]),
+        torch.tensor([tokenise(prompt)] * (grids + 1)),
+        torch.cat([azimuths, azimuth]),
+        torch.arange(grids + 1) >= grids,
+    ), prompt
+
+
+def main() -> None:
+    """Write the file."""
+    description = (__doc__ or "").partition("\n")[0]
+    parser = argparse.ArgumentParser(prog="python -m training.prior.rehearsal", description=description)
+    parser.add_argument("-o", "--output", type=Path, default=REHEARSAL, help="default: in the package")
+    write_files({parser.parse_args().output: rehearsal(list(FAMILIES))})
+
+
+if __name__ == "__main__":
+    main()
