@@ -22,7 +22,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, up_axis_warnings
 from meshdeform.assets.parts import Parts, Rig, read_parts, read_rig, rig_accessors
-from meshdeform.assets.pose import posed_surface
+from meshdeform.assets.pose import pose_maps, posed_surface
 from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
@@ -119,6 +119,10 @@ class Asset:
     def posed(self) -> Surface:
         """Return the surface as viewers show it: skins in the pose of the file's nodes, not in their bind pose."""
         return posed_surface(self._document, self.surface, self._blocks)
+
+    def pose_maps(self) -> NDArray[np.float64]:
+        """Return the affine map (N, 3, 4) from each vertex's place in the bind pose to where viewers show it."""
+        return pose_maps(self._document, self.surface, self._blocks)
 
     def appearance(self) -> Appearance:
         """Read how the surface looks, for drawing it; needs Pillow. What cannot be read is replaced and counted."""

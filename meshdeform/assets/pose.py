@@ -9,7 +9,7 @@ Source: glTF 2.0 specification, section 3.7.3.3 (Skinned mesh attributes).
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,26 +19,38 @@ from meshdeform.assets.corners import skin_weights
 from meshdeform.assets.document import Document
 from meshdeform.assets.surface import Block, Surface, unit_rows, world_matrices
 
-__all__ = ["posed_surface"]
+__all__ = ["pose_maps", "posed_surface"]
 
 _Floats = NDArray[np.float64]
 
 
 def posed_surface(document: Document, surface: Surface, blocks: Sequence[Block]) -> Surface:
     """Return the surface with the positions and normals of skinned vertices in the pose of the nodes."""
-    worlds = np.stack(world_matrices(document.root.get("nodes", [])))
     positions, normals = surface.positions.copy(), surface.normals.copy()
-    for block in blocks:
-        skin = document.root["nodes"][block.node].get("skin")
-        if skin is None:
-            continue
-        # From the bind pose in world space, where the surface is, by way of the mesh's own space.
-        moves = _joint_matrices(document, skin, worlds) @ np.linalg.inv(block.placement)
-        maps = _blended(document, block, moves)
+    for block, maps in _skinned(document, blocks):
         at = positions[block.rows]
         positions[block.rows] = np.einsum("nij,nj->ni", maps[:, :3, :3], at) + maps[:, :3, 3]
         normals[block.rows] = unit_rows(np.einsum("nij,nj->ni", _cofactors(maps), normals[block.rows]))
     return dataclasses.replace(surface, positions=positions, normals=normals)
+
+
+def pose_maps(document: Document, surface: Surface, blocks: Sequence[Block]) -> _Floats:
+    """Return the affine map (N, 3, 4) of each vertex from the bind pose in world space to the pose of the nodes."""
+    maps = np.tile(np.eye(3, 4), (len(surface.positions), 1, 1))
+    for block, of_block in _skinned(document, blocks):
+        maps[block.rows] = of_block[:, :3]
+    return maps
+
+
+def _skinned(document: Document, blocks: Sequence[Block]) -> Iterator[tuple[Block, _Floats]]:
+    """Yield the blocks with a skin, and the matrices (N, 4, 4) of their vertices."""
+    worlds = np.stack(world_matrices(document.root.get("nodes", [])))
+    for block in blocks:
+        skin = document.root["nodes"][block.node].get("skin")
+        if skin is not None:
+            # From the bind pose in world space, where the surface is, by way of the mesh's own space.
+            moves = _joint_matrices(document, skin, worlds) @ np.linalg.inv(block.placement)
+            yield block, _blended(document, block, moves)
 
 
 def _joint_matrices(document: Document, skin: int, worlds: _Floats) -> _Floats:

@@ -106,6 +106,9 @@ class Deformation:
         For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`regional.py`).
     front : Front, optional
         Who finds the front for `params.orientation` = `auto`: by default the guidance itself.
+    pose : (V, 3, 4) float64, optional
+        The affine map of each vertex of the mesh to where viewers show it, if that is elsewhere: the safeguard looks
+        at both shapes.
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
@@ -139,6 +142,7 @@ class Deformation:
         constraints: Constraints = UNCONSTRAINED,
         shares: Sequence[NDArray[np.float64]] = (),
         front: Front | None = None,
+        pose: NDArray[np.float64] | None = None,
         variables: Callable[[TriangleMesh], Variables] | None = None,
         views: Callable[[CameraRange, RenderStyle], OrthogonalGrid] = OrthogonalGrid,
     ) -> None:
@@ -191,8 +195,9 @@ class Deformation:
         self._generator = torch.Generator().manual_seed(params.seed)
         tensors = list(self._variables.tensors.values())
         self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
-        guarded = params.safeguard is not Safeguard.NONE
-        self._guard = SurfaceGuard(params.safeguard, rest, self._variables) if guarded else None
+        self._guard = None
+        if params.safeguard is not Safeguard.NONE:
+            self._guard = SurfaceGuard(params.safeguard, rest, self._variables, self._stand_in.posed(pose))
         self._consistent = True
         if initial is not None:
             copy_into(self._variables, initial)

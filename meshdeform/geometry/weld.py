@@ -73,10 +73,14 @@ class WeldedMesh:
         source_positions : (N, 3) float64
             The source vertices in any pose or shape.
         """
+        return TriangleMesh(torch.from_numpy(source_positions[self.first_rows()]), self.mesh.faces)
+
+    def first_rows(self) -> NDArray[np.int64]:
+        """Return the first source vertex (V,) of each welded one."""
         rows = np.zeros(len(self.mesh.verts), np.int64)
         used = np.flatnonzero(self.vertex_map >= 0)[::-1]  # the first of the merged vertices is assigned last
         rows[self.vertex_map[used]] = used
-        return TriangleMesh(torch.from_numpy(source_positions[rows]), self.mesh.faces)
+        return rows
 
 
 def weld(

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Surface
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose
 
-__all__ = ["Shown"]
+__all__ = ["Shown", "pose_in_frame"]
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,21 @@ class Shown:
         # Not rounded to the precision of the file.
         result = TriangleMesh(verts, welded.mesh.faces)
         return cls(welded.mesh, result, _poses(asset.surface, written.surface), posed=False)
+
+
+def pose_in_frame(asset: Asset, welded: WeldedMesh, frame: Frame) -> NDArray[np.float64] | None:
+    """Return the affine map (V, 3, 4) from each welded vertex in the frame to where viewers show it, in the frame.
+
+    None if that is the same place, or if the pose hides all of the surface.
+    """
+    if not asset.rig().joints:
+        return None
+    maps = asset.pose_maps()[welded.first_rows()]
+    if np.allclose(maps, np.eye(3, 4), rtol=0, atol=1e-9) or not _has_area(welded.gather(asset.posed().positions)):
+        return None
+    linear, centre = maps[:, :, :3], frame.centre.numpy()
+    shift = frame.scale * (linear @ centre + maps[:, :, 3] - centre)
+    return np.concatenate([linear, shift[:, :, None]], axis=2)
 
 
 def _has_area(mesh: TriangleMesh) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,7 +38,7 @@ from meshdeform.runs.prompts import Prompts, prompt_reports, read_prompts
 from meshdeform.runs.recognition import front_of, known_source
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
-from meshdeform.runs.shown import Shown
+from meshdeform.runs.shown import Shown, pose_in_frame
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
@@ -56,6 +57,8 @@ if TYPE_CHECKING:
 __all__ = ["TextDeformRun", "start"]
 
 _GLB = "model/gltf-binary"
+_ON_ORIGIN = 0.01
+"""Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""
 
 
 def start(
@@ -142,6 +145,7 @@ def start(
         look = welded_appearance(loaded.appearance(), welded) if sees_colours(params) else None
         known = known_source(welded.mesh, prior, params)
         front = front_of(known, prior, params, request.prompt)
+        pose = pose_in_frame(loaded, welded, frame) if request.output.rig is RigMode.KEEP else None
         deformation = Deformation(
             mesh,
             goal.guidance,
@@ -154,6 +158,7 @@ def start(
             constraints=control.constraints,
             shares=goal.shares,
             front=front,
+            pose=pose,
         )
     given_as, guided_by = (asset_sha256, len(asset), filename), goal.guidance.identity
     where = device, precision_of(prior, state)
@@ -344,7 +349,19 @@ class TextDeformRun:
         self._rebuilt_normals = found.rebuilt_normals
         return found
 
+    @cached_property
+    def _keeps_ground(self) -> bool:
+        """Whether the result stands where the source stood: by a prompt, if built or on the origin."""
+        structure, heights = self._deformation.structure, self._welded.mesh.verts[:, 1]
+        if structure is None or pose_in_frame(self._asset, self._welded, self._frame) is not None:
+            return False
+        stands = abs(float(heights.min())) <= _ON_ORIGIN * float(heights.max() - heights.min())
+        return structure.level or stands
+
     def _world_verts(self) -> Tensor:
-        verts, kept = self._frame.leave(self._deformation.verts()), self._control.constraints.kept
+        constraints = self._control.constraints
+        verts, kept = self._frame.leave(self._deformation.verts()), constraints.kept
+        if kept is None and not constraints.handles and self._keeps_ground:
+            verts[:, 1] += self._welded.mesh.verts[:, 1].min() - verts[:, 1].min()
         # The way into the frame and back rounds.
         return verts if kept is None else torch.where(torch.from_numpy(kept)[:, None], self._welded.mesh.verts, verts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 
@@ -234,3 +235,25 @@ def test_surfaces_that_touch_at_rest_do_not_hold_their_component() -> None:
         lid = (mesh.verts[:, 1] > 0.49) & (mesh.verts[:, [0, 2]].abs().amax(1) < 0.25)
         variables.tensors["displacements"][lid, 1] -= 0.6
     assert guard.correct(optimizer) > 0
+
+
+@pytest.mark.parametrize("posed", [False, True])
+def test_what_only_meets_in_the_pose_that_viewers_show_is_held_as_well(posed: bool) -> None:
+    pair = join(MESH, TriangleMesh(MESH.verts + torch.tensor([6.0, 0.0, 0.0]), MESH.faces))
+    pose = np.tile(np.eye(3, 4), (len(pair.verts), 1, 1))
+    pose[len(MESH.verts) :, 0, 3] = -3.5  # viewers show the second one beside the first
+    variables = VertexDisplacements(pair)
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables, pose if posed else None)
+    tensor = variables.tensors["displacements"]
+    with torch.no_grad():
+        tensor[len(MESH.verts) :, 0] -= 1.5
+    held = guard.correct(Adam([{"params": [tensor], "lr": 1.0}]))
+    assert (held > 0) is posed
+    verts = placed(variables).detach().numpy().copy()
+    verts[len(MESH.verts) :, 0] -= 3.5
+    assert bool(intersecting_faces(verts, pair.faces.numpy()).any()) is not posed
+    again = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables, pose if posed else None)
+    again.restore(guard.state)
+    assert {name: value.tolist() for name, value in again.state.items()} == {
+        name: value.tolist() for name, value in guard.state.items()
+    }

@@ -13,12 +13,13 @@ from meshdeform.assets import build_glb, load_asset
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
+from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.likeness import likeness_and_before
 from meshdeform.runs.preparation import welded_surface
-from meshdeform.runs.shown import Shown
+from meshdeform.runs.shown import Shown, pose_in_frame
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import TURN, arm
@@ -85,3 +86,17 @@ def test_a_pose_that_hides_all_is_not_what_is_measured() -> None:
     shown = Shown.of(asset, asset, welded, welded.mesh.verts)
     assert not shown.posed
     assert shown.source is welded.mesh
+
+
+def test_the_pose_of_the_nodes_is_a_map_of_each_vertex_in_the_frame() -> None:
+    asset = load_asset(bent_arm())
+    welded = welded_surface(asset)
+    frame = Frame.around(welded.mesh.verts)
+    maps = pose_in_frame(asset, welded, frame)
+    assert maps is not None
+    verts = frame.enter(welded.mesh.verts).numpy()
+    shown = np.einsum("nij,nj->ni", maps[:, :, :3], verts) + maps[:, :, 3]
+    expected = frame.enter(welded.gather(asset.posed().positions).verts)
+    np.testing.assert_allclose(shown, expected, atol=1e-9)
+    straight = load_asset(arm().glb())
+    assert pose_in_frame(straight, welded_surface(straight), frame) is None

@@ -18,6 +18,7 @@ from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, 
 from meshdeform.geometry import intersections
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import box, icosphere, join, lathe
+from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, OutputOptions
 from meshdeform.runs import text_deform
 from meshdeform.testing import FakePrior
@@ -344,3 +345,16 @@ def test_bad_requests_are_told_before_the_first_step() -> None:
     line = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     with pytest.raises(AssetEmptyError, match="area"):
         start(build_glb(line, np.array([[0, 1, 2]])))
+
+
+@pytest.mark.parametrize(("bottom", "kept"), [(0.0, True), (-7.0, False)])
+def test_what_stands_on_the_origin_stands_there_after_a_prompt(bottom: float, kept: bool) -> None:
+    ball = icosphere(2)
+    asset = glb(TriangleMesh(ball.verts + torch.tensor([0.0, bottom + 1.0, 0.0]), ball.faces))
+    params = {"preset": "preview", "steps": 4, "learning_rate": 0.05}
+    job = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
+    run = start(asset, job, prior=load_prior("builtin", device="cpu"))
+    list(run)
+    lowest = load_asset(run.finish()["result.glb"].data).surface.positions[:, 1].min()
+    assert bool(abs(lowest - bottom) < 1e-6) is kept
+    assert bool(abs(run.positions()[:, 1].min() - bottom) < 1e-6) is kept
