@@ -107,8 +107,8 @@ class Deformation:
     front : Front, optional
         Who finds the front for `params.orientation` = `auto`: by default the guidance itself.
     pose : (V, 3, 4) float64, optional
-        The affine map of each vertex of the mesh to where viewers show it, if that is elsewhere: the safeguard looks
-        at both shapes.
+        The affine map of each vertex of the mesh to where viewers show it, if that is elsewhere: there the safeguard
+        looks.
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable

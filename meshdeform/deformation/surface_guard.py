@@ -13,12 +13,10 @@ fold.
 Where so many faces lie on or in each other that their pairs cannot be searched, the rest of the run is checked for
 folds only.
 
-A skin is looked at in two shapes: as the file stores it, and in the pose that viewers show. In both nothing may break.
+A skin is checked in the pose that viewers show: how its bind pose looks, nobody sees.
 """
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 import torch
@@ -47,99 +45,95 @@ _CONTACT, _CONTACT_OF_EDGE = 1e-4, 0.1
 _SAMPLES = 20_000_000
 """Points, and pairs of near ones, by which the surroundings of rigid bodies are found."""
 
-_ALLOWED = ("folded", "loose", "meeting", "crowded")
-"""Names of the allowed faults of a shape in checkpoints."""
-
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
-class WatchedShape:
-    """The surface in one shape, as it is deformed or posed: its faults at rest are allowed, others are found.
+class SurfaceGuard:
+    """Checks the shape of a run, and reverts it to the last intact one where it is broken.
 
     Parameters
     ----------
     kind : Safeguard
-    rest : RestMesh
-        The surface at rest in this shape.
-    surface : RestMesh
-        The surface that is deformed: its components and its neighbours count.
+        `flips` checks for folds only.
+    mesh : TriangleMesh
+        The rest mesh; its folds and intersections are allowed throughout.
+    variables : Variables
+        Those of the rest shape.
     pose : (V, 3, 4) float64, optional
-        The affine map of each vertex from the deformed surface to this shape. None: the surface itself.
+        The affine map of each vertex to where viewers show it, if that is not where it is stored.
+
+    Attributes
+    ----------
+    crowded : bool
+        Whether a shape had too many pairs of faces that meet; since then only folds are found.
     """
 
-    def __init__(self, kind: Safeguard, rest: RestMesh, surface: RestMesh, pose: _Floats | None = None) -> None:
-        self._kind, self._rest, self._surface, self._pose = kind, rest, surface, pose
-        self._faces = rest.faces.numpy()
+    def __init__(self, kind: Safeguard, mesh: TriangleMesh, variables: Variables, pose: _Floats | None = None) -> None:
+        self._kind, self._variables, self._pose, self._surface = kind, variables, pose, RestMesh.of(mesh)
+        self._rest = self._surface
+        if pose is not None:
+            posed = torch.from_numpy(self._shown(self._surface.verts.numpy()))
+            self._rest = RestMesh.of(TriangleMesh(posed, self._surface.faces))
+        self._faces = self._surface.faces.numpy()
         self.crowded = False
-        self._solid = np.flatnonzero(rest.solid)
-        self._neighbours = FaceNeighbours(self._faces[self._solid], rest.verts.numpy())
-        self._component = surface.components.numpy()[self._faces[:, 0]]
-        self._folded, self._loose = np.zeros(len(self._faces), bool), np.zeros(len(self._faces), bool)
+        count = len(self._faces)
+        self._repair = StepRepair(variables)
+        self._copy = self._repair.copy
+        self._solid = np.flatnonzero(self._rest.solid)
+        self._neighbours = FaceNeighbours(self._faces[self._solid], self._rest.verts.numpy())
+        self._component = self._surface.components.numpy()[self._faces[:, 0]]
+        self._folded = np.zeros(count, bool)
+        self._loose = np.zeros(count, bool)
         self._meeting: _Index = np.empty(0, np.int64)
-        self._allow(rest.verts.numpy())
-
-    @classmethod
-    def of_pose(cls, kind: Safeguard, surface: RestMesh, pose: _Floats) -> WatchedShape:
-        """Return the shape that these maps (V, 3, 4) make of the surface."""
-        posed = TriangleMesh(torch.from_numpy(_posed(pose, surface.verts.numpy())), surface.faces)
-        return cls(kind, RestMesh.of(posed), surface, pose)
+        self._allow_faults(self._rest.verts.numpy())
+        self._meeting = np.union1d(self._meeting, self._near_bodies())
+        self._intact = self._copy()
 
     @property
-    def state(self) -> dict[str, NDArray[np.generic]]:
-        """The allowed faults, for checkpoints."""
-        allowed: dict[str, NDArray[np.generic]] = {
-            "folded": self._folded,
-            "loose": self._loose,
-            "meeting": self._meeting,
-        }
-        return {**allowed, "crowded": np.ones(1, bool)} if self.crowded else allowed
+    def warnings(self) -> list[str]:
+        """A sentence for the user if only folds were found."""
+        if not self.crowded:
+            return []
+        return [
+            "Too many faces lie on or in each other to search for those that cut, so the safeguard only prevented "
+            "folds. Remove copies that are in one place."
+        ]
 
-    def restore(self, state: Mapping[str, Tensor]) -> None:
-        """Set the allowed faults to those of `state`."""
+    @property
+    def state(self) -> dict[str, Tensor]:
+        """The last intact shape and the allowed faults, for checkpoints."""
+        intact = {f"guard.{name}": tensor for name, tensor in self._intact.items()}
+        allowed = {"folded": self._folded, "loose": self._loose, "meeting": self._meeting}
+        if self.crowded:
+            allowed["crowded"] = np.ones(1, bool)
+        return {**intact, **{f"guard.{name}": torch.from_numpy(array) for name, array in allowed.items()}}
+
+    def begin(self) -> None:
+        """Take the current shape as intact, and allow all its faults."""
+        self._allow_faults(self._shown(placed(self._variables).detach().numpy()))
+        self._intact = self._copy()
+
+    def restore(self, state: dict[str, Tensor]) -> None:
+        """Continue from `state`, or from the current shape if the checkpoint is of a run without a guard."""
+        if "guard.meeting" not in state:
+            self.begin()
+            return
         self._folded, self._loose, self._meeting = (
-            state[name].numpy().copy() for name in ("folded", "loose", "meeting")
+            state[f"guard.{name}"].numpy().copy() for name in ("folded", "loose", "meeting")
         )
-        self.crowded = "crowded" in state
+        self.crowded = "guard.crowded" in state
+        self._intact = {name: state[f"guard.{name}"].clone() for name in self._variables.tensors}
 
     @property
-    def searches(self) -> bool:
-        """Whether cuts are found, and not folds alone."""
+    def _searches(self) -> bool:
         return self._kind is Safeguard.INTERSECTIONS and not self.crowded
 
-    def allow(self, verts: _Floats) -> None:
-        """Allow the faults that the surface has with these vertices, in addition to those already allowed."""
-        self._allow(self._placed(verts))
-
-    def allow_to_meet(self, pairs: _Index) -> None:
-        """Allow the components of these pairs of faces (P, 2) to cut each other."""
-        self._meeting = np.union1d(self._meeting, self._keys(pairs))
-
-    def find_broken(self, verts: _Floats) -> _Flags:
-        """Return flags (F,) of the faces that are broken with these vertices, and not allowed to be."""
-        verts = self._placed(verts)
-        broken = self._folds(verts) & ~self._folded
-        if self.searches:
-            try:
-                cuts = cutting_pairs(verts, self._faces)
-            except TooManyPairsError:
-                self.crowded = True
-                return broken
-            first, second = self._component[cuts].T
-            low, high = np.minimum(first, second), np.maximum(first, second)
-            key = low * self._surface.num_components + high
-            allowed = np.where(low == high, self._loose[cuts].all(1), np.isin(key, self._meeting))
-            broken[cuts[~allowed].ravel()] = True
-        return broken
-
-    def _placed(self, verts: _Floats) -> _Floats:
-        return verts if self._pose is None else _posed(self._pose, verts)
-
-    def _allow(self, verts: _Floats) -> None:
-        """Allow the faults of these vertices, which are those of the shape."""
+    def _allow_faults(self, verts: _Floats) -> None:
+        """Allow the faults of this shape in addition to those already allowed."""
         self._folded |= self._folds(verts)
-        if not self.searches:
+        if not self._searches:
             return
         try:
             contacts = touching_pairs(verts, self._faces, self._reach(verts))
@@ -153,7 +147,29 @@ class WatchedShape:
         for _ in range(_LOOSE_RINGS):
             reached = surface.spread(reached)
         self._loose |= reached
-        self.allow_to_meet(contacts)
+        self._meeting = np.union1d(self._meeting, self._keys(contacts))
+
+    def _near_bodies(self) -> _Index:
+        """Return the keys of the pairs of components of which one has a rigid body within half a cell of the other."""
+        rigid = self._variables.elements.rigid
+        if rigid is None or not self._searches:
+            return np.empty(0, np.int64)
+        reach = self._variables.resolution / 2
+        if count_samples(self._surface.verts.numpy(), self._faces, reach / 2) > _SAMPLES:
+            self.crowded = True
+            return np.empty(0, np.int64)
+        points, face = samples_of(self._surface.verts.numpy(), self._faces, reach / 2)
+        # One point per component and voxel is enough, and a dense scan has many.
+        voxel = np.column_stack([np.floor(points / (reach / 4)), self._component[face], rigid[face]]).astype(np.int64)
+        kept = np.unique(voxel, axis=0, return_index=True)[1]
+        points, face = points[kept], face[kept]
+        tree, of_bodies = cKDTree(points), points[rigid[face]]
+        if tree.query_ball_point(of_bodies, reach, return_length=True).sum() > _SAMPLES:
+            self.crowded = True
+            return np.empty(0, np.int64)
+        near = tree.query_ball_point(of_bodies, reach, return_sorted=False)
+        owner = np.repeat(face[rigid[face]], [len(found) for found in near])
+        return self._keys(np.column_stack([owner, face[np.concatenate(near).astype(np.int64)]]))
 
     def _across_collapsed(self, pairs: _Index) -> _Flags:
         """Return flags (P,) of the pairs of faces with a collapsed face between them, which are neighbours."""
@@ -176,112 +192,6 @@ class WatchedShape:
         apart = components[components[:, 0] != components[:, 1]]
         return np.unique(apart[:, 0] * self._surface.num_components + apart[:, 1])
 
-    def _folds(self, verts: _Floats) -> _Flags:
-        folded = np.zeros(len(self._faces), bool)
-        folded[self._solid] = self._neighbours.folded(verts)
-        return folded
-
-
-def _posed(pose: _Floats, verts: _Floats) -> _Floats:
-    return np.asarray(np.einsum("nij,nj->ni", pose[:, :, :3], verts) + pose[:, :, 3])
-
-
-class SurfaceGuard:
-    """Checks the shape of a run, and reverts it to the last intact one where it is broken.
-
-    Parameters
-    ----------
-    kind : Safeguard
-        `flips` checks for folds only.
-    mesh : TriangleMesh
-        The rest mesh; its folds and intersections are allowed throughout.
-    variables : Variables
-        Those of the rest shape.
-    pose : (V, 3, 4) float64, optional
-        The affine map of each vertex to where viewers show it, if that is not where it is stored.
-    """
-
-    def __init__(self, kind: Safeguard, mesh: TriangleMesh, variables: Variables, pose: _Floats | None = None) -> None:
-        self._variables, self._rest = variables, RestMesh.of(mesh)
-        self._faces = self._rest.faces.numpy()
-        self._repair = StepRepair(variables)
-        self._copy = self._repair.copy
-        self._shapes = {"guard": WatchedShape(kind, self._rest, self._rest)}
-        if pose is not None:
-            self._shapes["guard.pose"] = WatchedShape.of_pose(kind, self._rest, pose)
-        self._allow_near_bodies()
-        self._intact = self._copy()
-
-    @property
-    def crowded(self) -> bool:
-        """Whether a shape had too many pairs of faces that meet; since then only folds are found in it."""
-        return any(shape.crowded for shape in self._shapes.values())
-
-    @property
-    def warnings(self) -> list[str]:
-        """A sentence for the user if only folds were found."""
-        if not self.crowded:
-            return []
-        return [
-            "Too many faces lie on or in each other to search for those that cut, so the safeguard only prevented "
-            "folds. Remove copies that are in one place."
-        ]
-
-    @property
-    def state(self) -> dict[str, Tensor]:
-        """The last intact shape and the allowed faults, for checkpoints."""
-        intact = {f"guard.{name}": tensor for name, tensor in self._intact.items()}
-        allowed = {
-            f"{shape}.{name}": torch.from_numpy(array)
-            for shape, watched in self._shapes.items()
-            for name, array in watched.state.items()
-        }
-        return {**intact, **allowed}
-
-    def begin(self) -> None:
-        """Take the current shape as intact, and allow all its faults."""
-        verts = placed(self._variables).detach().numpy()
-        for shape in self._shapes.values():
-            shape.allow(verts)
-        self._intact = self._copy()
-
-    def restore(self, state: Mapping[str, Tensor]) -> None:
-        """Continue from `state`, or from the current shape if the checkpoint is of a run without this guard."""
-        if any(f"{name}.meeting" not in state for name in self._shapes):
-            self.begin()
-            return
-        for name, shape in self._shapes.items():
-            shape.restore({key: state[f"{name}.{key}"] for key in _ALLOWED if f"{name}.{key}" in state})
-        self._intact = {name: state[f"guard.{name}"].clone() for name in self._variables.tensors}
-
-    def _allow_near_bodies(self) -> None:
-        """Allow components to meet of which one has a rigid body within half a cell of the other."""
-        rigid = self._variables.elements.rigid
-        if rigid is None or not any(shape.searches for shape in self._shapes.values()):
-            return
-        reach = self._variables.resolution / 2
-        if count_samples(self._rest.verts.numpy(), self._faces, reach / 2) > _SAMPLES:
-            self._search_no_more()
-            return
-        points, face = samples_of(self._rest.verts.numpy(), self._faces, reach / 2)
-        # One point per component and voxel is enough, and a dense scan has many.
-        component = self._rest.components.numpy()[self._faces[face, 0]]
-        voxel = np.column_stack([np.floor(points / (reach / 4)), component, rigid[face]]).astype(np.int64)
-        kept = np.unique(voxel, axis=0, return_index=True)[1]
-        points, face = points[kept], face[kept]
-        tree, of_bodies = cKDTree(points), points[rigid[face]]
-        if tree.query_ball_point(of_bodies, reach, return_length=True).sum() > _SAMPLES:
-            self._search_no_more()
-            return
-        near = tree.query_ball_point(of_bodies, reach, return_sorted=False)
-        owner = np.repeat(face[rigid[face]], [len(points_near) for points_near in near])
-        for shape in self._shapes.values():
-            shape.allow_to_meet(np.column_stack([owner, face[np.concatenate(near).astype(np.int64)]]))
-
-    def _search_no_more(self) -> None:
-        for shape in self._shapes.values():
-            shape.crowded = True
-
     @torch.no_grad()
     def correct(self, optimizer: Adam) -> float:
         """Revert the shape where it is broken.
@@ -296,6 +206,29 @@ class SurfaceGuard:
         return float(held.mean())
 
     def _find_broken(self) -> _Flags:
-        """Return flags (F,) of the faces that are broken in one of the shapes and not allowed to be."""
-        verts = placed(self._variables).detach().numpy()
-        return np.logical_or.reduce([shape.find_broken(verts) for shape in self._shapes.values()])
+        """Return flags (F,) of the faces that are broken and not allowed to be."""
+        verts = self._shown(placed(self._variables).detach().numpy())
+        broken = self._folds(verts) & ~self._folded
+        if self._searches:
+            try:
+                cuts = cutting_pairs(verts, self._faces)
+            except TooManyPairsError:
+                self.crowded = True
+                return broken
+            first, second = self._component[cuts].T
+            low, high = np.minimum(first, second), np.maximum(first, second)
+            key = low * self._surface.num_components + high
+            allowed = np.where(low == high, self._loose[cuts].all(1), np.isin(key, self._meeting))
+            broken[cuts[~allowed].ravel()] = True
+        return broken
+
+    def _shown(self, verts: _Floats) -> _Floats:
+        """Return where viewers show the vertices (V, 3) of the surface."""
+        if self._pose is None:
+            return verts
+        return np.asarray(np.einsum("nij,nj->ni", self._pose[:, :, :3], verts) + self._pose[:, :, 3])
+
+    def _folds(self, verts: _Floats) -> _Flags:
+        folded = np.zeros(len(self._faces), bool)
+        folded[self._solid] = self._neighbours.folded(verts)
+        return folded

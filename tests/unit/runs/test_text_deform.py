@@ -350,7 +350,7 @@ def test_bad_requests_are_told_before_the_first_step() -> None:
 @pytest.mark.parametrize(("bottom", "kept"), [(0.0, True), (-7.0, False)])
 def test_what_stands_on_the_origin_stands_there_after_a_prompt(bottom: float, kept: bool) -> None:
     ball = icosphere(2)
-    asset = glb(TriangleMesh(ball.verts + torch.tensor([0.0, bottom + 1.0, 0.0]), ball.faces))
+    asset = glb(TriangleMesh(ball.verts + torch.tensor([0.0, bottom + 1.0, 5.0]), ball.faces))
     params = {"preset": "preview", "steps": 4, "learning_rate": 0.05}
     job = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
     run = start(asset, job, prior=load_prior("builtin", device="cpu"))
