@@ -20,7 +20,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.assets.appearance import Appearance
 from meshdeform.deformation.binding import Binding
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
@@ -29,6 +28,7 @@ from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import CheckpointError
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
