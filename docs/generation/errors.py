@@ -6,7 +6,7 @@ from docs.generation.between import renewed
 from meshdeform import errors
 from meshdeform.errors import MeshdeformError
 
-SOURCE = "meshdeform/errors/"
+SOURCE = "meshdeform/errors.py"
 
 
 def page(text: str) -> str:
@@ -24,10 +24,10 @@ def table() -> str:
 
 
 def _below(kind: type[MeshdeformError]) -> set[type[MeshdeformError]]:
-    """Return the class and all its subclasses that the package of errors defines."""
+    """Return the class and all its subclasses that the module of errors defines."""
     found = {kind}
     for child in kind.__subclasses__():
-        if child.__module__.startswith(f"{errors.__name__}."):
+        if child.__module__ == errors.__name__:
             found |= _below(child)
     return found
 

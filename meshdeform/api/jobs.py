@@ -8,19 +8,8 @@ from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidation
 
-from meshdeform.record.models import (
-    Artifact,
-    CheckpointRef,
-    Event,
-    EventType,
-    Job,
-    JobError,
-    JobState,
-    Origin,
-    OriginMode,
-    Progress,
-    StoredFile,
-)
+from meshdeform.api.states import EventType, JobError, JobState, OriginMode, Progress
+from meshdeform.record.models import Artifact, CheckpointRef, Event, Job, Origin, StoredFile
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
 
 __all__ = [

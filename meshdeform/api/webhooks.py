@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.api.jobs import JobView
-from meshdeform.record.models import JobError, WebhookEvent
+from meshdeform.api.states import JobError, WebhookEvent
 from meshdeform.record.webhooks import Delivery, DeliveryAttempt, Webhook
 from meshdeform.webhooks.addresses import MAX_URL
 

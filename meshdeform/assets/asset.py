@@ -37,8 +37,8 @@ from meshdeform.assets.writer import (
 from meshdeform.errors import AssetFormatError, AssetTooLargeError
 
 if TYPE_CHECKING:
-    from meshdeform.assets.appearance import Appearance
     from meshdeform.assets.subdivide import Subdivision
+    from meshdeform.geometry.appearance import Appearance
 
 __all__ = ["Asset", "load_asset"]
 

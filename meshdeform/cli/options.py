@@ -58,7 +58,7 @@ def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
 
 def complete_states(incomplete: str) -> list[str]:
     """Complete the states of a job."""
-    from meshdeform.record.models import JobState
+    from meshdeform.api.states import JobState
 
     return [state.value for state in JobState if state.value.startswith(incomplete)]
 

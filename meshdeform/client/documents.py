@@ -24,8 +24,8 @@ from pydantic import (
 )
 
 from meshdeform.api import jobs as views
+from meshdeform.api.states import EventType, JobError, JobState, OriginMode, Progress
 from meshdeform.errors import UnavailableError
-from meshdeform.record.models import EventType, JobError, JobState, OriginMode, Progress
 from meshdeform.requests.choices import member_of
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions, ResolvedParams
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
+from meshdeform.api.states import JobState
 from meshdeform.client.commands import Answer, Call, Callback, Emit, Operation, Pause
 from meshdeform.client.documents import (
     ArtifactList,
@@ -27,7 +28,6 @@ from meshdeform.client.paths import JobLike, identity, job_path
 from meshdeform.client.problems import WaitTimeoutError, job_failure
 from meshdeform.client.retries import Patience, Policy, answered, pace
 from meshdeform.errors import ConflictError
-from meshdeform.record.models import JobState
 
 __all__ = [
     "artifacts",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from typing import Any
 
+from meshdeform.api.states import JobState
 from meshdeform.client import events, lessons, reading, running, submitting
 from meshdeform.client.commands import Emit
 from meshdeform.client.documents import (
@@ -27,7 +28,6 @@ from meshdeform.client.result import Result
 from meshdeform.client.sketching import SketchMethods
 from meshdeform.client.sources import AssetLike
 from meshdeform.client.submitting import Files, Order, Output, Params
-from meshdeform.record.models import JobState
 from meshdeform.requests.document import JobKind
 
 __all__ = ["Client"]

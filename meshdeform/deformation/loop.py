@@ -29,7 +29,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets.appearance import Appearance
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
@@ -43,6 +42,7 @@ from meshdeform.deformation.structure import Structure, is_level, mirror_planes,
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.assets.appearance import Appearance
 from meshdeform.deformation.binding import Binding
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
@@ -31,6 +30,7 @@ from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import CheckpointError
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from meshdeform.assets.appearance import Appearance, Paint, Texture
+from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh

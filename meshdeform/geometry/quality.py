@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from meshdeform.assets.appearance import Appearance
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE

@@ -13,7 +13,6 @@ from datetime import UTC, datetime, timedelta
 
 import sqlalchemy as sa
 
-from meshdeform.api.jobs import accepted
 from meshdeform.errors import ConflictError, ParameterError
 from meshdeform.record import rows
 from meshdeform.record.changes import changing, find_job
@@ -133,7 +132,8 @@ class JobRecord:
             change.write_event(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
             if new.claim is not None:
-                self.idempotency.complete(new.claim, accepted(job), connection)
+                assert new.answer is not None
+                self.idempotency.complete(new.claim, new.answer(job), connection)
         self._rooms.accepted(new.owner_id, added)
         return job
 

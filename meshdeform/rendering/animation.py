@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from meshdeform.assets.appearance import Appearance
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.rendering.studio import Pose, Studio
 
 __all__ = ["FORMATS", "morph_animation", "turntable_animation"]

@@ -25,7 +25,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets.appearance import Appearance, Texture
+from meshdeform.geometry.appearance import Appearance, Texture
 from meshdeform.rendering.rasterizer import EMPTY_DEPTH, Fragments
 
 __all__ = ["MAX_LAYERS", "BaseColours", "Layers", "Textures", "linear_from_srgb", "srgb_from_linear"]

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.assets.appearance import Appearance
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import Cameras

@@ -24,8 +24,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.assets.appearance import Appearance
 from meshdeform.errors import ShapeError
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear

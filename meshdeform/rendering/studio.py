@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.assets import Limits, load_asset
-from meshdeform.assets.appearance import Appearance
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle

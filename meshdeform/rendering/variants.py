@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
-from meshdeform.assets.appearance import Appearance
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.rendering.studio import Pose, Studio
 
 __all__ = ["variant_sheet"]

@@ -13,7 +13,6 @@ from torch import Tensor
 
 import meshdeform
 from meshdeform.assets import Asset, load_asset
-from meshdeform.assets.appearance import Appearance
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.notices import up_axis_warnings
 from meshdeform.assets.parts import Rig
@@ -21,6 +20,7 @@ from meshdeform.assets.subdivide import Subdivision
 from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import MeshQuality, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.rest_mesh import RestMesh

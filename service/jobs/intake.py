@@ -14,7 +14,6 @@ from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import DrawingError, ParameterError, SilhouetteError, UnavailableError
 from meshdeform.priors.builtin import taught
 from meshdeform.priors.public_names import public_names
-from meshdeform.record.estimates import estimate
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
@@ -28,6 +27,7 @@ from meshdeform.support.failpoints import failpoint
 from service.http.auth import Principal
 from service.http.bodies import ReceivedFile
 from service.http.idempotency import Answer, Caller, claimed, request_hash
+from service.jobs.estimates import estimate
 from service.jobs.sources import Submission
 from service.schemas import AssetFound, JobEstimate, PictureFound, Validation
 from service.state import AppState
@@ -241,6 +241,7 @@ def new_job(app: AppState, caller: Caller, request: JobRequest, files: Mapping[s
         max_priority=caller.principal.max_priority,
         request_id=caller.request_id,
         traceparent=caller.traceparent,
+        answer=accepted,
         **more,
     )
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from meshdeform.record.estimates import Estimate, estimate
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState, NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest, resolve
+from service.jobs.estimates import Estimate, estimate
 from tests.integration.conftest import stored_file
 from tests.integration.record_calls import at, claimed, posted
 
@@ -113,7 +113,7 @@ def test_a_job_that_waits_counts_with_the_parameters_that_it_was_accepted_with(r
 
 
 def test_of_many_that_wait_the_rest_counts_like_the_first(record: JobRecord, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("meshdeform.record.estimates._COUNTED", 20)
+    monkeypatch.setattr("service.jobs.estimates._COUNTED", 20)
     measured(record, 0.5)
     record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
     for _ in range(23):

@@ -28,7 +28,9 @@ def begun(record: JobRecord, owner: str = "me", key: str = "k", request: str = "
 
 def done(record: JobRecord, claim: Claim) -> str:
     """Do what a request asks for: a job and its answer, or neither."""
-    new = NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=claim.owner_id, claim=claim)
+    new = NewJob(
+        JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=claim.owner_id, claim=claim, answer=accepted
+    )
     return record.create(new).id
 
 

@@ -12,7 +12,6 @@ import sqlalchemy as sa
 from sqlalchemy import event
 
 from meshdeform.record.counters import statistics
-from meshdeform.record.estimates import estimate
 from meshdeform.record.ids import encode_cursor
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
@@ -30,6 +29,7 @@ from meshdeform.record.schema import (
     webhooks,
 )
 from meshdeform.requests.document import JobRequest
+from service.jobs.estimates import estimate
 from tests.cases import each_case
 from tests.integration.record_calls import LEASE_S, at, posted
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from meshdeform.errors import ConflictError, UnreadableJobError
-from meshdeform.record.estimates import estimate
 from meshdeform.record.models import EventType, Job, JobState
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
+from service.jobs.estimates import estimate
 from tests.cases import each_case
 from tests.integration.other_versions import LATER, accepted_elsewhere
 from tests.integration.record_calls import LEASE_S, OVER, artifact, history, ids, posted, set_to

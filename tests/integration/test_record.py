@@ -7,11 +7,12 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from meshdeform.api.jobs import accepted
 from meshdeform.errors import ConflictError, IdempotencyBusyError, NotFoundError, ParameterError, TooManyJobsError
-from meshdeform.record.estimates import estimate
 from meshdeform.record.models import Claim, EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest, ResolvedParams, resolve
+from service.jobs.estimates import estimate
 from tests.cases import each_case
 from tests.integration.conftest import new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, artifact, claimed, history, ids, posted, set_to
@@ -179,7 +180,9 @@ def test_a_job_that_continues_another_says_so_and_holds_the_copy_of_its_checkpoi
 def test_a_key_that_another_request_has_taken_over_undoes_the_job(record: JobRecord) -> None:
     claim = Claim("me", "key", "a token that nobody holds")
     with pytest.raises(IdempotencyBusyError):
-        record.create(NewJob(JobRequest(prompt="x", metadata={"a": "1"}), {"asset": stored_file()}, claim=claim))
+        record.create(
+            NewJob(JobRequest(prompt="x", metadata={"a": "1"}), {"asset": stored_file()}, claim=claim, answer=accepted)
+        )
     assert record.list_jobs().jobs == []
     assert record.upkeep.unannounced() == []
     assert record.files.unused() == []

@@ -25,7 +25,7 @@ ERRORS = sorted(
     (
         value
         for value in vars(meshdeform.errors).values()
-        if isinstance(value, type) and value.__module__.startswith("meshdeform.errors.")
+        if isinstance(value, type) and value.__module__ == "meshdeform.errors"
     ),
     key=lambda error: error.__name__,
 )

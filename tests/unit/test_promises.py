@@ -46,3 +46,12 @@ def test_every_file_on_the_walk_of_a_job_exists() -> None:
             named += [path] if path else [f"{folder}{name}.py" for name in re.findall(r"`(\w+)`", names)]
     assert len(named) > 50
     assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def test_what_the_page_says_where_to_look_is_there() -> None:
+    section = (ROOT / "docs/architecture.md").read_text().partition("## Where to look")[2].partition("\n## ")[0]
+    named = re.findall(r"`([\w/]+\.py)` \(`(\w+)`\)", section)
+    assert len(named) > 8
+    for path, name in named:
+        tree = ast.parse((ROOT / path).read_text())
+        assert name in {node.name for node in tree.body if isinstance(node, ast.ClassDef | ast.FunctionDef)}, path

@@ -16,8 +16,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.assets.appearance import Appearance, Paint, Texture, plain_appearance
 from meshdeform.deformation.loop import Deformation
+from meshdeform.geometry.appearance import Appearance, Paint, Texture, plain_appearance
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, torus
 from meshdeform.guidance.alignment import aligned

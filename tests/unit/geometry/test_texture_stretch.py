@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from meshdeform.assets.appearance import Appearance, Paint, Texture
+from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.quality import face_stretch, measure_texture_stretch, texel_corners
 from tests.cases import each_case
 

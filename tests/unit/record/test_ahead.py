@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from meshdeform.record.estimates import _Ahead
+from service.jobs.estimates import _Ahead
 from tests.cases import each_case
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from meshdeform.assets.appearance import Appearance, Paint, plain_appearance
+from meshdeform.geometry.appearance import Appearance, Paint, plain_appearance
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
 from meshdeform.rendering.studio import Pose

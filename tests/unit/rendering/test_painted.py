@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.appearance import Appearance, Paint, plain_appearance
+from meshdeform.geometry.appearance import Appearance, Paint, plain_appearance
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
 from meshdeform.rendering.studio import Pose, preview_png

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.assets.appearance import Appearance, Paint, Texture
+from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.rendering.base_colours import linear_from_srgb
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle

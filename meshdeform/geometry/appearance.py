@@ -1,0 +1,142 @@
+"""Define how a surface looks, for drawing it: base colours, texture coordinates and vertex colours. Without torch."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["CLAY", "Appearance", "Paint", "Texture", "plain_appearance"]
+
+CLAY = (0.46, 0.44, 0.42, 1.0)
+"""Linear colour of a surface that the file gives none."""
+
+_SAME = 0.03
+"""Difference between encoded colours that nobody sees; `CLAY` is a grey by this."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A decoded base colour texture.
+
+    Attributes
+    ----------
+    pixels : (H, W, 4) uint8
+        sRGB and alpha; the first row is the upper one, at v = 0.
+    wrap : tuple of 2 str
+        `repeat`, `clamp` or `mirror`, for u and v.
+    nearest : bool
+        Whether magnified texels stay squares.
+    reduced : bool
+        Whether distant faces may show reduced copies of the picture.
+    """
+
+    pixels: NDArray[np.uint8]
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    nearest: bool = False
+    reduced: bool = True
+
+
+@dataclass(frozen=True)
+class Paint:
+    """Look of the triangles of one material.
+
+    Attributes
+    ----------
+    factor : tuple of 4 floats
+        Linear RGBA, multiplied by the texture and the vertex colours.
+    texture : Texture, optional
+    alpha_mode : str
+        `OPAQUE`, `MASK` or `BLEND`.
+    alpha_cutoff : float
+    double_sided : bool
+        Whether the back of a triangle is visible.
+    unlit : bool
+        Whether colours are shown without lighting.
+    """
+
+    factor: tuple[float, ...] = CLAY
+    texture: Texture | None = None
+    alpha_mode: str = "OPAQUE"
+    alpha_cutoff: float = 0.5
+    double_sided: bool = True
+    unlit: bool = False
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """Look of an asset's surface.
+
+    Vertices are split where a shared vertex has different attributes in two primitives, so they have numbers of their
+    own: vertex m of a picture is vertex ``rows[m]`` of the surface.
+
+    Attributes
+    ----------
+    rows : (M,) int64
+    triangles : (T, 3) int64
+        In the order of `Surface.triangles`, with the numbers of `rows`.
+    texcoords : (M, 2) float32
+        After the texture transform; v downwards.
+    colors : (M, 4) float32
+        Linear vertex colours; 1 if the file has none.
+    paint_of_triangle : (T,) int64
+    paints : tuple of Paint
+    left_out : dict of str to int
+        What could not be read, with counts.
+    """
+
+    rows: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    texcoords: NDArray[np.float32]
+    colors: NDArray[np.float32]
+    paint_of_triangle: NDArray[np.int64]
+    paints: tuple[Paint, ...]
+    left_out: dict[str, int] = field(default_factory=dict)
+
+    def of_triangles(self, chosen: NDArray[np.bool_]) -> Appearance:
+        """Return the look of some of the triangles (T,), with the vertices that they use."""
+        if chosen.all():
+            return self
+        used, triangles = np.unique(self.triangles[chosen], return_inverse=True)
+        return dataclasses.replace(
+            self,
+            rows=self.rows[used],
+            triangles=triangles.reshape(-1, 3),
+            texcoords=self.texcoords[used],
+            colors=self.colors[used],
+            paint_of_triangle=self.paint_of_triangle[chosen],
+        )
+
+    @property
+    def coloured(self) -> bool:
+        """Whether the surface shows more than one grey."""
+        shown = [_single_colour(self.paints[at]) for at in np.unique(self.paint_of_triangle)]
+        if any(colour is None for colour in shown):
+            return True
+        factors = np.array([_single_colour(paint) or (0.0, 0.0, 0.0) for paint in self.paints])
+        colours = (self.colors[self.triangles][..., :3] * factors[self.paint_of_triangle][:, None]) ** (1 / 2.2)
+        return bool(np.ptp(colours.reshape(-1, 3), axis=0).max() > _SAME or np.ptp(colours, axis=2).max() > _SAME)
+
+
+def plain_appearance(vertices: int, triangles: NDArray[np.int64]) -> Appearance:
+    """Return the look of neutral clay for a surface of `vertices` vertices and (T, 3) triangles."""
+    return Appearance(
+        np.arange(vertices),
+        triangles,
+        np.zeros((vertices, 2), np.float32),
+        np.ones((vertices, 4), np.float32),
+        np.zeros(len(triangles), np.int64),
+        (Paint(),),
+    )
+
+
+def _single_colour(paint: Paint) -> tuple[float, ...] | None:
+    """Return the colour of a paint, or None if its texture has more than one."""
+    if paint.texture is None:
+        return paint.factor[:3]
+    pixels = paint.texture.pixels
+    if (pixels != pixels[0, 0]).any():
+        return None
+    return tuple(float(f * (v / 255) ** 2.2) for f, v in zip(paint.factor, pixels[0, 0, :3], strict=False))
