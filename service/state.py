@@ -74,10 +74,6 @@ class AppState:
 
     Attributes
     ----------
-    settings : Settings
-    record : JobRecord
-    queue : JobQueue
-    store : ObjectStore
     waiters : JobWaiters
         Requests that wait for jobs.
     assets : CheckedAssets
@@ -142,7 +138,6 @@ class AppState:
 
         Parameters
         ----------
-        settings : Settings
         alone : bool
             Whether the process is a server and nothing else: what it needs once is then done in another one.
 

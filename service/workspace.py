@@ -20,10 +20,6 @@ class Workspace:
 
     The process holds a lock in it. The kernel releases the lock when the process dies, and the next process that starts
     removes the folder.
-
-    Attributes
-    ----------
-    folder : Path
     """
 
     def __init__(self) -> None:

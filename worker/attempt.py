@@ -46,7 +46,6 @@ class Ended:
 
     Attributes
     ----------
-    outcome : Outcome
     results : list of Artifact
         The stored results of a successful attempt.
     error : JobError, optional
@@ -70,7 +69,6 @@ class Attempt:
 
     Parameters
     ----------
-    at : WorkerContext
     job : Job
         As claimed.
     watch : JobWatch

@@ -28,15 +28,12 @@ class WorkerContext:
 
     Attributes
     ----------
-    settings : Settings
-    record, store : JobRecord, ObjectStore
     listen : callable
         Opens a listener for the cancellation of a job.
     start : StartRun
         Starts a run of any kind: `meshdeform.runs.start_run`, which imports the kind's dependencies.
     load_prior : callable
         Returns the prior of a model and keeps it between jobs.
-    device : str
     stopping : callable
         Returns True once this process is stopping: the job is then handed back after its current step.
     worker : WorkerIdentity

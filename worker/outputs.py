@@ -83,8 +83,6 @@ class CheckpointStore:
 
     Parameters
     ----------
-    record : JobRecord
-    store : ObjectStore
     job : Job
         As claimed: its attempt is part of the keys, so that two attempts never write the same object.
     kept : int

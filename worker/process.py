@@ -65,10 +65,8 @@ class Engine:
 
     Attributes
     ----------
-    start : StartRun
     load_prior : callable
         Returns the prior of a model and keeps it between jobs.
-    device : str
     """
 
     start: StartRun
@@ -166,7 +164,6 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
     ----------
     queue : str
         Name of the RQ queue.
-    connection : Redis
     run : callable
         Runs the next job of the record; receives the id of the job for which the message was sent.
     on_idle : callable

@@ -27,12 +27,7 @@ _TERMINAL = {
 
 @dataclass(frozen=True)
 class JobRunner:
-    """Runs jobs, one at a time, for the lifetime of its process.
-
-    Attributes
-    ----------
-    at : WorkerContext
-    """
+    """Runs jobs, one at a time, for the lifetime of its process."""
 
     at: WorkerContext
 

@@ -43,7 +43,6 @@ class Supervisor:
 
     Parameters
     ----------
-    settings : Settings
     process_module : str
         The module run as the worker process; tests replace it.
     """

@@ -81,8 +81,6 @@ class JobWatch:
 
     Parameters
     ----------
-    leases : Leases
-    worker : WorkerIdentity
     job : Job
         As claimed.
     listen : callable

@@ -10,12 +10,13 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
+
+from meshdeform.geometry.kernels import kernel
 
 __all__ = ["STRAINED", "bends", "crease_energy", "dirichlet_penalty", "jacobian_penalty", "normal_penalty", "penalty"]
 
@@ -61,7 +62,7 @@ class _Penalty(torch.autograd.Function):
         return None, upstream * torch.from_numpy(ctx.gradient)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _unit_normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats]:
     """Return the unit normals (F, 3) and the inverse lengths (F,) of the cross products; zero if a face has no area."""
     normals, inverse = np.zeros((len(faces), 3)), np.zeros(len(faces))
@@ -77,7 +78,7 @@ def _unit_normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats]:
     return normals, inverse
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _bend(verts: _Floats, normals: _Floats, pairs: _Index, ends: _Index, sign: _Floats, e: int) -> tuple[float, float]:
     """Return cosine and sine of the signed angle between the normals at an edge."""
     f, g, i, j, s = pairs[e, 0], pairs[e, 1], ends[e, 0], ends[e, 1], sign[e]
@@ -89,7 +90,7 @@ def _bend(verts: _Floats, normals: _Floats, pairs: _Index, ends: _Index, sign: _
     return ax * bx + ay * by + az * bz, turned / np.sqrt(square) if square > _TINY_SQUARE else 0.0
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def bends(verts: _Floats, faces: _Index, pairs: _Index, ends: _Index, sign: _Floats) -> _Floats:
     """Return cosine and sine (E, 2) of the signed angles between the normals of neighbouring faces.
 
@@ -111,7 +112,7 @@ def bends(verts: _Floats, faces: _Index, pairs: _Index, ends: _Index, sign: _Flo
     return out
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _smooth_part(y: float) -> tuple[float, float]:
     """Return h(y), y^2 up to y_0 and proportional to the square root plus a constant beyond, and h'(y)."""
     if y < _CREASE:
@@ -120,7 +121,7 @@ def _smooth_part(y: float) -> tuple[float, float]:
     return 4 * root - 3 * _CREASE**2, 2 * root / y
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _energy(c: float, scale: float) -> tuple[float, float]:
     """Return g(c) of c = 1 - cos t, and g'(c); `scale` is r^2 of the edge."""
     near, near_slope = _smooth_part(scale * c)
@@ -129,7 +130,7 @@ def _energy(c: float, scale: float) -> tuple[float, float]:
     return near + root * (c * c - own), scale * near_slope + root * (2 * c - own_slope)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def crease_energy(cosine: _Floats, scale: _Floats) -> _Floats:
     """Return g (E,) of edges with these cosines (E,) and r^2 (E,)."""
     out = np.empty(len(cosine))
@@ -138,7 +139,7 @@ def crease_energy(cosine: _Floats, scale: _Floats) -> _Floats:
     return out
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def normal_penalty(
     verts: _Floats,
     faces: _Index,
@@ -184,7 +185,7 @@ def normal_penalty(
     return total
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _through_normals(
     verts: _Floats, faces: _Index, normals: _Floats, inverse: _Floats, d_normals: _Floats, gradient: _Floats
 ) -> None:
@@ -212,7 +213,7 @@ def _through_normals(
         gradient[i, 2] -= jz + kz
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def dirichlet_penalty(
     verts: _Floats, faces: _Index, inverse_rest: _Floats, weights: _Floats, gradient: _Floats | None
 ) -> float:
@@ -260,7 +261,7 @@ def dirichlet_penalty(
     return total
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def jacobian_penalty(jacobians: _Floats, weights: _Floats, gradient: _Floats | None) -> float:
     """Return the weighted sum of ||J - I||^2 of Jacobians (F, 3, 3); add its gradient."""
     total = 0.0

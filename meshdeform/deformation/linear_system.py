@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numba
 import numpy as np
 import qdldl
 import torch
@@ -20,6 +19,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
+
+from meshdeform.geometry.kernels import kernel
 
 __all__ = ["Factor", "LinearSystem", "factorise", "solve_linear"]
 
@@ -96,7 +97,7 @@ def factorise(matrix: sparse.csr_matrix, free: _Index) -> Factor | None:
     )
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _solve(
     indptr: _Index,
     indices: _Index,

@@ -23,7 +23,6 @@ QDLDL (Apache-2.0) computes the factor; the triangular solves are our own, for a
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from torch import Tensor
 
 from meshdeform.deformation.linear_system import Factor, factorise, solve_linear
 from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE, RestMesh
 
@@ -154,7 +154,7 @@ class PoissonSystem:
         return np.stack([np.bincount(self._labels, column, self._count) for column in values.T], 1)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _diverge(
     indptr: NDArray[np.int32], indices: NDArray[np.int32], data: _Floats, jacobians: _Floats, out: _Floats
 ) -> None:
@@ -166,7 +166,7 @@ def _diverge(
                 out[v, i] += data[k] * jacobians[f, i, j]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _diverge_back(
     indptr: NDArray[np.int32], indices: NDArray[np.int32], data: _Floats, values: _Floats, out: _Floats
 ) -> None:

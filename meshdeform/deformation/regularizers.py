@@ -106,7 +106,9 @@ class Regularizers:
         self._edge_scale = scale = (reference_sq / squared).numpy()
         weights = (areas[pairs].sum(1) / 3 / total).numpy()
         rest_energy = crease_energy(np.ascontiguousarray(rest_bend[:, 0]), scale)
-        self._edges = (*around, np.ascontiguousarray(rest_bend[:, 1]), rest_energy, weights)
+        corners, neighbours, shared, sign_of_edge = around
+        rest_sine = np.ascontiguousarray(rest_bend[:, 1])
+        self._edges = (corners, neighbours, shared, sign_of_edge, rest_sine, rest_energy, weights)
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
         """Return the area-weighted mean of ||J - I||^2 (squared Frobenius norm) of Jacobians (F, 3, 3)."""

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.spatial.transform import Rotation
+
+from meshdeform.geometry.kernels import kernel
 
 __all__ = ["polar_rotations", "rotation_matrices", "rotation_vectors"]
 
@@ -92,7 +93,7 @@ def _orders(tree: sparse.csr_matrix, angle: _Floats) -> tuple[_Index, _Index]:
     return order[1:].astype(np.int64), parents.astype(np.int64)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _unwrap(order: _Index, parents: _Index, known: _Flags, vectors: _Floats) -> None:
     """Replace each vector by its equivalent nearest to the parent's."""
     for element in order:

@@ -12,11 +12,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.fields.gluing import glue
+from meshdeform.geometry.kernels import kernel
 
 __all__ = ["IntrinsicMesh", "areas_of", "delaunay", "half_cotangents"]
 
@@ -95,7 +95,7 @@ def _sums(sides: _Floats, twin: _Index) -> _Floats:
     return np.asarray(cot[inner] + cot[twin[inner]])
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _cotangent(sides: _Floats, edge: int) -> float:
     """Return the cotangent of the angle opposite to a half-edge."""
     first = edge - edge % 3
@@ -105,7 +105,7 @@ def _cotangent(sides: _Floats, edge: int) -> float:
     return cotangent
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _flip_all(faces: _Index, sides: _Floats, twin: _Index) -> int:
     """Flip until every inner edge is Delaunay; return the number of flips."""
     count = len(faces)
@@ -152,7 +152,7 @@ def _flip_all(faces: _Index, sides: _Floats, twin: _Index) -> int:
     return flips
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _moved(edge: int, e1: int, e2: int, t1: int, t2: int, f: int, g: int) -> int:
     """Return the new number of a half-edge of the two faces; others keep theirs."""
     if edge == e1:

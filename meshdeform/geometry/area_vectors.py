@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from meshdeform.geometry.kernels import kernel
 
 __all__ = ["area_vectors"]
 
 _Floats = NDArray[np.float64]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def area_vectors(verts: _Floats, faces: NDArray[np.int64]) -> _Floats:
     """Return the cross products (F, 3) float64 of two edges of each face: normals as long as twice the area.
 

@@ -8,10 +8,10 @@ takes, and gives up beyond it.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.triangle_pairs import faces_cut, faces_touch
 
 __all__ = ["TooManyPairsError", "cutting_pairs", "intersecting_faces", "touching_pairs"]
@@ -37,7 +37,7 @@ class TooManyPairsError(Exception):
     """So many faces lie on or in each other that their pairs are not all tested."""
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _in_strips(low: _Floats, high: _Floats) -> tuple[_Index, _Index, _Index, _Index]:
     """Return the first and the last strip (F,) of each box, the boxes of all strips, and where each strip's begin."""
     begin, extent = low[:, 1].min(), high[:, 1].max() - low[:, 1].min()
@@ -60,7 +60,7 @@ def _in_strips(low: _Floats, high: _Floats) -> tuple[_Index, _Index, _Index, _In
     return first, last, members, ends
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _sweep(
     verts: _Floats, faces: _Index, low: _Floats, high: _Floats, reach: _Floats, work: int, hit: _Flags, out: _Index
 ) -> int:
@@ -105,7 +105,7 @@ def _sweep(
     return found
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _boxes(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats]:
     """Return the least and the greatest coordinates (F, 3) of each face."""
     low, high = np.empty((len(faces), 3)), np.empty((len(faces), 3))

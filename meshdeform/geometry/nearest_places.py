@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import count_samples, samples_of
 
@@ -171,7 +171,7 @@ def nearest_larger_faces(
     return search(reach, np.unique(components[near] * count + faces.components[close[near]]))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _search(
     points: _Floats,
     sizes: _Floats,
@@ -226,12 +226,12 @@ def _faces_around(faces: _Index, count: int) -> tuple[_Index, _Index]:
     return np.argsort(corners, kind="stable") // 3, begin
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _quotient(part: float, total: float) -> float:
     return part / total if total != 0.0 else 0.0
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _nearest_place(p: _Floats, a: _Floats, b: _Floats, c: _Floats, weights: _Floats) -> float:
     """Set the barycentric coordinates of the nearest place on a triangle; return the squared distance."""
     # Written out: temporary arrays would take ten times as long.
@@ -265,7 +265,7 @@ def _nearest_place(p: _Floats, a: _Floats, b: _Floats, c: _Floats, weights: _Flo
     return float(x * x + y * y + z * z)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _descend(
     points: _Floats,
     faces_found: _Index,

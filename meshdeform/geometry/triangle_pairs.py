@@ -17,9 +17,10 @@ Floating-Point Arithmetic, for the error bound; Ericson 2005, Real-Time Collisio
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from meshdeform.geometry.kernels import kernel
 
 __all__ = ["faces_cut", "faces_touch"]
 
@@ -33,7 +34,7 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _side(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> int:
     """Return the side of the plane a b c on which d lies: -1, 1, or 0 if float64 cannot tell."""
     ax, ay, az = a[0] - d[0], a[1] - d[1], a[2] - d[2]
@@ -52,7 +53,7 @@ def _side(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> int:
     return 0
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _edge_cuts(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bool:
     """Return whether the segment p q passes through the triangle a b c from one side to the other."""
     if _side(a, b, c, p) * _side(a, b, c, q) >= 0:
@@ -64,7 +65,7 @@ def _edge_cuts(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bo
     return bool(first * second * third != 0 or _crosses_inside(p, q, a, b, c))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _crosses_inside(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bool:
     """Return whether the segment p q crosses the plane a b c in the triangle or on its border.
 
@@ -83,7 +84,7 @@ def _crosses_inside(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) 
     return bool(v >= -_BORDER * size and w >= -_BORDER * size and v + w <= (1 + _BORDER) * size)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _one_sided(verts: _Floats, f: _Index, g: _Index) -> bool:
     """Return whether face g lies on one side of face f's plane: the quick rejection of almost all pairs."""
     a, b, c = verts[f[0]], verts[f[1]], verts[f[2]]
@@ -91,7 +92,7 @@ def _one_sided(verts: _Floats, f: _Index, g: _Index) -> bool:
     return bool(abs(total) == 3)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def faces_cut(verts: _Floats, f: _Index, g: _Index) -> bool:
     """Return whether faces f and g (3,) of the vertices (V, 3) cut through each other."""
     shared, at_f, at_g = 0, -1, -1
@@ -113,13 +114,13 @@ def faces_cut(verts: _Floats, f: _Index, g: _Index) -> bool:
     return False
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _dot(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> float:
     """Return the scalar product of b - a and d - c."""
     return float((b[0] - a[0]) * (d[0] - c[0]) + (b[1] - a[1]) * (d[1] - c[1]) + (b[2] - a[2]) * (d[2] - c[2]))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _squared_to_triangle(p: _Floats, a: _Floats, b: _Floats, c: _Floats) -> float:
     """Return the squared distance of a point from a triangle's inside; infinite if its foot lies outside."""
     bb, cc, bc = _dot(a, b, a, b), _dot(a, c, a, c), _dot(a, b, a, c)
@@ -135,7 +136,7 @@ def _squared_to_triangle(p: _Floats, a: _Floats, b: _Floats, c: _Floats) -> floa
     return total
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _squared_between_edges(p: _Floats, q: _Floats, a: _Floats, b: _Floats) -> float:
     """Return the squared distance between the segments p q and a b."""
     dd, ee, de = _dot(p, q, p, q), _dot(a, b, a, b), _dot(p, q, a, b)
@@ -152,7 +153,7 @@ def _squared_between_edges(p: _Floats, q: _Floats, a: _Floats, b: _Floats) -> fl
     return total
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _separated(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, squared: float) -> bool:
     """Return whether a plane across the line between the centres separates them: the quick rejection of neighbours."""
     size = p_side = q_side = a_side = b_side = c_side = 0.0
@@ -168,7 +169,7 @@ def _separated(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, squar
     return bool(gap > 0 and gap * gap > squared * size)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _edge_touches(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, squared: float) -> bool:
     """Return whether the segment p q comes as close as that to the triangle a b c."""
     if _separated(p, q, a, b, c, squared):
@@ -181,7 +182,7 @@ def _edge_touches(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, sq
     return bool(near <= squared)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def faces_touch(verts: _Floats, f: _Index, g: _Index, reach: float) -> bool:
     """Return whether faces f and g (3,) of the vertices (V, 3) cut each other, or come as close as `reach`."""
     shared, at_f, at_g = 0, -1, -1

@@ -41,7 +41,6 @@ class Change:
 
         Parameters
         ----------
-        where : condition
         values : dict
             New values of columns.
         happened : EventType or callable, optional

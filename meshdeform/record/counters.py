@@ -118,7 +118,6 @@ def statistics(database: Database, ended: EndedJobs | None = None) -> Statistics
 
     Parameters
     ----------
-    database : Database
     ended : EndedJobs, optional
         Remembers the jobs that are over from call to call. Default: they are counted.
     """

@@ -42,11 +42,8 @@ class DueDelivery:
 
     Attributes
     ----------
-    id, webhook_id, owner_id : str
     message_id : str
         The `webhook-id` of the message: the same for every attempt and every replay.
-    url : str
-    payload : dict
     secrets : tuple of str
         Secrets to sign with: the current one, and the previous one for a day after a change.
     attempts : int
@@ -188,12 +185,8 @@ class Deliveries:
 
         Parameters
         ----------
-        taken : DueDelivery
-        at : datetime
         status : int, optional
             Status of the response, if any. `410 Gone` disables the webhook.
-        error : str
-        seconds : float
         retry_after_s : float
             Seconds requested by the receiver: they prolong the scheduled wait, up to the longest wait of the schedule.
         """

@@ -22,7 +22,6 @@ class NewRow(NamedTuple):
 
     Attributes
     ----------
-    table : Table
     values : mapping
         Values of columns, which may be SQL expressions.
     unless_there : bool

@@ -63,10 +63,6 @@ class ApiKey:
 class KeyRing:
     """The keys of a record.
 
-    Parameters
-    ----------
-    database : Database
-
     Raises
     ------
     UnavailableError

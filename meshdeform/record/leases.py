@@ -209,7 +209,6 @@ class Leases(Claims):
 
         Parameters
         ----------
-        job_id, attempt, state
         error : JobError, optional
             Why the job failed.
         results : sequence of Artifact

@@ -195,7 +195,6 @@ class NewJob:
 
     Attributes
     ----------
-    request : JobRequest
     files : mapping of str to StoredFile
         Its files by the names of the parts of its kind; already stored.
     owner_id : str

@@ -33,13 +33,8 @@ class JobQueue:
 
     Parameters
     ----------
-    redis_url : str
     name : str
         The queue's name.
-
-    Attributes
-    ----------
-    name : str
 
     Raises
     ------

@@ -46,7 +46,6 @@ class Candidate:
 
     Parameters
     ----------
-    database : Database
     name : str
         The election: its candidates do the same work.
     every_s : float
@@ -56,7 +55,6 @@ class Candidate:
 
     Attributes
     ----------
-    name : str
     leads : bool
         Whether the newest look found or made this process the leader.
     took_over : bool
@@ -168,8 +166,6 @@ class Reconciler:
 
     Parameters
     ----------
-    record : JobRecord
-    queue : JobQueue
     max_attempts : int
         Number of lost workers after which a job fails.
     lease_s : float

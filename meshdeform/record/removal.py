@@ -35,9 +35,6 @@ def remove_job(record: JobRecord, store: ObjectStore, job_id: str, files: Iterab
 
     Parameters
     ----------
-    record : JobRecord
-    store : ObjectStore
-    job_id : str
     files : iterable of str
         Keys of the files that it used, as returned by `JobRecord.delete`; files in use elsewhere stay.
 

@@ -50,7 +50,6 @@ class JobRecord:
 
     Attributes
     ----------
-    database : Database
     leases : Leases
         The writes of workers, and the number of live workers.
     upkeep : Upkeep
@@ -326,7 +325,6 @@ class JobRecord:
 
         Parameters
         ----------
-        owner_id : str
         files : mapping of str to int
             Sizes of the files in bytes, by key.
         limit : int

@@ -90,8 +90,6 @@ class Rooms:
 
         Parameters
         ----------
-        connection : Connection
-        owner_id : str
         files : mapping of str to int
             Sizes of the job's stored files in bytes, by key.
         limit : int

@@ -87,7 +87,6 @@ class Upkeep:
 
         Parameters
         ----------
-        max_attempts : int
         watch : Watch, optional
             How long the caller has watched the leases. Default: forever.
         """

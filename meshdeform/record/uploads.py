@@ -24,14 +24,12 @@ class Upload:
 
     Attributes
     ----------
-    id, owner_id, filename : str
     size : int
         Bytes of the complete file.
     sha256 : str or None
         SHA-256 of its bytes: as announced while it is open, as verified once it is complete.
     key : str or None
         The stored file; None while it is open.
-    created_at, expires_at : datetime
     """
 
     id: str
@@ -74,8 +72,6 @@ class UploadLedger:
 
         Parameters
         ----------
-        owner_id : str
-        filename : str
         size : int
             Bytes, as announced by the sender.
         ttl_s : float

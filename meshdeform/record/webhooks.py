@@ -103,8 +103,6 @@ class WebhookBook:
 
         Parameters
         ----------
-        owner : str
-        url : str
         events : collection of str
             Types of events to send; empty for all.
 

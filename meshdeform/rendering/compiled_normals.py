@@ -6,7 +6,6 @@ and then of the views in their order, so the same input gives the same bits with
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.geometry.area_vectors import area_vectors
+from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
 from meshdeform.support.threads import in_ranges
 
@@ -34,7 +34,7 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _scaled(vectors: _Floats) -> _Floats:
     """Return the lengths (N,) of vectors (N, 3), which become unit vectors; those of no length are divided by 1e-12."""
     lengths = np.empty(len(vectors))
@@ -46,7 +46,7 @@ def _scaled(vectors: _Floats) -> _Floats:
     return lengths
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _facing(normals: _Floats, verts: _Floats, faces: _Index, eye: _Floats, view: int, f: int) -> float:
     """Return 1 if a view sees a face from its front, else -1."""
     v, total = faces[f, 0], 0.0
@@ -55,7 +55,7 @@ def _facing(normals: _Floats, verts: _Floats, faces: _Index, eye: _Floats, view:
     return -1.0 if total < 0 else 1.0
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _draw(
     verts: _Floats,
     normals: _Floats,
@@ -85,7 +85,7 @@ def _draw(
                     )
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _shares(verts: _Floats, faces: _Index, lengths: _Floats) -> _Floats:
     """Return the share (F,) of its pixels' gradients that each face passes on; 0 if it has no area."""
     share = np.zeros(len(faces))
@@ -101,7 +101,7 @@ def _shares(verts: _Floats, faces: _Index, lengths: _Floats) -> _Floats:
     return share
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats, _Floats, _Floats]:
     """Return unit normals (F, 3) of the faces, their lengths before and shares (F,), and unit normals (V, 3)."""
     normals = area_vectors(verts, faces)
@@ -115,7 +115,7 @@ def _normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats, _Floats, 
     return normals, lengths, _shares(verts, faces, lengths), smooth
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _backward(
     verts: _Floats,
     clip: _Floats,
@@ -181,7 +181,7 @@ def _backward(
                     d_clip[view, v, 3] -= px * dx + py * dy
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _through_normals(
     verts: _Floats, faces: _Index, normals: _Floats, lengths: _Floats, d_normals: _Floats, d_verts: _Floats
 ) -> None:
@@ -212,7 +212,7 @@ def _through_normals(
         d_verts[i, 2] -= jz + kz
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _shrink(image: _Floats, factor: int, out: _Floats) -> None:
     """Fill in the means (H, W, C) of squares of an image (factor H, factor W C)."""
     height, width, channels = out.shape
@@ -231,7 +231,7 @@ def _shrink(image: _Floats, factor: int, out: _Floats) -> None:
                 out[row, column, c] = total * share
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _spread(gradient: _Floats, factor: int, out: _Floats) -> None:
     """Fill in the gradient (factor H, factor W C) of `_shrink`."""
     height, width, channels = gradient.shape

@@ -51,7 +51,6 @@ class Child:
     ----------
     name : str
         Its name in messages.
-    command : sequence of str
     env : mapping, optional
         Environment variables to add or change.
     stdin : bytes

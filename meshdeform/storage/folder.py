@@ -35,7 +35,6 @@ class Folder:
 
     Parameters
     ----------
-    root : Path
     create : bool
         Whether a missing or empty folder becomes a new store. Otherwise it counts as a store that is away.
     """

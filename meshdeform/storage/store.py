@@ -80,7 +80,6 @@ class ObjectStore:
 
         Parameters
         ----------
-        key : str
         data : bytes or Path
             A file is streamed and must not change meanwhile.
         content_type : str
@@ -124,7 +123,6 @@ class ObjectStore:
 
         Parameters
         ----------
-        key : str
         sha256 : str, optional
             The object's expected SHA-256.
 
@@ -195,7 +193,6 @@ class ObjectStore:
 
         Parameters
         ----------
-        key : str
         path : Path
             Replaced if it exists. Its folder must exist.
         sha256 : str, optional

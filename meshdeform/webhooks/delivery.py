@@ -43,7 +43,6 @@ class WebhookDelivery:
 
     Parameters
     ----------
-    record : JobRecord
     settings : Settings
         Only `webhook_networks` is used.
     sender : Sender, optional

@@ -40,8 +40,6 @@ class SendOutcome:
 
     Attributes
     ----------
-    at : datetime
-    seconds : float
     status : int or None
         Status of the response; None if there was none.
     error : str
@@ -237,7 +235,6 @@ def signed_headers(message_id: str, body: str, secrets: Iterable[str], at: datet
 
     Parameters
     ----------
-    message_id : str
     body : str
         The exact text to send.
     secrets : iterable of str

@@ -33,7 +33,6 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
 
     Parameters
     ----------
-    app : AppState
     job : Job
         It has succeeded.
     name : str

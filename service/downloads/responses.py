@@ -215,10 +215,6 @@ def download(
 
     Parameters
     ----------
-    request : Request
-    app : AppState
-    found : Download
-    conditions : Conditions
     signed : bool
         Whether the request has a signed URL that has been verified.
 
@@ -272,10 +268,8 @@ def signed_url(app: AppState, path: str, artifact: Artifact) -> SignedUrl:
 
     Parameters
     ----------
-    app : AppState
     path : str
         The artifact's path on this server.
-    artifact : Artifact
     """
     seconds = lifetime_s(app)
     # Computed before signing, so that the signature is valid for at least as long as the answer says.

@@ -168,10 +168,8 @@ class JobWaiters:
 
         Parameters
         ----------
-        job_id : str
         wanted : callable
             The condition: takes the state of the job, None if it does not exist.
-        timeout_s : float
         """
         if self._closing or timeout_s <= 0:
             return False
@@ -269,12 +267,8 @@ async def settled(
 
     Parameters
     ----------
-    waiters : JobWaiters
-    record : JobRecord
-    job_id : str
     owner : str or None
         Required owner of the job; None: any.
-    wait_s : float
     request : Request, optional
         The waiting request, its body already read. Its slot is freed when the client disconnects.
 

@@ -87,13 +87,7 @@ class Principal:
 
 
 class Gate:
-    """Admit requests, or refuse them with a reason.
-
-    Parameters
-    ----------
-    settings : Settings
-    keys : KeyRing
-    """
+    """Admit requests, or refuse them with a reason."""
 
     def __init__(self, settings: Settings, keys: KeyRing) -> None:
         self._settings, self._keys = settings, keys
@@ -298,8 +292,6 @@ def job_link(app: AppState, job_id: str, key_id: str | None) -> SignedUrl:
 
     Parameters
     ----------
-    app : AppState
-    job_id : str
     key_id : str, optional
         The API key that makes the link, and with which it ends.
     """

@@ -108,8 +108,6 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
 
     Parameters
     ----------
-    model : type
-    document : bytes
     name : str
         Name of the document in error messages.
 
@@ -140,7 +138,6 @@ class ReceivedFile:
 
     Attributes
     ----------
-    path : Path
     filename : str
         The sender's name for the file, without folders.
     size : int

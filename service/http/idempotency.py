@@ -43,10 +43,8 @@ class Answer:
 
     Attributes
     ----------
-    status : int
     body : dict
         JSON.
-    headers : dict
     replayed : bool
         Whether the response was sent before.
     """
@@ -79,7 +77,6 @@ def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | 
 
     Parameters
     ----------
-    record : JobRecord
     caller : Caller
         The caller, with the key if the request has one.
     hashed : str
@@ -121,9 +118,6 @@ class Caller:
 
     Attributes
     ----------
-    principal : Principal
-    method, path : str
-    idempotency_key : str or None
     request_id, traceparent : str or None
         For logs and traces.
     """

@@ -131,7 +131,6 @@ class RateLimiter:
 
     Parameters
     ----------
-    redis_url : str
     prefix : str
         Prefix of the names in Redis: different for deployments that share a Redis.
     """

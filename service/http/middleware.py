@@ -50,12 +50,7 @@ def add_header(scope: MutableMapping[str, Any], name: str, value: str) -> None:
 
 
 class RequestFrame:
-    """The outermost middleware.
-
-    Parameters
-    ----------
-    app : ASGI application
-    """
+    """The outermost middleware."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

@@ -20,7 +20,6 @@ def did_you_mean(name: str, known: Collection[str], given: Collection[str] = (),
 
     Parameters
     ----------
-    name : str
     known : collection of str
         The names that are allowed.
     given : collection of str

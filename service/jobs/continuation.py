@@ -60,12 +60,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
 
     Parameters
     ----------
-    app : AppState
-    caller : Caller
-    job_id : str
     step : int
         The step of the checkpoint. Where several attempts have one, the newest intact one is used.
-    document : BranchDocument
     folder : Path
         The folder for the files that the document names.
 

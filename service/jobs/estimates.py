@@ -51,7 +51,6 @@ def estimate(
 
     Parameters
     ----------
-    database : Database
     leases : Leases
         Counts the workers.
     request : JobRequest

@@ -56,8 +56,6 @@ def check_params(request: JobRequest, settings: Settings, *, files: Collection[s
 
     Parameters
     ----------
-    request : JobRequest
-    settings : Settings
     files : collection of str
         The names of the files that the job has.
 
@@ -139,12 +137,6 @@ def check_file(
 
 def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     """Accept a job durably, or refuse it without leaving anything behind.
-
-    Parameters
-    ----------
-    app : AppState
-    caller : Caller
-    submission : Submission
 
     Raises
     ------

@@ -42,7 +42,6 @@ class Submission:
 
     Attributes
     ----------
-    document : JobDocument
     files : dict of str to ReceivedFile
         The files that were sent, by the name of their part.
     folder : Path
@@ -92,13 +91,10 @@ def fetch(app: AppState, owner_id: str, reference: FileReference, place: list[st
 
     Parameters
     ----------
-    app : AppState
     owner_id : str
         The owner of the uploads and jobs that may be named.
-    reference : FileReference
     place : list of str
         The member that holds the reference; its last name is also that of the file in the folder.
-    folder : Path
     """
     path = folder / place[-1]
     if reference.upload_id is not None:

@@ -28,12 +28,6 @@ class TaughtModels:
 
     Descriptions are remembered by owner and hash: if owners shared them, the time of an answer would reveal whether
     another owner has the same weights.
-
-    Parameters
-    ----------
-    record : JobRecord
-    store : ObjectStore
-    workspace : Workspace
     """
 
     def __init__(self, record: JobRecord, store: ObjectStore, workspace: Workspace) -> None:

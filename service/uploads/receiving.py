@@ -52,8 +52,6 @@ def view(app: AppState, upload: Upload, *, offset: int | None = None) -> UploadV
 
     Parameters
     ----------
-    app : AppState
-    upload : Upload
     offset : int, optional
         Received bytes. Default: looked up.
     """
@@ -147,11 +145,8 @@ async def receive_content(app: AppState, upload: Upload, part: ContentRange, bod
 
     Parameters
     ----------
-    app : AppState
-    upload : Upload
     part : ContentRange
         The range of the body. A body that covers the whole upload replaces earlier bytes.
-    body : async iterator of bytes
 
     Returns
     -------

@@ -21,6 +21,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.geometry.kernels import kernel
+
 __all__ = ["dequantize", "quantize", "quantize_normed", "round_weights"]
 
 _Floats = NDArray[np.float32]
@@ -93,7 +95,7 @@ def _write_linear(x: _Floats, a: _Floats, b: _Floats, inverse: _f, zero: _f, out
             to[c] = np.uint8(np.int32(level))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _steps(low: float, high: float) -> tuple[float, float]:
     """Return the scale and the zero point of 8 bits for numbers from `low` to `high`; 0 is always one of the levels."""
     low, high = min(low, 0.0), max(high, 0.0)
@@ -103,7 +105,7 @@ def _steps(low: float, high: float) -> tuple[float, float]:
     return scale, np.floor(-low / scale + 0.5)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _write(x: _Floats, a: _Floats, b: _Floats, silu: bool, step: float, zero: float, border: int, out: _Bytes) -> None:
     """Write one picture x (H, W, C) into the middle of `out`, and the level of 0 around it."""
     height, width, _ = x.shape
@@ -121,7 +123,7 @@ def _write(x: _Floats, a: _Floats, b: _Floats, silu: bool, step: float, zero: fl
             _write_linear(x[row], a, b, inverse, level, to[border : border + width])
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def quantize_normed(
     x: _Floats, gain: _Floats, shift: _Floats, groups: int, silu: bool, border: int, out: _Bytes, levels: _Floats
 ) -> None:
@@ -172,7 +174,7 @@ def quantize_normed(
         levels[n, 0], levels[n, 1] = step, zero
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def quantize(x: _Floats, border: int, out: _Bytes, levels: _Floats) -> None:
     """Quantise x (B, H, W, C) float32; the parameters are those of `quantize_normed`."""
     batch, height, width, channels = x.shape
@@ -219,7 +221,7 @@ def dequantize(x: _Floats, levels: _Floats, sums: _Floats, bias: _Floats, added:
                     row[c] = row[c] * step + shift[c]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _keep_sum(x: _Floats, rounded: NDArray[np.int8], largest: int) -> None:
     """Move some of the rounded numbers to their other neighbour, so that their sum is within half a step of that of x.
 
@@ -240,7 +242,7 @@ def _keep_sum(x: _Floats, rounded: NDArray[np.int8], largest: int) -> None:
         rounded[at] += direction
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def round_weights(x: _Floats, largest: int) -> NDArray[np.int8]:
     """Round weights so that the errors of a kernel, and those of a whole filter, add up to at most half a step.
 

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
+from meshdeform.geometry.kernels import kernel
 from meshdeform.rendering.rasterizer import backend
 from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
 from meshdeform.support.threads import in_ranges
@@ -37,7 +37,7 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _walk(
     clip: _Floats,
     ends: _Index,
@@ -158,7 +158,7 @@ def _crossings_of(
     return (where[0], what[0]) if len(where) == 1 else (np.concatenate(where), np.concatenate(what))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _blend(flat: _Floats, where: _Index, what: _Floats, out: _Floats) -> None:
     for n in range(len(where)):
         target, source = where[n, 0], where[n, 1]
@@ -166,7 +166,7 @@ def _blend(flat: _Floats, where: _Index, what: _Floats, out: _Floats) -> None:
             out[target, c] += what[n, 0] * (flat[source, c] - flat[target, c])
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _backward(
     flat: _Floats,
     clip: _Floats,

@@ -7,12 +7,12 @@ for Polygon Rasterization.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from meshdeform.geometry.kernels import kernel
 from meshdeform.rendering.rasterizer.spans import EMPTY_DEPTH
 from meshdeform.support.threads import in_ranges
 
@@ -22,7 +22,7 @@ _SUB = 256
 _HALF = 128
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@kernel
 def _rasterize(
     clip: NDArray[np.float64],
     faces: NDArray[np.int64],
