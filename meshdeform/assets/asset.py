@@ -24,7 +24,6 @@ from meshdeform.assets.notices import coarseness_warnings, find_backdrop, up_axi
 from meshdeform.assets.parts import Parts, Rig, read_parts, read_rig, rig_accessors
 from meshdeform.assets.pose import pose_maps, posed_surface
 from meshdeform.assets.repair import rebuild_directions
-from meshdeform.assets.scene import SceneView
 from meshdeform.assets.surface import Block, Surface, read_surface
 from meshdeform.assets.writer import (
     Deformation,
@@ -105,16 +104,6 @@ class Asset:
         document = self._document.fork()
         embed_data_uris(document)
         return document.to_bytes()
-
-    def scene(self) -> SceneView:
-        """Return a read-only view of the default scene, for writing other formats.
-
-        Raises
-        ------
-        AssetError
-            A material, texture or image is not valid.
-        """
-        return SceneView(self._document)
 
     def posed(self) -> Surface:
         """Return the surface as viewers show it: skins in the pose of the file's nodes, not in their bind pose."""

@@ -1,24 +1,22 @@
-"""Write a scene as binary STL: its triangles in the world, and nothing else.
-
-Source: 3D Systems, StereoLithography Interface Specification (1989), binary format.
-"""
+"""Write the surface of an asset as binary STL: its triangles where viewers show them, and nothing else."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from meshdeform import __version__
-from meshdeform.assets.scene import SceneView
-from meshdeform.assets.world import Edges, Frame, count_edges, place_meshes
+from meshdeform.assets.asset import Asset
 from meshdeform.errors import AssetEmptyError
 
-__all__ = ["Stl", "write_stl"]
+__all__ = ["Stl", "Unit", "Up", "write_stl"]
 
-_HEADER_BYTES = 80
-_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+Up = Literal["y", "z"]
+Unit = Literal["m", "cm", "mm"]
+
+_PER_METRE: dict[Unit, float] = {"m": 1.0, "cm": 100.0, "mm": 1e3}
+_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -29,50 +27,38 @@ class Stl:
     ----------
     data : bytes
     triangles : int
-    edges : Edges
+    closed : bool
+        Whether every edge belongs to two triangles that face the same way; corners at one place are one.
     """
 
     data: bytes
     triangles: int
-    edges: Edges
+    closed: bool
 
 
-def write_stl(scene: SceneView, frame: Frame = Frame()) -> Stl:  # noqa: B008 - immutable
-    """Write the triangles of a scene, each where it stands in the world.
+def write_stl(asset: Asset, up: Up = "y", unit: Unit = "m") -> Stl:
+    """Write the triangles of an asset, skins in the pose of its nodes. The same asset gives the same bytes.
 
     Parameters
     ----------
-    scene : SceneView
-    frame : Frame
-        Axes and unit, which the format itself does not store; the header says them in words, together with the open
-        edges.
-
-    Returns
-    -------
-    The same bytes for the same scene. Triangles without area stay, with a zero normal.
+    asset : Asset
+    up : str
+        The axis that points up. For `z`, the asset's front, +Z in glTF, becomes -Y.
+    unit : str
+        Of the lengths: the format stores none.
 
     Raises
     ------
     AssetEmptyError
-        The scene has no triangles.
-    AssetError
-        A position is not finite, or an index is out of range.
+        The asset has no triangles.
     """
-    parts = [mesh.positions[mesh.triangles] for mesh in place_meshes(scene, frame)]
-    if not parts:
+    import trimesh
+
+    shown = asset.posed()
+    if not len(shown.triangles):
         raise AssetEmptyError("The asset has no triangles that an STL could hold.")
-    corners, edges = np.concatenate(parts), count_edges(parts)
-    rows = np.zeros(len(corners), _TRIANGLE)
-    rows["corners"], rows["normal"] = corners, _normals(corners)
-    # It must not begin with "solid", by which readers recognise the text format.
-    header = f"Meshdeform {__version__}; {frame.words}; open edges {edges.open}, tangled {edges.tangled}".encode()
-    start = header[:_HEADER_BYTES].ljust(_HEADER_BYTES) + len(rows).to_bytes(4, "little")
-    return Stl(start + rows.tobytes(), len(rows), edges)
-
-
-def _normals(corners: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return the unit normals of triangles (T, 3, 3), zero for those without area."""
-    a, b, c = corners.astype(np.float64).transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0))
+    positions = shown.positions @ (_Z_UP.T if up == "z" else np.eye(3)) * _PER_METRE[unit]
+    mesh = trimesh.Trimesh(positions, shown.triangles, process=False)
+    data = mesh.export(file_type="stl")
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    return Stl(data, len(shown.triangles), bool(mesh.is_watertight and mesh.is_winding_consistent))

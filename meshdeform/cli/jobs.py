@@ -473,8 +473,7 @@ def fetch(
     name: Annotated[
         list[str] | None,
         typer.Option(
-            help="Only this artifact; repeatable. Default: all. morph.glb, result.obj.zip and result.stl "
-            "are made if needed.",
+            help="Only this artifact; repeatable. Default: all. morph.glb and result.stl are made if needed.",
             autocompletion=_complete_names,
             show_default=False,
         ),

@@ -363,7 +363,7 @@ class AsyncClient(AsyncFileMethods, AsyncSketchMethods):
         return await self._driver.run(reading.artifacts(job, self._policy))
 
     async def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb`, `result.obj.zip` or `result.stl` to a job that has succeeded without it.
+        """Add `morph.glb` or `result.stl` to a job that has succeeded without it.
 
         Raises
         ------

@@ -24,7 +24,7 @@ from meshdeform.errors import JobNotFinishedError, MeshdeformError, NotFoundErro
 
 __all__ = ["AFTERWARDS", "fetched", "loaded", "saved"]
 
-AFTERWARDS = ("morph.glb", "result.obj.zip", "result.stl")
+AFTERWARDS = ("morph.glb", "result.stl")
 """The artifacts that the service can make of a job that has succeeded."""
 
 _BATCH = 2**20

@@ -361,7 +361,7 @@ class Client(FileMethods, SketchMethods):
         return self._driver.run(reading.artifacts(job, self._policy))
 
     def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb`, `result.obj.zip` or `result.stl` to a job that has succeeded without it.
+        """Add `morph.glb` or `result.stl` to a job that has succeeded without it.
 
         Raises
         ------

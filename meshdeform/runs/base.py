@@ -83,17 +83,10 @@ class ArtifactKind:
 
 FORMATS_OF_RESULT = (
     ArtifactKind(
-        "result.obj.zip",
-        "application/zip",
-        "The result as OBJ with its materials and textures, made [afterwards](http.md#post-v1jobsidartifactsname) "
-        "only ([Assets: OBJ and STL](assets.md#obj-and-stl)).",
-        afterwards=True,
-    ),
-    ArtifactKind(
         "result.stl",
         "model/stl",
         "The triangles of `result.glb` for printing, made [afterwards](http.md#post-v1jobsidartifactsname) only "
-        "([Assets: OBJ and STL](assets.md#obj-and-stl)).",
+        "([Assets: STL](assets.md#stl)).",
         afterwards=True,
     ),
 )

@@ -41,7 +41,6 @@ _WIDER = 16
 
 _BASE_BYTES = {
     "morph.glb": 16 * 2**30,
-    "result.obj.zip": 2 * 2**30,
     "result.stl": 2 * 2**30,
     STRENGTH: 16 * 2**30,
 }
@@ -204,18 +203,11 @@ def _other_triangles() -> AssetUnsupportedError:
     )
 
 
-def _obj(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
-    from meshdeform.assets.asset import load_asset
-    from meshdeform.assets.obj_file import write_obj
-
-    return write_obj(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene()).to_zip()
-
-
 def _stl(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
     from meshdeform.assets.asset import load_asset
     from meshdeform.assets.stl_file import write_stl
 
-    return write_stl(load_asset(result.read_bytes(), limits=Limits.unlimited()).scene()).data
+    return write_stl(load_asset(result.read_bytes(), limits=Limits.unlimited())).data
 
 
 def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
@@ -235,12 +227,11 @@ def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limit
 
 DERIVED: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
     "morph.glb": _morph,
-    "result.obj.zip": _obj,
     "result.stl": _stl,
 }
 """What can be made afterwards, by the artifact's name."""
 
-OF_RESULT = frozenset({"result.obj.zip", "result.stl"})
+OF_RESULT = frozenset({"result.stl"})
 """The names in `DERIVED` that are made of `result.glb` alone."""
 
 _MAKERS = {**DERIVED, STRENGTH: _strength}

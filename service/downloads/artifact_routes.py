@@ -161,7 +161,7 @@ def get_artifact(
     },
 )
 async def make_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
-    """Makes `morph.glb`, `result.obj.zip` or `result.stl` of a job that has succeeded, once."""
+    """Makes `morph.glb` or `result.stl` of a job that has succeeded, once."""
     artifact = await app.take_in(principal.owner_id, _make, app, id, principal.owner_id, name)
     return JSONResponse(ArtifactView.of(artifact, id).model_dump(mode="json"))
 

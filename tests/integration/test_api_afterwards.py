@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import io
 import json
-import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
@@ -100,34 +98,26 @@ def _stored_bytes(api: Api, job_id: str) -> int:
     return sum(artifact.size for artifact in api.record.artifacts(job_id))
 
 
-def test_the_formats_of_a_result_are_made_of_it_alone(api: Api, stretched: bytes, tmp_path: Path) -> None:
+def test_the_stl_of_a_result_is_made_of_it_alone(api: Api, stretched: bytes, tmp_path: Path) -> None:
     import trimesh
 
     job_id = finished(api, stretched)
     api.store.delete(api.record.get(job_id).source.key)
     with Client(api.url) as client:
-        zipped, stl = client.fetch(job_id, tmp_path, ["result.obj.zip", "result.stl"])
+        (stl,) = client.fetch(job_id, tmp_path, ["result.stl"])
     surface = load_asset(stretched).surface
     wanted = surface.positions[surface.triangles].astype(np.float32)
     np.testing.assert_array_equal(trimesh.load_mesh(stl, process=False).triangles, wanted)
-    assert b"metres, +Y up; open edges 0, tangled 0" in stl.read_bytes()[:80]
-    read = load_asset(zipped.read_bytes(), "result.obj.zip").surface
-    np.testing.assert_array_equal(read.positions[read.triangles].astype(np.float32), wanted)
-    assert zipfile.ZipFile(zipped).namelist() == ["result.obj", "result.mtl"]
-    for name, media_type, saved in (
-        ("result.stl", "model/stl", "ball-x-seed0.stl"),
-        ("result.obj.zip", "application/zip", "ball-x-seed0.obj.zip"),
-    ):
-        answer = api.http.head(f"/v1/jobs/{job_id}/artifacts/{name}")
-        assert answer.headers["content-type"] == media_type
-        assert answer.headers["content-disposition"] == f'attachment; filename="{saved}"'
+    answer = api.http.head(f"/v1/jobs/{job_id}/artifacts/result.stl")
+    assert answer.headers["content-type"] == "model/stl"
+    assert answer.headers["content-disposition"] == 'attachment; filename="ball-x-seed0.stl"'
 
 
 def test_clients_and_the_command_line_make_what_is_missing(api: Api, stretched: bytes, tmp_path: Path) -> None:
     job_id = finished(api, stretched)
     with Client(api.url) as client:
-        (path,) = client.fetch(job_id, tmp_path, ["result.obj.zip"])
-        assert zipfile.ZipFile(io.BytesIO(path.read_bytes())).namelist()[0] == "result.obj"
+        (path,) = client.fetch(job_id, tmp_path, ["result.stl"])
+        assert path.name.endswith(".stl")
         with pytest.raises(NotFoundError, match="has no artifact"):
             client.make(job_id, "other.glb")
     assert asyncio.run(_made(api.url, job_id)) == "morph.glb"

@@ -233,7 +233,7 @@ export class Client {
     return (await this.#transport.json<{ artifacts: Artifact[] }>(path(job, "artifacts"), { signal })).artifacts;
   }
 
-  /** Make `morph.glb`, `result.obj.zip` or `result.stl` of a job that was not asked for it. */
+  /** Make `morph.glb` or `result.stl` of a job that was not asked for it. */
   async make(job: JobLike, name: string, signal?: AbortSignal): Promise<Artifact> {
     return this.#transport.json<Artifact>(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
   }

@@ -24,7 +24,6 @@ export function stemOf(job) {
 
 const ARTIFACTS = /** @type {Record<string, string>} */ ({
   "result.glb": ".glb",
-  "result.obj.zip": ".obj.zip",
   "result.stl": ".stl",
   "morph.glb": "-animated.glb",
   "surface.ndf": ".ndf",

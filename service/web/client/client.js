@@ -174,7 +174,7 @@ export class Client {
     async artifacts(job, signal) {
         return (await this.#transport.json(path(job, "artifacts"), { signal })).artifacts;
     }
-    /** Make `morph.glb`, `result.obj.zip` or `result.stl` of a job that was not asked for it. */
+    /** Make `morph.glb` or `result.stl` of a job that was not asked for it. */
     async make(job, name, signal) {
         return this.#transport.json(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
     }

@@ -10,11 +10,10 @@ import { isDeformation } from "./shapes.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
 // What the service can make of a finished job that was not asked for it.
-const AFTERWARDS = ["result.obj.zip", "result.stl", "morph.glb"];
+const AFTERWARDS = ["result.stl", "morph.glb"];
 const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
-  "result.obj.zip": "The new shape as OBJ, with materials and textures",
   "result.stl": "The new shape for printing: metres, Y up",
   "source.glb": "The mesh that was fitted to the asset",
   "surface.ndf": "The surface: base mesh and network",
