@@ -1,0 +1,65 @@
+"""Count the house: ``python -m bench.house [--write]``.
+
+Lines of the product's Python, of what trains and measures, of the page, of tests and of benchmarks; words of documents;
+parameters of `text_deform`. ``bench/house.json`` holds the counts: a change that adds more than `ROOM` lines or a
+parameter changes that file as well, so that it is seen (`tests/unit/test_house.py`), and says who uses it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+from pathlib import Path
+
+from meshdeform.requests.document import DeformParams
+
+__all__ = ["EXPECTED", "ROOM", "counts"]
+
+ROOT = Path(__file__).resolve().parents[1]
+EXPECTED = Path(__file__).with_suffix(".json")
+ROOM = 500
+"""Lines, and words, that a change may add without a change of the counts."""
+_FOLDERS = {
+    "product": (["meshdeform", "service", "worker", "clients", "integrations", "plugins"], (".py",)),
+    "training": (["training"], (".py",)),
+    "page": (["service/web"], (".js", ".css", ".html")),
+    "tests": (["tests"], (".py",)),
+    "bench": (["bench"], (".py",)),
+}
+_OF_OTHERS = ("service/web/vendor/", "service/web/client/")
+"""Libraries, and the built client, which `clients/typescript` has."""
+
+
+def counts() -> dict[str, int]:
+    """Return the counts of the files that git knows."""
+    lines = {
+        f"{name}_lines": sum(_text(path).count("\n") for path in _files(folders) if path.endswith(endings))
+        for name, (folders, endings) in _FOLDERS.items()
+    }
+    words = sum(len(_text(path).split()) for path in _files(["docs", "README.md"]) if path.endswith(".md"))
+    return {**lines, "document_words": words, "parameters": len(DeformParams.model_fields)}
+
+
+def _files(folders: list[str]) -> list[str]:
+    command = ["git", "ls-files", "--", *folders]
+    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
+    return [path for path in listed if not path.startswith(_OF_OTHERS) and (ROOT / path).is_file()]
+
+
+def _text(path: str) -> str:
+    return (ROOT / path).read_text()
+
+
+def main() -> None:
+    """Print the counts; with ``--write``, keep them."""
+    parser = argparse.ArgumentParser(description="Count the house.")
+    parser.add_argument("--write", action="store_true", help="keep the counts in house.json")
+    document = json.dumps(counts(), indent=2) + "\n"
+    if parser.parse_args().write:
+        EXPECTED.write_text(document)
+    print(document, end="")
+
+
+if __name__ == "__main__":
+    main()
