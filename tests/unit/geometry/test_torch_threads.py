@@ -37,5 +37,7 @@ def test_torch_has_its_threads_back_after_an_error() -> None:
         share_work(fail, 3)
     with pytest.raises(ValueError, match="9"), one_torch_thread():
         fail(9, 10)
-    assert seen == [1, 1, 1, 1]
+    # Shares that have not begun when another one fails are left out.
+    assert set(seen) == {1}
+    assert 2 <= len(seen) <= 4
     assert torch.get_num_threads() == 3
