@@ -34,6 +34,7 @@ from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.orientation import Front, Grader, Orientation, OrientationSource, find_orientation
+from meshdeform.deformation.pulls import Pulls
 from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.rigid_bodies import Body
@@ -54,7 +55,7 @@ from meshdeform.requests.document import ResolvedParams, Safeguard
 
 __all__ = ["Deformation", "Step"]
 
-_ORIENTATION, _STRUCTURE = "orientation", "structure"
+_ORIENTATION, _STRUCTURE, _PULLS = "orientation", "structure", "pulls"
 _REACHED = 1e-8
 """Value of a target's guidance that differs from zero by rounding only."""
 _SOFT = 2 / 3
@@ -119,6 +120,8 @@ class Deformation:
     ----------
     orientation : Orientation
         The turn of the cameras, found here if `params.orientation` is `auto`.
+    pulls : Pulls
+        How hard each regulariser pulls against the guidance, where that reaches all elements.
 
     Raises
     ------
@@ -198,6 +201,7 @@ class Deformation:
         self._guard = None
         if params.safeguard is not Safeguard.NONE:
             self._guard = SurfaceGuard(params.safeguard, rest, self._variables, self._stand_in.posed(pose))
+        self.pulls = Pulls()
         self._consistent = True
         if initial is not None:
             copy_into(self._variables, initial)
@@ -296,6 +300,7 @@ class Deformation:
             **guiding,
             **({} if self.structure is None else {_STRUCTURE: self.structure.to_tensor()}),
             _ORIENTATION: self.orientation.to_tensor(),
+            _PULLS: self.pulls.sums,
             "generator": self._generator.get_state(),
         }
         return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
@@ -371,6 +376,8 @@ class Deformation:
         self._optimizer.zero_grad()
         if self._regional is not None and regional is not None:
             self._regional.add(regional)
+        else:
+            self.pulls.measure(terms, list(self._variables.tensors.values()), self.step)
         total.backward()  # type: ignore[no-untyped-call]
         # A tensor without a gradient is not free yet.
         gradients = [tensor.grad for tensor in self._variables.tensors.values() if tensor.grad is not None]
@@ -423,6 +430,8 @@ class Deformation:
         if self._shape is not None:
             self._shape.restore(state)
         self.orientation = _stored_orientation(state)
+        if _PULLS in state:  # those of earlier versions have none
+            self.pulls.sums = state[_PULLS].clone()
         self._generator.set_state(state["generator"])
         self._consistent = True
         self.step = checkpoint.step

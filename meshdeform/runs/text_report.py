@@ -210,9 +210,11 @@ def build_report(
         "orientation": deformation.orientation.to_dict(),
         "appearance": appearance,
         "movement": movement.to_dict(),
+        "pulls": deformation.pulls.to_dict(),
         "warnings": [
             *movement.warnings,
             *deformation.warnings,
+            *deformation.pulls.warnings,
             *_quality_warnings(quality, posed, len(faces)),
             *up_axis,
             *subdivision_warnings(facts.subdivision),

@@ -157,6 +157,7 @@ def evaluate(
         _list(plan(), limit, as_json)
         return
     from training.evaluation import runner
+    from training.evaluation.summary import outweighed
     from training.evaluation.tables import table
 
     def print_line(line: str) -> None:
@@ -178,6 +179,14 @@ def evaluate(
     typer.echo(table("steps", [(str(row["steps"]), row["overall"]) for row in document["summary"]]), nl=False)
     typer.echo(f"{document['done']} of {document['expected']} done, {document['failed']} failed")
     typer.echo(f"{out / 'results.json'}  {out / 'table.md'}  {out / 'sheet.png'}")
+    harder = outweighed(document["records"])
+    if harder and not document["manifest"].get("ablation"):
+        raise OutcomeError(
+            ExitCode.SOME_FAILED,
+            "outweighed",
+            f"A regulariser pulled harder than the guidance in {len(harder)} runs: {'; '.join(harder)}.",
+            "Lower its weight: the prompt is to decide.",
+        )
 
 
 def _list(plan: Plan, limit: int | None, as_json: bool) -> None:

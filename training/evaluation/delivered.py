@@ -8,6 +8,7 @@ is decided as in a run (`meshdeform.runs.verdict`).
 from __future__ import annotations
 
 import itertools
+import json
 import statistics
 import time
 from dataclasses import dataclass
@@ -68,7 +69,8 @@ class DeliveredEvaluator(Evaluator):
         folder.mkdir(parents=True, exist_ok=True)
         kept = {name: artifacts[name] for name in ("result.glb", "report.json")}
         write_files({folder / name: data for name, data in {**kept, "preview.png": picture}.items()})
-        facts = (statistics.median(seconds), total, 0.0, run.orientation.to_dict())
+        pulls = json.loads(artifacts["report.json"])["pulls"]
+        facts = (statistics.median(seconds), total, 0.0, run.orientation.to_dict(), pulls)
         rest = posed_mesh(source)
         return rest.mesh, {steps: rest.moved(result) for steps, result in results.items()}, self._facts(facts)
 

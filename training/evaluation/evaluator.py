@@ -41,9 +41,9 @@ from training.evaluation.suite import Item
 __all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path", "texels_path"]
 
 _RECORD = "record.json"
-_RUN = ("step_s_median", "seconds", "turned_deg", "orientation")
+_RUN = ("step_s_median", "seconds", "turned_deg", "orientation", "pulls")
 """Facts about the deformation, for information: seconds per step and in total, the angle by which the source was
-turned, and the orientation that the run chose."""
+turned, the orientation that the run chose, and how hard each regulariser pulled against the guidance."""
 
 
 def item_folder(folder: Path, item: Item) -> Path:
@@ -152,8 +152,8 @@ class Evaluator:
             if step.step in self._plan.steps:
                 shapes[step.step] = _turned(TriangleMesh(frame.leave(run.verts()), rest.faces), -angle)
             before = time.perf_counter()
-        facts = (statistics.median(seconds), math.fsum(seconds), round(angle, 2), run.orientation.to_dict())
-        return rest, shapes, self._facts(facts)
+        times = statistics.median(seconds), math.fsum(seconds)
+        return rest, shapes, self._facts((*times, round(angle, 2), run.orientation.to_dict(), run.pulls.to_dict()))
 
     def _facts(self, values: tuple[Any, ...]) -> dict[str, Any]:
         """Name the facts of a run."""

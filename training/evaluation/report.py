@@ -11,7 +11,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.support.files import write_files
 from training.evaluation.plan import read_manifest
 from training.evaluation.sheet import contact_sheet
-from training.evaluation.summary import states_of, summarise, summarise_kept
+from training.evaluation.summary import outweighed, states_of, summarise, summarise_kept
 from training.evaluation.tables import comparison, kept_table, table
 
 __all__ = ["compare", "read_results", "write_report"]
@@ -118,6 +118,9 @@ def _page(document: dict[str, Any]) -> str:
     ]
     if last["kept"] is not None:
         lines.insert(1, kept_table([("all", last["kept"])]))
+    harder = outweighed(document["records"])
+    if harder:
+        lines += ["## Outweighed by a regulariser\n", *(f"- {line} as the guidance" for line in harder)]
     failed = [record for record in document["records"] if record["failed"]]
     if failed:
         lines.append("## Failed\n")

@@ -8,7 +8,7 @@ from typing import Any
 
 from training.evaluation.retrieval import wilson
 
-__all__ = ["States", "states_of", "summarise", "summarise_kept"]
+__all__ = ["States", "outweighed", "states_of", "summarise", "summarise_kept"]
 
 States = list[dict[str, Any]]
 
@@ -97,6 +97,16 @@ def summarise_kept(states: States) -> dict[str, Any] | None:
         "structure": structure,
         "worse_share": statistics.fmean(each["worse_than_source"] for each in kept) if ranks else None,
     }
+
+
+def outweighed(records: Iterable[dict[str, Any]]) -> list[str]:
+    """Return a line for each regulariser that pulled harder than the guidance, by the pulls of a run's records."""
+    return [
+        f"{record['source']}, {record['prompt']}, seed {record['seed']}: `{name}` pulled {pull:.2f} times as hard"
+        for record in records
+        for name, pull in (record.get("pulls") or {}).items()
+        if pull > 1
+    ]
 
 
 def _share(states: States, who: str, hit: Callable[[dict[str, Any]], bool]) -> dict[str, float] | None:
