@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from meshdeform.assets import Limits
 from meshdeform.errors import CheckpointError, MeshdeformError, StaleAttemptError, UnavailableError
 from meshdeform.record.models import Artifact, Job, JobError, OriginMode, StoredFile
-from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
+from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import span
 from worker.context import WorkerContext
@@ -80,7 +80,6 @@ class Attempt:
         self._retry = Retry(self._go_on, at.retry_for_s)
         self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept)
         self._run: JobRun | None = None
-        self._shown: dict[str, Artifact] = {}
         self._steps, self._steps_s = 0, 0.0
 
     def run(self) -> Ended:
@@ -128,7 +127,7 @@ class Attempt:
         failpoint("worker.results.stored")
         if self._watch.canceled:
             return self._ended(Outcome.CANCELED)
-        return self._ended(Outcome.SUCCEEDED, results=[*results, *self._shown.values()])
+        return self._ended(Outcome.SUCCEEDED, results=results)
 
     def _optimize(self, run: JobRun) -> bool:
         """Do the remaining steps; return False if the job must stop before its end."""
@@ -173,7 +172,6 @@ class Attempt:
                 limits=Limits.from_settings(self._at.settings),
                 device=self._at.device,
                 on_phase=self._phase,
-                on_artifact=self._show,
                 on_wait=self._go_on,
             )
             return self._at.start(given)
@@ -199,15 +197,6 @@ class Attempt:
             # The request is the same, so a start from the beginning gives the same result.
             _log.warning("job %s: starts from the beginning: %s", job.id, error)
             return start()
-
-    def _show(self, name: str, artifact: ArtifactData) -> None:
-        """Store an artifact and publish it before the job has ended."""
-        (stored,) = store_results(self._at.store, self._job, {name: artifact}, self._retry)
-        self._shown[name] = stored
-        about = f"job {self._job.id}: {name}"
-        self._retry.until_answered(
-            about, lambda: self._at.record.leases.show_artifact(self._job.id, self._job.attempt, stored)
-        )
 
     def _input(self, part: str, file: StoredFile) -> InputFile:
         """Read a file of the job and verify its SHA-256."""

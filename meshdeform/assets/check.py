@@ -53,7 +53,7 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "sketch", "scalars"]
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "scalars"]
 """What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
 in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, a line drawing, or values at points."""
 
@@ -117,13 +117,13 @@ def check_asset_subprocess(
     if not outcome.verdict["ok"]:
         raise error_from(outcome.verdict["error"])
     summary = outcome.verdict["summary"]
-    return PictureSummary.read(summary) if content in ("silhouette", "sketch") else _summary(summary)
+    return PictureSummary.read(summary) if content == "silhouette" else _summary(summary)
 
 
 def _arguments(path: Path, filename: str, limits: Limits, content: FileContent) -> list[str]:
     # The name may contain characters that a command line cannot pass; the child only needs a known extension.
     ending = filename.lower().rpartition(".")[2] if "." in filename else None
-    known = FORMATS | SURFACE_FORMATS if content == "surface" else FORMATS
+    known = FORMATS | SURFACE_FORMATS
     name = "asset" if ending is None else f"asset.{ending if ending in known else 'other'}"
     return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), "--content", content]
 
@@ -218,7 +218,6 @@ def main(arguments: list[str] | None = None) -> int:
         "family": _read_family,
         "lesson": _read_lesson,
         "weights": _read_weights,
-        "sketch": _read_sketch,
         "scalars": _read_scalars,
     }.get(options.content, _decode)
     try:
@@ -269,13 +268,6 @@ def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     from meshdeform.assets.silhouette import read_silhouette
 
     return asdict(read_silhouette(path.read_bytes()).summary)
-
-
-def _read_sketch(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    from meshdeform.assets.drawing import summary_of
-
-    return asdict(summary_of(path.read_bytes()))
 
 
 def _read_scalars(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive
 from meshdeform.assets.container import GLB_MAGIC, Data, Json, glb_layout, member, objects, parse_json, text
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, refuse_other_format
+from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, no_triangles, refuse_other_format
 from meshdeform.assets.scenegraph import (
     GPU_INSTANCING,
     LOOSE,
@@ -120,6 +120,8 @@ def asset_format(data: Data, filename: str) -> str:
     ------
     AssetFormatError
         Neither indicates glTF, OBJ, PLY, STL or ZIP.
+    AssetEmptyError
+        It is a surface without triangles.
     """
     head = bytes(data[:64])
     ending = filename.lower().rpartition(".")[2] if "." in filename else ""
@@ -128,6 +130,8 @@ def asset_format(data: Data, filename: str) -> str:
     if head.startswith((b"ply\n", b"ply\r")):
         return "ply"
     refuse_other_format(head, ending)
+    if ending in _SURFACES:  # an NPZ is a ZIP
+        raise no_triangles(_SURFACES[ending])
     if head.startswith(ZIP_MAGIC):
         return "zip"
     if ending == "gltf" or (not ending and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")):

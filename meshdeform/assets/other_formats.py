@@ -14,7 +14,7 @@ from meshdeform.errors import (
     AssetUnsupportedError,
 )
 
-__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "refuse_other_format"]
+__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "no_triangles", "refuse_other_format"]
 
 _WRITE = "bpy.ops.export_scene.gltf(filepath='out.glb')"
 _READ_BY_BLENDER = "blender -b --python-expr \"import bpy; bpy.ops.wm.{}(filepath='in.{}'); {}\""
@@ -54,8 +54,19 @@ def inspect_foreign(data: Data, kind: str, limits: Limits) -> tuple[int, int]:
             f"(MESHDEFORM_MAX_TRIANGLES) and {limits.max_vertices}."
         )
     if faces == 0:
-        raise AssetEmptyError("The file has no faces.")
+        raise no_triangles("points") if kind == "ply" and vertices else AssetEmptyError("The file has no faces.")
     return vertices, faces
+
+
+def no_triangles(surface: str) -> AssetEmptyError:
+    """Return the error about a file that describes a surface by `points`, a `grid` or a `network`."""
+    words = {"points": "points", "grid": "a distance grid", "network": "a network"}[surface]
+    return AssetEmptyError(
+        f"The file has no triangles: it describes a surface by {words}.",
+        advice="Fit a surface to it first, and send that mesh: `meshdeform surface-fit FILE -o mesh.glb`, or a job of "
+        "kind surface_fit (docs/surface_fit.md).",
+        surface=surface,
+    )
 
 
 def refuse_other_format(head: bytes, ending: str) -> None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from meshdeform.cli.progress import ProgressView
     from meshdeform.priors.base import Prior
     from meshdeform.requests.document import JobRequest
-    from meshdeform.runs.base import ArtifactData, InputFile, JobRun
+    from meshdeform.runs.base import InputFile, JobRun
     from meshdeform.settings import Settings
 
 __all__ = [
@@ -61,8 +61,6 @@ class FinishedRun:
     report : dict
     artifacts : dict of str to bytes
         The artifacts that were written, by name.
-    shown : dict of str to Path
-        Those that were written before the run had ended.
     steps : int
         Steps done, with those of the checkpoint.
     resumed_from : int, optional
@@ -74,7 +72,6 @@ class FinishedRun:
 
     report: dict[str, Any]
     artifacts: dict[str, bytes]
-    shown: dict[str, Path]
     steps: int
     resumed_from: int | None
     losses: dict[str, float]
@@ -112,7 +109,6 @@ class LocalJob:
     resume: Path | None = None
     whole_folder: bool = False
     load: Callable[..., Prior] | None = None
-    _shown: dict[str, Path] = field(default_factory=dict, init=False)
     _losses: dict[str, float] = field(default_factory=dict, init=False)
     _step: tuple[int, int] | None = field(default=None, init=False)
     _saved_step: int | None = field(default=None, init=False)
@@ -188,7 +184,6 @@ class LocalJob:
             limits=limits,
             device=device,
             on_phase=on_phase,
-            on_artifact=self._show,
         )
         with self._alignment_picture(), collection_paused():  # compiled kernels are loaded, and a library for them
             return start_run(job_input)
@@ -218,7 +213,7 @@ class LocalJob:
         write_all({self.outputs[name]: data for name, data in artifacts.items()}, remove=gone)
         elapsed_s = round(time.perf_counter() - began, 3)
         report = json.loads(artifacts[_REPORT])
-        return FinishedRun(report, artifacts, self._shown, run.step, first or None, self._losses, elapsed_s)
+        return FinishedRun(report, artifacts, run.step, first or None, self._losses, elapsed_s)
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:
         path, every = self.checkpoint, self.request.params.checkpoint_every_steps
@@ -250,13 +245,6 @@ class LocalJob:
                     _write({path: error.picture})
                 error.advice_text += f" {path} shows the asset in blue and the target in orange."
             raise
-
-    def _show(self, name: str, artifact: ArtifactData) -> None:
-        """Write what is shown before the run has ended beside the result."""
-        path = self.outputs.get(name, self._main.with_suffix(f".{name}"))
-        with writing(name):
-            _write({path: artifact.data})
-        self._shown[name] = path
 
     def _interruption(self) -> OutcomeError:
         where = "before the first step" if self._step is None else "at step {} of {}".format(*self._step)

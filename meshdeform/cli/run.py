@@ -207,7 +207,7 @@ def run(
     with show_progress(quiet=quiet) as progress:
         finished = local.run(progress)
         if animate is not None:
-            write_animation(finished.shown.get("source.glb", asset), output, animate, settings)
+            write_animation(asset, output, animate, settings)
     _print(_summary(local, finished, animate), as_json=as_json, quiet=quiet)
 
 
@@ -244,15 +244,12 @@ def _paths(request: JobRequest, output: Path, report: Path | None, preview: Path
 
 
 def _summary(job: LocalJob, finished: FinishedRun, animation: Path | None) -> dict[str, Any]:
-    morph, shown = job.outputs.get("morph.glb"), dict(finished.shown)
-    source = shown.pop("source.glb", None)
+    morph = job.outputs.get("morph.glb")
     return {
         "result": str(job.outputs["result.glb"]),
         "report": str(job.outputs["report.json"]),
         "preview": str(job.outputs["preview.png"]),
         "morph": str(morph) if morph else None,
-        "targets": [str(path) for path in shown.values()],
-        "source": str(source) if source else None,
         "steps": finished.steps,
         "resumed_from": finished.resumed_from,
         "losses": finished.losses,
@@ -269,7 +266,7 @@ def _print(summary: Mapping[str, Any], *, as_json: bool, quiet: bool) -> None:
     if quiet:
         return
     titles = {"result": "GLB", "morph": "Morph GLB", "report": "Report", "preview": "Picture"}
-    titles |= {"animation": "Animation", "source": "Source mesh"}
+    titles |= {"animation": "Animation"}
     for name, title in titles.items():
         if summary[name] is not None:
             typer.echo(f"{title:<10} {summary[name]}")

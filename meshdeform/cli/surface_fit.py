@@ -50,7 +50,12 @@ def surface_fit(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="The .ndf to write. Default: SURFACE.ndf here.", show_default=False),
+        typer.Option(
+            "-o",
+            "--output",
+            help="The .ndf to write, or a .glb of the finest level with the .ndf beside it. Default: SURFACE.ndf here.",
+            show_default=False,
+        ),
     ] = None,
     meshes: Annotated[
         bool, typer.Option("--meshes", help="Also write each level as a GLB, and the intrinsic triangulation.")
@@ -83,20 +88,26 @@ def surface_fit(
     meshdeform surface-fit bunny.obj -o bunny.ndf
 
     meshdeform surface-fit scan.ply --base-faces 2000 --steps 3000 --meshes
+
+    meshdeform surface-fit points.xyz -o mesh.glb
     """
     require("torch", "deform")
     output = output or Path(f"{surface.stem}.ndf")
+    mesh = output if output.suffix.lower() == ".glb" else None
+    output = output.with_suffix(".ndf") if mesh else output
     if output.suffix.lower() != ".ndf":
-        raise typer.BadParameter(f"the result is a .ndf, but {output.name} does not end so", param_hint="--output")
+        raise typer.BadParameter(f"{output.name} is neither a .ndf nor a .glb", param_hint="--output")
     params = overlaid(merge_params(param or [], anchors=parse_anchors(anchor)), written(ctx))
     request = make_request("", params, more={"kind": "surface_fit"})
     sources = {"asset": surface, "base": base, "scalars": scalars}
-    level = request.params.level if meshes else None  # type: ignore[attr-defined]
+    level: int = request.params.level  # type: ignore[attr-defined]
     from meshdeform.cli.local import LocalJob
     from meshdeform.cli.progress import show_progress
 
     files = {part: path for part, path in sources.items() if path is not None}
-    paths = _paths(output, level)
+    paths = _paths(output, level if meshes else None)
+    if mesh is not None:
+        paths[f"level_{level}.glb"] = mesh
     job = LocalJob(request, files, paths, load_settings(threads=threads), checkpoint=checkpoint, resume=resume)
     job.check(force=force)
     with show_progress(quiet=quiet) as progress:
@@ -117,6 +128,8 @@ def surface_fit(
         emit(summary)
     elif not quiet:
         typer.echo(f"Field      {output} ({summary['bytes']} bytes)")
+        if mesh is not None:
+            typer.echo(f"Mesh       {mesh}")
         typer.echo(f"Report     {paths['report.json']}")
         typer.echo(f"Picture    {paths['preview.png']}")
         typer.echo(

@@ -169,13 +169,6 @@ class Leases(Claims):
         reached = sa.select(sa.func.max(events.c.data["step"].as_integer())).where(earlier)
         return (connection.execute(reached).scalar() or 0) >= step
 
-    def show_artifact(self, job_id: str, attempt: int, found: Artifact) -> None:
-        """Publish an artifact before the job has ended, in place of that of an earlier attempt."""
-        with changing(self._database) as change:
-            if not change.update(rows.fenced(job_id, attempt), {}):
-                raise stale(change.connection, job_id, attempt)
-            self._publish(change, job_id, attempt, [found])
-
     def forget_checkpoint(self, job_id: str, attempt: int, key: str) -> None:
         """Remove a checkpoint from the record, so that its objects can be deleted."""
         with self._database.write() as connection:

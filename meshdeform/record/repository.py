@@ -260,7 +260,7 @@ class JobRecord:
         return keys
 
     def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:
-        """Return the results of a job, sorted by name. Before it has succeeded, only those that it shows early.
+        """Return the results of a job, sorted by name; there are none before it has succeeded.
 
         Raises
         ------

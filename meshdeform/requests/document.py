@@ -43,7 +43,7 @@ from meshdeform.requests.parameters import (
     StrictModel,
 )
 from meshdeform.requests.presets import OVERRIDES, Family
-from meshdeform.requests.prompts import active_prompts, goal_guidance
+from meshdeform.requests.prompts import active_prompts
 from meshdeform.requests.removed import without_removed
 from meshdeform.requests.unbounded import first_problem, read_unbounded
 
@@ -208,7 +208,7 @@ class JobRequest(StrictModel):
         params: Any = self.params
         if not isinstance(params, DeformParams):
             return f"{self.kind}/{getattr(params, 'guidance', '')}/{_family(getattr(params, 'model', ''))}"
-        own = f"{self.kind}/{goal_guidance(params)}/{_family(params.model)}"
+        own = f"{self.kind}/{params.guidance}/{_family(params.model)}"
         pulling = active_prompts(self.prompt, params.prompts)
         # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
         local = sum(bool(each.regions) for each in pulling)
@@ -264,10 +264,12 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     Raises
     ------
     ParameterError
-        A bound of the user contradicts one of the preset, rigid parts one that they cannot have, the guidance cannot
-        use the appearance, or a sketch contradicts another goal.
+        A bound of the user contradicts one of the preset, rigid parts one that they cannot have, or the guidance cannot
+        use the appearance or the prompts.
     """
-    params = _with_goal(params)
+    if params.prompts and params.guidance is not GuidanceKind.SDS:
+        detail = f"`prompts` cannot be combined with `guidance`: `{params.guidance}` uses no prompt."
+        raise ParameterError.at(["params", "prompts"], detail, "Leave out prompts or guidance.")
     model = params.model or default_model
     family: Family = "builtin" if is_builtin(model) else "sd"
     if params.guidance is not GuidanceKind.SDS:
@@ -292,25 +294,3 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
             ["params", "appearance"], detail, "Leave params.appearance out, or use a Stable Diffusion model."
         )
     return read_unbounded(ResolvedParams, values)
-
-
-def _with_goal(params: DeformParams) -> DeformParams:
-    """Return the parameters with the guidance that their sketch implies.
-
-    Raises
-    ------
-    ParameterError
-        They contradict each other.
-    """
-    guidance = goal_guidance(params)
-    if params.sketch is not None and params.silhouettes:
-        raise ParameterError.at(
-            ["params", "silhouettes"], "Pictures cannot guide beside a target mesh.", "Leave out one of the two."
-        )
-    if params.prompts and guidance is not GuidanceKind.SDS:
-        detail = f"`prompts` cannot be combined with `guidance`: `{guidance}` uses no prompt."
-        raise ParameterError.at(["params", "prompts"], detail, "Leave out prompts or guidance.")
-    if "guidance" in params.model_fields_set and params.guidance is not guidance:
-        detail = f"guidance is `{params.guidance}`, and `sketch` needs `{guidance}`."
-        raise ParameterError.at(["params", "guidance"], detail, "Leave params.guidance out.")
-    return params if params.guidance is guidance else params.model_copy(update={"guidance": guidance})

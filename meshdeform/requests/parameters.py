@@ -41,7 +41,6 @@ from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
 from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
-from meshdeform.requests.sketches import SKETCH, Sketch
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
@@ -303,7 +302,6 @@ class DeformParams(StrictModel):
         "searched, and both get the same centre of mass and spread; `none`: both files share their coordinates.",
         examples=["auto"],
     )
-    sketch: Sketch | None = SKETCH
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),
         max_length=MAX_LANDMARKS,

@@ -19,7 +19,6 @@ __all__ = [
     "PROMPTS",
     "Prompt",
     "active_prompts",
-    "goal_guidance",
     "needs_prior",
     "needs_target",
     "prompt_words",
@@ -83,16 +82,11 @@ def prompt_words(prompt: str, params: Any) -> str:
     return " + ".join(dict.fromkeys(text for text in (prompt, *further) if text))
 
 
-def goal_guidance(params: DeformParams) -> GuidanceKind:
-    """Return what guides a job: `params.sketch` is a target mesh."""
-    return params.guidance if params.sketch is None else GuidanceKind.TARGET
-
-
 def needs_prior(params: DeformParams) -> bool:
     """Return whether a prompt guides a job."""
-    return goal_guidance(params) is GuidanceKind.SDS
+    return params.guidance is GuidanceKind.SDS
 
 
 def needs_target(params: DeformParams) -> bool:
     """Return whether a job needs the part `target`."""
-    return params.guidance is GuidanceKind.TARGET and params.sketch is None
+    return params.guidance is GuidanceKind.TARGET

@@ -20,6 +20,7 @@ REMOVED: Mapping[str, str] = {
     "params.attachment_weight": "Use params.carrier.",
     "params.encoder": "Leave it out: a model encodes with its own autoencoder.",
     "params.length": "Scale the result along its axes, or keep regions (docs/control.md#keep-and-only).",
+    "params.sketch": "Make a mesh of the drawing (docs/sketch.md), and send it as the part `target`.",
     "params.stages": "Branch a job for each further goal (docs/cli.md#meshdeform-branch).",
     "params.target": "Send the mesh that the model made as the part `target` (docs/control.md#fit-a-mesh).",
     "params.translation_rate": "Use params.carrier.",

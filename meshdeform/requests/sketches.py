@@ -1,4 +1,4 @@
-"""Declare the parameters of the procedural families that a drawing can show, and `params.sketch`. Without numpy.
+"""Declare the parameters of the procedural families that a drawing can show. Without numpy.
 
 Sizes are proportions: each family has one length that is fixed (the height of a vase is 1), because a drawing does not
 tell how large a thing is. `meshdeform.sketch.families` makes the shapes.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 from pydantic import Field, model_validator
 
@@ -16,9 +16,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
-    "SKETCH",
     "SKETCH_FAMILIES",
-    "SKETCH_PART",
     "Choice",
     "FamilyParameters",
     "Number",
@@ -26,9 +24,6 @@ __all__ = [
     "Value",
     "sketch_family",
 ]
-
-SKETCH_PART = "sketch"
-"""The part of a job that is a drawing."""
 
 Value = float | str
 """A value of a parameter: a number, or the name of a choice."""
@@ -236,12 +231,3 @@ class Sketch(StrictModel):
         except ParameterError as error:
             raise ValueError(" ".join(filter(None, (error.detail, error.advice_text)))) from error
         return self
-
-
-SKETCH: Any = Field(
-    None,
-    description="With `target`: a shape of a procedural family as the target mesh. With the part `sketch` it says what "
-    "the drawing shows and corrects what was read from it; without a drawing it is the whole description "
-    "([Sketches](sketch.md#in-a-job)).",
-    examples=[{"family": "vase", "values": {"handles": "two"}}],
-)

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
 __all__ = [
-    "FITTED_SOURCE",
     "FORMATS_OF_RESULT",
     "ArtifactData",
     "ArtifactKind",
@@ -92,14 +91,6 @@ FORMATS_OF_RESULT = (
 )
 """What any kind of job that writes `result.glb` can have made of it."""
 
-FITTED_SOURCE = ArtifactKind(
-    "source.glb",
-    "model/gltf-binary",
-    "The mesh that was fitted to an asset without triangles "
-    "([Surface fits](surface_fit.md#as-the-source-of-a-deformation)); there before the first step.",
-)
-"""What stands for such an asset wherever the source of a job's result is needed."""
-
 
 @dataclass(frozen=True)
 class InputFile:
@@ -155,8 +146,6 @@ class RunInput:
     device : str
     on_phase : callable
         Told the name of a phase that the start enters.
-    on_artifact : callable
-        Given an artifact, by name, that is to be shown before the run has ended.
     on_wait : callable
         Called now and then while the start takes long; raises if the run must stop.
     """
@@ -171,7 +160,6 @@ class RunInput:
     limits: Limits | None = None
     device: str = "cpu"
     on_phase: Callable[[str], None] = lambda _name: None
-    on_artifact: Callable[[str, ArtifactData], None] = lambda _name, _artifact: None
     on_wait: Callable[[], None] = lambda: None
 
 
@@ -244,8 +232,6 @@ class Kind:
     artifacts : tuple of ArtifactKind
     uses : callable
         Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
-    alternatives : tuple of str
-        Parts of which a job has one at most: a branch that names one inherits none of the others.
     check_files : callable
         Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
         the meshes by part. Default: all fit. Torch-free.
@@ -269,7 +255,6 @@ class Kind:
     load: Callable[[], StartRun]
     artifacts: tuple[ArtifactKind, ...]
     uses: Callable[[JobRequest], Collection[str]] | None = None
-    alternatives: tuple[str, ...] = ()
     check_files: Callable[[Any, Mapping[str, AssetSummary]], None] = lambda _params, _files: None
     check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch

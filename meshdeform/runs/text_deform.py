@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -27,7 +27,7 @@ from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
-from meshdeform.runs.base import FITTED_SOURCE, ArtifactData, InputFile, StepReport
+from meshdeform.runs.base import ArtifactData, InputFile, StepReport
 from meshdeform.runs.control import Control, control_report, read_control
 from meshdeform.runs.goals import Goal, GoalSource, read_goal
 from meshdeform.runs.likeness import likeness, likeness_and_before
@@ -51,9 +51,6 @@ from meshdeform.runs.text_report import (
     sees_colours,
 )
 
-if TYPE_CHECKING:
-    from meshdeform.runs.fitted_source import FittedSource
-
 __all__ = ["TextDeformRun", "start"]
 
 _GLB = "model/gltf-binary"
@@ -69,7 +66,6 @@ def start(
     prior: Prior | None = None,
     target: bytes | None = None,
     target_filename: str = "",
-    sketch: Mapping[str, Any] | None = None,
     pictures: Sequence[bytes] = (),
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
@@ -78,7 +74,6 @@ def start(
     device: str = "cpu",
     asset_sha256: str | None = None,
     resolved: ResolvedParams | None = None,
-    source: FittedSource | None = None,
 ) -> TextDeformRun:
     """Read the asset and prepare the run.
 
@@ -87,8 +82,6 @@ def start(
     asset, target : bytes
         A GLB, OBJ, PLY, STL or ZIP; `target` is required by `params.guidance = target`.
     filename, target_filename : str
-    sketch : mapping, optional
-        What the report says about a target that was drawn.
     pictures : sequence of bytes
         One PNG, JPEG or WebP for each of `params.silhouettes`.
     request : JobRequest
@@ -107,8 +100,6 @@ def start(
         SHA-256 of the asset, if known.
     resolved : ResolvedParams, optional
         The values of all parameters from when the request was accepted. Default: resolved here.
-    source : FittedSource, optional
-        The mesh that is deformed in place of an asset without triangles.
 
     Raises
     ------
@@ -119,12 +110,11 @@ def start(
     params = resolved or resolve(request.params, default_model=default_model)
     asset_sha256 = asset_sha256 or sha256_hex(asset)
     with clock.phase("read"):
-        data, name = (asset, filename) if source is None else (source.data, FITTED_SOURCE.name)
-        loaded, division = prepared(load_asset(data, name, limits), params, request.output, limits)
+        loaded, division = prepared(load_asset(asset, filename, limits), params, request.output, limits)
         welded = welded_surface(loaded, params.backdrop)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
-    shape = shape_id(source.sha256 if source else asset_sha256, loaded, params, request.output)
+    shape = shape_id(asset_sha256, loaded, params, request.output)
     with clock.phase("prepare"):
         surface = SelectableSurface(loaded, welded)
         control = read_control(params, surface, frame, mesh)
@@ -162,7 +152,7 @@ def start(
         )
     given_as, guided_by = (asset_sha256, len(asset), filename), goal.guidance.identity
     where = device, precision_of(prior, state)
-    facts = RunFacts(request, params, *given_as, guided_by, run, *where, shape, division, source, sketch, known)
+    facts = RunFacts(request, params, *given_as, guided_by, run, *where, shape, division, known)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goal, silhouettes, prompts)
 
 
@@ -225,8 +215,7 @@ class TextDeformRun:
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
-        state, source = self._deformation.checkpoint(), self._facts.source
-        state = replace(source.kept_in(state) if source else state, precision=self._facts.precision or "")
+        state = replace(self._deformation.checkpoint(), precision=self._facts.precision or "")
         return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
 
     def positions(self) -> NDArray[np.float64]:

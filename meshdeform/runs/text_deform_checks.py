@@ -1,4 +1,4 @@
-"""Check that a request of kind `text_deform` could run: its model, prompts, targets, pictures, drawing. Torch-free."""
+"""Check that a request of kind `text_deform` could run: its model, prompts, targets, pictures. Torch-free."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from meshdeform.requests.document import BUILTIN_MODEL, DeformParams, GuidanceKi
 from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
 from meshdeform.requests.prompts import active_prompts, needs_prior, needs_target
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS, Silhouette
-from meshdeform.requests.sketches import SKETCH_PART
 from meshdeform.runs.sent_weights import check_weights_part
 
 if TYPE_CHECKING:
@@ -35,7 +34,6 @@ def check(
     has_target: bool = False,
     pictures: Collection[str] = (),
     has_weights: bool = False,
-    has_sketch: bool = False,
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
 
@@ -54,8 +52,6 @@ def check(
         The names of the parts with pictures that are present.
     has_weights : bool
         Whether taught weights are among the files.
-    has_sketch : bool
-        Whether a drawing is among them.
 
     Raises
     ------
@@ -70,8 +66,7 @@ def check(
     params = request.params
     resolved = resolve(params, default_model=default_model)
     _check_pictures(request, pictures)
-    if not _check_sketch(resolved, has_sketch=has_sketch, has_target=has_target):
-        _check_target(resolved, has_target=has_target)
+    _check_target(resolved, has_target=has_target)
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
     if needs_prior(resolved):
         model = params.model or default_model
@@ -219,26 +214,6 @@ def _check_pictures(request: JobRequest, present: Collection[str]) -> None:
 def _same(one: Silhouette, other: Silhouette) -> bool:
     apart = abs((one.azimuth - other.azimuth + 180.0) % 360.0 - 180.0)
     return apart < _SAME_DEG and abs(one.elevation - other.elevation) < _SAME_DEG
-
-
-def _check_sketch(params: ResolvedParams, *, has_sketch: bool, has_target: bool) -> bool:
-    """Return whether the target mesh of a request is that of a drawing or of `params.sketch`.
-
-    Raises
-    ------
-    ParameterError
-        There is a drawing, and the request does not use it; or a target mesh beside either.
-    """
-    what = f"the part `{SKETCH_PART}`" if has_sketch else "params.sketch"
-    if has_sketch and params.guidance is not GuidanceKind.TARGET:
-        detail = f"A drawing was sent, but the guidance is `{params.guidance}`, which does not use it."
-        raise ParameterError.at(["params", "guidance"], detail, f"Set params.guidance to `target`, or omit {what}.")
-    if not has_sketch and params.sketch is None:
-        return False
-    if has_target:
-        detail = f"`target` and {what} both say what the target is."
-        raise ParameterError.at(["params", "sketch"], detail, "Leave out one of the two.")
-    return True
 
 
 def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: DeformParams, known: Words) -> None:

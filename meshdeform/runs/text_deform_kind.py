@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from meshdeform.assets.check import MAX_PARTS
-from meshdeform.assets.inspect import surface_format
 from meshdeform.errors import MeshdeformError, ParameterError
 from meshdeform.priors.public_names import configured_name, hidden_folders
-from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.control import check_places
 from meshdeform.requests.document import (
     DeformParams,
@@ -23,19 +21,12 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_sent
-from meshdeform.requests.prompts import (
-    goal_guidance,
-    needs_prior,
-    needs_target,
-    prompt_words,
-)
+from meshdeform.requests.prompts import needs_prior, needs_target, prompt_words
 from meshdeform.requests.removed import without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
-from meshdeform.requests.sketches import SKETCH_PART
 from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import (
-    FITTED_SOURCE,
     FORMATS_OF_RESULT,
     ArtifactKind,
     FilePart,
@@ -50,10 +41,9 @@ from meshdeform.runs.text_deform_checks import check, check_words
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
-    from meshdeform.runs.fitted_source import FittedSource
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "read_source", "read_target"]
+__all__ = ["TEXT_DEFORM"]
 
 _log = logging.getLogger(__name__)
 
@@ -77,7 +67,6 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             has_target=_TARGET in files,
             pictures=files.intersection(SILHOUETTE_PARTS),
             has_weights=WEIGHTS_PART in files,
-            has_sketch=SKETCH_PART in files,
         )
 
 
@@ -139,36 +128,20 @@ def _uses(request: JobRequest) -> list[str]:
     return [
         "asset",
         *([_TARGET] if needs_target(params) else []),
-        *([SKETCH_PART] if goal_guidance(params) is GuidanceKind.TARGET else []),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
 
 
-def read_target(params: DeformParams, given: RunInput) -> tuple[InputFile | None, dict[str, Any] | None]:
-    """Return the target mesh of a job, which may be that of its drawing, and what the report says about the drawing.
-
-    Raises
-    ------
-    DrawingError, ModelError
-        As for `sketched_target.guessed`.
-    """
-    drawing = given.files.get(SKETCH_PART)
-    if drawing is None and params.sketch is None:
-        return given.files.get(_TARGET), None
-    from meshdeform.runs.sketched_target import sketched_target
-
-    return sketched_target(None if drawing is None else drawing.data, params.sketch, given)
-
-
-def read_source(given: RunInput) -> FittedSource | None:
-    """Return the mesh that stands for an asset without triangles (`fitted_source`); None if the asset is a mesh."""
-    asset = given.files["asset"]
-    if surface_format(asset.data[:65_536], asset.filename) is None:
-        return None
-    from meshdeform.runs.fitted_source import fitted_source
-
-    return fitted_source(given)
+def _read_target(params: ResolvedParams, given: RunInput) -> InputFile | None:
+    """Return the target mesh of a job; refuse a job whose target an earlier edition would have made of a drawing."""
+    target = given.files.get(_TARGET)
+    if target is None and needs_target(params):
+        raise ParameterError(
+            "The target of this job was to be made of a drawing, which jobs no longer do.",
+            advice="Make a mesh of the drawing (docs/sketch.md), and post a new job with it as the part `target`.",
+        )
+    return target
 
 
 def _load() -> StartRun:
@@ -178,8 +151,7 @@ def _load() -> StartRun:
         asset = given.files["asset"]
         params = _resolved(given.request, given.default_model, given.resolved)
         prior = load_sent(params.model, given) if needs_prior(params) else None
-        source = read_source(given)
-        target, sketch = read_target(params, given)
+        target = _read_target(params, given)
         return text_deform.start(
             asset=asset.data,
             filename=asset.filename,
@@ -187,7 +159,6 @@ def _load() -> StartRun:
             prior=prior,
             target=None if target is None else target.data,
             target_filename="" if target is None else target.filename,
-            sketch=sketch,
             pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
             checkpoint=given.checkpoint,
             initial=given.initial,
@@ -196,7 +167,6 @@ def _load() -> StartRun:
             device=given.device,
             asset_sha256=asset.sha256,
             resolved=params,
-            source=source,
         )
 
     return start
@@ -204,10 +174,8 @@ def _load() -> StartRun:
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
     """Return the prompt, or what the result is to look like; `filenames` are those of the files, by part."""
-    like = filenames.get(_TARGET) or filenames.get(SKETCH_PART) or filenames.get(SILHOUETTE_PARTS[0])
-    drawn = f"like a {request.params.sketch.family}" if request.params.sketch else ""
-    prompts = prompt_words(request.prompt, request.params)
-    return prompts or drawn or (f"like {PurePath(like).stem}" if like else "")
+    like = filenames.get(_TARGET) or filenames.get(SILHOUETTE_PARTS[0])
+    return prompt_words(request.prompt, request.params) or (f"like {PurePath(like).stem}" if like else "")
 
 
 TEXT_DEFORM = Kind(
@@ -216,11 +184,9 @@ TEXT_DEFORM = Kind(
     reads=(
         FilePart(
             "asset",
-            "The file to deform: GLB, OBJ, PLY, STL or ZIP; or a surface without triangles, to which a mesh is fitted "
-            "first: oriented points (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).",
+            "The file to deform: GLB, OBJ, PLY, STL or ZIP.",
             required=True,
-            media_types=(*_MESHES, "application/octet-stream"),
-            content="surface",
+            media_types=_MESHES,
         ),
         FilePart(_TARGET, "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
         *(
@@ -232,13 +198,6 @@ TEXT_DEFORM = Kind(
                 content="silhouette",
             )
             for number, name in enumerate(SILHOUETTE_PARTS, 1)
-        ),
-        FilePart(
-            SKETCH_PART,
-            "A line drawing that becomes the target mesh of `target` guidance.",
-            required=False,
-            media_types=("image/png", "image/jpeg", "image/webp"),
-            content="sketch",
         ),
         WEIGHTS_FILE,
     ),
@@ -255,22 +214,15 @@ TEXT_DEFORM = Kind(
             "after, and of a prompt the [likeness and a verdict](quality.md#in-the-report-of-a-job).",
         ),
         ArtifactKind("preview.png", "image/png", "Before and after, from four sides."),
-        FITTED_SOURCE,
         ArtifactKind(
             "morph.glb",
             _GLB,
             "The source with the way to the result as morph targets and an animation, if `output.morph` is set.",
             afterwards=True,
         ),
-        ArtifactKind(
-            "target.glb",
-            _GLB,
-            "The target that was made of a drawing or of `params.sketch`; there before the fit begins.",
-        ),
         *FORMATS_OF_RESULT,
     ),
     uses=_uses,
-    alternatives=(_TARGET, SKETCH_PART),
     check_files=_check_files,
     check_words=check_words,
     as_branch=_as_branch,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +36,6 @@ from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
 from meshdeform.runs.shown import Shown
 from meshdeform.runs.verdict import kept_structure, verdict
 
-if TYPE_CHECKING:
-    from meshdeform.runs.fitted_source import FittedSource
-
 __all__ = [
     "RunFacts",
     "appearance_report",
@@ -65,8 +62,6 @@ class RunFacts:
     precision: str | None = None
     shape_id: str = ""
     subdivision: Subdivision | None = None
-    source: FittedSource | None = None
-    sketch: Mapping[str, Any] | None = None
     recognised: Recognition | None = None
 
 
@@ -184,8 +179,7 @@ def build_report(
             "filename": facts.filename,
             "bytes": facts.asset_bytes,
             "sha256": facts.asset_sha256,
-            # Checkpoints of earlier versions hold none of their surface.
-            "warnings": [*asset.summary.warnings, *(facts.source.facts.get("warnings", ()) if facts.source else ())],
+            "warnings": list(asset.summary.warnings),
         },
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
@@ -228,12 +222,8 @@ def build_report(
     }
     if posed is not None:
         report["posed_quality"] = posed.to_dict()
-    if facts.source is not None:
-        report["surface"] = facts.source.facts
     if asset.rig():
         report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
-    if facts.sketch is not None:
-        report["sketch"] = dict(facts.sketch)
     if bodies:
         report["rigid"] = _kept_shapes(bodies, asset, welded, written)
     if facts.subdivision is not None:

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
 from meshdeform.assets.inspect import asset_format
-from meshdeform.errors import AssetFormatError, NotFoundError
+from meshdeform.errors import AssetEmptyError, AssetFormatError, NotFoundError
 from meshdeform.record.models import Job, StoredFile
 from service.documentation.responses import JobId
 from service.downloads.responses import ConditionsDep, Download, download, download_responses
@@ -125,5 +125,5 @@ def _content_type(app: AppState, file: StoredFile) -> str:
     head: Iterator[bytes] = app.store.stream(file.key, 0, min(_HEAD_BYTES, file.size))
     try:
         return _TYPES[asset_format(b"".join(head), file.filename)]
-    except AssetFormatError:
+    except (AssetFormatError, AssetEmptyError):
         return _OTHER

@@ -142,8 +142,7 @@ def _inherited(
             raise ParameterError.at(
                 [part.name], f"A branch keeps its job's `{part.name}`.", "Post a new job for another file."
             )
-    replaced = set(kind.alternatives) if named.keys() & set(kind.alternatives) else set[str]()
-    kept = kind.inherits(document) - set(named) - replaced
+    kept = kind.inherits(document) - set(named)
     return {name: file for name, file in job.files.items() if name in kept}
 
 

@@ -38,12 +38,7 @@ def _checked(app: AppState, owner_id: str, submission: Submission) -> tuple[Reso
     if not isinstance(params, ResolvedParams):
         raise ParameterError("Jobs of this kind have no front.")
     check_searchable(params)  # before the files are decoded
-    _, files, found = check_job(app, owner_id, submission)
-    if getattr(found["asset"], "triangles", 0) == 0:
-        raise ParameterError(
-            "The front can be searched only once a mesh is fitted to this asset, which its job does.",
-            advice="Post the job; its report says which side became the front.",
-        )
+    _, files, _ = check_job(app, owner_id, submission)
     return params, files["asset"]
 
 

@@ -15,7 +15,7 @@ from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
-from tests.browser.steps import badge, barriers, difference, expect, picture, shown_job, until_drawn
+from tests.browser.steps import badge, barriers, difference, expect, open_form, picture, shown_job, until_drawn
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -118,22 +118,26 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
         expect(page.get_by_role("button", name=f"Remove {name}")).to_be_visible()
 
 
-# long: the usual fit takes 6 s of CPU in the worker; first proof: tests/unit/runs/test_fitted_source.py.
-@pytest.mark.long
-def test_points_that_are_deformed_are_shown_as_the_mesh_that_was_fitted(
-    page: Page, watch: Watch, service: Service, small_sphere: Path
+@pytest.mark.without_pictures
+def test_points_go_to_the_form_for_fits_and_the_mesh_comes_back_as_an_asset(
+    page: Page, watch: Watch, service: Service, fitted: str, tmp_path: Path
 ) -> None:
-    params = {"guidance": "target", "preset": "preview", "steps": 2, "orientation": "keep"}
-    answer = service.post(ball_of_points(), "ball.ply", {"params": params}, small_sphere)
-    assert answer.status_code == 202, answer.text
-    job = str(answer.json()["id"])
-    page.goto(f"/?job={job}")
-    expect(badge(page)).to_have_text("Succeeded", timeout=240_000)
-    for title in ("Before", "After"):
-        until_drawn(page.locator(".job-stage .viewer", has_text=title).first)
-    expect(page.get_by_label("Morph", exact=True)).to_be_visible()  # both have the same triangles
-    assert f"GET /v1/jobs/{job}/artifacts/source.glb" in watch.sent
-    expect(page.get_by_text("The mesh that was fitted to the asset")).to_be_visible()
+    watch.allow("422.*jobs:validate")
+    cloud = tmp_path / "ball.ply"
+    cloud.write_bytes(ball_of_points())
+    open_form(page)
+    page.get_by_label("Prompt", exact=True).fill("a mushroom")
+    page.set_input_files("#asset-file", cloud)
+    page.get_by_role("link", name="Fit a surface to it").click()
+    expect(page.locator("#asset-facts")).to_contain_text("ball.ply")
+
+    page.goto(f"/?job={fitted}")
+    page.get_by_role("button", name="Deform this mesh").click()
+    expect(page.locator("#asset-facts")).to_contain_text("-level")
+    expect(page.get_by_label("Prompt", exact=True)).to_have_value("a mushroom")
+    page.go_back()
+    page.get_by_role("button", name="Use as target").click()
+    expect(page.locator(".guide-head")).to_contain_text("-level")
 
 
 def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: Service, fitted: str) -> None:

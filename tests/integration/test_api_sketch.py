@@ -10,19 +10,16 @@ from typing import Any
 
 import pytest
 
-from meshdeform.assets import load_asset
 from meshdeform.assets.isolation import ChildOutcome, run_child
 from meshdeform.client import AsyncClient, Client, SketchGuesses
 from meshdeform.errors import DependencyError, DrawingError, ParameterError
 from meshdeform.requests.sketches import Sketch
-from meshdeform.runs import questions, sketch_process, start_run
-from meshdeform.settings import Settings
+from meshdeform.runs import questions, sketch_process
 from meshdeform.sketch.guesses import guess
 from meshdeform.sketch.members import member_glb
 from tests.drawings import blank_page, drawing_of
-from tests.integration.conftest import DEADLINE_S, Api, serving
+from tests.integration.conftest import DEADLINE_S, Api
 from tests.integration.http_calls import check_document, check_problem
-from tests.worker_world import working
 
 BINARY = {"Content-Type": "application/octet-stream"}
 
@@ -101,44 +98,11 @@ def test_a_child_makes_the_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert sketch_process.shape_of(sketch, tmp_path, timeout_s=DEADLINE_S) == member_glb("table", {})
 
 
-def test_a_drawing_is_checked_with_its_job(api: Api, sphere: bytes) -> None:
-    def sent(drawing: bytes, **params: Any) -> Any:
-        document = json.dumps({"params": {"guidance": "target", "preset": "preview", **params}})
-        files = {"asset": ("a.glb", sphere), "sketch": ("vase.png", drawing), "request": (None, document)}
-        return api.http.post("/v1/jobs:validate", files=files)
-
-    found = sent(vase())
-    assert found.status_code == 200, found.text
-    picture = found.json()["pictures"]["sketch"]
-    assert (picture["format"], picture["width"], picture["height"]) == ("png", 300, 300)
-    assert 0 < picture["box"][0] < picture["box"][2] < 1
-    problem = check_problem(sent(blank_page()), 422, "not_a_drawing")
-    assert "`sketch`" in problem["detail"]
-    check_problem(sent(vase(), guidance="sds"), 422, "parameter_invalid")
-    wrong = check_problem(sent(vase(), sketch={"family": "vase", "values": {"legs": "four"}}), 422, "parameter_invalid")
-    assert wrong["errors"][0]["loc"] == ["params", "sketch"]
-
-
-def test_a_worker_fits_the_asset_to_the_drawn_shape(tmp_path: Path, redis_url: str, sphere: bytes) -> None:
-    settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-sketch")
-    asset, drawing = tmp_path / "sphere.glb", tmp_path / "my vase.png"
-    asset.write_bytes(sphere)
-    drawing.write_bytes(vase())
-    corrected = {"family": "vase", "values": {"handles": "two"}}
-    params = {"preset": "preview", "steps": 2, "guidance": "target", "sketch": corrected}
-    with serving(settings) as url, working(settings, start_run), Client(url) as client:
-        job = client.submit(asset, params=params, files={"sketch": drawing})
-        assert list(job.files) == ["asset", "sketch"]
-        done = client.wait(job, timeout_s=DEADLINE_S)
-        assert done.state.value == "succeeded", done.error
-        report = json.loads(client.read(job, "report.json"))
-        target = client.read(job, "target.glb")
-    first = guess(vase())[0]
-    assert report["sketch"] == {
-        "family": "vase",
-        "values": {**first.values, "handles": "two"},
-        "probability": first.probability,
-    }
-    assert target == member_glb("vase", report["sketch"]["values"])
-    assert 0 < report["fit"]["silhouettes"] <= 1
-    assert len(load_asset(target).surface.triangles) > 100
+def test_a_job_with_a_drawing_says_what_to_do(api: Api, sphere: bytes) -> None:
+    document = json.dumps({"params": {"sketch": {"family": "vase"}}})
+    files = {"asset": ("a.glb", sphere), "request": (None, document)}
+    problem = check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "parameter_invalid")
+    assert problem["errors"][0]["loc"] == ["params", "sketch"]
+    assert "part `target`" in problem["errors"][0]["msg"]
+    files = {"asset": ("a.glb", sphere), "sketch": ("vase.png", vase()), "request": (None, "{}")}
+    check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "request_invalid")

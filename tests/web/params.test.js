@@ -84,7 +84,7 @@ test("a job's own parameters fill the form again, and what it has no field for i
   const kept = { params: { timestep_min: 0.5 }, output: { other: 1 } };
   const wish = wishOf(job, FIELDS);
   const control = { regions: [], handles: [], symmetry: "none", falloff: "", prompts: [], of: "" };
-  const guide = { align: "", landmarks: [], pictures: [], sketch: null, target: false };
+  const guide = { align: "", landmarks: [], pictures: [], target: false };
   assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, subdivide: true, advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FIELDS);
   assert.deepEqual(document, {
@@ -95,19 +95,6 @@ test("a job's own parameters fill the form again, and what it has no field for i
   const paths = { morph_path: { seconds: 1, frames: 8 }, other: { frames: 8 } };
   assert.deepEqual(wishOf({ output: paths }, FIELDS, { morph_path: { frames: 8, seconds: 1 }, other: { frames: 4 } }).kept.output, { other: { frames: 8 } });
   assert.equal(keptText(nothingKept()), "");
-});
-
-test("a drawn target goes along as what was drawn, and its mesh stays here", () => {
-  const sketch = { family: "vase", values: { handles: "two" } };
-  assert.deepEqual(guideFiles("mesh", [], sketch, "drawing"), { sketch: "drawing" });
-  assert.deepEqual(guideFiles("mesh", [], sketch, null), {});
-  assert.deepEqual(guideFiles("mesh", [], null, null), { target: "mesh" });
-  for (const files of [{ sketch: {} }, {}]) {
-    const wish = wishOf({ prompt: "", params: { guidance: "target", sketch }, files }, FIELDS);
-    const [document] = documents(wish, null, "", FIELDS);
-    assert.equal("prompt" in document, false);
-    assert.deepEqual([document.params.guidance, document.params.sketch], ["target", sketch]);
-  }
 });
 
 test("seeds by chance are whole and not negative", () => {

@@ -134,7 +134,7 @@ export class Client {
     return this.#transport.json<SketchGuesses>(`v1/sketches:guess${query}`, { method: "POST", body, headers, signal: options.signal });
   }
 
-  /** Make a shape of a family: the GLB that a job with this `params.sketch` and without a drawing would have as its target. */
+  /** Make a shape of a family, as a GLB. */
   async makeSketchMesh(sketch: Sketch, signal?: AbortSignal): Promise<ArrayBuffer> {
     return this.bytes("v1/sketches:mesh", { method: "POST", json: sketch, signal });
   }

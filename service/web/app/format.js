@@ -153,7 +153,7 @@ export function jobTitle(job) {
   if (job.unreadable) return kind.replaceAll("_", " ");
   if (kind === "prior_teach" && job.params?.noun) return `The word “${job.params.noun}”`;
   if (kind !== "text_deform") return KIND_TITLES[kind] ?? kind.replaceAll("_", " ");
-  return job.files?.target || job.target ? "To a target mesh" : job.files?.sketch || job.params?.sketch ? "To a drawing" : "To pictures";
+  return job.files?.target || job.target ? "To a target mesh" : job.files?.sketch ? "To a drawing" : "To pictures";
 }
 
 /**

@@ -211,7 +211,7 @@ export function wishOf(job, fields, defaults = {}) {
     morph: Boolean(job.output?.morph),
     subdivide: Boolean(job.output?.subdivide),
     advanced,
-    guide: { ...guideOf(params), target: Boolean(job.files?.target || job.files?.sketch || params.sketch) },
+    guide: { ...guideOf(params), target: Boolean(job.files?.target) },
     control: { ...controlOf(params), of: job.asset ? fileKey(job.asset.filename, job.asset.size) : "" },
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),

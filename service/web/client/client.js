@@ -80,7 +80,7 @@ export class Client {
         const body = named(drawing).blob;
         return this.#transport.json(`v1/sketches:guess${query}`, { method: "POST", body, headers, signal: options.signal });
     }
-    /** Make a shape of a family: the GLB that a job with this `params.sketch` and without a drawing would have as its target. */
+    /** Make a shape of a family, as a GLB. */
     async makeSketchMesh(sketch, signal) {
         return this.bytes("v1/sketches:mesh", { method: "POST", json: sketch, signal });
     }

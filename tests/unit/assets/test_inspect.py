@@ -242,3 +242,19 @@ def test_no_numpy_is_loaded() -> None:
         "assert 'numpy' not in sys.modules and 'trimesh' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", script], check=True)
+
+
+@each_case(
+    ("data", "name", "surface"),
+    [
+        (b"0 0 0 0 0 1\n" * 200, "scan.xyz", "points"),
+        (b"PK\x03\x04" + bytes(60), "grid.npz", "grid"),
+        (bytes(64), "net.safetensors", "network"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nend_header\n0 0 0\n", "scan.ply", "points"),
+    ],
+)
+def test_a_surface_without_triangles_is_told_what_to_do(data: bytes, name: str, surface: str) -> None:
+    with pytest.raises(AssetEmptyError) as caught:
+        inspect_asset(data, name)
+    assert caught.value.extra["surface"] == surface
+    assert "meshdeform surface-fit FILE -o mesh.glb" in caught.value.advice_text

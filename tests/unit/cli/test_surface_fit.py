@@ -39,6 +39,11 @@ def test_a_fit_is_unfolded_and_nothing_else_is_overwritten(tmp_path: Path, monke
     )
     assert own.exit_code == 0, own.output
     assert json.loads(Path("own.report.json").read_bytes())["base"]["faces"] == len(mesh.faces)
+    meshed = run.invoke(app, ["surface-fit", "ball.glb", *_SMALL, "-o", "mesh.glb", "--json"])
+    assert meshed.exit_code == 0, meshed.output
+    assert len(load_asset(Path("mesh.glb").read_bytes()).surface.triangles) == 100
+    assert json.loads(meshed.stdout)["result"] == "mesh.ndf"
+    assert "neither a .ndf nor a .glb" in run.invoke(app, ["surface-fit", "ball.glb", "-o", "mesh.obj"]).output
     for wrong in ("1,0:0,1,0", "1,0,0", "a,0,0:0,1,0"):
         assert "--anchor" in run.invoke(app, ["surface-fit", "ball.glb", "--anchor", wrong]).output
     no_values = ["surface-fit", "ball.glb", *_SMALL, "--scalars", "ball.glb", "-o", "x.ndf"]

@@ -127,7 +127,7 @@ def test_null_means_left_out_where_the_preset_decides_and_nowhere_else() -> None
     read = DeformParams.model_validate(nulls)
     assert read.model_fields_set == set()
     assert resolve(read) == resolve(DeformParams())
-    for name in set(DeformParams.model_fields) - {*nulls, "source_noun", "target", "sketch"}:
+    for name in set(DeformParams.model_fields) - {*nulls, "source_noun", "target"}:
         with pytest.raises(ValidationError):
             DeformParams.model_validate({name: None})
 
@@ -142,7 +142,7 @@ def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
     resolved = ResolvedParams.model_json_schema(mode="serialization")
     assert set(resolved["required"]) == set(resolved["properties"]) == set(DeformParams.model_fields)
     nullable = {name for name, member in resolved["properties"].items() if {"type": "null"} in member.get("anyOf", [])}
-    assert nullable == {"source_noun", "sketch"}  # none is made
+    assert nullable == {"source_noun"}  # none is made
 
 
 OLD = {

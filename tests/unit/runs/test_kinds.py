@@ -18,11 +18,21 @@ from meshdeform.errors import NotFoundError, ParameterError
 from meshdeform.record.ids import new_job_id
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests import document
-from meshdeform.requests.document import JobKind, JobRequest, resolve
+from meshdeform.requests.document import JobKind, JobRequest, read_stored, resolve
 from meshdeform.requests.parameters import StrictModel
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.runs import check_request, file_parts, kind_of, register, start_run
-from meshdeform.runs.base import ArtifactData, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun, StepReport
+from meshdeform.runs.base import (
+    ArtifactData,
+    ArtifactKind,
+    FilePart,
+    InputFile,
+    JobRun,
+    Kind,
+    RunInput,
+    StartRun,
+    StepReport,
+)
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.http.bodies import ReceivedFile
@@ -145,7 +155,6 @@ def test_the_door_checks_it() -> None:
         "asset",
         "target",
         *SILHOUETTE_PARTS,
-        "sketch",
         "weights",
         "base",
         "scalars",
@@ -304,3 +313,14 @@ def test_a_kind_that_is_registered_first_does_not_hide_the_built_in_ones(
         JobKind.PRIOR_TEACH,
         kind.name,
     ]
+
+
+def test_a_queued_job_with_a_drawing_fails_with_what_to_do() -> None:
+    """Earlier editions made the target; without it the job must not run towards anything else."""
+    stored = read_stored({"params": {"guidance": "target", "sketch": {"family": "vase"}}})
+    kept = {**resolve(stored.params).model_dump(mode="json"), "sketch": {"family": "vase", "values": {}}}
+    implied = read_stored({"params": {"sketch": {"family": "vase"}}})  # the guidance was resolved at the door
+    for job in (stored, implied):
+        with pytest.raises(ParameterError, match="made of a drawing") as caught:
+            start_run(RunInput(job, {"asset": InputFile(b"", "a.glb")}, resolved=kept))
+        assert "`target`" in caught.value.advice_text

@@ -19,7 +19,13 @@ from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.mesh_codecs import draco_mesh
 from meshdeform.cli.app import app
 from meshdeform.client import Client
-from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, CheckpointError, ParameterError
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetError,
+    AssetTooLargeError,
+    CheckpointError,
+    ParameterError,
+)
 from meshdeform.fields.base_mesh import base_of
 from meshdeform.fields.cleaning import clean
 from meshdeform.fields.learned_scalars import learned_scalars, places_on
@@ -292,7 +298,7 @@ def test_a_branch_has_the_network_of_its_job() -> None:
         kind.as_branch(job, JobRequest.model_validate({"kind": "surface_fit", "params": {"width": 8}}))
 
 
-def test_a_cloud_is_posted_fitted_downloaded_and_deformed(
+def test_a_cloud_is_posted_fitted_and_downloaded_and_is_no_asset(
     tmp_path: Path, redis_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)  # the worker is in this process
@@ -320,20 +326,10 @@ def test_a_cloud_is_posted_fitted_downloaded_and_deformed(
         assert np.linalg.norm(verts, axis=1).mean() == pytest.approx(1, abs=0.05)
         assert "level_1.glb" in {artifact.name for artifact in result.job.artifacts}
 
-        # The other kind that takes a cloud: it fits a mesh first, which stands for the asset afterwards too.
-        for name, value in {"BASE_FACES": 100, "STEPS": 20, "BATCH_FACES": 8, "LEVEL": 0}.items():
-            monkeypatch.setattr(f"meshdeform.runs.fitted_source.{name}", value)
-        egg = tmp_path / "egg.glb"
-        egg.write_bytes(build_glb(points * [1, 1.5, 1], mesh.faces.numpy()))
-        with pytest.raises(ParameterError, match="only once a mesh is fitted"):
-            client.orient(cloud, "a mushroom")
-        with pytest.raises(AssetError, match="one sign, as unsigned"):
-            client.submit(unsigned, "a mushroom")
-        with working(settings, start_run):
-            params = {"guidance": "target", "preset": "preview", "steps": 2, "orientation": "keep"}
-            deformed = client.deform(cloud, target=egg, params=params, timeout_s=DEADLINE_S)
-        source, shape = (load_asset(deformed.read(name)).surface for name in ("source.glb", "result.glb"))
-        assert np.linalg.norm(source.positions, axis=1).mean() == pytest.approx(1, abs=0.05)
-        assert np.array_equal(source.triangles, shape.triangles)
-        back = load_asset(client.read(deformed.job, "result.glb", strength=0.0)).surface
-        assert np.abs(back.positions - source.positions).max() < 1e-5
+        # The other kind needs a mesh.
+        for refused in (lambda: client.orient(cloud, "a mushroom"), lambda: client.submit(unsigned, "a mushroom")):
+            with pytest.raises(AssetEmptyError, match="no triangles") as caught:
+                refused()
+            assert "meshdeform surface-fit FILE -o mesh.glb" in caught.value.advice_text
+        level = load_asset(result.read("level_1.glb")).surface
+        assert len(level.triangles) > 0

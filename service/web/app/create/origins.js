@@ -27,32 +27,12 @@ export async function originOf(from, signal) {
   if (from.startsWith(EXAMPLE)) return exampleOf(from.slice(EXAMPLE.length), signal);
   const job = await client.get(from, signal);
   const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
-  const parts = Object.entries(job.files ?? {}).filter(([part]) => part !== "asset" && part !== "weights"); // the model names its weights
+  // The model names its weights; a drawing was the target of earlier editions.
+  const parts = Object.entries(job.files ?? {}).filter(([part]) => !["asset", "weights", "sketch"].includes(part));
   const files = parts.map(async ([part, { filename }]) => {
     return [part, new Asset(await client.file(from, part, signal), filename)];
   });
-  const others = Object.fromEntries(await Promise.all(files));
-  return { job: await drawn(job, others, signal), asset, others };
-}
-
-/**
- * Add the mesh of a job whose target was drawn.
- *
- * @param {any} job
- * @param {Record<string, Asset>} others
- * @param {AbortSignal} signal
- * @returns {Promise<any>} the job, with the shape that was guessed if its request left that to the service
- */
-async function drawn(job, others, signal) {
-  let { sketch } = job.params ?? {};
-  if (!sketch && !others.sketch) return job;
-  if (others.sketch) {
-    const { guesses: [first] } = await client.guessSketch(others.sketch.blob, { ...(sketch ? { family: sketch.family } : {}), signal });
-    const guessed = Object.fromEntries(first.parameters.map(({ name, value }) => [name, value]));
-    sketch = { family: first.family, values: { ...guessed, ...sketch?.values } };
-  }
-  others.target = new Asset(new Blob([await client.makeSketchMesh(sketch, signal)]), `${sketch.family}.glb`);
-  return { ...job, params: { ...job.params, sketch } };
+  return { job, asset, others: Object.fromEntries(await Promise.all(files)) };
 }
 
 /** @param {string} id @param {AbortSignal} signal @returns {Promise<Origin>} */

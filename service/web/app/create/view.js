@@ -207,7 +207,7 @@ export class CreateView {
     const { asset } = this.assets;
     if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
-    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.kept });
+    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
     if (!this.busy) this._label(this.settings.variationCount);
     this.check();
@@ -316,8 +316,10 @@ export class CreateView {
     this.prompt.refuse(about && !further ? error : null);
     if (about) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof MeshdeformError) {
-      this.assets.refuse(error.message, error.advice);
-      return void fill(this.problem);
+      const fit = h("a", { class: "chip", href: routeHash({ name: "surface", from: null }) }, "Fit a surface to it");
+      const { surface } = error.problem; // points, a grid or a network
+      this.assets.refuse(error.message, surface ? "Fit one first, and deform the mesh that it becomes." : error.advice);
+      return void fill(this.problem, surface ? fit : null);
     }
     if (error instanceof MeshdeformError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
     if (error instanceof MeshdeformError && this.guide.refuse(error)) return void fill(this.problem);

@@ -20,7 +20,7 @@ export function askedPanel(job) {
 
 /** @param {any} job @returns {string[]} what guides it besides its prompt */
 function guideWords({ files = {}, params = {} }) {
-  const target = files.target ? [`Target: ${files.target.filename}`] : params.sketch || files.sketch ? [`Target: ${params.sketch?.family ?? "what was drawn"}, from a drawing`] : [];
+  const target = files.target ? [`Target: ${files.target.filename}`] : files.sketch ? ["Target: what was drawn"] : [];
   const pairs = params.landmarks?.length ? [counted(params.landmarks.length, "pair of points", "pairs of points")] : [];
   const pictures = (params.silhouettes ?? []).map((/** @type {any} */ view, /** @type {number} */ i) => `Picture: ${files[`silhouette_${i + 1}`]?.filename ?? i + 1}, from ${view.azimuth}°${view.elevation ? `, ${view.elevation}° up` : ""}`);
   return [...target, ...pairs, ...pictures, ...promptWords(params.prompts ?? [])];

@@ -8,6 +8,7 @@ import { stemOf } from "../names.js";
 import { filesOf } from "../../viewer/zip.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
+import { handOnButtons } from "./hand-on.js";
 import { slider } from "./stage-controls.js";
 import { WallView } from "./wall-view.js";
 
@@ -33,7 +34,7 @@ export class FamilyStage {
     else this.wall.box.say("No wall yet", "It comes with the result.", "info");
     this.shape = this.makes ? new ViewerBox("Shape", scope) : null;
     this.pick = slider("family-shape", "Shape", 0, () => this._show(Number(this.pick.input.value)));
-    this.save = h("div", { class: "row", hidden: true }, button("Download this shape", () => this._download(), { icon: "download" }));
+    this.save = h("div", { class: "row", hidden: true }, button("Download this shape", () => this._download(), { icon: "download" }), handOnButtons(() => this._mesh()));
     this.frame = h("div", { class: "stage pair-stage" }, this.wall.box.element, this.shape?.element);
     this.element = h("section", { class: this.shape ? "job-stage" : "job-stage wall-only", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.controls);
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
@@ -115,10 +116,16 @@ export class FamilyStage {
     return `more plausible than ${percent(this.report.shapes[number].plausibility)} of the members`;
   }
 
+  /** The shape that is shown. */
+  async _mesh() {
+    const read = this.files.get(this.name ?? "");
+    return read ? { bytes: await read(), name: `${stemOf(this.job)}-${this.name}` } : null;
+  }
+
   async _download() {
     try {
-      const read = this.files.get(this.name ?? "");
-      if (read) saveBytes(new Blob([await read()], { type: "model/gltf-binary" }), `${stemOf(this.job)}-${this.name}`);
+      const mesh = await this._mesh();
+      if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
     } catch (error) {
       toast(`Not downloaded. ${error instanceof Error ? error.message : ""}`);
     }

@@ -10,6 +10,7 @@ import { bytes, count, counted, figure } from "../format.js";
 import { stemOf } from "../names.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
+import { handOnButtons } from "./hand-on.js";
 import { sizesTable } from "./sizes-table.js";
 import { chooser, showLegend, slider, toggle } from "./stage-controls.js";
 
@@ -47,7 +48,7 @@ export class FieldStage {
     this.tools = h("div", { class: "stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, stripes, this.wires, reset);
     const save = button("Download this level", () => this._download(), { icon: "download" });
     const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
-    this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture);
+    this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture, handOnButtons(async () => this._mesh()));
     this.element = h(
       "section",
       { class: "job-stage single field-stage", "aria-label": "Surface" },
@@ -350,8 +351,14 @@ export class FieldStage {
     sizesTable(this.beside, this.report, { bytes: opened.bytes, time: own, faces: shown.faces });
   }
 
+  /** The level that is shown. */
+  _mesh() {
+    return this.glb && this.shown ? { bytes: this.glb, name: `${stemOf(this.job)}-level${this.shown.level}.glb` } : null;
+  }
+
   _download() {
-    if (this.glb && this.shown) saveBytes(new Blob([this.glb], { type: "model/gltf-binary" }), `${stemOf(this.job)}-level${this.shown.level}.glb`);
+    const mesh = this._mesh();
+    if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
   }
 
   async _picture() {

@@ -101,8 +101,7 @@ export class JobStage {
   async _load() {
     linkViews(this.before, this.after);
     try {
-      const waits = () => this.before.say("No triangles yet", "A mesh is fitted to this file first.", "info");
-      ({ buffer: this.source, format: this.format } = await sourceOf(this.job, this.scope, waits));
+      ({ buffer: this.source, format: this.format } = await sourceOf(this.job, this.scope));
       // Where it cannot be unpacked, the views say so.
       const asReceived = { buffer: this.source, format: this.format };
       ({ buffer: this.source, format: this.format } = await unpacked(this.source, this.format).catch(() => asReceived));

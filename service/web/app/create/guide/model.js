@@ -6,21 +6,19 @@
  * @typedef {import("../../assets.js").Asset} Asset
  * @typedef {{source: number[] | number, target: number[] | number}} Landmark
  * @typedef {{azimuth: number, elevation: number, fov?: number}} Direction
- * @typedef {{family: string, values: Record<string, number | string>}} Sketch
  * @typedef {object} Guide
  * @property {string} align Empty: as the service decides.
  * @property {Landmark[]} landmarks
  * @property {Direction[]} pictures The directions, in the order of the files.
- * @property {Sketch | null} sketch The shape that the target is, where it was drawn.
  */
 
 export const MOST_PICTURES = 4;
 /** The parameters that the panel edits. */
-export const GUIDE_PARAMS = ["align", "landmarks", "silhouettes", "guidance", "sketch"];
+export const GUIDE_PARAMS = ["align", "landmarks", "silhouettes", "guidance"];
 
 /** @returns {Guide} */
 export function noGuide() {
-  return { align: "", landmarks: [], pictures: [], sketch: null };
+  return { align: "", landmarks: [], pictures: [] };
 }
 
 /**
@@ -29,12 +27,9 @@ export function noGuide() {
  * @template T
  * @param {T | null} target
  * @param {T[]} pictures
- * @param {Sketch | null} sketch Takes the place of the target's file: the service makes the same mesh.
- * @param {T | null} drawing
  * @returns {Record<string, T>}
  */
-export function guideFiles(target, pictures, sketch, drawing) {
-  if (target && sketch) return drawing ? { sketch: drawing } : {};
+export function guideFiles(target, pictures) {
   if (target) return { target };
   return Object.fromEntries(pictures.map((file, i) => [`silhouette_${i + 1}`, file]));
 }
@@ -47,11 +42,10 @@ export function guideFiles(target, pictures, sketch, drawing) {
  * @param {string} prompt
  * @returns {Record<string, any>}
  */
-export function guideParams({ align, landmarks, pictures, sketch }, target, prompt) {
+export function guideParams({ align, landmarks, pictures }, target, prompt) {
   if (target) {
     return {
       guidance: "target",
-      ...(sketch ? { sketch } : {}),
       ...(align ? { align } : {}),
       ...(landmarks.length ? { landmarks } : {}),
     };
@@ -60,9 +54,9 @@ export function guideParams({ align, landmarks, pictures, sketch }, target, prom
 }
 
 /** @param {Record<string, any>} params Of a job. @returns {Guide} */
-export function guideOf({ align, landmarks, silhouettes, sketch }) {
+export function guideOf({ align, landmarks, silhouettes }) {
   const pictures = (silhouettes ?? []).map((/** @type {any} */ view) => ({ elevation: 0, ...view }));
-  return structuredClone({ align: align ?? "", landmarks: landmarks ?? [], pictures, sketch: sketch ?? null });
+  return structuredClone({ align: align ?? "", landmarks: landmarks ?? [], pictures });
 }
 
 /** An angle from -180 to 180 degrees. @param {number} degrees */

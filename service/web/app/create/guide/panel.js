@@ -25,8 +25,6 @@ export class GuidePanel {
     this.guide = noGuide();
     /** @type {Asset | null} */
     this.target = null;
-    /** Of the target, where it was drawn. @type {Asset | null} */
-    this.drawing = null;
     /** @type {Asset[]} */
     this.files = [];
     this.targets = new TargetView(assets, control, scope, this);
@@ -42,7 +40,7 @@ export class GuidePanel {
       });
     }
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
-    this.draw = button("Draw it", () => askForSketch((drawn) => this._takeDrawn(drawn), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target" });
+    this.draw = button("Draw it", () => askForSketch((mesh) => this._takeMesh(mesh), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target" });
     this.choosePicture = button("Add a picture", () => this.pictureInput.click(), { class: "chip", title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
     this.body = h("div", { class: "guide-body" });
     this.problem = h("p", { class: "field-problem", role: "alert", hidden: true });
@@ -61,25 +59,20 @@ export class GuidePanel {
     const [file] = files;
     if (!file) return;
     if (!formatOf(file.name) || formatOf(file.name) === "gltf") return this._refuse(`${file.name} isn't supported. Use a GLB, OBJ, PLY, STL or ZIP as the target, or a PNG, JPEG or WebP as a picture.`);
+    this._takeMesh(file);
+  }
+
+  /** @param {File} file */
+  _takeMesh(file) {
     this._begin();
     this._use(new Asset(file, file.name));
     announce(`${file.name} is the target`);
-  }
-
-  /** @param {import("./sketch-dialog.js").Drawn} drawn */
-  _takeDrawn({ mesh, sketch, drawing }) {
-    this._begin();
-    this.guide.sketch = sketch;
-    this.drawing = new Asset(drawing, drawing.name);
-    this._use(new Asset(mesh, mesh.name));
-    announce(`The drawn ${sketch.family} is the target`);
   }
 
   /** Forget what there was. */
   _begin() {
     this.guide = noGuide();
     this.files = [];
-    this.drawing = null;
   }
 
   /** @param {File[]} files */
@@ -112,12 +105,7 @@ export class GuidePanel {
 
   /** @returns {Record<string, Asset>} by the names of their parts */
   get parts() {
-    return guideFiles(this.target, this.files, this.guide.sketch, this.drawing);
-  }
-
-  /** @returns {Record<string, Asset>} what a draft keeps: also the mesh of a drawing */
-  get kept() {
-    return { ...this.parts, ...(this.target ? { target: this.target } : {}) };
+    return guideFiles(this.target, this.files);
   }
 
   /** Return what the form holds, for a draft or a request. */
@@ -130,12 +118,11 @@ export class GuidePanel {
    * @param {Record<string, Asset>} files
    */
   restore(guide, files) {
-    const { align, landmarks, pictures, sketch } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
+    const { align, landmarks, pictures } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
     this.target = files.target ?? null;
-    this.drawing = files.sketch ?? null;
     this.files = Object.keys(files).filter((name) => name.startsWith("silhouette_")).sort().map((name) => files[name]);
     // Without its file, as after a reload with a large one, the rest means nothing.
-    this.guide = { align: this.target ? align : "", landmarks: this.target ? landmarks : [], pictures: this.files.map((_, i) => pictures[i] ?? this.pictures.direction(i)), sketch: this.target ? sketch : null };
+    this.guide = { align: this.target ? align : "", landmarks: this.target ? landmarks : [], pictures: this.files.map((_, i) => pictures[i] ?? this.pictures.direction(i)) };
     this.pictures.end();
     this.targets.show(this.target);
     this._show();
@@ -192,7 +179,7 @@ export class GuidePanel {
     pairs.hidden = !this.targets.possible;
     const add = button("Add a pair", () => this.addPair(this.targets.places), { class: "chip" });
     return [
-      h("div", { class: "guide-head" }, h("strong", null, this.guide.sketch ? "Drawn target" : "Target mesh"), h("span", { class: "muted" }, `${target.name} · ${bytes(target.size)}`), button("Remove the target", () => this.remove(), { icon: "trash", quiet: true, class: "button-quiet" })),
+      h("div", { class: "guide-head" }, h("strong", null, "Target mesh"), h("span", { class: "muted" }, `${target.name} · ${bytes(target.size)}`), button("Remove the target", () => this.remove(), { icon: "trash", quiet: true, class: "button-quiet" })),
       h("label", { class: "field-label", for: "target-align" }, "Alignment"),
       align,
       h("div", { class: "chips" }, pairs, add),
@@ -271,9 +258,9 @@ export class GuidePanel {
   /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
   refuse(error) {
     const errors = Array.isArray(error.problem.errors) ? error.problem.errors : [];
-    const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(each.loc?.[1]) || /^(target|sketch|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
+    const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(each.loc?.[1]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
     const part = String(error.problem.part ?? error.problem.file ?? "");
-    if (this.isEmpty || !(own || part === "target" || part === "sketch" || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
+    if (this.isEmpty || !(own || part === "target" || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
     this._refuse([error.message, error.advice].filter(Boolean).join(" "));
     return true;
   }

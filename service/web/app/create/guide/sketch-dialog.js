@@ -25,14 +25,8 @@ function meshFile(/** @type {BlobPart} */ bytes, family) {
   return new File([bytes], `${family}.glb`, { type: "model/gltf-binary" });
 }
 
-/**
- * What was drawn: the mesh, what it is, and the drawing.
- *
- * @typedef {{mesh: File, sketch: import("./model.js").Sketch, drawing: File}} Drawn
- */
-
 class SketchDialog {
-  /** @param {(drawn: Drawn) => void} use */
+  /** @param {(mesh: File) => void} use */
   constructor(use) {
     this.use = use;
     this.scope = new Scope();
@@ -40,8 +34,6 @@ class SketchDialog {
     this.asking = new AbortController();
     /** @type {File | null} */
     this.mesh = null;
-    /** What the mesh is. @type {import("./model.js").Sketch} */
-    this.sketch = { family: "", values: {} };
     this.pad = new SketchPad(() => this._changed());
     this.problem = h("div", { class: "dialog-problem", "aria-live": "polite" });
     this.guesses = h("div", { class: "sketch-guesses", role: "radiogroup", "aria-label": "Guesses" });
@@ -155,7 +147,6 @@ class SketchDialog {
       values[each.name] = value;
       this._make(guess.family, values);
     })));
-    this.sketch = { family: guess.family, values };
     this._show(meshFile(decoded(guess.mesh), guess.family), false);
   }
 
@@ -201,15 +192,14 @@ class SketchDialog {
     await this.box.load(await mesh.arrayBuffer(), "glb", keepCamera);
   }
 
-  async _use() {
-    const { mesh, sketch } = this;
-    if (!mesh) return;
-    this.use({ mesh, sketch: structuredClone(sketch), drawing: new File([await this.pad.png()], "drawing.png", { type: "image/png" }) });
+  _use() {
+    if (!this.mesh) return;
+    this.use(this.mesh);
     this.element.close();
   }
 }
 
-/** Open the dialog. @param {(drawn: Drawn) => void} use Given what to fit to. @param {import("../../scope.js").Scope} scope */
+/** Open the dialog. @param {(mesh: File) => void} use Given the mesh to fit to. @param {import("../../scope.js").Scope} scope */
 export function askForSketch(use, scope) {
   const dialog = new SketchDialog(use);
   scope.add(() => dialog.scope.dispose());
