@@ -21,6 +21,7 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_sent
+from meshdeform.requests.parameters import CONSTANTS
 from meshdeform.requests.prompts import needs_prior, needs_target, prompt_words
 from meshdeform.requests.removed import without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM"]
+__all__ = ["TEXT_DEFORM", "resolved_params"]
 
 _log = logging.getLogger(__name__)
 
@@ -100,10 +101,11 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     return branch
 
 
-def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
+def resolved_params(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
     """Return the parameters stored when the request was accepted; resolve them if there are none."""
     if kept is not None:
-        kept = without_removed({"params": kept})["params"]
+        constants = {name: kept[name] for name in CONSTANTS & kept.keys()}  # earlier editions took them in requests
+        kept = without_removed({"params": kept})["params"] | constants
         try:
             return read_unbounded(ResolvedParams, kept)
         except ValidationError as error:
@@ -116,7 +118,7 @@ def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] |
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
-        return _resolved(request, default_model, kept).steps
+        return resolved_params(request, default_model, kept).steps
     except MeshdeformError:
         # A default has changed since the job was accepted; its worker will report the error.
         return request.params.steps if "steps" in request.params.model_fields_set else 0
@@ -149,7 +151,7 @@ def _load() -> StartRun:
 
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
-        params = _resolved(given.request, given.default_model, given.resolved)
+        params = resolved_params(given.request, given.default_model, given.resolved)
         prior = load_sent(params.model, given) if needs_prior(params) else None
         target = _read_target(params, given)
         return text_deform.start(
