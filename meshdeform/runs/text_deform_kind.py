@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from meshdeform.assets.check import MAX_PARTS
 from meshdeform.errors import MeshdeformError, ParameterError
 from meshdeform.priors.public_names import configured_name, hidden_folders
-from meshdeform.requests.control import check_places
+from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import (
     DeformParams,
     JobKind,
@@ -22,7 +22,7 @@ from meshdeform.requests.document import (
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_sent
 from meshdeform.requests.parameters import CONSTANTS
-from meshdeform.requests.prompts import needs_prior, needs_target, prompt_words
+from meshdeform.requests.prompts import prompt_words
 from meshdeform.requests.removed import without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
@@ -38,7 +38,7 @@ from meshdeform.runs.base import (
     StartRun,
 )
 from meshdeform.runs.sent_weights import WEIGHTS_FILE, load_sent
-from meshdeform.runs.text_deform_checks import check, check_words
+from meshdeform.runs.text_deform_checks import check, check_places, check_words
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
@@ -129,7 +129,7 @@ def _uses(request: JobRequest) -> list[str]:
     weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
     return [
         "asset",
-        *([_TARGET] if needs_target(params) else []),
+        *([_TARGET] if params.guidance is GuidanceKind.TARGET else []),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
@@ -138,7 +138,7 @@ def _uses(request: JobRequest) -> list[str]:
 def _read_target(params: ResolvedParams, given: RunInput) -> InputFile | None:
     """Return the target mesh of a job; refuse a job whose target an earlier edition would have made of a drawing."""
     target = given.files.get(_TARGET)
-    if target is None and needs_target(params):
+    if target is None and params.guidance is GuidanceKind.TARGET:
         raise ParameterError(
             "The target of this job was to be made of a drawing, which jobs no longer do.",
             advice="Make a mesh of the drawing (docs/sketch.md), and post a new job with it as the part `target`.",
@@ -152,7 +152,7 @@ def _load() -> StartRun:
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
         params = resolved_params(given.request, given.default_model, given.resolved)
-        prior = load_sent(params.model, given) if needs_prior(params) else None
+        prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS else None
         target = _read_target(params, given)
         return text_deform.start(
             asset=asset.data,
