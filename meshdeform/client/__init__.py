@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from meshdeform.client.asynchronous import AsyncClient, AsyncResult
+from meshdeform.client.asynchronous.client import AsyncClient, AsyncResult
 from meshdeform.client.documents import (
     ArtifactView,
     AssetFound,
@@ -21,14 +21,16 @@ from meshdeform.client.documents import (
     ModelList,
     ModelView,
     SignedUrl,
+    SketchGuess,
+    SketchGuesses,
+    SketchParameter,
     UploadView,
     Validation,
     Vocabulary,
 )
 from meshdeform.client.problems import WaitTimeoutError
-from meshdeform.client.sketching import SketchGuess, SketchGuesses, SketchParameter
 from meshdeform.client.sources import AssetLike
-from meshdeform.client.sync import Client, Result
+from meshdeform.client.sync.client import Client, Result
 
 __all__ = [
     "ArtifactView",

@@ -7,6 +7,7 @@ parameters are attributes of `params`.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable
 from datetime import datetime
 from enum import StrEnum
@@ -46,6 +47,9 @@ __all__ = [
     "ModelList",
     "ModelView",
     "SignedUrl",
+    "SketchGuess",
+    "SketchGuesses",
+    "SketchParameter",
     "UploadView",
     "Validation",
     "Vocabulary",
@@ -372,6 +376,43 @@ class UploadView(_Open):
     url_expires_at: datetime | None = None
     headers: dict[str, str] = Field(default_factory=dict)
     resumable: bool = False
+
+
+class SketchParameter(_Open):
+    """A parameter of a family of shapes: a number from `minimum` to `maximum`, or one of `options`."""
+
+    name: str
+    value: float | str
+    default: float | str
+    minimum: float | None = None
+    maximum: float | None = None
+    options: list[str] | None = None
+
+
+class SketchGuess(_Open):
+    """One reading of a drawing; `mesh` is its shape as a GLB in base64."""
+
+    family: str
+    probability: float
+    parameters: list[SketchParameter]
+    mesh: str
+
+    @property
+    def values(self) -> dict[str, float | str]:
+        """The parameters by name."""
+        return {each.name: each.value for each in self.parameters}
+
+    @property
+    def glb(self) -> bytes:
+        """The shape."""
+        return base64.b64decode(self.mesh)
+
+
+class SketchGuesses(_Open):
+    """What a drawing may show, the likeliest first."""
+
+    guesses: list[SketchGuess]
+    unsure: bool = False
 
 
 def read(model: type[M], document: Any, url: str) -> M:

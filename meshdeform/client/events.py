@@ -1,131 +1,132 @@
-"""Follow a job's events as they happen, each exactly once, reconnecting as needed."""
+"""Read a job's events from server-sent events, in bytes that arrive in pieces.
+
+Source of the parser: the HTML standard, "Interpreting an event stream".
+"""
 
 from __future__ import annotations
 
+import codecs
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
-import httpx
-
-from meshdeform.client.commands import Answer, Call, Command, Operation, Pause, Read, Stream
 from meshdeform.client.documents import EventView, read
-from meshdeform.client.paths import job_path
-from meshdeform.client.problems import WaitTimeoutError, error_of, unreachable
-from meshdeform.client.retries import NOT_WORTH_A_RETRY, Patience, Policy, worth_a_retry
-from meshdeform.client.sse import Parser, ServerEvent
+from meshdeform.client.problems import error_of
+from meshdeform.client.requests import Answer, Call, job_path
 from meshdeform.errors import MeshdeformError, UnavailableError
 
-__all__ = ["followed"]
+__all__ = ["EventOrder", "EventStream", "Parser", "ServerEvent", "events_call"]
 
-_LIVED_S = 5.0  # a connection that lasted this long does not count as a failure
-_STALE = 0.75
+_LONGEST = 16 * 2**20
 
 
-def followed(
-    job_id: str,
-    after: int,
-    policy: Policy,
-    give: Callable[[EventView], Command],
-    *,
-    deadline: float | None = None,
-) -> Operation[EventView | None]:
-    """Deliver the events after a number, up to the one that ends the job.
+@dataclass(frozen=True)
+class ServerEvent:
+    """A server-sent event.
 
-    Parameters
+    Attributes
     ----------
-    job_id : str
-    after : int
-        Number of the last known event.
-    policy : Policy
-    give : callable
-        Returns the command that delivers an event.
-    deadline : float, optional
-        In the time of the monotonic clock.
+    type : str
+        `message` if the stream names none.
+    data : str
+    id : str
+        The last id that the stream sent; empty before the first.
+    """
 
-    Returns
-    -------
-    EventView or None
-        The last event, or None if the job had finished and no event was left.
+    type: str
+    data: str
+    id: str
+
+
+class Parser:
+    """Converts bytes to events. An event that is cut off is discarded."""
+
+    def __init__(self) -> None:
+        self._decoder = codecs.getincrementaldecoder("utf-8-sig")("replace")
+        self._line: list[str] = []
+        self._pending, self._after_return = 0, False
+        self._type, self._data, self._id = "", list[str](), ""
+
+    def feed(self, data: bytes) -> Iterator[ServerEvent]:
+        """Yield the events that these bytes complete.
+
+        Raises
+        ------
+        UnavailableError
+            An event is too long, so that this is not a stream of events.
+        """
+        text = self._decoder.decode(data)
+        if self._after_return and text:
+            # The previous line ended with the CR of this CR LF.
+            text = text.removeprefix("\n")
+            self._after_return = False
+        if text.endswith("\r"):
+            self._after_return = True
+        lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        for line in lines[:-1]:
+            whole = "".join([*self._line, line])
+            self._line = []
+            if event := self._take(whole):
+                yield event
+        if lines[-1]:
+            self._line.append(lines[-1])
+            self._pending += len(lines[-1])
+        if self._pending > _LONGEST:
+            raise UnavailableError("The stream of events has an event without an end.", advice="Report this.")
+
+    def _take(self, line: str) -> ServerEvent | None:
+        if not line:
+            kind, lines = self._type or "message", self._data
+            self._type, self._data, self._pending = "", [], 0
+            return ServerEvent(kind, "\n".join(lines), self._id) if lines else None
+        name, _, value = line.partition(":")
+        value = value.removeprefix(" ")
+        if name == "event":
+            self._type = value
+        elif name == "data":
+            self._data.append(value)
+            self._pending += len(value)
+        elif name == "id" and "\0" not in value:
+            self._id = value
+        return None
+
+
+def events_call(job_id: str, after: int, silence_s: float) -> Call:
+    """Return the request for the events after a number, on a connection that may be silent for some seconds."""
+    headers = {"Accept": "text/event-stream", "Accept-Encoding": "identity", "Last-Event-ID": str(after)}
+    return Call("GET", job_path(job_id, "events"), headers=headers, read_timeout_s=max(silence_s, 0.01))
+
+
+class EventStream:
+    """The events of one connection.
 
     Raises
     ------
-    NotFoundError
-        The job does not exist, or was deleted.
-    WaitTimeoutError
-        The deadline has passed.
     MeshdeformError
-        The service refused; `UnavailableError` if it does not answer for longer than the policy allows.
+        The service refused the request, or the response is not a stream of events.
     """
-    patience = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.reconnect_s)
-    connection: _Connection | None = None
-    doubted = -1
-    while True:
-        _check(deadline, job_id)
-        error: MeshdeformError
-        try:
-            if connection is None:
-                connection = yield from _connected(job_id, after, policy, deadline)
-                if connection is None:
-                    return None
-                patience.alive()
-            data: bytes = yield Read()
-            if not data:
-                raise UnavailableError(f"The stream of events of {job_id} ended before the job did.")
-            events = connection.events(data)
-        except httpx.HTTPError as failure:
-            _check(deadline, job_id)
-            error = unreachable(failure, job_path(job_id, "events"))
-            if isinstance(failure, NOT_WORTH_A_RETRY):
-                raise error from failure
-        except MeshdeformError as refused:
-            if not worth_a_retry(refused):
-                raise
-            error = refused
-        else:
-            if connection.lived_s > _LIVED_S:
-                patience.renew()
-            for event in events:
-                if event.seq <= after:
-                    continue
-                if event.seq > after + 1 and doubted != after:
-                    # An event is missing. Request it once more; if it is gone, continue without it.
-                    doubted, connection = after, None
-                    break
-                after = event.seq
-                patience.renew()
-                yield give(event)
-                if event.type.terminal:
-                    return event
-            if connection is not None and connection.stale(deadline):
-                connection = None
-            continue
-        connection = None
-        yield Pause(_within(patience.pause(error), deadline))
 
-
-class _Connection:
-    """The events of one connection."""
-
-    def __init__(self, job_id: str, url: str, read_timeout_s: float) -> None:
-        self._job_id, self._url, self._read_timeout_s = job_id, url, read_timeout_s
+    def __init__(self, job_id: str, answer: Answer) -> None:
+        if not answer.ok:
+            raise error_of(answer)
+        if not answer.headers.get("content-type", "").startswith("text/event-stream"):
+            raise MeshdeformError(f"{answer.url} is not a stream of events.", advice="Check the service's address.")
+        self._job_id, self._url = job_id, answer.url
         self._parser, self._since = Parser(), time.monotonic()
 
     @property
-    def lived_s(self) -> float:
+    def age_s(self) -> float:
+        """Seconds since the connection was made."""
         return time.monotonic() - self._since
 
-    def stale(self, deadline: float | None) -> bool:
-        """Return whether its read timeout, which httpx fixes when connecting, is much longer than the time left."""
-        return deadline is not None and deadline - time.monotonic() < _STALE * self._read_timeout_s
-
-    def events(self, data: bytes) -> list[EventView]:
-        found = [self._event(event) for event in self._parser.feed(data)]
-        return [event for event in found if event is not None]
+    def feed(self, data: bytes) -> list[EventView]:
+        """Return the events that these bytes complete, without those of a form that only newer services send."""
+        events = [self._event(event) for event in self._parser.feed(data)]
+        return [event for event in events if event is not None]
 
     def _event(self, received: ServerEvent) -> EventView | None:
-        """Return the event, or None for a type that only newer services send."""
         try:
             document: Any = json.loads(received.data)
         except ValueError:
@@ -135,25 +136,29 @@ class _Connection:
         return read(EventView, {"job_id": self._job_id, **document}, self._url)
 
 
-def _connected(job_id: str, after: int, policy: Policy, deadline: float | None) -> Operation[_Connection | None]:
-    silence_s = _within(policy.silence_s, deadline)
-    headers = {"Accept": "text/event-stream", "Accept-Encoding": "identity", "Last-Event-ID": str(after)}
-    answer: Answer = yield Stream(
-        Call("GET", job_path(job_id, "events"), headers=headers, read_timeout_s=max(silence_s, 0.01))
-    )
-    if answer.status == 204:
-        return None
-    if not answer.ok:
-        raise error_of(answer)
-    if not answer.headers.get("content-type", "").startswith("text/event-stream"):
-        raise MeshdeformError(f"{answer.url} is not a stream of events.", advice="Check the service's address.")
-    return _Connection(job_id, answer.url, silence_s)
+class EventOrder:
+    """The order of a job's events over all connections.
 
+    Attributes
+    ----------
+    after : int
+        Number of the last event.
+    missing : bool
+        Whether an event after that is missing, and is to be requested once more.
+    """
 
-def _within(seconds: float, deadline: float | None) -> float:
-    return seconds if deadline is None else max(min(seconds, deadline - time.monotonic()), 0.0)
+    def __init__(self, after: int) -> None:
+        self.after, self.missing = after, False
+        self._doubted = -1
 
-
-def _check(deadline: float | None, job_id: str) -> None:
-    if deadline is not None and time.monotonic() >= deadline:
-        raise WaitTimeoutError(f"The job {job_id} has not finished in time.", job_id=job_id)
+    def accepted(self, events: Iterable[EventView]) -> Iterator[EventView]:
+        """Yield those of the events that come next. One that is missing even when requested again is passed over."""
+        self.missing = False
+        for event in events:
+            if event.seq <= self.after:
+                continue
+            if event.seq > self.after + 1 and self._doubted != self.after:
+                self._doubted, self.missing = self.after, True
+                return
+            self.after = event.seq
+            yield event

@@ -18,7 +18,9 @@ from typing import Any
 
 import httpx
 
-from meshdeform.client.commands import Answer
+from meshdeform.api.states import JobState
+from meshdeform.client.documents import JobView
+from meshdeform.client.requests import Answer
 from meshdeform.errors import (
     AssetFormatError,
     AssetTooLargeError,
@@ -35,7 +37,7 @@ from meshdeform.errors import (
     UnavailableError,
 )
 
-__all__ = ["WaitTimeoutError", "class_of", "error_of", "job_failure", "retry_after_s", "unreachable"]
+__all__ = ["WaitTimeoutError", "class_of", "error_of", "retry_after_s", "succeeded", "unreachable"]
 
 _PROBLEM_MEMBERS = frozenset({"type", "title", "status", "detail", "code", "advice", "instance", "request_id"})
 _BY_STATUS: dict[int, type[MeshdeformError]] = {
@@ -91,9 +93,19 @@ def error_of(answer: Answer) -> MeshdeformError:
     return error
 
 
-def job_failure(code: str, status: int, detail: str, advice: str, job_id: str) -> MeshdeformError:
-    """Return the error with which a job failed."""
-    return _made(code, status, detail, advice, {"job_id": job_id})
+def succeeded(job: JobView) -> JobView:
+    """Return the job if it succeeded.
+
+    Raises
+    ------
+    MeshdeformError
+        The job's error if it failed; `ConflictError` if it ended otherwise.
+    """
+    if job.state is JobState.SUCCEEDED:
+        return job
+    if job.error is not None:
+        raise _made(job.error.code, job.error.status, job.error.detail, job.error.advice, {"job_id": job.id})
+    raise ConflictError(f"The job {job.id} is {job.state}.", advice="Post it again, or retry it.", job_id=job.id)
 
 
 def unreachable(error: httpx.HTTPError, url: str) -> UnavailableError:

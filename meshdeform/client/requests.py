@@ -1,23 +1,167 @@
-"""Build httpx requests from calls: addresses, keys, and bodies read from files."""
+"""Describe HTTP requests and responses: paths, addresses, keys, and bodies read from files."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import IO, Any
+from urllib.parse import quote
 
 import anyio
 import httpx
 
 from meshdeform._version import __version__
-from meshdeform.client.commands import Answer, Call, Piece
+from meshdeform.api.jobs import JobView
+from meshdeform.errors import UnavailableError
 from meshdeform.serving.defaults import DEFAULT_URL
 
-__all__ = ["Endpoint"]
+__all__ = [
+    "Answer",
+    "Call",
+    "Endpoint",
+    "JobLike",
+    "Part",
+    "Piece",
+    "artifact_path",
+    "identity",
+    "job_path",
+]
 
 _CHUNK = 256 * 1024
+
+
+JobLike = str | JobView
+"""A job, or its id."""
+
+
+def identity(job: JobLike) -> str:
+    """Return a job's id.
+
+    Raises
+    ------
+    ValueError
+        It is empty, which would address all jobs.
+    """
+    found = job.id if isinstance(job, JobView) else job
+    if not found:
+        raise ValueError("The job's id is empty.")
+    return found
+
+
+def _segment(text: str) -> str:
+    """Return a text escaped as one segment of a path."""
+    quoted = quote(text, safe="")
+    return {".": "%2E", "..": "%2E%2E"}.get(quoted, quoted)
+
+
+def job_path(job: JobLike, *rest: str | int) -> str:
+    """Return the path of a job, or of something below it."""
+    return "/".join(["/v1/jobs", *(_segment(str(part)) for part in (identity(job), *rest))])
+
+
+def artifact_path(job: JobLike, name: str, strength: float | None = None) -> str:
+    """Return the path of an artifact, with the query for another strength."""
+    query = "" if strength is None else f"?strength={strength:.10g}"
+    return job_path(job, "artifacts", name) + query
+
+
+@dataclass(frozen=True)
+class Part:
+    """A file in a multipart form.
+
+    Attributes
+    ----------
+    name, filename : str
+    file : binary file
+        Positioned at its beginning.
+    """
+
+    name: str
+    filename: str
+    file: IO[bytes]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A range of a file that is the whole body of a request.
+
+    Attributes
+    ----------
+    file : binary file
+    start, size : int
+    """
+
+    file: IO[bytes]
+    start: int
+    size: int
+
+
+@dataclass(frozen=True)
+class Call:
+    """One HTTP request.
+
+    Attributes
+    ----------
+    method, url : str
+        The URL is absolute or a path of the service.
+    query : mapping
+    headers : mapping
+    document : JSON value, optional
+        The body; with `parts`, the form's part `request`.
+    parts : tuple of Part
+        The files of a form.
+    piece : Piece, optional
+        The body.
+    content : bytes, optional
+        The body.
+    signed : bool
+        Whether the URL is signed; then the API key is not sent.
+    read_timeout_s : float, optional
+        Seconds to wait for data of the response.
+    """
+
+    method: str
+    url: str
+    query: Mapping[str, str | int] = field(default_factory=dict)
+    headers: Mapping[str, str] = field(default_factory=dict)
+    document: Any = None
+    parts: tuple[Part, ...] = ()
+    piece: Piece | None = None
+    content: bytes | None = None
+    signed: bool = False
+    read_timeout_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An HTTP response. Header names are in lower case; a stream has its body elsewhere."""
+
+    status: int
+    url: str
+    headers: Mapping[str, str]
+    content: bytes = b""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the request succeeded."""
+        return 200 <= self.status < 300 or self.status == 304
+
+    def json(self) -> Any:
+        """Return the JSON document.
+
+        Raises
+        ------
+        UnavailableError
+            The body is not JSON, so that the response is not from the service.
+        """
+        try:
+            return json.loads(self.content)
+        except ValueError:
+            raise UnavailableError(
+                f"{self.url} answered {self.status} without a JSON document.", advice="Check the service's address."
+            ) from None
 
 
 @dataclass(frozen=True)

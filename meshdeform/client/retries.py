@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import time
 from collections.abc import Callable
@@ -9,16 +10,16 @@ from dataclasses import dataclass, field
 
 import httpx
 
-from meshdeform.client.commands import Answer, Call, Operation, Pause, Send
-from meshdeform.client.problems import error_of, retry_after_s, unreachable
-from meshdeform.errors import IdempotencyBusyError, MeshdeformError
+from meshdeform.client.problems import WaitTimeoutError, retry_after_s, unreachable
+from meshdeform.client.requests import Answer
+from meshdeform.errors import IdempotencyBusyError, MeshdeformError, UnavailableError
 
-__all__ = ["NOT_WORTH_A_RETRY", "Patience", "Policy", "answered", "pace", "worth_a_retry"]
+__all__ = ["Patience", "Policy", "left_s", "pace", "unanswered", "worth_a_retry"]
 
 _AGAIN = frozenset({408, 429, 502, 503, 504})
 
 # Errors that a retry cannot fix.
-NOT_WORTH_A_RETRY = (httpx.UnsupportedProtocol, httpx.LocalProtocolError, httpx.DecodingError, httpx.TooManyRedirects)
+_NOT_WORTH_A_RETRY = (httpx.UnsupportedProtocol, httpx.LocalProtocolError, httpx.DecodingError, httpx.TooManyRedirects)
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class Policy:
         Seconds for which a stream of events may be silent. The service sends something every 15 seconds.
     upload_above : int
         Files with more bytes are uploaded before their job is posted, in pieces that can be resumed.
+    piece_bytes : int
+        Size of these pieces.
     busy_s : float
         Seconds to wait for an earlier request with the same key. After a crash, the service releases the key by then.
     first_pause_s, longest_pause_s : float
@@ -51,6 +54,7 @@ class Policy:
     silence_s: float = 45.0
     busy_s: float = 150.0
     upload_above: int = 16 * 2**20
+    piece_bytes: int = 8 * 2**20
     first_pause_s: float = 0.25
     longest_pause_s: float = 8.0
     chance: Callable[[], float] = field(default=random.random, repr=False)
@@ -123,34 +127,32 @@ def worth_a_retry(error: MeshdeformError) -> bool:
     return error.status in _AGAIN or isinstance(error, IdempotencyBusyError)
 
 
-def answered(call: Call, policy: Policy, patience: Patience | None = None) -> Operation[Answer]:
-    """Send a request, with retries, and return the response. It must be safe to send more than once.
+def unanswered(failure: httpx.HTTPError, url: str) -> UnavailableError:
+    """Return the error of a request without a response.
 
     Raises
     ------
-    MeshdeformError
-        The service's error; `UnavailableError` if it did not answer.
+    UnavailableError
+        The same error, if a retry cannot help.
     """
-    patience = patience or Patience(policy, retries=policy.max_retries, seconds=policy.timeout_s)
-    busy = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.busy_s)
-    lost = False
-    while True:
-        error: MeshdeformError
-        try:
-            answer: Answer = yield Send(call)
-        except httpx.HTTPError as failure:
-            error, lost = unreachable(failure, call.url), True
-            if isinstance(failure, NOT_WORTH_A_RETRY):
-                raise error from failure
-        else:
-            if answer.ok:
-                return answer
-            if lost and call.method == "DELETE" and answer.status == 404:
-                return answer  # the first request succeeded, but its response was lost
-            error = error_of(answer)
-            if not worth_a_retry(error):
-                raise error
-        yield Pause((busy if isinstance(error, IdempotencyBusyError) else patience).pause(error))
+    error = unreachable(failure, url)
+    if isinstance(failure, _NOT_WORTH_A_RETRY):
+        raise error from failure
+    return error
+
+
+def left_s(deadline: float | None, job_id: str) -> float:
+    """Return the seconds until a deadline, in the time of the monotonic clock; without one, infinity.
+
+    Raises
+    ------
+    WaitTimeoutError
+        It has passed.
+    """
+    left = math.inf if deadline is None else deadline - time.monotonic()
+    if left <= 0.0:
+        raise WaitTimeoutError(f"The job {job_id} has not finished in time.", job_id=job_id)
+    return left
 
 
 def pace(answer: Answer, default: float, least: float, most: float) -> float:

@@ -1,27 +1,32 @@
-"""Open an asset given as a file, bytes, an open stream, or a reference to a file of the service."""
+"""Open what is sent: a file, bytes, an open stream, a reference to a file of the service, or a folder of meshes."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+import zipfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, cast
 
 from meshdeform.client.documents import UploadView
 
-__all__ = ["AssetLike", "LocalFile", "open_source"]
+__all__ = ["AssetLike", "LocalFile", "Meshes", "open_source", "packed_meshes"]
 
 AssetLike = str | os.PathLike[str] | bytes | IO[bytes] | UploadView | Mapping[str, str]
 """A path; the bytes; a binary stream, read from its current position; an upload; or a reference such as
 `{"job_id": "job_...", "artifact": "result.glb"}`."""
 
+Meshes = AssetLike | Sequence[str | os.PathLike[str]]
+"""One mesh or ZIP as any asset, a folder, or several files and folders."""
+
 _IN_MEMORY = 2**20
+_ENDINGS = frozenset({".glb", ".obj", ".ply", ".stl"})
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ def open_source(
     if isinstance(asset, Mapping):
         return dict(asset)
     if isinstance(asset, bytes | bytearray | memoryview):
-        return _measured(BytesIO(asset), filename or "asset.glb")
+        return _measured(io.BytesIO(asset), filename or "asset.glb")
     if isinstance(asset, str | os.PathLike):
         path = Path(asset)
         return _measured(files.enter_context(path.open("rb")), filename or path.name)
@@ -96,3 +101,46 @@ def _measured(file: IO[bytes], filename: str) -> LocalFile:
         size += len(part)
     file.seek(0)
     return LocalFile(filename, file, size, digest.hexdigest())
+
+
+def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
+    """Return what to send as the meshes of a lesson, with its file name if it has none of its own.
+
+    One file is sent as it is. A folder and several files are packed into a ZIP, in which subfolders keep their names.
+
+    Raises
+    ------
+    ValueError
+        There is no mesh, or two files would have one name in the ZIP.
+    OSError
+        A file cannot be read.
+    """
+    if isinstance(meshes, str | os.PathLike):
+        if not Path(meshes).is_dir():
+            return meshes, None
+        meshes = [meshes]
+    elif isinstance(meshes, bytes) or not isinstance(meshes, Sequence):
+        return meshes, None
+    files: dict[str, Path] = {}
+    for path in [Path(cast("str", each)) for each in meshes]:
+        for name, file in _meshes_in(path):
+            if name in files:
+                raise ValueError(f"Two meshes are called {name}; rename one of them.")
+            files[name] = file
+    if not files:
+        raise ValueError("There is no mesh to learn from: give GLB, OBJ, PLY or STL files, or folders with some.")
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, file in files.items():
+            # A fixed time of change, so that the same meshes are the same file.
+            archive.writestr(zipfile.ZipInfo(name), file.read_bytes(), zipfile.ZIP_DEFLATED)
+    return made.getvalue(), "meshes.zip"
+
+
+def _meshes_in(path: Path) -> list[tuple[str, Path]]:
+    """Return the meshes of a folder by their names in it, or the file itself."""
+    if not path.is_dir():
+        return [(path.name, path)]
+    found = sorted(file for file in path.rglob("*") if file.suffix.lower() in _ENDINGS and file.is_file())
+    within = [(file.relative_to(path), file) for file in found]
+    return [(name.as_posix(), file) for name, file in within if not any(part.startswith(".") for part in name.parts)]

@@ -15,7 +15,7 @@ from typing import Any
 import anyio
 import pytest
 
-from meshdeform.client import AsyncClient, Client, EventView, uploads
+from meshdeform.client import AsyncClient, Client, EventView
 from meshdeform.client.retries import Policy
 from meshdeform.errors import NotFoundError, StaleAttemptError, UnavailableError
 from meshdeform.record.models import Artifact, JobState
@@ -26,7 +26,13 @@ from tests.integration.streams import progress, recovered_run
 from tests.servers import NotInstalledError
 
 POLICY = Policy(
-    timeout_s=60.0, max_retries=1000, reconnect_s=60.0, silence_s=1.0, first_pause_s=0.02, longest_pause_s=0.1
+    timeout_s=60.0,
+    max_retries=1000,
+    reconnect_s=60.0,
+    silence_s=1.0,
+    piece_bytes=40_000,
+    first_pause_s=0.02,
+    longest_pause_s=0.1,
 )
 
 
@@ -280,9 +286,8 @@ def test_fifty_jobs_are_followed_in_one_event_loop(cluster: Cluster) -> None:
 
 @both_clients
 def test_an_upload_goes_on_where_it_broke_off(
-    cluster: Cluster, proxy: FaultProxy, client: Client, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, request: Any
+    cluster: Cluster, proxy: FaultProxy, client: Client, tmp_path: Path, request: Any
 ) -> None:
-    monkeypatch.setattr(uploads, "_PIECE", 40_000)
     # A file whose end nobody looks at: an OBJ with a long comment.
     corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
     asset = tmp_path / "tetrahedron.obj"

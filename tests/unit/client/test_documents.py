@@ -8,9 +8,7 @@ from typing import Any
 
 import pytest
 
-from meshdeform.client.commands import Emit
 from meshdeform.client.documents import EventView, JobView, Limits, Validation, read
-from meshdeform.client.events import followed
 from meshdeform.client.retries import Policy
 from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.models import EventType, JobState
@@ -112,9 +110,8 @@ def test_what_is_no_job_says_so(document: Any) -> None:
 
 
 def watched(*replies: Any, after: int = 0, policy: Policy | None = None) -> tuple[list[EventView], World]:
-    world = World(*replies)
-    events, _ = world.run(followed("job_1", after, policy or Policy(chance=lambda: 1.0), Emit))
-    return events, world
+    world = World(*replies, policy=policy or Policy(chance=lambda: 1.0))
+    return world.watched(after), world
 
 
 def test_unknown_events_are_given_and_strange_ones_passed_over() -> None:
@@ -132,14 +129,14 @@ def test_connections_go_on_after_the_last_event() -> None:
         [event(1), event(2), cut], [], answer(503, "", retry_after="4"), [event(2), event(3)], [event(4, "failed")]
     )
     assert [found.seq for found in events] == [1, 2, 3, 4]
-    assert [call.headers["Last-Event-ID"] for call in world.calls] == ["0", "2", "2", "2", "3"]
+    assert [sent.headers["Last-Event-ID"] for sent in world.requests] == ["0", "2", "2", "2", "3"]
     assert world.pauses[2] >= 4.0
 
 
 def test_an_event_that_is_missing_is_asked_for() -> None:
     events, world = watched([event(1), event(3), event(4)], [event(2), event(3)], [event(4, "succeeded")])
     assert [found.seq for found in events] == [1, 2, 3, 4]
-    assert [call.headers["Last-Event-ID"] for call in world.calls] == ["0", "1", "3"]
+    assert [sent.headers["Last-Event-ID"] for sent in world.requests] == ["0", "1", "3"]
     # One that the service has no more holds nobody up.
     gone, _ = watched([event(1), event(3)], [event(3), event(4, "succeeded")])
     assert [found.seq for found in gone] == [1, 3, 4]

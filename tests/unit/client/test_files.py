@@ -18,8 +18,9 @@ import httpx
 import pytest
 
 from meshdeform.client import AsyncClient, Client, JobView, Result, UploadView
+from meshdeform.client.orders import Order
+from meshdeform.client.retries import Policy
 from meshdeform.client.sources import LocalFile, open_source
-from meshdeform.client.submitting import Order
 from meshdeform.errors import ChecksumError, MeshdeformError, NotFoundError, UnavailableError
 from tests.cases import each_case
 from tests.unit.client.test_documents import JOB
@@ -121,7 +122,7 @@ def test_a_bucket_gets_the_bytes_and_not_the_key(flavor: str) -> None:
 def test_a_service_without_uploads_gets_a_form() -> None:
     service = Service(POST_jobs=[job()])
     with service.client() as client:
-        client._policy = type(client._policy)(upload_above=1000)
+        client._connection.policy = Policy(upload_above=1000)
         client.submit(DATA, "a mushroom")
         with pytest.raises(NotFoundError):
             client.submit(DATA, "a mushroom", upload=True)

@@ -11,8 +11,8 @@ import httpx
 
 import meshdeform
 from meshdeform import errors
-from meshdeform.client.commands import Answer
 from meshdeform.client.problems import WaitTimeoutError, class_of, error_of, retry_after_s, unreachable
+from meshdeform.client.requests import Answer
 from meshdeform.errors import MeshdeformError, UnavailableError
 from tests.cases import each_case
 from tests.unit.client.worlds import answer

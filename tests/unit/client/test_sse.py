@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshdeform.client import sse
-from meshdeform.client.sse import Parser, ServerEvent
+from meshdeform.client import events
+from meshdeform.client.events import Parser, ServerEvent
 from meshdeform.errors import UnavailableError
 from tests.cases import each_case
 
@@ -50,7 +50,7 @@ def test_any_bytes_give_the_same_in_any_pieces(stream: bytes, cuts: list[int]) -
 
 
 def test_an_event_without_an_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sse, "_LONGEST", 1000)
+    monkeypatch.setattr(events, "_LONGEST", 1000)
     parser = Parser()
     assert list(parser.feed(b"data: " + b"x" * 900 + b"\n\n")) == [ServerEvent("message", "x" * 900, "")]
     assert fed(b"data: x\n" * 100) == []

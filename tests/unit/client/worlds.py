@@ -1,16 +1,22 @@
-"""A service that answers from a list, for the sync and the async client alike, and pauses that take no time."""
+"""A service that answers from a list, and pauses that take no time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+import time
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 import httpx
+import pytest
 
-from meshdeform.client.commands import Answer, Callback, Emit, Operation, Pause, Read, Send, Shield, Stream, Work
+from meshdeform.client.documents import EventView
+from meshdeform.client.requests import Answer, Call, Endpoint
+from meshdeform.client.retries import Policy
+from meshdeform.client.sync.connection import Connection
+from meshdeform.client.sync.transfers import followed
 
 T = TypeVar("T")
-Reply = Answer | Exception | Callable[[Any], Any]
+Reply = Answer | Exception | list[Any] | Callable[[httpx.Request], Answer]
 
 
 def answer(status: int = 200, content: bytes | str = b"", **headers: str) -> Answer:
@@ -20,80 +26,53 @@ def answer(status: int = 200, content: bytes | str = b"", **headers: str) -> Ans
     return Answer(status, "http://x/y", named, body)
 
 
-class World:
-    """Carries out an operation with answers from a list; the driver of the unit tests.
+class World(httpx.BaseTransport):
+    """A service that gives its replies one by one, and the connection to it.
 
     Parameters
     ----------
     *replies : Answer, exception, callable or list of bytes
-        For each `Send` or `Stream` one. A list gives the parts of the stream that it opens; an exception in it is
-        raised by `Read`.
+        One for each request. A list gives the parts of a stream of events; an exception in it is raised instead.
+    policy : Policy
     """
 
-    def __init__(self, *replies: Any) -> None:
+    def __init__(self, *replies: Reply, policy: Policy) -> None:
         self.replies = list(replies)
-        self.calls: list[Any] = []
+        self.requests: list[httpx.Request] = []
         self.pauses: list[float] = []
-        self._parts: Iterator[Any] = iter(())
+        self.connection = Connection(httpx.Client(transport=self), Endpoint("http://x"), policy)
 
-    def run(self, operation: Operation[T]) -> tuple[list[Any], T]:
-        """Return what was emitted, and the result."""
-        emitted: list[Any] = []
-        steps = self._steps(operation)
-        while True:
-            try:
-                emitted.append(next(steps))
-            except StopIteration as end:
-                return emitted, end.value
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        self.requests.append(request)
+        reply = self.replies.pop(0)
+        if callable(reply):
+            reply = reply(request)
+        if isinstance(reply, Exception):
+            raise reply
+        if isinstance(reply, list):
+            return httpx.Response(200, headers={"content-type": "text/event-stream"}, stream=_Parts(reply))
+        return httpx.Response(reply.status, headers=reply.headers, content=reply.content)
 
-    def _steps(self, operation: Operation[T]) -> Generator[Any, None, T]:
-        value: Any = None
-        error: BaseException | None = None
-        while True:
-            try:
-                command = operation.send(value) if error is None else operation.throw(error)
-            except StopIteration as end:
-                result: T = end.value
-                return result
-            value = error = None
-            if isinstance(command, Emit):
-                yield command.item
-                continue
-            try:
-                value = self._do(command)
-            except BaseException as raised:
-                error = raised
+    def answered(self, call: Call) -> Answer:
+        """Send a request with retries."""
+        return self._without_pauses(lambda: self.connection.answered(call))
 
-    def _do(self, command: Any) -> Any:
-        match command:
-            case Send(call):
-                self.calls.append(call)
-                return _given(self.replies.pop(0), call)
-            case Stream(call):
-                self.calls.append(call)
-                reply = self.replies.pop(0)
-                if isinstance(reply, list):
-                    self._parts = iter(reply)
-                    return answer(200, content_type="text/event-stream")
-                return _given(reply, call)
-            case Read():
-                part = next(self._parts, b"")
-                if isinstance(part, BaseException):
-                    raise part
-                return part
-            case Pause(seconds):
-                self.pauses.append(seconds)
-                return None
-            case Work(function):
-                return function()
-            case Callback(function, argument):
-                return function(argument)
-            case Shield(operation, _):
-                return self.run(operation)[1]
-        raise AssertionError(command)
+    def watched(self, after: int) -> list[EventView]:
+        """Follow the events of a job to the last."""
+        return self._without_pauses(lambda: list(followed(self.connection, "job_1", after)))
+
+    def _without_pauses(self, operation: Callable[[], T]) -> T:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(time, "sleep", self.pauses.append)
+            return operation()
 
 
-def _given(reply: Any, call: Any) -> Any:
-    if isinstance(reply, BaseException):
-        raise reply
-    return reply(call) if callable(reply) else reply
+class _Parts(httpx.SyncByteStream):
+    def __init__(self, parts: list[Any]) -> None:
+        self._parts = parts
+
+    def __iter__(self) -> Iterator[bytes]:
+        for part in self._parts:
+            if isinstance(part, Exception):
+                raise part
+            yield part

@@ -1,78 +1,61 @@
-"""Provide the client for event loops. `scripts/sync_client.py` makes `sync.py`, the one for threads, of this file."""
+"""Provide the client for event loops."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import math
 import os
+import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import httpx
+from pydantic import BaseModel
 
 from meshdeform.api.states import JobState
-from meshdeform.client import downloads, events, lessons, reading, running, sketching, submitting
-from meshdeform.client.commands import Emit
-from meshdeform.client.connections import Service, address
+from meshdeform.client.asynchronous.connection import AsyncConnection, pause, shielded, tell, work
+from meshdeform.client.asynchronous.transfers import followed, loaded, prepared, saved, uploaded
 from meshdeform.client.documents import (
+    ArtifactList,
     ArtifactView,
+    CheckpointList,
     CheckpointView,
     EventView,
     FoundOrientation,
+    JobList,
     JobView,
     Limits,
     ModelList,
     SignedUrl,
+    SketchGuesses,
     UploadView,
     Validation,
+    read,
 )
-from meshdeform.client.drivers import AsyncDriver
-from meshdeform.client.lessons import Meshes
-from meshdeform.client.paths import JobLike, artifact_path, job_path
+from meshdeform.client.downloads import AFTERWARDS, is_same
+from meshdeform.client.orders import Files, Order, Output, Params, checked_key, parts_of, refer
+from meshdeform.client.problems import succeeded
+from meshdeform.client.requests import Call, Endpoint, JobLike, artifact_path, identity, job_path
 from meshdeform.client.result import GLB, PREVIEW, REPORT, html_of, label
-from meshdeform.client.sketching import Drawing, SketchGuesses
-from meshdeform.client.sources import AssetLike
-from meshdeform.client.submitting import Files, Order, Output, Params
-from meshdeform.requests.document import JobKind
+from meshdeform.client.retries import Patience, Policy, left_s, pace
+from meshdeform.client.sources import AssetLike, LocalFile, Meshes, open_source, packed_meshes
+from meshdeform.errors import ChecksumError, JobNotFinishedError, MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.requests.choices import JobKind
 
 __all__ = ["AsyncClient", "AsyncResult"]
 
-
-class AsyncConnection(Service):
-    """Connections to a service for event loops. Parameters and errors are those of `AsyncClient`."""
-
-    def __init__(
-        self,
-        base_url: str | None = None,
-        *,
-        api_key: str | None = None,
-        timeout_s: float = 60.0,
-        max_retries: int = 4,
-        http: httpx.AsyncClient | None = None,
-    ) -> None:
-        super().__init__(address(base_url, http), api_key, timeout_s, max_retries)
-        self._owned = http is None
-        # No limit on connections: each task that follows events keeps one open.
-        self._http = http or httpx.AsyncClient(limits=httpx.Limits(max_connections=None))
-        self._driver = AsyncDriver(self._http, self._endpoint)
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.aclose()
-
-    async def aclose(self) -> None:
-        """Close the connections."""
-        if self._owned:
-            await self._http.aclose()
+M = TypeVar("M", bound=BaseModel)
+_FAREWELL_S = 5.0
+_HELD_S = 30
+_MAKE_S = 300.0
+_LEAST_PACE_S, _MOST_PACE_S = 0.05, 30.0
 
 
-class AsyncClient(AsyncConnection):
+class AsyncClient:
     """A client of one service. An async context manager; safe to share between tasks of an event loop.
 
     Callbacks may be functions or coroutine functions.
@@ -99,6 +82,45 @@ class AsyncClient(AsyncConnection):
     ValueError
         The address, the key or a time is invalid.
     """
+
+    def __init__(
+        self,
+        base_url: str | None = None,
+        *,
+        api_key: str | None = None,
+        timeout_s: float = 60.0,
+        max_retries: int = 4,
+        http: httpx.AsyncClient | None = None,
+    ) -> None:
+        if base_url is None and http is not None:
+            base_url = str(http.base_url) or None
+        self._endpoint = Endpoint.of(base_url, api_key, timeout_s)
+        policy = Policy.of(timeout_s, max_retries)
+        self._owned = http is None
+        # No limit on connections: each task that follows events keeps one open.
+        self._http = http or httpx.AsyncClient(limits=httpx.Limits(max_connections=None))
+        self._connection = AsyncConnection(self._http, self._endpoint, policy)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._endpoint.base_url!r})"
+
+    @property
+    def base_url(self) -> str:
+        """The service's address."""
+        return self._endpoint.base_url
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.aclose()
+
+    async def aclose(self) -> None:
+        """Close the connections."""
+        if self._owned:
+            await self._http.aclose()
 
     async def deform(
         self,
@@ -145,10 +167,18 @@ class AsyncClient(AsyncConnection):
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
-        job = await self._driver.run(
-            running.deformed(order, sent, self._policy, on_event, timeout_s, cancel=cancel_on_interrupt)
-        )
-        return AsyncResult(self, job)
+        job = await self._submit(order, sent)
+        try:
+            return AsyncResult(self, await self.wait(job, timeout_s=timeout_s, on_event=on_event))
+        except (Exception, GeneratorExit):
+            raise
+        except BaseException:
+            # KeyboardInterrupt, SystemExit, a canceled task.
+            if cancel_on_interrupt:
+                patience = Patience(self._connection.policy, retries=1, seconds=_FAREWELL_S)
+                with shielded(_FAREWELL_S), contextlib.suppress(MeshdeformError):
+                    await self._connection.answered(Call("POST", job_path(job, "cancel")), patience)
+            raise
 
     async def submit(
         self,
@@ -201,7 +231,27 @@ class AsyncClient(AsyncConnection):
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
-        return await self._driver.run(submitting.submitted(order, sent, self._policy))
+        return await self._submit(order, sent)
+
+    async def _submit(self, order: Order, files: Files) -> JobView:
+        job, sent = await self._post(JobView, "/v1/jobs", order, files)
+        for name, file in sent.items():
+            there = job.files.get(name)
+            if there is None or there.sha256 != file.sha256:
+                with contextlib.suppress(MeshdeformError):
+                    await self.cancel(job)
+                raise ChecksumError(
+                    f"The {name} that arrived differs from the one that was sent; the job {job.id} is canceled.",
+                    advice="The file may have changed while it was sent. Post it again.",
+                    job_id=job.id,
+                )
+        return job
+
+    async def _post(self, model: type[M], url: str, order: Order, files: Files) -> tuple[M, dict[str, LocalFile]]:
+        """Post an order, and return the document of the response and the local files that were sent."""
+        with contextlib.ExitStack() as opened:
+            call, sent = await prepared(self._connection, url, order, files, opened)
+            return await self._connection.document(model, call), sent
 
     async def validate(
         self,
@@ -226,7 +276,8 @@ class AsyncClient(AsyncConnection):
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, None)
-        return await self._driver.run(submitting.validated(order, sent, self._policy))
+        validation, _ = await self._post(Validation, "/v1/jobs:validate", order, sent)
+        return validation
 
     async def orient(
         self,
@@ -251,7 +302,8 @@ class AsyncClient(AsyncConnection):
             The service cannot search it, or cannot search it now.
         """
         sent = Files.of(asset, None, None, filename, upload, None)
-        return await self._driver.run(submitting.oriented(Order(prompt, params, output), sent, self._policy))
+        found, _ = await self._post(FoundOrientation, "/v1/jobs:orient", Order(prompt, params, output), sent)
+        return found
 
     async def teach(
         self,
@@ -280,18 +332,30 @@ class AsyncClient(AsyncConnection):
         ValueError
             There is no mesh, or two of them have one name.
         """
-        lesson = lessons.taught(noun, meshes, params or {}, metadata, idempotency_key, self._policy)
-        return await self._driver.run(lesson)
+        source, filename = await work(packed_meshes, meshes)
+        order = Order(params={"noun": noun, **(params or {})}, metadata=metadata, kind=JobKind.PRIOR_TEACH.value)
+        return await self._submit(order, Files.of(None, None, {"meshes": source}, filename, None, idempotency_key))
 
     async def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None
     ) -> UploadView:
-        """Upload a file for use in any number of jobs."""
-        return await self._driver.run(submitting.sent_ahead(asset, filename, idempotency_key, self._policy))
+        """Upload a file for use in any number of jobs.
+
+        Raises
+        ------
+        ValueError
+            The service already has the file.
+        """
+        with contextlib.ExitStack() as opened:
+            source = await work(open_source, asset, opened, filename)
+            if not isinstance(source, LocalFile):
+                raise ValueError("The service already has this file: use the reference.")  # noqa: TRY004
+            return await uploaded(self._connection, source, checked_key(idempotency_key))
 
     async def retry(self, job: JobLike, *, idempotency_key: str | None = None) -> JobView:
         """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
-        return await self._driver.run(submitting.retried(job, idempotency_key, self._policy))
+        call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
+        return await self._connection.document(JobView, call)
 
     async def branch(
         self,
@@ -311,13 +375,24 @@ class AsyncClient(AsyncConnection):
         idempotency_key: str | None = None,
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
-        parts = submitting.parts_of(files, target=target)
+        parts = parts_of(files, target=target)
         order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
-        return await self._driver.run(submitting.branched(job, step, order, parts, idempotency_key, self._policy))
+        key, document = checked_key(idempotency_key), order.document()
+        for name, file in parts.items():
+            with contextlib.ExitStack() as opened:
+                source = await work(open_source, file, opened)
+                if isinstance(source, LocalFile):
+                    # The route takes no form, so that files must be uploaded first.
+                    upload = await uploaded(self._connection, source, f"{key}/{name}")
+                    source = {"upload_id": upload.id}
+                refer(document, name, source)
+        path = job_path(job, "checkpoints", step, "branch")
+        call = Call("POST", path, headers={"Idempotency-Key": key}, document=document)
+        return await self._connection.document(JobView, call)
 
     async def get(self, job: JobLike) -> JobView:
         """Return a job's current state."""
-        return await self._driver.run(reading.got(job, self._policy))
+        return await self._connection.document(JobView, Call("GET", job_path(job)))
 
     def jobs(
         self,
@@ -332,8 +407,24 @@ class AsyncClient(AsyncConnection):
 
         `search` finds jobs whose prompts, file names or values of labels contain all of its words.
         """
-        query = reading.listing(state, metadata or {}, created_after, search, limit)
-        return self._driver.iterate(reading.listed(query, self._policy))
+        query: dict[str, str | int] = {"limit": limit}
+        query |= {f"metadata[{name}]": text for name, text in (metadata or {}).items()}
+        if state is not None:
+            query["state"] = str(state)
+        if created_after is not None:
+            query["created_after"] = created_after.astimezone().isoformat()
+        if search:
+            query["q"] = search
+        return self._pages(query)
+
+    async def _pages(self, query: dict[str, str | int]) -> AsyncIterator[JobView]:
+        while True:
+            page = await self._connection.document(JobList, Call("GET", "/v1/jobs", query=query))
+            for job in page.jobs:  # threads: yield from page.jobs
+                yield job  # threads:
+            if page.next_cursor is None:
+                return
+            query["cursor"] = page.next_cursor
 
     def watch(self, job: JobLike, *, after: int | None = None) -> AsyncIterator[EventView]:
         """Iterate over a job's events until the last one: each once and in order, reconnecting as needed.
@@ -349,7 +440,7 @@ class AsyncClient(AsyncConnection):
         UnavailableError
             The service does not answer for longer than five times `timeout_s`. Shorter outages are bridged.
         """
-        return self._driver.iterate(events.followed(reading.identity(job), after or 0, self._policy, Emit))
+        return followed(self._connection, identity(job), after or 0)
 
     async def wait(
         self,
@@ -381,9 +472,45 @@ class AsyncClient(AsyncConnection):
         MeshdeformError
             With `check`: the job's error, or `ConflictError` if it was canceled or has expired.
         """
-        return await self._driver.run(
-            reading.waited(job, self._policy, timeout_s=timeout_s, on_change=on_change, on_event=on_event, check=check)
-        )
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        job_id = identity(job)
+        if on_event is not None:
+            async with contextlib.aclosing(followed(self._connection, job_id, 0, deadline)) as events:
+                async for event in events:
+                    await tell(on_event, event)
+        if on_event is not None and on_change is None:
+            done = await self.get(job_id)
+        else:
+            done = await self._poll(job_id, deadline, on_change)
+        return succeeded(done) if check else done
+
+    async def _poll(self, job_id: str, deadline: float | None, on_change: Callable[[JobView], Any] | None) -> JobView:
+        """Poll a job until it has finished; without `on_change`, use long polling."""
+        policy = self._connection.policy
+        tag, retries = "", None if policy.max_retries else 0
+        while True:
+            left = math.inf if deadline is None else max(deadline - time.monotonic(), 0.0)
+            held_s = 0 if on_change is not None else int(min(_HELD_S, left))
+            headers = {"If-None-Match": tag} if tag else {}
+            if held_s:
+                headers["Prefer"] = f"wait={held_s}"
+            call = Call("GET", job_path(job_id), headers=headers, read_timeout_s=policy.timeout_s + held_s)
+            asked = time.monotonic()
+            patience = Patience(policy, retries=retries, seconds=min(policy.reconnect_s, left))
+            answer = await self._connection.answered(call, patience)
+            if answer.status != 304:
+                job = read(JobView, answer.json(), answer.url)
+                tag = answer.headers.get("etag", "")
+                if on_change is not None:
+                    await tell(on_change, job)
+                if job.state.terminal:
+                    return job
+            pause_s = pace(answer, 1.0, _LEAST_PACE_S, _MOST_PACE_S)
+            if held_s and time.monotonic() - asked >= 0.5 * held_s:
+                pause_s = 0.0  # the long poll has already waited
+            pause_s = min(pause_s, left_s(deadline, job_id))
+            if pause_s:
+                await pause(pause_s)
 
     async def result(self, job: JobLike, *, timeout_s: float | None = None) -> AsyncResult:
         """Wait until a job has succeeded and return its result; errors are those of `wait`."""
@@ -391,15 +518,16 @@ class AsyncClient(AsyncConnection):
 
     async def cancel(self, job: JobLike) -> JobView:
         """Request cancellation of a job."""
-        return await self._driver.run(reading.canceled(job, self._policy))
+        return await self._connection.document(JobView, Call("POST", job_path(job, "cancel")))
 
     async def delete(self, job: JobLike) -> None:
         """Delete a finished job with its artifacts."""
-        await self._driver.run(reading.deleted(job, self._policy))
+        await self._connection.answered(Call("DELETE", job_path(job)))
 
     async def artifacts(self, job: JobLike) -> list[ArtifactView]:
         """Return a job's artifacts, sorted by name."""
-        return await self._driver.run(reading.artifacts(job, self._policy))
+        page = await self._connection.document(ArtifactList, Call("GET", job_path(job, "artifacts")))
+        return page.artifacts
 
     async def make(self, job: JobLike, name: str) -> ArtifactView:
         """Add `morph.glb` or `result.stl` to a job that has succeeded without it.
@@ -411,27 +539,37 @@ class AsyncClient(AsyncConnection):
         DependencyError
             The service cannot write the format.
         """
-        return await self._driver.run(reading.made(job, name, self._policy))
+        call = Call("POST", job_path(job, "artifacts", name), read_timeout_s=_MAKE_S)
+        return await self._connection.document(ArtifactView, call)
 
     async def checkpoints(self, job: JobLike) -> list[CheckpointView]:
         """Return the checkpoints from which a job can continue, sorted by step."""
-        return await self._driver.run(reading.checkpoints(job, self._policy))
+        page = await self._connection.document(CheckpointList, Call("GET", job_path(job, "checkpoints")))
+        return page.checkpoints
 
     async def signed_url(self, job: JobLike, name: str) -> SignedUrl:
         """Return a URL of an artifact that needs no API key."""
-        return await self._driver.run(reading.signed_url(job, name, self._policy))
+        return await self._link(job_path(job, "artifacts", name, "url"))
 
     async def job_link(self, job: JobLike) -> SignedUrl:
         """Return a link to a job's page: whoever has it can watch this job and read its files until it expires."""
-        return await self._driver.run(reading.job_link(job, self._policy))
+        return await self._link(job_path(job, "url"))
+
+    async def _link(self, path: str) -> SignedUrl:
+        """Return the link that a service answers with, absolute: services name their own pages by path."""
+        answer = await self._connection.answered(Call("POST", path))
+        link = read(SignedUrl, answer.json(), answer.url)
+        if "://" in link.url:
+            return link
+        return link.model_copy(update={"url": answer.url.rpartition("/v1/jobs/")[0] + link.url})
 
     async def limits(self) -> Limits:
         """Return the service's limits on requests."""
-        return await self._driver.run(reading.limits(self._policy))
+        return await self._connection.document(Limits, Call("GET", "/v1/limits"))
 
     async def models(self) -> ModelList:
         """Return the models that jobs may use."""
-        return await self._driver.run(reading.models(self._policy))
+        return await self._connection.document(ModelList, Call("GET", "/v1/models"))
 
     async def read(self, job: JobLike, name: str, *, strength: float | None = None) -> bytes:
         """Return an artifact's bytes after verifying their SHA-256.
@@ -443,7 +581,7 @@ class AsyncClient(AsyncConnection):
         strength : float, optional
             Of `result.glb`: from 0, the source, over 1, the result, to 1.5, in steps of 0.01.
         """
-        return await self._driver.run(downloads.loaded(artifact_path(job, name, strength), self._policy))
+        return await loaded(self._connection, artifact_path(job, name, strength))
 
     async def download(
         self, job: JobLike, name: str, path: str | os.PathLike[str], *, strength: float | None = None
@@ -452,8 +590,7 @@ class AsyncClient(AsyncConnection):
 
         An interrupted download resumes where it stopped. An existing file is replaced. `strength` as for `read`.
         """
-        url = artifact_path(job, name, strength)
-        return await self._driver.run(downloads.saved(url, Path(path), self._policy))
+        return await saved(self._connection, artifact_path(job, name, strength), Path(path))
 
     async def fetch(
         self, job: JobLike, folder: str | os.PathLike[str], names: Sequence[str] | None = None
@@ -476,27 +613,49 @@ class AsyncClient(AsyncConnection):
         MeshdeformError
             The job failed: its error; `ConflictError` if it was canceled or has expired.
         """
-        return await self._driver.run(downloads.fetched(job, Path(folder), names, self._policy))
+        there = {artifact.name: artifact for artifact in await self.artifacts(job)}
+        if not there:
+            view = await self.get(job)
+            if not view.state.terminal:
+                detail = f"The job {view.id} is {view.state}: it has no artifacts yet."
+                raise JobNotFinishedError(detail, advice="Wait until it has finished.", job_id=view.id)
+            succeeded(view)
+        wanted = list(there) if names is None else list(names)
+        for name in wanted:
+            if name not in there:
+                if name not in AFTERWARDS:
+                    present = ", ".join(there) or "none"
+                    raise NotFoundError(f"The job {identity(job)} has no artifact {name!r}; it has: {present}.")
+                there[name] = await self.make(job, name)
+            if not name or Path(name).name != name or name in (".", "..") or "\\" in name:
+                raise UnavailableError(f"The artifact's name {name!r} is not a file name.", advice="Check the service.")
+        directory = Path(folder)
+        await work(lambda: directory.mkdir(parents=True, exist_ok=True))
+        for name in wanted:
+            if not await work(is_same, directory / name, there[name]):
+                url = job_path(job, "artifacts", name)
+                await saved(self._connection, url, directory / name, there[name].sha256)
+        return [directory / name for name in wanted]
 
     async def download_asset(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
         """Save the asset as it was sent, for a job in any state."""
-        return await self._driver.run(downloads.saved(job_path(job, "asset"), Path(path), self._policy))
+        return await saved(self._connection, job_path(job, "asset"), Path(path))
 
     async def download_file(self, job: JobLike, part: str, path: str | os.PathLike[str]) -> Path:
         """Save a file of a job of any kind as it was sent, by the name of its part."""
-        return await self._driver.run(downloads.saved(job_path(job, "files", part), Path(path), self._policy))
+        return await saved(self._connection, job_path(job, "files", part), Path(path))
 
     async def download_target(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
         """Save the second mesh of `target` guidance as it was sent."""
-        return await self._driver.run(downloads.saved(job_path(job, "target"), Path(path), self._policy))
+        return await saved(self._connection, job_path(job, "target"), Path(path))
 
     async def download_checkpoint(self, job: JobLike, step: int, path: str | os.PathLike[str]) -> Path:
         """Save the asset with its shape at a checkpoint."""
-        return await self._driver.run(
-            downloads.saved(job_path(job, "checkpoints", step, "mesh.glb"), Path(path), self._policy)
-        )
+        return await saved(self._connection, job_path(job, "checkpoints", step, "mesh.glb"), Path(path))
 
-    async def guess_sketch(self, drawing: Drawing, *, family: str | None = None) -> SketchGuesses:
+    async def guess_sketch(
+        self, drawing: bytes | str | os.PathLike[str], *, family: str | None = None
+    ) -> SketchGuesses:
         """Guess what a drawing shows: three families with their parameters and a mesh each.
 
         Parameters
@@ -515,7 +674,11 @@ class AsyncClient(AsyncConnection):
         DependencyError, UnavailableError
             The service cannot read drawings, or cannot read them now.
         """
-        return await self._driver.run(sketching.guessed(drawing, family, self._policy))
+        data = drawing if isinstance(drawing, bytes) else await work(Path(drawing).read_bytes)
+        query = {} if family is None else {"family": family}
+        headers = {"Content-Type": "application/octet-stream"}
+        call = Call("POST", "/v1/sketches:guess", query=query, headers=headers, content=data)
+        return await self._connection.document(SketchGuesses, call)
 
     async def make_sketch_mesh(self, family: str, values: Mapping[str, float | str] | None = None) -> bytes:
         """Return the GLB of a shape of a family; parameters left out have their default.
@@ -525,7 +688,9 @@ class AsyncClient(AsyncConnection):
         ParameterError
             There is no such family, a name is unknown, or a value is out of range.
         """
-        return await self._driver.run(sketching.shaped(family, values, self._policy))
+        document = {"family": family, "values": dict(values or {})}
+        answer = await self._connection.answered(Call("POST", "/v1/sketches:mesh", document=document))
+        return answer.content
 
 
 class AsyncResult:

@@ -1,0 +1,286 @@
+"""Move a job's files and events: uploads and downloads that resume, and streams of events that reconnect."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import time
+import uuid
+from collections.abc import AsyncGenerator
+from io import BytesIO
+from pathlib import Path
+from typing import IO
+
+import httpx
+
+from meshdeform.api.limits import MAX_FILENAME
+from meshdeform.client.asynchronous.connection import AsyncConnection, pause, work
+from meshdeform.client.documents import EventView, UploadView, read
+from meshdeform.client.downloads import PartialFile, to_disk
+from meshdeform.client.events import EventOrder, EventStream, events_call
+from meshdeform.client.orders import Files, Order, refer
+from meshdeform.client.problems import error_of
+from meshdeform.client.requests import Call, Part, Piece, job_path
+from meshdeform.client.retries import Patience, left_s, unanswered, worth_a_retry
+from meshdeform.client.sources import LocalFile, open_source
+from meshdeform.errors import (
+    ConflictError,
+    ForbiddenError,
+    MeshdeformError,
+    NotFoundError,
+    RangeError,
+    UnavailableError,
+)
+
+__all__ = ["followed", "loaded", "prepared", "saved", "uploaded"]
+
+_LIVED_S = 5.0  # a connection that lasted this long does not count as a failure
+_STALE = 0.75
+
+
+async def prepared(
+    connection: AsyncConnection, url: str, order: Order, files: Files, opened: contextlib.ExitStack
+) -> tuple[Call, dict[str, LocalFile]]:
+    """Return the request that posts an order, and its local files, after uploading those that are large."""
+    document = order.document()
+    sent: dict[str, LocalFile] = {}
+    parts: list[Part] = []
+    for name, file in files.parts.items():
+        filename = files.filename if name == "asset" or len(files.parts) == 1 else None
+        source = await work(open_source, file, opened, filename)
+        if not isinstance(source, LocalFile):
+            refer(document, name, source)
+            continue
+        sent[name] = source
+        large = source.size > connection.policy.upload_above if files.upload is None else files.upload
+        try:
+            upload = await uploaded(connection, source, f"{files.key}/{name}") if large and source.size else None
+        except NotFoundError:
+            if files.upload:
+                raise
+            upload = None  # the service has no uploads
+        if upload is None:
+            parts.append(Part(name, source.filename, source.file))
+        else:
+            refer(document, name, {"upload_id": upload.id})
+    headers = {"Idempotency-Key": files.key} if url == "/v1/jobs" else {}
+    return Call("POST", url, headers=headers, document=document, parts=tuple(parts)), sent
+
+
+# Uploads
+
+
+async def uploaded(connection: AsyncConnection, file: LocalFile, key: str) -> UploadView:
+    """Upload a file completely, with its SHA-256 verified by the service, and return the upload.
+
+    Parameters
+    ----------
+    connection : AsyncConnection
+    file : LocalFile
+    key : str
+        Identifies this upload: the same file with the same key resumes where it stopped, also in another process.
+
+    Raises
+    ------
+    ChecksumError
+        The received bytes differ from the file.
+    MeshdeformError
+        The service refused the upload.
+    """
+    about = {"filename": file.filename[-MAX_FILENAME:], "size": file.size, "sha256": file.sha256}
+    headers = {"Idempotency-Key": hashlib.sha256(f"{key}/{file.sha256}".encode()).hexdigest()}
+    answer = await connection.answered(Call("POST", "/v1/uploads", headers=headers, document=about))
+    upload = read(UploadView, answer.json(), answer.url)
+    if "idempotency-replayed" in answer.headers:
+        # This is the upload's first state: bytes may have arrived since, and its URL may have expired.
+        upload = await connection.document(UploadView, Call("GET", f"/v1/uploads/{upload.id}"))
+    if upload.state == "complete":
+        return upload
+    if upload.resumable:
+        await _send_pieces(connection, file, upload)
+    else:
+        await connection.answered(_put(upload, Piece(file.file, 0, file.size)))
+    completion = Call("POST", f"/v1/uploads/{upload.id}/complete", document={"sha256": file.sha256})
+    return await connection.document(UploadView, completion)
+
+
+async def _send_pieces(connection: AsyncConnection, file: LocalFile, upload: UploadView) -> None:
+    policy = connection.policy
+    patience = Patience(policy, retries=policy.max_retries, seconds=policy.timeout_s)
+    offset = upload.offset
+    while offset < file.size:
+        piece = Piece(file.file, offset, min(policy.piece_bytes, file.size - offset))
+        error: MeshdeformError
+        try:
+            answer = await connection.send(_put(upload, piece, file.size))
+        except httpx.HTTPError as failure:
+            error = unanswered(failure, "/v1/uploads")
+        else:
+            if answer.ok:
+                offset = int(answer.headers.get("upload-offset", offset + piece.size))
+                patience.renew()
+                continue
+            error = error_of(answer)
+            # The offset is not the one expected, or the URL has expired.
+            astray = isinstance(error, ConflictError | ForbiddenError)
+            if not astray and not worth_a_retry(error):
+                raise error
+        await pause(patience.pause(error))
+        upload = await connection.document(UploadView, Call("GET", f"/v1/uploads/{upload.id}"))
+        if upload.state == "complete":
+            return
+        if upload.offset > offset:
+            patience.renew()
+        offset = upload.offset
+
+
+def _put(upload: UploadView, piece: Piece, size: int | None = None) -> Call:
+    headers = dict(upload.headers)
+    if size is not None:
+        headers["Content-Range"] = f"bytes {piece.start}-{piece.start + piece.size - 1}/{size}"
+    return Call(upload.method or "PUT", upload.url or "", headers=headers, piece=piece, signed=True)
+
+
+# Downloads
+
+
+async def loaded(connection: AsyncConnection, url: str) -> bytes:
+    """Download a file and return its bytes."""
+    file = BytesIO()
+    await _receive(connection, url, file, None)
+    return file.getvalue()
+
+
+async def saved(connection: AsyncConnection, url: str, path: Path, sha256: str | None = None) -> Path:
+    """Download a file to a path, replacing what is there, once it is complete.
+
+    Parameters
+    ----------
+    connection : AsyncConnection
+    url : str
+    path : Path
+    sha256 : str, optional
+        Expected SHA-256, verified in addition to the one that the service sends.
+
+    Raises
+    ------
+    UnavailableError
+        The download failed too often, or the SHA-256 does not match.
+    OSError
+        The file cannot be written.
+    """
+    aside = path.with_name(f".{path.name[:100]}.{uuid.uuid4().hex}.part")
+    file: IO[bytes] = await work(aside.open, "xb")
+    try:
+        with file:
+            await _receive(connection, url, file, sha256)
+            await work(to_disk, file)
+        await work(aside.replace, path)
+    finally:
+        aside.unlink(missing_ok=True)
+    return path
+
+
+async def _receive(connection: AsyncConnection, url: str, file: IO[bytes], sha256: str | None) -> None:
+    policy = connection.policy
+    patience = Patience(policy, retries=policy.max_retries, seconds=policy.timeout_s)
+    received = PartialFile(file)
+    while True:
+        error: MeshdeformError
+        try:
+            await _receive_rest(connection, url, received, patience)
+            break
+        except httpx.HTTPError as failure:
+            error = unanswered(failure, url)
+        except MeshdeformError as refused:
+            error = refused
+            if isinstance(refused, RangeError):
+                received.tag = ""
+            elif not worth_a_retry(refused):
+                raise
+        await work(received.flush)
+        if not received.tag:
+            await work(received.begin)
+        await pause(patience.pause(error))
+    received.verify(sha256)
+
+
+async def _receive_rest(connection: AsyncConnection, url: str, received: PartialFile, patience: Patience) -> None:
+    """Receive the bytes of a file after those that have arrived, over one connection."""
+    headers = {"Accept-Encoding": "identity", **received.headers()}
+    async with connection.stream(Call("GET", url, headers=headers)) as (answer, body):
+        if not answer.ok:
+            raise error_of(answer)
+        if answer.status != httpx.codes.PARTIAL_CONTENT:
+            await work(received.begin)
+        received.tag = answer.headers.get("etag", "")
+        async for data in body:
+            if received.tag:
+                patience.renew()  # a retry resumes after the received bytes
+            if received.add(data):
+                await work(received.flush)
+        await work(received.flush)
+
+
+# Events
+
+
+async def followed(
+    connection: AsyncConnection, job_id: str, after: int, deadline: float | None = None
+) -> AsyncGenerator[EventView]:
+    """Yield a job's events after a number, each once and in order, up to the one that ends the job.
+
+    Parameters
+    ----------
+    connection : AsyncConnection
+    job_id : str
+    after : int
+        Number of the last known event.
+    deadline : float, optional
+        In the time of the monotonic clock.
+
+    Raises
+    ------
+    NotFoundError
+        The job does not exist, or was deleted.
+    WaitTimeoutError
+        The deadline has passed.
+    MeshdeformError
+        The service refused; `UnavailableError` if it does not answer for longer than the policy allows.
+    """
+    policy = connection.policy
+    patience = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.reconnect_s)
+    order = EventOrder(after)
+    while True:
+        silence_s = min(policy.silence_s, left_s(deadline, job_id))
+        error: MeshdeformError
+        try:
+            async with connection.stream(events_call(job_id, order.after, silence_s)) as (answer, body):
+                if answer.status == 204:
+                    return
+                events = EventStream(job_id, answer)
+                patience.alive()
+                async for data in body:
+                    if events.age_s > _LIVED_S:
+                        patience.renew()
+                    for event in order.accepted(events.feed(data)):
+                        patience.renew()
+                        yield event
+                        if event.type.terminal:
+                            return
+                    # The connection's read timeout, which httpx fixes, may by now be much longer than the time left.
+                    stale = deadline is not None and deadline - time.monotonic() < _STALE * silence_s
+                    if order.missing or stale:
+                        break
+                else:
+                    raise UnavailableError(f"The stream of events of {job_id} ended before the job did.")
+            continue
+        except httpx.HTTPError as failure:
+            left_s(deadline, job_id)
+            error = unanswered(failure, job_path(job_id, "events"))
+        except MeshdeformError as refused:
+            if not worth_a_retry(refused):
+                raise
+            error = refused
+        pause_s = patience.pause(error)
+        await pause(pause_s if deadline is None else max(min(pause_s, deadline - time.monotonic()), 0.0))
