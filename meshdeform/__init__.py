@@ -7,6 +7,8 @@ the errors, which are imported on first use. Import the modules of the numerical
 
 from __future__ import annotations
 
+from meshdeform._version import __version__
+
 __all__ = ["AsyncClient", "AsyncResult", "Client", "Result", "WaitTimeoutError", "__version__"]
 
 TYPE_CHECKING = False  # type checkers treat it as True; importing `typing` would be slower than this whole module
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
     from meshdeform.errors import *  # noqa: F403
 
     __all__ += errors.__all__
-
-__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:

@@ -9,8 +9,16 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from meshdeform.requests.control import Handle, Region
-from meshdeform.requests.document import DeformParams, GuidanceKind, JobRequest, OutputOptions, Preset, resolve
-from meshdeform.requests.parameters import FROM_PRESET
+from meshdeform.requests.document import (
+    DeformParams,
+    GuidanceKind,
+    JobRequest,
+    OutputOptions,
+    Preset,
+    ResolvedParams,
+    resolve,
+)
+from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import Box, Capsule, ColorRange, JointWeight, Selection, Sphere
 
@@ -30,10 +38,7 @@ _BOUNDS = {
     "maxItems": "entries at most",
 }
 # Parameters without a meaning for a target mesh.
-_OF_SDS = (
-    *("appearance", "guidance_scale", "guidance_rescale"),
-    *("timestep_min", "timestep_max", "timestep_max_end"),
-)
+_OF_SDS = {"appearance", "guidance_scale", "guidance_rescale", "timestep_min", "timestep_max", "timestep_max_end"}
 
 INTRODUCTION = """\
 # Parameters
@@ -51,9 +56,10 @@ prompt of a job that is guided by one. Unknown members are refused.
 PRESETS = """\
 ## Presets
 
-A preset provides the parameters that were left out. Its values depend on what guides the job: the builtin demonstration
-prior, a Stable Diffusion model, or a target mesh. `paper` has the published values; the builtin prior needs its own
-guidance scale.
+A preset provides the parameters that were left out, and the constants that no request has: those of the cameras
+(`elevation_...`, `fov_...`, `framing...`), `guidance_weight`, `guidance_rescale`, `timestep_max...` and `stiffness`.
+Its values depend on what guides the job: the builtin demonstration prior, a Stable Diffusion model, or a target mesh.
+`paper` has the published values; the builtin prior needs its own guidance scale.
 """
 
 
@@ -111,7 +117,7 @@ def presets() -> str:
     """Return the table of the values of each preset for each kind of guidance."""
     columns = [(family, preset) for family in FAMILIES for preset in Preset]
     resolved = [resolve(DeformParams(preset=preset, **FAMILIES[family])) for family, preset in columns]
-    optional = [name for name in DeformParams.model_fields if name in FROM_PRESET]
+    optional = [name for name in ResolvedParams.model_fields if name in FROM_PRESET | CONSTANTS]
     lines = [
         "| | " + " | ".join(f"{family}, `{preset}`" for family, preset in columns) + " |",
         "|---" * (len(columns) + 1) + "|",

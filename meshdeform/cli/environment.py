@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from meshdeform.errors import DependencyError, ParameterError, install_command
+from meshdeform.errors import DependencyError, MeshdeformError, ParameterError, install_command
 from meshdeform.serving.defaults import DEFAULT_URL
 
 if TYPE_CHECKING:
     from meshdeform.client import Client
     from meshdeform.settings import Settings
 
-__all__ = ["command_line", "connect", "load_settings", "read_key", "require", "service_url"]
+__all__ = ["command_line", "complete_models", "connect", "load_settings", "read_key", "require", "service_url"]
 
 
 def load_settings(**flags: Any) -> Settings:
@@ -121,3 +123,13 @@ def read_key(api_key: str | None, path: Path | None) -> str | None:
     if len(words) != 1:
         raise typer.BadParameter(f"{path} holds {len(words)} words, not one key", param_hint="--api-key-file")
     return words[0]
+
+
+def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
+    """Complete the models in the settings."""
+    found = {"builtin": "the demonstration model that ships with Meshdeform"}
+    with contextlib.suppress(MeshdeformError):
+        settings = load_settings()
+        for name in (settings.model, *settings.further_models):
+            found.setdefault(name, "from the settings")
+    yield from ((name, text) for name, text in found.items() if name.startswith(incomplete))

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from pydantic.fields import FieldInfo
 
+from meshdeform.cli.environment import complete_models
+
 __all__ = ["Form", "form_command", "of_kind", "of_request", "overlaid", "parameter_choices", "written"]
 
 _META = "meshdeform.forms"
@@ -253,14 +255,8 @@ def _option(form: Form, path: tuple[str, ...], field: FieldInfo, kind: Any, name
         show_default=False,
         # What only presets set, and no form shows, is for experts.
         hidden="x-of-preset" in extra and "x-form" not in extra,
-        autocompletion=_completion(path[-1]),
+        autocompletion=complete_models if path[-1] == "model" else None,
     )
-
-
-def _completion(name: str) -> Any:
-    from meshdeform.cli.options import complete_models
-
-    return complete_models if name == "model" else None
 
 
 def _help(field: FieldInfo) -> str:

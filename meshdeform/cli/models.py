@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.environment import connect, load_settings
+from meshdeform.cli.environment import complete_models, connect, load_settings
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption, complete_models
+from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
 from meshdeform.cli.output import emit, table
 from meshdeform.errors import ModelError
 

@@ -34,26 +34,12 @@ __all__ = [
     "TimeoutOption",
     "UrlOption",
     "complete_job_ids",
-    "complete_models",
     "complete_parameters",
     "complete_states",
 ]
 
 _SERVICE = "Service"
 _COMPLETION_TIMEOUT_S = 1.0
-
-
-def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
-    """Complete the models in the settings."""
-    from meshdeform.cli.environment import load_settings
-    from meshdeform.errors import MeshdeformError
-
-    found = {"builtin": "the demonstration model that ships with Meshdeform"}
-    with contextlib.suppress(MeshdeformError):
-        settings = load_settings()
-        for name in (settings.model, *settings.further_models):
-            found.setdefault(name, "from the settings")
-    yield from ((name, text) for name, text in found.items() if name.startswith(incomplete))
 
 
 def complete_states(incomplete: str) -> list[str]:

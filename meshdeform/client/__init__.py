@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from meshdeform.client.asynchronous import AsyncClient
+from meshdeform.client.asynchronous import AsyncClient, AsyncResult
 from meshdeform.client.documents import (
     ArtifactView,
     AssetFound,
@@ -26,10 +26,9 @@ from meshdeform.client.documents import (
     Vocabulary,
 )
 from meshdeform.client.problems import WaitTimeoutError
-from meshdeform.client.result import AsyncResult, Result
 from meshdeform.client.sketching import SketchGuess, SketchGuesses, SketchParameter
 from meshdeform.client.sources import AssetLike
-from meshdeform.client.sync import Client
+from meshdeform.client.sync import Client, Result
 
 __all__ = [
     "ArtifactView",

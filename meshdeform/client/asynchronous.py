@@ -1,14 +1,21 @@
-"""Provide the client for event loops."""
+"""Provide the client for event loops. `scripts/sync_client.py` makes `sync.py`, the one for threads, of this file."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Mapping
+import json
+import os
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from datetime import datetime
-from typing import Any
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
 
 from meshdeform.api.states import JobState
-from meshdeform.client import events, lessons, reading, running, submitting
+from meshdeform.client import downloads, events, lessons, reading, running, sketching, submitting
 from meshdeform.client.commands import Emit
+from meshdeform.client.connections import Service, address
 from meshdeform.client.documents import (
     ArtifactView,
     CheckpointView,
@@ -21,19 +28,51 @@ from meshdeform.client.documents import (
     UploadView,
     Validation,
 )
-from meshdeform.client.fetching import AsyncFileMethods
+from meshdeform.client.drivers import AsyncDriver
 from meshdeform.client.lessons import Meshes
-from meshdeform.client.paths import JobLike
-from meshdeform.client.result import AsyncResult
-from meshdeform.client.sketching import AsyncSketchMethods
+from meshdeform.client.paths import JobLike, artifact_path, job_path
+from meshdeform.client.result import GLB, PREVIEW, REPORT, html_of, label
+from meshdeform.client.sketching import Drawing, SketchGuesses
 from meshdeform.client.sources import AssetLike
 from meshdeform.client.submitting import Files, Order, Output, Params
 from meshdeform.requests.document import JobKind
 
-__all__ = ["AsyncClient"]
+__all__ = ["AsyncClient", "AsyncResult"]
 
 
-class AsyncClient(AsyncFileMethods, AsyncSketchMethods):
+class AsyncConnection(Service):
+    """Connections to a service for event loops. Parameters and errors are those of `AsyncClient`."""
+
+    def __init__(
+        self,
+        base_url: str | None = None,
+        *,
+        api_key: str | None = None,
+        timeout_s: float = 60.0,
+        max_retries: int = 4,
+        http: httpx.AsyncClient | None = None,
+    ) -> None:
+        super().__init__(address(base_url, http), api_key, timeout_s, max_retries)
+        self._owned = http is None
+        # No limit on connections: each task that follows events keeps one open.
+        self._http = http or httpx.AsyncClient(limits=httpx.Limits(max_connections=None))
+        self._driver = AsyncDriver(self._http, self._endpoint)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.aclose()
+
+    async def aclose(self) -> None:
+        """Close the connections."""
+        if self._owned:
+            await self._http.aclose()
+
+
+class AsyncClient(AsyncConnection):
     """A client of one service. An async context manager; safe to share between tasks of an event loop.
 
     Callbacks may be functions or coroutine functions.
@@ -393,3 +432,154 @@ class AsyncClient(AsyncFileMethods, AsyncSketchMethods):
     async def models(self) -> ModelList:
         """Return the models that jobs may use."""
         return await self._driver.run(reading.models(self._policy))
+
+    async def read(self, job: JobLike, name: str, *, strength: float | None = None) -> bytes:
+        """Return an artifact's bytes after verifying their SHA-256.
+
+        Parameters
+        ----------
+        job : JobView or str
+        name : str
+        strength : float, optional
+            Of `result.glb`: from 0, the source, over 1, the result, to 1.5, in steps of 0.01.
+        """
+        return await self._driver.run(downloads.loaded(artifact_path(job, name, strength), self._policy))
+
+    async def download(
+        self, job: JobLike, name: str, path: str | os.PathLike[str], *, strength: float | None = None
+    ) -> Path:
+        """Save an artifact. The file appears complete, with its SHA-256 verified, or not at all.
+
+        An interrupted download resumes where it stopped. An existing file is replaced. `strength` as for `read`.
+        """
+        url = artifact_path(job, name, strength)
+        return await self._driver.run(downloads.saved(url, Path(path), self._policy))
+
+    async def fetch(
+        self, job: JobLike, folder: str | os.PathLike[str], names: Sequence[str] | None = None
+    ) -> list[Path]:
+        """Save a job's artifacts to a folder, created if missing. Identical existing files are not downloaded again.
+
+        Parameters
+        ----------
+        job : JobView or str
+        folder : path
+        names : sequence of str, optional
+            The artifacts to save. Default: all.
+
+        Raises
+        ------
+        JobNotFinishedError
+            The job has not finished.
+        NotFoundError
+            The job has no artifact with such a name.
+        MeshdeformError
+            The job failed: its error; `ConflictError` if it was canceled or has expired.
+        """
+        return await self._driver.run(downloads.fetched(job, Path(folder), names, self._policy))
+
+    async def download_asset(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
+        """Save the asset as it was sent, for a job in any state."""
+        return await self._driver.run(downloads.saved(job_path(job, "asset"), Path(path), self._policy))
+
+    async def download_file(self, job: JobLike, part: str, path: str | os.PathLike[str]) -> Path:
+        """Save a file of a job of any kind as it was sent, by the name of its part."""
+        return await self._driver.run(downloads.saved(job_path(job, "files", part), Path(path), self._policy))
+
+    async def download_target(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
+        """Save the second mesh of `target` guidance as it was sent."""
+        return await self._driver.run(downloads.saved(job_path(job, "target"), Path(path), self._policy))
+
+    async def download_checkpoint(self, job: JobLike, step: int, path: str | os.PathLike[str]) -> Path:
+        """Save the asset with its shape at a checkpoint."""
+        return await self._driver.run(
+            downloads.saved(job_path(job, "checkpoints", step, "mesh.glb"), Path(path), self._policy)
+        )
+
+    async def guess_sketch(self, drawing: Drawing, *, family: str | None = None) -> SketchGuesses:
+        """Guess what a drawing shows: three families with their parameters and a mesh each.
+
+        Parameters
+        ----------
+        drawing : bytes or path
+            A PNG, JPEG or WebP.
+        family : str, optional
+            What it shows; no other family is considered.
+
+        Raises
+        ------
+        DrawingError
+            The picture is no line drawing.
+        ParameterError
+            There is no such family.
+        DependencyError, UnavailableError
+            The service cannot read drawings, or cannot read them now.
+        """
+        return await self._driver.run(sketching.guessed(drawing, family, self._policy))
+
+    async def make_sketch_mesh(self, family: str, values: Mapping[str, float | str] | None = None) -> bytes:
+        """Return the GLB of a shape of a family; parameters left out have their default.
+
+        Raises
+        ------
+        ParameterError
+            There is no such family, a name is unknown, or a value is out of range.
+        """
+        return await self._driver.run(sketching.shaped(family, values, self._policy))
+
+
+class AsyncResult:
+    """A job that has succeeded, and its artifacts, each downloaded on first use and cached.
+
+    A notebook shows its preview only after `await result.preview()`, since showing cannot await it.
+
+    Parameters
+    ----------
+    client : AsyncClient
+        Must be open to download more artifacts.
+    job : JobView
+    """
+
+    def __init__(self, client: AsyncClient, job: JobView) -> None:
+        self._client, self.job = client, job
+        self._kept: dict[str, bytes] = {}
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {label(self.job)}>"
+
+    @property
+    def id(self) -> str:
+        """The job's id."""
+        return self.job.id
+
+    async def artifacts(self) -> list[ArtifactView]:
+        """Return the job's artifacts."""
+        return await self._client.artifacts(self.job)
+
+    async def read(self, name: str) -> bytes:
+        """Return an artifact's bytes after verifying their SHA-256."""
+        if name not in self._kept:
+            self._kept[name] = await self._client.read(self.job, name)
+        return self._kept[name]
+
+    async def glb(self) -> bytes:
+        """Return the asset with its new shape."""
+        return await self.read(GLB)
+
+    async def report(self) -> dict[str, Any]:
+        """Return the report: parameters, seed, hashes, losses, times, and the mesh's quality before and after."""
+        return dict(json.loads(await self.read(REPORT)))
+
+    async def preview(self) -> bytes:
+        """Return a PNG of the asset before and after."""
+        return await self.read(PREVIEW)
+
+    async def save(self, folder: str | os.PathLike[str], names: Sequence[str] | None = None) -> list[Path]:
+        """Save all artifacts, or those with the given names, to a folder; see `AsyncClient.fetch`."""
+        return await self._client.fetch(self.job, folder, names)
+
+    def _repr_png_(self) -> bytes | None:
+        return self._kept.get(PREVIEW)  # threads: return shown(self.preview)
+
+    def _repr_html_(self) -> str:
+        return html_of(self.job, self._repr_png_())

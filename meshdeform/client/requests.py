@@ -11,7 +11,7 @@ from typing import Any
 import anyio
 import httpx
 
-import meshdeform
+from meshdeform._version import __version__
 from meshdeform.client.commands import Answer, Call, Piece
 from meshdeform.serving.defaults import DEFAULT_URL
 
@@ -62,7 +62,7 @@ class Endpoint:
     def request(self, http: httpx.Client | httpx.AsyncClient, call: Call) -> httpx.Request:
         """Return the httpx request for a call."""
         url = call.url if "://" in call.url else self.base_url + call.url
-        headers = {"User-Agent": f"meshdeform/{meshdeform.__version__}", **call.headers}
+        headers = {"User-Agent": f"meshdeform/{__version__}", **call.headers}
         if self.api_key and not call.signed:
             headers["Authorization"] = f"Bearer {self.api_key}"
         body: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Provide the methods of the clients that read drawings and make the shapes that they show."""
+"""Read drawings and make the shapes that they show."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from functools import partial
 from pathlib import Path
 
 from meshdeform.client.commands import Call, Operation, Work
-from meshdeform.client.connections import AsyncConnection, Connection
 from meshdeform.client.documents import _Open, read
 from meshdeform.client.retries import Policy, answered
 
-__all__ = ["AsyncSketchMethods", "SketchGuess", "SketchGuesses", "SketchMethods", "SketchParameter"]
+__all__ = ["Drawing", "SketchGuess", "SketchGuesses", "SketchParameter", "guessed", "shaped"]
 
 Drawing = bytes | str | os.PathLike[str]
 """The bytes of a picture, or its path."""
@@ -40,7 +39,7 @@ class SketchGuess(_Open):
 
     @property
     def values(self) -> dict[str, float | str]:
-        """The parameters by name, as `params.sketch` takes them."""
+        """The parameters by name."""
         return {each.name: each.value for each in self.parameters}
 
     @property
@@ -56,77 +55,8 @@ class SketchGuesses(_Open):
     unsure: bool = False
 
 
-class SketchMethods(Connection):
-    """The methods of `Client` about drawings."""
-
-    def guess_sketch(self, drawing: Drawing, *, family: str | None = None) -> SketchGuesses:
-        """Guess what a drawing shows: three families with their parameters and a mesh each.
-
-        Parameters
-        ----------
-        drawing : bytes or path
-            A PNG, JPEG or WebP.
-        family : str, optional
-            What it shows; no other family is considered.
-
-        Raises
-        ------
-        DrawingError
-            The picture is no line drawing.
-        ParameterError
-            There is no such family.
-        DependencyError, UnavailableError
-            The service cannot read drawings, or cannot read them now.
-        """
-        return self._driver.run(_guessed(drawing, family, self._policy))
-
-    def make_sketch_mesh(self, family: str, values: Mapping[str, float | str] | None = None) -> bytes:
-        """Return the GLB of a shape of a family; parameters left out have their default.
-
-        Raises
-        ------
-        ParameterError
-            There is no such family, a name is unknown, or a value is out of range.
-        """
-        return self._driver.run(_shaped(family, values, self._policy))
-
-
-class AsyncSketchMethods(AsyncConnection):
-    """The methods of `AsyncClient` about drawings."""
-
-    async def guess_sketch(self, drawing: Drawing, *, family: str | None = None) -> SketchGuesses:
-        """Guess what a drawing shows: three families with their parameters and a mesh each.
-
-        Parameters
-        ----------
-        drawing : bytes or path
-            A PNG, JPEG or WebP.
-        family : str, optional
-            What it shows; no other family is considered.
-
-        Raises
-        ------
-        DrawingError
-            The picture is no line drawing.
-        ParameterError
-            There is no such family.
-        DependencyError, UnavailableError
-            The service cannot read drawings, or cannot read them now.
-        """
-        return await self._driver.run(_guessed(drawing, family, self._policy))
-
-    async def make_sketch_mesh(self, family: str, values: Mapping[str, float | str] | None = None) -> bytes:
-        """Return the GLB of a shape of a family; parameters left out have their default.
-
-        Raises
-        ------
-        ParameterError
-            There is no such family, a name is unknown, or a value is out of range.
-        """
-        return await self._driver.run(_shaped(family, values, self._policy))
-
-
-def _guessed(drawing: Drawing, family: str | None, policy: Policy) -> Operation[SketchGuesses]:
+def guessed(drawing: Drawing, family: str | None, policy: Policy) -> Operation[SketchGuesses]:
+    """Guess what a drawing shows; see `Client.guess_sketch`."""
     data = drawing if isinstance(drawing, bytes) else (yield Work(partial(Path(drawing).read_bytes)))
     query = {} if family is None else {"family": family}
     headers = {"Content-Type": "application/octet-stream"}
@@ -135,7 +65,8 @@ def _guessed(drawing: Drawing, family: str | None, policy: Policy) -> Operation[
     return read(SketchGuesses, answer.json(), answer.url)
 
 
-def _shaped(family: str, values: Mapping[str, float | str] | None, policy: Policy) -> Operation[bytes]:
+def shaped(family: str, values: Mapping[str, float | str] | None, policy: Policy) -> Operation[bytes]:
+    """Return the GLB of a shape of a family."""
     call = Call("POST", "/v1/sketches:mesh", document={"family": family, "values": dict(values or {})})
     answer = yield from answered(call, policy)
     return answer.content

@@ -38,6 +38,7 @@ from meshdeform.deformation.pulls import Pulls
 from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Safeguard, Settings
 from meshdeform.deformation.stand_in import StandIn, chosen_carrier
 from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
@@ -50,8 +51,6 @@ from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, 
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
 from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
 from meshdeform.rendering.views import OrthogonalGrid
-from meshdeform.requests.choices import Carrier, GuidanceKind, OrientationMode
-from meshdeform.requests.document import ResolvedParams, Safeguard
 
 __all__ = ["Deformation", "Step"]
 
@@ -88,7 +87,7 @@ class Deformation:
         simplified mesh, which it follows (`stand_in.py`).
     guidance : Guidance
         Loss on the rendered views.
-    params : ResolvedParams
+    params : Settings
     device : str
         Device for rendering and guidance. The Jacobians and the solve stay on the CPU in float64.
     checkpoint : Checkpoint, optional
@@ -135,7 +134,7 @@ class Deformation:
         self,
         mesh: TriangleMesh,
         guidance: Guidance,
-        params: ResolvedParams,
+        params: Settings,
         *,
         device: str = "cpu",
         checkpoint: Checkpoint | None = None,

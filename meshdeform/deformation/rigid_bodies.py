@@ -26,8 +26,8 @@ from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
+from meshdeform.deformation.settings import Rigidity
 from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
-from meshdeform.requests.choices import Rigidity
 
 __all__ = ["Body", "RigidBodies"]
 

@@ -26,6 +26,7 @@ from meshdeform.deformation.binding import Binding
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.deformation.settings import Carrier
 from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import JacobianField, Variables, placed
@@ -35,7 +36,6 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.simplify import simplified
-from meshdeform.requests.choices import Carrier
 
 __all__ = ["FACES", "MAX_FACES", "StandIn", "carry", "chosen_carrier", "stand_in_of"]
 

@@ -25,6 +25,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation.settings import Safeguard
 from meshdeform.deformation.step_repair import StepRepair
 from meshdeform.deformation.variables import Elements, Variables, placed
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, touching_pairs
@@ -32,7 +33,6 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import FaceNeighbours
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.samples import count_samples, samples_of
-from meshdeform.requests.document import Safeguard
 
 __all__ = ["EVERY_STEPS", "SurfaceGuard"]
 

@@ -1,9 +1,11 @@
-"""Enumerations of the request document. Imports nothing, so that the command line starts without pydantic."""
+"""Enumerations of the request document. Needs no pydantic, so that the command line starts fast."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 from typing import TypeVar
+
+from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Rigidity, Safeguard
 
 __all__ = [
     "AlignMode",
@@ -70,34 +72,11 @@ class Preset(StrEnum):
     PAPER = "paper"
 
 
-class GuidanceKind(StrEnum):
-    """Source of the gradient that deforms the mesh."""
-
-    SDS = "sds"
-    TARGET = "target"
-    SILHOUETTES = "silhouettes"
-
-
 class AlignMode(StrEnum):
     """How a target mesh is placed on the asset."""
 
     AUTO = "auto"
     NONE = "none"
-
-
-class Safeguard(StrEnum):
-    """Defects of the surface that no step may cause."""
-
-    NONE = "none"
-    FLIPS = "flips"
-    INTERSECTIONS = "intersections"
-
-
-class OrientationMode(StrEnum):
-    """How the front of an asset is chosen where no angle is given."""
-
-    AUTO = "auto"
-    KEEP = "keep"
 
 
 class AppearanceMode(StrEnum):
@@ -114,21 +93,6 @@ class BackdropMode(StrEnum):
 
     LEAVE = "leave"
     DEFORM = "deform"
-
-
-class Carrier(StrEnum):
-    """What carries the vertices."""
-
-    AUTO = "auto"
-    SURFACE = "surface"
-    LATTICE = "lattice"
-
-
-class Rigidity(StrEnum):
-    """What a part that keeps its shape may still do."""
-
-    SIMILARITY = "similarity"
-    RIGID = "rigid"
 
 
 class RegionAction(StrEnum):

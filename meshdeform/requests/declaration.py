@@ -1,4 +1,4 @@
-"""Declare parameters whose default comes from the preset, what the page shows of them, and their order. Torch-free."""
+"""Declare parameters whose default comes from the preset, and what the page shows of them. Torch-free."""
 
 from __future__ import annotations
 
@@ -8,26 +8,7 @@ from typing import Any
 
 from pydantic import Field
 
-__all__ = ["FORM", "OF_PRESET", "contradiction", "nullable", "of_preset"]
-
-
-_ORDERED = (
-    ("timestep_min", "timestep_max"),
-    ("timestep_min", "timestep_max_end"),
-    ("framing", "framing_max"),
-    ("elevation_min_deg", "elevation_max_deg"),
-    ("fov_min_deg", "fov_max_deg"),
-)
-"""Pairs of parameters of which the first must not be greater than the second."""
-
-
-def contradiction(values: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return the names of a lower bound that is greater than its upper bound, and of that; None if there is none."""
-    for low, high in _ORDERED:
-        if low in values and high in values and values[low] > values[high]:
-            return low, high
-    return None
-
+__all__ = ["FORM", "OF_PRESET", "nullable", "of_preset"]
 
 FORM = "x-form"
 """Schema member that describes a field of the page's form: `label`, `help`, and `choices` as pairs of value and label.

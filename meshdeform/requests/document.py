@@ -30,12 +30,9 @@ from meshdeform.requests.choices import (
     RigMode,
     Safeguard,
 )
-from meshdeform.requests.declaration import contradiction
-from meshdeform.requests.models import is_builtin, is_sent
+from meshdeform.requests.models import BUILTIN_MODEL, DEFAULT_SD_MODEL, is_builtin, is_sent
 from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.parameters import (
-    BUILTIN_MODEL,
-    DEFAULT_SD_MODEL,
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
     DeformParams,
@@ -264,8 +261,8 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     Raises
     ------
     ParameterError
-        A bound of the user contradicts one of the preset, rigid parts one that they cannot have, or the guidance cannot
-        use the appearance or the prompts.
+        `timestep_min` is above the timesteps of the preset, rigid parts have no lattice, or the guidance cannot use the
+        appearance or the prompts.
     """
     if params.prompts and params.guidance is not GuidanceKind.SDS:
         detail = f"`prompts` cannot be combined with `guidance`: `{params.guidance}` uses no prompt."
@@ -274,15 +271,13 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     family: Family = "builtin" if is_builtin(model) else "sd"
     if params.guidance is not GuidanceKind.SDS:
         family = "target" if params.guidance is GuidanceKind.TARGET else "silhouettes"
-    paper = {name: field.default for name, field in DeformParams.model_fields.items()}
+    paper = {name: field.default for name, field in ResolvedParams.model_fields.items()}
     written = {name: getattr(params, name) for name in params.model_fields_set}
     values = {**paper, **OVERRIDES[family, params.preset], **written, "model": model}
-    if found := contradiction(values):
-        low, high = found
-        raise ParameterError(
-            f"{low} is {values[low]} and {high} is {values[high]}: your bound contradicts the preset's.",
-            advice=f"Set both {low} and {high}.",
-        )
+    highest = min(values["timestep_max"], values["timestep_max_end"])
+    if values["timestep_min"] > highest:
+        detail = f"timestep_min is {values['timestep_min']}, and this preset draws no timestep above {highest}."
+        raise ParameterError.at(["params", "timestep_min"], detail, f"Set params.timestep_min to at most {highest}.")
     if values["rigid"] and values["carrier"] is Carrier.SURFACE:
         whose = "set" if "carrier" in written else "the preset's"
         detail = f"Rigid parts need the lattice, and carrier is `surface` ({whose})."

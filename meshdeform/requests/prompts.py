@@ -1,26 +1,20 @@
-"""Declare further prompts of a job, and tell what guides it. Torch-free."""
+"""Declare further prompts of a job. Torch-free."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.selection import MAX_SELECTORS, Selection
 from meshdeform.requests.strict import StrictModel
-
-if TYPE_CHECKING:
-    from meshdeform.requests.parameters import DeformParams
 
 __all__ = [
     "MAX_PROMPTS",
     "PROMPTS",
     "Prompt",
     "active_prompts",
-    "needs_prior",
-    "needs_target",
     "prompt_words",
 ]
 
@@ -80,13 +74,3 @@ def prompt_words(prompt: str, params: Any) -> str:
     prompts = getattr(params, "prompts", ())
     further = [each.get("prompt") if isinstance(each, Mapping) else getattr(each, "prompt", "") for each in prompts]
     return " + ".join(dict.fromkeys(text for text in (prompt, *further) if text))
-
-
-def needs_prior(params: DeformParams) -> bool:
-    """Return whether a prompt guides a job."""
-    return params.guidance is GuidanceKind.SDS
-
-
-def needs_target(params: DeformParams) -> bool:
-    """Return whether a job needs the part `target`."""
-    return params.guidance is GuidanceKind.TARGET

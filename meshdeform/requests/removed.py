@@ -7,6 +7,11 @@ from typing import Any
 
 __all__ = ["REMOVED", "instead", "without_removed"]
 
+_CONSTANT = "The preset sets it."
+_CONSTANTS = (
+    "elevation_max_deg", "elevation_min_deg", "fov_max_deg", "fov_min_deg", "framing", "framing_max",
+    "guidance_rescale", "guidance_weight", "stiffness", "timestep_max", "timestep_max_end",
+)  # fmt: skip
 _NO_GAIN = "It brought no gain when measured."
 _MEASURED = (
     "annealing", "candidate_steps", "candidates", "coarse_until", "distillation", "ism_interval", "ism_stride",
@@ -17,6 +22,7 @@ _MEASURED = (
 
 REMOVED: Mapping[str, str] = {
     **{f"params.{name}": _NO_GAIN for name in _MEASURED},
+    **{f"params.{name}": _CONSTANT for name in _CONSTANTS},
     "params.attachment_weight": "Use params.carrier.",
     "params.encoder": "Leave it out: a model encodes with its own autoencoder.",
     "params.length": "Scale the result along its axes, or keep regions (docs/control.md#keep-and-only).",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
@@ -28,6 +29,7 @@ __all__ = [
     "RunInput",
     "StartRun",
     "StepReport",
+    "start_of",
 ]
 
 
@@ -206,6 +208,16 @@ class JobRun(Protocol):
 
 
 StartRun = Callable[[RunInput], JobRun]
+
+
+def start_of(module: str) -> Callable[[], StartRun]:
+    """Return a function that imports a module, and with it torch, and returns its function `start`."""
+
+    def load() -> StartRun:
+        start: StartRun = importlib.import_module(module).start
+        return start
+
+    return load
 
 
 @dataclass(frozen=True)

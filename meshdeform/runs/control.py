@@ -22,9 +22,9 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests import control
 from meshdeform.requests.choices import RegionAction, Symmetry
-from meshdeform.requests.control import check_places
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.selection import SelectableSurface, select_bodies
+from meshdeform.runs.text_deform_checks import check_places
 
 __all__ = ["Control", "control_report", "read_control"]
 

@@ -9,7 +9,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest, OutputOptions
 from meshdeform.requests.family import FamilyParams
-from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -56,15 +56,6 @@ def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | 
     return total_steps(params) if isinstance(params, FamilyParams) else 0
 
 
-def _load() -> StartRun:
-    from meshdeform.runs import family_fit
-
-    def start(given: RunInput) -> JobRun:
-        return family_fit.start(given)
-
-    return start
-
-
 _NPZ = "application/x-npz"
 
 FAMILY_FIT = Kind(
@@ -82,7 +73,7 @@ FAMILY_FIT = Kind(
     params=FamilyParams,
     check=_check,
     steps=_steps,
-    load=_load,
+    load=start_of("meshdeform.runs.family_fit"),
     artifacts=(
         ArtifactKind(
             "report.json",

@@ -9,7 +9,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import JobKind, SynthesisMode
 from meshdeform.requests.document import JobRequest, OutputOptions
 from meshdeform.requests.family_synthesis import FamilySynthesisParams
-from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, Kind, start_of
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -79,15 +79,6 @@ def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | 
     return total_steps(params) if isinstance(params, FamilySynthesisParams) else 0
 
 
-def _load() -> StartRun:
-    from meshdeform.runs import family_synthesize
-
-    def start(given: RunInput) -> JobRun:
-        return family_synthesize.start(given)
-
-    return start
-
-
 FAMILY_SYNTHESIZE = Kind(
     name=JobKind.FAMILY_SYNTHESIZE,
     summary="Makes new assets of a fitted family out of parts of its members.",
@@ -110,7 +101,7 @@ FAMILY_SYNTHESIZE = Kind(
     params=FamilySynthesisParams,
     check=_check,
     steps=_steps,
-    load=_load,
+    load=start_of("meshdeform.runs.family_synthesize"),
     artifacts=(
         ArtifactKind("result.glb", "model/gltf-binary", "The first shape, if shapes are made."),
         ArtifactKind("shapes.zip", "application/zip", "All shapes as GLB, if shapes are made."),

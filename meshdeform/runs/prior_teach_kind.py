@@ -14,7 +14,7 @@ from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, OutputOptions
 from meshdeform.requests.models import WEIGHTS_PART, is_sent, is_taught
 from meshdeform.requests.teaching import TeachParams
-from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
 from meshdeform.runs.lesson_files import labelled
 from meshdeform.runs.sent_weights import TAUGHT_WEIGHTS, WEIGHTS_ARTIFACT, WEIGHTS_FILE, check_weights_part
 
@@ -108,15 +108,6 @@ def _uses(request: JobRequest) -> Collection[str]:
     return [MESHES_PART, FAMILY_PART, *([WEIGHTS_PART] if is_sent(params.model) else [])]
 
 
-def _load() -> StartRun:
-    from meshdeform.runs import prior_teach
-
-    def start(given: RunInput) -> JobRun:
-        return prior_teach.start(given)
-
-    return start
-
-
 def _goal(request: JobRequest, _files: Mapping[str, str]) -> str:
     params: Any = request.params
     return str(params.noun)
@@ -145,7 +136,7 @@ PRIOR_TEACH = Kind(
     params=TeachParams,
     check=_check,
     steps=_steps,
-    load=_load,
+    load=start_of("meshdeform.runs.prior_teach"),
     artifacts=(
         ArtifactKind(
             WEIGHTS_ARTIFACT,

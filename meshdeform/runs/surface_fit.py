@@ -39,6 +39,7 @@ from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
+from meshdeform.runs.surface_fit_kind import params_of
 
 __all__ = ["SurfaceFitRun", "start"]
 
@@ -55,7 +56,7 @@ _ANCHOR_SLACK = 0.1
 """Share of the diagonal by which an anchor may be outside of the bounding box."""
 
 
-def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
+def start(given: RunInput) -> SurfaceFitRun:
     """Read the surface, make its base, and prepare the fit.
 
     Raises
@@ -63,7 +64,7 @@ def start(given: RunInput, params: SurfaceFitParams) -> SurfaceFitRun:
     AssetError, CheckpointError
         The input cannot be fitted; the error says what to do.
     """
-    clock = PhaseClock()
+    clock, params = PhaseClock(), params_of(given.request, given.resolved)
     file = given.files["asset"]
     sha256 = file.sha256 or sha256_hex(file.data)
     with clock.phase("read"):

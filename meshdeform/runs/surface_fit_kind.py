@@ -12,7 +12,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobKind, JobRequest, OutputOptions
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, MAX_LEVEL, SurfaceFitParams
 from meshdeform.requests.unbounded import read_unbounded
-from meshdeform.runs.base import ArtifactKind, FilePart, JobRun, Kind, RunInput, StartRun
+from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -55,15 +55,6 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     return branch.model_copy(update={"params": params})
 
 
-def _load() -> StartRun:
-    from meshdeform.runs import surface_fit
-
-    def start(given: RunInput) -> JobRun:
-        return surface_fit.start(given, params_of(given.request, given.resolved))
-
-    return start
-
-
 SURFACE_FIT = Kind(
     name=JobKind.SURFACE_FIT,
     summary="Fits a coarse mesh and a small network to a surface, as a file of a few kilobytes.",
@@ -93,7 +84,7 @@ SURFACE_FIT = Kind(
     params=SurfaceFitParams,
     check=_check,
     steps=lambda request, _model, kept: params_of(request, kept).steps,
-    load=_load,
+    load=start_of("meshdeform.runs.surface_fit"),
     artifacts=(
         ArtifactKind("surface.ndf", "application/octet-stream", "The field: base mesh and network."),
         *(

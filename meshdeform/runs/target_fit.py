@@ -26,9 +26,9 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.choices import AlignMode
-from meshdeform.requests.control import check_places
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.landmarks import Place
+from meshdeform.runs.text_deform_checks import check_places
 
 __all__ = ["TargetFit"]
 

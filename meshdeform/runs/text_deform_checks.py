@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.priors.public_names import public_names
 from meshdeform.requests.document import BUILTIN_MODEL, DeformParams, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
-from meshdeform.requests.prompts import active_prompts, needs_prior, needs_target
+from meshdeform.requests.prompts import active_prompts
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS, Silhouette
 from meshdeform.runs.sent_weights import check_weights_part
 
@@ -17,10 +17,13 @@ if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
     from meshdeform.priors.builtin.words import Words
 
-__all__ = ["check", "check_words"]
+__all__ = ["check", "check_places", "check_words"]
 
 _PlacedPrompt = tuple[list[str | int], str]
 """A prompt after its place in the document."""
+_MAX_REACH = 1_000_000
+"""How far from an asset a point may be, in lengths of its bounding box."""
+_Place = tuple[str, int, str, Sequence[float]]
 _SAME_DEG = 1.0
 """Directions of pictures that differ by less are the same."""
 
@@ -68,7 +71,7 @@ def check(
     _check_pictures(request, pictures)
     _check_target(resolved, has_target=has_target)
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
-    if needs_prior(resolved):
+    if resolved.guidance is GuidanceKind.SDS:
         model = params.model or default_model
         check_weights_part(model, [WEIGHTS_PART] if has_weights else [])
         if is_sent(model):  # its words are those of a file, which is checked later
@@ -89,11 +92,11 @@ def check(
 
 def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
     """Refuse `target` guidance without a target mesh, and a target mesh without `target` guidance."""
-    if needs_target(params) and not has_target:
+    if params.guidance is GuidanceKind.TARGET and not has_target:
         raise ParameterError.at(
             ["params", "guidance"], "`target` guidance needs a second mesh.", "Send it as the part `target`."
         )
-    if has_target and not needs_target(params):
+    if has_target and params.guidance is not GuidanceKind.TARGET:
         raise ParameterError.at(
             ["params", "guidance"],
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
@@ -148,7 +151,7 @@ def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
 
 def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
     """Refuse a request with prompts that a prior with these words cannot read; its weights come with the job."""
-    if needs_prior(resolve(request.params)):
+    if resolve(request.params).guidance is GuidanceKind.SDS:
         _check_vocabulary(_filled(_prompts(request)), request.params, known)
 
 
@@ -246,3 +249,45 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: DeformParams, kn
         except (PromptError, VocabularyError) as error:
             error.located(["params", "source_noun"])
             raise
+
+
+def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[float]]]) -> None:
+    """Refuse points of handles and landmarks that are absurdly far from the file in whose world they are.
+
+    Parameters
+    ----------
+    params : ResolvedParams
+    bounds : mapping
+        The least and the greatest coordinates (2, 3) of the `asset` and the `target`, as far as they are known.
+
+    Raises
+    ------
+    ParameterError
+    """
+    for part, places in (("asset", _places_on_asset(params)), ("target", _places_on_target(params))):
+        if not bounds.get(part):
+            continue
+        low, high = bounds[part]
+        size = max(end - begin for begin, end in zip(low, high, strict=True))
+        for name, number, member, point in places:
+            away = max(max(a - x, x - b) for a, x, b in zip(low, point, high, strict=True))
+            if away > _MAX_REACH * size:
+                detail = f"params.{name}: the point is {away / size:.1g} times as far from the {part} as that is long."
+                advice = f"Give a point within {_MAX_REACH:,} lengths of the {part}."
+                raise ParameterError.at(["params", name, number, member], detail, advice)
+
+
+def _places_on_asset(params: ResolvedParams) -> Iterator[_Place]:
+    for number, handle in enumerate(params.handles):
+        if handle.position is not None:
+            yield "handles", number, "position", handle.position
+        yield "handles", number, "to", handle.to
+    for number, pair in enumerate(params.landmarks):
+        if not isinstance(pair.source, int):
+            yield "landmarks", number, "source", pair.source
+
+
+def _places_on_target(params: ResolvedParams) -> Iterator[_Place]:
+    for number, pair in enumerate(params.landmarks):
+        if not isinstance(pair.target, int):
+            yield "landmarks", number, "target", pair.target

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from meshdeform.assets.check import MAX_PARTS
 from meshdeform.errors import MeshdeformError, ParameterError
 from meshdeform.priors.public_names import configured_name, hidden_folders
-from meshdeform.requests.control import check_places
+from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import (
     DeformParams,
     JobKind,
@@ -21,7 +21,8 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_sent
-from meshdeform.requests.prompts import needs_prior, needs_target, prompt_words
+from meshdeform.requests.parameters import CONSTANTS
+from meshdeform.requests.prompts import prompt_words
 from meshdeform.requests.removed import without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
@@ -37,13 +38,13 @@ from meshdeform.runs.base import (
     StartRun,
 )
 from meshdeform.runs.sent_weights import WEIGHTS_FILE, load_sent
-from meshdeform.runs.text_deform_checks import check, check_words
+from meshdeform.runs.text_deform_checks import check, check_places, check_words
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM"]
+__all__ = ["TEXT_DEFORM", "resolved_params"]
 
 _log = logging.getLogger(__name__)
 
@@ -100,10 +101,11 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     return branch
 
 
-def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
+def resolved_params(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
     """Return the parameters stored when the request was accepted; resolve them if there are none."""
     if kept is not None:
-        kept = without_removed({"params": kept})["params"]
+        constants = {name: kept[name] for name in CONSTANTS & kept.keys()}  # earlier editions took them in requests
+        kept = without_removed({"params": kept})["params"] | constants
         try:
             return read_unbounded(ResolvedParams, kept)
         except ValidationError as error:
@@ -116,7 +118,7 @@ def _resolved(request: JobRequest, default_model: str, kept: Mapping[str, Any] |
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
-        return _resolved(request, default_model, kept).steps
+        return resolved_params(request, default_model, kept).steps
     except MeshdeformError:
         # A default has changed since the job was accepted; its worker will report the error.
         return request.params.steps if "steps" in request.params.model_fields_set else 0
@@ -127,7 +129,7 @@ def _uses(request: JobRequest) -> list[str]:
     weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
     return [
         "asset",
-        *([_TARGET] if needs_target(params) else []),
+        *([_TARGET] if params.guidance is GuidanceKind.TARGET else []),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
@@ -136,7 +138,7 @@ def _uses(request: JobRequest) -> list[str]:
 def _read_target(params: ResolvedParams, given: RunInput) -> InputFile | None:
     """Return the target mesh of a job; refuse a job whose target an earlier edition would have made of a drawing."""
     target = given.files.get(_TARGET)
-    if target is None and needs_target(params):
+    if target is None and params.guidance is GuidanceKind.TARGET:
         raise ParameterError(
             "The target of this job was to be made of a drawing, which jobs no longer do.",
             advice="Make a mesh of the drawing (docs/sketch.md), and post a new job with it as the part `target`.",
@@ -149,8 +151,8 @@ def _load() -> StartRun:
 
     def start(given: RunInput) -> JobRun:
         asset = given.files["asset"]
-        params = _resolved(given.request, given.default_model, given.resolved)
-        prior = load_sent(params.model, given) if needs_prior(params) else None
+        params = resolved_params(given.request, given.default_model, given.resolved)
+        prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS else None
         target = _read_target(params, given)
         return text_deform.start(
             asset=asset.data,

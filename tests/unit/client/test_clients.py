@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import ast
+import importlib.util
 import inspect
 import json
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
 import meshdeform
-from meshdeform.client import AsyncClient, AsyncResult, Client, Result
+from meshdeform.client import AsyncClient, Client
 from meshdeform.client import __all__ as exported
 from service import schemas
 from tests.cases import each_case
@@ -21,26 +22,18 @@ from tests.cases import each_case
 KEY = "md_secret"
 
 
-def methods(kind: type) -> dict[str, Any]:
-    return {name: value for name, value in inspect.getmembers(kind, callable) if not name.startswith("_")}
-
-
-@each_case(("one", "other"), [(Client, AsyncClient), (Result, AsyncResult)])
-def test_both_have_the_same_methods_with_the_same_parameters(one: type, other: type) -> None:
-    ours, theirs = methods(one), methods(other)
-    if one is Client:
-        assert theirs.pop("aclose")
-        assert ours.pop("close")
-    assert ours.keys() == theirs.keys()
-    for name, method in ours.items():
-        mine, its = inspect.signature(method), inspect.signature(theirs[name])
-        assert mine.parameters == its.parameters, name
-        returned = str(mine.return_annotation).replace("Iterator[", "AsyncIterator[")
-        assert str(its.return_annotation) in (returned, f"Async{returned}"), name
-        is_iterator = str(its.return_annotation).startswith("AsyncIterator")
-        assert inspect.iscoroutinefunction(theirs[name]) is not is_iterator, name
-        assert method.__doc__, name
-        assert theirs[name].__doc__, name
+def test_the_client_for_threads_is_made_of_the_other(repository: Path) -> None:
+    script = importlib.util.spec_from_file_location("sync_client", repository / "scripts" / "sync_client.py")
+    assert script is not None
+    assert script.loader is not None
+    module = importlib.util.module_from_spec(script)
+    script.loader.exec_module(module)
+    assert module.MADE.read_text() == module.made(), "run: python scripts/sync_client.py"
+    # What the words of the generator must not miss.
+    assert "await" not in module.made().replace("awaits", "")
+    assert "Async" not in module.made()
+    assert inspect.iscoroutinefunction(AsyncClient.submit)
+    assert not inspect.iscoroutinefunction(Client.submit)
 
 
 def test_the_package_gives_them_and_loads_nothing_before() -> None:
@@ -153,12 +146,3 @@ def test_the_documents_have_the_services_members() -> None:
     for name in ("FileLimits", "JobLimits", "RequestLimits", "UploadLimits"):
         ours, theirs = getattr(documents, name).model_fields, getattr(schemas, name).model_fields
         assert ours.keys() <= theirs.keys(), name
-
-
-def test_no_logic_is_written_twice() -> None:
-    """A method of a client hands its arguments to an operation, and nothing else."""
-    for kind in (Client, AsyncClient):
-        for name, method in methods(kind).items():
-            tree = ast.parse("class _:\n" + inspect.getsource(method))
-            found = [node for node in ast.walk(tree) if isinstance(node, ast.For | ast.While | ast.Try | ast.With)]
-            assert not found, name

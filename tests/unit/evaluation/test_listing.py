@@ -18,13 +18,13 @@ def plan(suite: str, model: str, *, judge: str = "none", **params: object) -> Pl
 
 
 def test_the_papers_suite_is_listed_whole_with_the_papers_parameters() -> None:
-    found = outline(plan("paper", "some/checkpoint", guidance_rescale=0.5))
+    found = outline(plan("paper", "some/checkpoint", timestep_min=0.5))
     assert found["deformations"] == 48 == len(found["items"])
     assert found["steps_in_all"] == 48 * 5000
     assert {item["source"] for item in found["items"]} == {"sphere", "vase", "armchair", "quadruped"}
     assert set(PAPER_PROMPTS) < {item["prompt"] for item in found["items"]}
     assert found["params"]["guidance_scale"] == 100
-    assert found["params"]["guidance_rescale"] == 0.5
+    assert found["params"]["timestep_min"] == 0.5
     assert (found["model"], found["checkpoints"], found["warnings"]) == ("some/checkpoint", [100, 5000], [])
 
 

@@ -18,8 +18,8 @@ from meshdeform.requests.document import (
     read_stored,
     resolve,
 )
-from meshdeform.requests.parameters import FROM_PRESET
-from meshdeform.requests.removed import REMOVED
+from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET
+from meshdeform.requests.removed import REMOVED, instead
 from tests.cases import each_case
 
 
@@ -46,9 +46,9 @@ def test_the_paper_is_the_paper() -> None:
 @each_case("model", [None, "some/checkpoint"])
 def test_every_combination_resolves_to_values_that_the_request_would_accept(preset, guidance, model) -> None:
     resolved = resolve(DeformParams.model_validate({"preset": preset, "guidance": guidance, "model": model}))
-    again = DeformParams.model_validate(resolved.model_dump())
+    again = DeformParams.model_validate(resolved.model_dump(exclude=set(CONSTANTS)))
     assert resolve(again) == resolved
-    assert set(DeformParams.model_fields) == set(ResolvedParams.model_fields)
+    assert set(resolved.model_dump()) == set(ResolvedParams.model_fields) == {*DeformParams.model_fields, *CONSTANTS}
 
 
 def test_the_front_is_a_word_or_an_angle() -> None:
@@ -84,8 +84,6 @@ def test_the_preview_has_the_steps_that_it_promises() -> None:
         {"steps": 10**9},
         {"learning_rate": 0.0},
         {"learning_rate": float("nan")},
-        {"timestep_min": 0.9, "timestep_max": 0.5},
-        {"fov_min_deg": 60, "fov_max_deg": 30},
         {"colour": "red"},
         {"model": ""},
         {"seed": -1},
@@ -100,10 +98,19 @@ def test_bad_values_and_unknown_names_are_refused(bad: dict[str, object]) -> Non
         DeformParams.model_validate(bad)
 
 
-def test_a_bound_against_the_preset_is_told_with_what_to_do() -> None:
-    with pytest.raises(ParameterError, match="timestep_min") as caught:
-        resolve(DeformParams(timestep_max=0.5))
-    assert "timestep_min" in caught.value.advice_text
+def test_a_timestep_above_those_of_the_preset_is_told_with_what_to_do() -> None:
+    for params, highest in (({"timestep_min": 0.985}, "0.98"), ({"timestep_min": 0.6, "model": "a/b"}, "0.5")):
+        with pytest.raises(ParameterError, match="timestep_min") as caught:
+            resolve(DeformParams.model_validate(params))
+        assert f"at most {highest}" in caught.value.advice_text
+
+
+def test_constants_are_no_parameters_and_what_an_earlier_edition_resolved_stays() -> None:
+    for name in CONSTANTS:
+        with pytest.raises(ValidationError):
+            DeformParams.model_validate({name: 0.5})
+        assert instead(["params", name]) == "it was removed. The preset sets it."
+    assert read_stored({"params": {"framing": 0.5, "steps": 7}}).params == DeformParams(steps=7)
 
 
 def test_requests_are_stripped_and_bounded() -> None:
@@ -115,7 +122,7 @@ def test_requests_are_stripped_and_bounded() -> None:
 
 def test_what_was_not_written_is_not_said_again() -> None:
     assert DeformParams(steps=5000, seed=0).model_dump(mode="json") == {"steps": 5000, "seed": 0}
-    assert set(resolve(DeformParams()).model_dump()) == set(DeformParams.model_fields)
+    assert set(resolve(DeformParams()).model_dump()) == set(ResolvedParams.model_fields)
 
 
 def test_what_equals_the_papers_value_is_written_all_the_same() -> None:
@@ -140,7 +147,7 @@ def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
                 assert "Default: the preset's. Paper: " in member["description"]
                 assert {"type": "null"} in member["anyOf"]
     resolved = ResolvedParams.model_json_schema(mode="serialization")
-    assert set(resolved["required"]) == set(resolved["properties"]) == set(DeformParams.model_fields)
+    assert set(resolved["required"]) == set(resolved["properties"]) == set(ResolvedParams.model_fields)
     nullable = {name for name, member in resolved["properties"].items() if {"type": "null"} in member.get("anyOf", [])}
     assert nullable == {"source_noun"}  # none is made
 

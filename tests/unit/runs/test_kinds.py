@@ -33,6 +33,7 @@ from meshdeform.runs.base import (
     StartRun,
     StepReport,
 )
+from meshdeform.runs.text_deform_kind import resolved_params
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.http.bodies import ReceivedFile
@@ -148,6 +149,13 @@ def test_the_kept_parameters_decide_unless_another_version_wrote_them() -> None:
     assert steps(asked, "builtin", None) == kept["steps"]
     assert steps(asked, "builtin", {**kept, "steps": 7}) == 7
     assert steps(asked, "builtin", {**kept, "steps": 7, "a_parameter_of_before": 1}) == kept["steps"]
+
+
+def test_constants_that_an_earlier_edition_took_stay_those_of_its_job() -> None:
+    asked = read_stored({"prompt": "a vase", "params": {"framing": 0.5}})
+    kept = {**resolve(asked.params).model_dump(mode="json"), "framing": 0.5}
+    assert resolved_params(asked, "builtin", kept).framing == 0.5
+    assert resolved_params(asked, "builtin", None).framing != 0.5
 
 
 def test_the_door_checks_it() -> None:

@@ -19,7 +19,7 @@ from meshdeform.geometry import intersections
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import box, icosphere, join, lathe
 from meshdeform.priors import load_prior
-from meshdeform.requests.document import JobRequest, OutputOptions
+from meshdeform.requests.document import JobRequest, OutputOptions, resolve
 from meshdeform.runs import text_deform
 from meshdeform.testing import FakePrior
 from tests.unit.assets.builders import unpack
@@ -302,8 +302,9 @@ def test_a_snapshot_is_the_result_of_that_step() -> None:
 def test_where_nothing_pulls_the_source_comes_back() -> None:
     """Through frame, weld, solve, scatter and file, every number is as it was."""
     asset = glb(icosphere(2), scale=7.0, offset=-3.0)
-    weights = ("guidance", "jacobian_reg", "laplacian", "normal", "dirichlet")
-    run = start(asset, request(steps=3, **{f"{name}_weight": 0.0 for name in weights}))
+    weights = ("jacobian_reg", "laplacian", "normal", "dirichlet")
+    job = request(steps=3, **{f"{name}_weight": 0.0 for name in weights})
+    run = start(asset, job, resolved=resolve(job.params).model_copy(update={"guidance_weight": 0.0}))
     for _ in run:
         pass
     old, new = load_asset(asset).surface, load_asset(run.finish()["result.glb"].data).surface
