@@ -15,7 +15,7 @@ from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
-from tests.browser.steps import badge, barriers, difference, expect, open_form, picture, shown_job, until_drawn
+from tests.browser.steps import badge, barriers, difference, expect, picture, shown_job, until_drawn
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -125,7 +125,10 @@ def test_points_go_to_the_form_for_fits_and_the_mesh_comes_back_as_an_asset(
     watch.allow("422.*jobs:validate")
     cloud = tmp_path / "ball.ply"
     cloud.write_bytes(ball_of_points())
-    open_form(page)
+    page.goto(f"/?job={fitted}")
+    page.get_by_role("button", name="Deform this mesh").click()  # nobody has been at the form yet
+    expect(page.locator("#asset-facts")).to_contain_text("-level")
+    expect(page.locator("#estimate")).to_contain_text("Enter a prompt")
     page.get_by_label("Prompt", exact=True).fill("a mushroom")
     page.set_input_files("#asset-file", cloud)
     page.get_by_role("link", name="Fit a surface to it").click()

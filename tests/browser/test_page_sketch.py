@@ -42,7 +42,7 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
     watch.allow("422.*sketches:guess")
     open_form(page)
     page.get_by_role("button", name="Draw it").click()
-    dialog = page.get_by_role("dialog", name="Draw what it should become")
+    dialog = page.get_by_role("dialog", name="Draw a shape")
     guess, use = (
         dialog.get_by_role("button", name="Guess what it is"),
         dialog.get_by_role("button", name="Use as target"),
@@ -104,7 +104,7 @@ def phone(browser: Browser, service: Service, request: pytest.FixtureRequest, tm
 def test_on_a_phone_a_drawing_of_something_else_is_told_in_sight(phone: Page) -> None:
     open_form(phone)
     phone.get_by_role("button", name="Draw it").click()
-    dialog = phone.get_by_role("dialog", name="Draw what it should become")
+    dialog = phone.get_by_role("dialog", name="Draw a shape")
     for stroke in HOUSE:
         draw(phone, stroke)
     dialog.get_by_role("button", name="Guess what it is").click()
@@ -116,3 +116,6 @@ def test_on_a_phone_a_drawing_of_something_else_is_told_in_sight(phone: Page) ->
     tops = [box["y"] for card in cards.all() if (box := card.bounding_box())]
     assert tops == [tops[0]] * 3
     assert dialog.evaluate("(each) => each.scrollWidth <= each.clientWidth")
+    dialog.get_by_role("button", name="Use as asset").click()
+    expect(phone.locator("#asset-facts")).to_contain_text(".glb")
+    expect(phone.locator("#asset-facts")).not_to_contain_text("sphere")

@@ -109,7 +109,6 @@ const PHASES = /** @type {Record<string, string>} */ ({
   queued: "Waiting for a worker",
   loading: "Loading the model",
   preparing: "Preparing the mesh",
-  target: "Making the target",
   optimizing: "Deforming",
   writing: "Writing the file",
   uploading: "Storing the results",

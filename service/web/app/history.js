@@ -34,7 +34,7 @@ export function emptyHistory() {
     attempt: 0,
     losses: 0,
     interruption: null,
-    progress: { step: 0, total: 0, fraction: 0, phase: "queued", eta: null, stage: null },
+    progress: { step: 0, total: 0, fraction: 0, phase: "queued", eta: null },
     points: [],
     checkpoints: [],
     error: null,

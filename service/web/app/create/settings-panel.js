@@ -91,23 +91,15 @@ export class SettingsPanel {
     const found = this.fields.get(field.name);
     if (!found) return true;
     const text = fieldProblem(field, found.input.value);
-    this._mark(found, text);
+    markField(found, text);
     return !text;
-  }
-
-  /**
-   * @param {{input: HTMLElement, problem: HTMLElement}} field
-   * @param {string} text
-   */
-  _mark(field, text) {
-    markField(field, text);
   }
 
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
   check() {
     const good = this.offered.map((field) => this._check(field)).every(Boolean);
     if (!good) this.advanced.open = true;
-    for (const field of [this.seed, this.variations]) this._mark(field, field.check());
+    for (const field of [this.seed, this.variations]) markField(field, field.check());
     return good && !this.seed.check() && !this.variations.check();
   }
 
@@ -126,7 +118,7 @@ export class SettingsPanel {
     const places = errors.map((error) => {
       const name = (error.loc ?? []).findLast((/** @type {any} */ part) => this.fields.has(part));
       const field = this.fields.get(name);
-      if (field) this._mark(field, String(error.msg ?? "Not allowed."));
+      if (field) markField(field, String(error.msg ?? "Not allowed."));
       return field !== undefined;
     });
     if (places.some(Boolean)) this.advanced.open = true;
@@ -229,8 +221,7 @@ export class SettingsPanel {
 
   /** Set everything as at the beginning. */
   reset() {
-    const fresh = { model: this.catalogue.default, preset: PRESETS[0][0], seed: randomSeed(), variations: 1 };
-    this.restore({ ...fresh, prompt: "", morph: false, subdivide: false, advanced: {}, kept: nothingKept() });
+    this.restore({ model: this.catalogue.default });
   }
 
   /** The settings as they were typed, right or wrong, for `restore`. @param {string} prompt */
@@ -238,19 +229,19 @@ export class SettingsPanel {
     return { ...this.wish(prompt), seed: this.seed.input.value, variations: this.variations.input.value };
   }
 
-  /** @param {Omit<import("../params.js").Wish, "seed" | "variations"> & {seed: number | string, variations: number | string}} wish */
-  restore(wish) {
+  /** @param {Partial<Omit<import("../params.js").Wish, "seed" | "variations"> & {seed: number | string, variations: number | string}>} wish What it lacks is as at the beginning. */
+  restore({ model, preset = PRESETS[0][0], seed = randomSeed(), variations = 1, morph = false, subdivide = false, advanced = {}, kept = nothingKept() }) {
     // A model that this server no longer runs gives way to its default.
-    if (this.catalogue.models.some((model) => model.id === wish.model && model.available)) this.model.value = wish.model;
+    if (this.catalogue.models.some((found) => found.id === model && found.available)) this.model.value = String(model);
     this._modelChanged();
-    this.preset.set(wish.preset);
-    this.seed.input.value = String(wish.seed);
-    this.variations.input.value = String(wish.variations);
-    this.morph.checked = wish.morph;
-    this.subdivide.checked = Boolean(wish.subdivide);
-    this._keep(wish.kept ?? nothingKept());
-    for (const name of this.fields.keys()) this.setValue(name, wish.advanced[name] ?? "");
-    this.advanced.open = Object.values(wish.advanced).some((value) => value !== "");
+    this.preset.set(preset);
+    this.seed.input.value = String(seed);
+    this.variations.input.value = String(variations);
+    this.morph.checked = morph;
+    this.subdivide.checked = subdivide;
+    this._keep(kept);
+    for (const name of this.fields.keys()) this.setValue(name, advanced[name] ?? "");
+    this.advanced.open = [...this.fields.values()].some(({ input }) => input.value !== "");
   }
 }
 

@@ -1,5 +1,5 @@
 // @ts-check
-/** What a job was asked to keep, to hold and to limit: in words, and over its first view. */
+/** What a job was asked to keep and to hold: in words, and over its first view. */
 import { withoutPrompts } from "../create/control/further.js";
 import { controlOf, controlWords, promptWords } from "../create/control/model.js";
 import { h } from "../dom.js";

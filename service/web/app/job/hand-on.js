@@ -3,14 +3,16 @@
 import { Asset } from "../assets.js";
 import { button, h } from "../dom.js";
 import { keepDraft, lastDraft } from "../drafts.js";
+import { currentLink } from "../link.js";
 import { routeHash } from "../router.js";
 
 /**
- * Two buttons.
+ * Two buttons; none for who looks by a link, who may start nothing.
  *
  * @param {() => Promise<{bytes: ArrayBuffer, name: string} | null>} mesh Returns a GLB; null while there is none.
  */
 export function handOnButtons(mesh) {
+  if (currentLink()) return null;
   const use = (/** @type {"asset" | "target"} */ part) => async () => {
     const made = await mesh();
     if (made) await handOn(new Asset(new Blob([made.bytes], { type: "model/gltf-binary" }), made.name), part);

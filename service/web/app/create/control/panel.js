@@ -1,5 +1,5 @@
 // @ts-check
-/** What stays, what goes where and how large the result may be: the tools below the view, and the lists in the form. */
+/** What stays and what goes where: the tools below the view, and the lists in the form. */
 import { announce, toast } from "../../announce.js";
 import { button, fill, h } from "../../dom.js";
 import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES } from "./model.js";
@@ -92,7 +92,7 @@ export class ControlPanel {
       "details",
       { class: "advanced control-panel" },
       h("summary", null, "Control ", this.count),
-      h("p", { class: "small muted" }, "What stays as it is, what goes where, and how large the result may be."),
+      h("p", { class: "small muted" }, "What stays as it is, and what goes where."),
       add,
       this.partRow,
       this.lists,

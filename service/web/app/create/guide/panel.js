@@ -40,7 +40,7 @@ export class GuidePanel {
       });
     }
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
-    this.draw = button("Draw it", () => askForSketch((mesh) => this._takeMesh(mesh), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target" });
+    this.draw = button("Draw it", () => askForSketch((mesh, part) => void (part === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target, or as the asset" });
     this.choosePicture = button("Add a picture", () => this.pictureInput.click(), { class: "chip", title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
     this.body = h("div", { class: "guide-body" });
     this.problem = h("p", { class: "field-problem", role: "alert", hidden: true });

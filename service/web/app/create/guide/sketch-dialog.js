@@ -1,5 +1,5 @@
 // @ts-check
-/** Draw what the asset should become: the service guesses it, its parameters are corrected, and its mesh is the target. */
+/** Draw what the asset should become: the service guesses it, its parameters are corrected, and its mesh is the target, or the asset. */
 import { announce } from "../../announce.js";
 import { client, isAbort } from "../../client.js";
 import { button, fill, h } from "../../dom.js";
@@ -26,7 +26,7 @@ function meshFile(/** @type {BlobPart} */ bytes, family) {
 }
 
 class SketchDialog {
-  /** @param {(mesh: File) => void} use */
+  /** @param {(mesh: File, part: "target" | "asset") => void} use */
   constructor(use) {
     this.use = use;
     this.scope = new Scope();
@@ -47,17 +47,18 @@ class SketchDialog {
     this.undo = button("Undo", () => this.pad.undo(), { class: "chip" });
     this.clear = button("Clear", () => this.pad.clear(), { class: "chip" });
     this.guess = button("Guess what it is", () => this._guess(), { class: "button" });
-    this.done = button("Use as target", () => this._use(), { class: "button button-primary" });
+    this.deform = button("Use as asset", () => this._use("asset"), { class: "button" });
+    this.done = button("Use as target", () => this._use("target"), { class: "button button-primary" });
     this.element = h(
       "dialog",
       { class: "dialog sketch-dialog", "aria-labelledby": "sketch-title" },
       h(
         "div",
         { class: "dialog-body" },
-        h("h2", { id: "sketch-title" }, "Draw what it should become"),
+        h("h2", { id: "sketch-title" }, "Draw a shape"),
         h("p", { class: "small muted" }, "The outlines of a chair, table, vase, goblet, lamp or airplane, from the front or a little from above. Or drop a picture of a drawing."),
         h("div", { class: "sketch-columns" }, h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, button("Choose a picture", () => this.input.click(), { class: "chip" }), this.input, this.guess)), h("div", null, this.problem, this.guesses, this.place, this.fields)),
-        h("div", { class: "dialog-actions" }, h("button", { type: "button", class: "button", on: { click: () => this.element.close() } }, "Cancel"), this.done),
+        h("div", { class: "dialog-actions" }, h("button", { type: "button", class: "button", on: { click: () => this.element.close() } }, "Cancel"), this.deform, this.done),
       ),
     );
     this.element.addEventListener("dragover", (event) => event.preventDefault());
@@ -91,7 +92,7 @@ class SketchDialog {
 
   _enable() {
     this.undo.disabled = this.clear.disabled = this.guess.disabled = this.pad.isEmpty;
-    this.done.disabled = !this.mesh;
+    this.deform.disabled = this.done.disabled = !this.mesh;
   }
 
   /** A request that ends those before it. */
@@ -192,14 +193,15 @@ class SketchDialog {
     await this.box.load(await mesh.arrayBuffer(), "glb", keepCamera);
   }
 
-  _use() {
+  /** @param {"target" | "asset"} part */
+  _use(part) {
     if (!this.mesh) return;
-    this.use(this.mesh);
+    this.use(this.mesh, part);
     this.element.close();
   }
 }
 
-/** Open the dialog. @param {(mesh: File) => void} use Given the mesh to fit to. @param {import("../../scope.js").Scope} scope */
+/** Open the dialog. @param {(mesh: File, part: "target" | "asset") => void} use Given the mesh, and what it is to be. @param {import("../../scope.js").Scope} scope */
 export function askForSketch(use, scope) {
   const dialog = new SketchDialog(use);
   scope.add(() => dialog.scope.dispose());
