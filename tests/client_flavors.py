@@ -1,6 +1,6 @@
 """Both clients behind one interface, so that a test of the one is a test of the other.
 
-The logic is one set of generators that both drive, and a test compares their signatures. So most tests run on `Client`
+The one is made of the other, word by word. So most tests run on `Client`
 alone; what `both_clients` marks runs on each, because there an event loop can differ from a thread.
 """
 

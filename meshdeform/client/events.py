@@ -24,16 +24,7 @@ _LONGEST = 16 * 2**20
 
 @dataclass(frozen=True)
 class ServerEvent:
-    """A server-sent event.
-
-    Attributes
-    ----------
-    type : str
-        `message` if the stream names none.
-    data : str
-    id : str
-        The last id that the stream sent; empty before the first.
-    """
+    """A server-sent event: its type, `message` if the stream names none; its data; the last id that the stream sent."""
 
     type: str
     data: str
@@ -137,18 +128,11 @@ class EventStream:
 
 
 class EventOrder:
-    """The order of a job's events over all connections.
-
-    Attributes
-    ----------
-    after : int
-        Number of the last event.
-    missing : bool
-        Whether an event after that is missing, and is to be requested once more.
-    """
+    """The order of a job's events over all connections, from the one after a number."""
 
     def __init__(self, after: int) -> None:
-        self.after, self.missing = after, False
+        self.after = after  # the number of the last event
+        self.missing = False  # whether the next one is missing, and is to be requested once more
         self._doubted = -1
 
     def accepted(self, events: Iterable[EventView]) -> Iterator[EventView]:

@@ -69,14 +69,7 @@ def artifact_path(job: JobLike, name: str, strength: float | None = None) -> str
 
 @dataclass(frozen=True)
 class Part:
-    """A file in a multipart form.
-
-    Attributes
-    ----------
-    name, filename : str
-    file : binary file
-        Positioned at its beginning.
-    """
+    """A file in a multipart form, positioned at its beginning."""
 
     name: str
     filename: str
@@ -85,13 +78,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Piece:
-    """A range of a file that is the whole body of a request.
-
-    Attributes
-    ----------
-    file : binary file
-    start, size : int
-    """
+    """A range of a file, in bytes, that is the whole body of a request."""
 
     file: IO[bytes]
     start: int
@@ -104,17 +91,13 @@ class Call:
 
     Attributes
     ----------
-    method, url : str
-        The URL is absolute or a path of the service.
-    query : mapping
-    headers : mapping
+    url : str
+        Absolute, or a path of the service.
     document : JSON value, optional
         The body; with `parts`, the form's part `request`.
     parts : tuple of Part
         The files of a form.
-    piece : Piece, optional
-        The body.
-    content : bytes, optional
+    piece, content : Piece, bytes, optional
         The body.
     signed : bool
         Whether the URL is signed; then the API key is not sent.
@@ -166,15 +149,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Endpoint:
-    """The address of a service, and the credentials for it.
-
-    Attributes
-    ----------
-    base_url : str
-        Without a trailing slash.
-    api_key : str, optional
-    timeout_s : float
-    """
+    """The address of a service, without a trailing slash, and the credentials for it."""
 
     base_url: str
     api_key: str | None = field(default=None, repr=False)

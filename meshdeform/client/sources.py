@@ -31,16 +31,7 @@ _ENDINGS = frozenset({".glb", ".obj", ".ply", ".stl"})
 
 @dataclass(frozen=True)
 class LocalFile:
-    """A local file, open and seekable.
-
-    Attributes
-    ----------
-    filename : str
-    file : binary file
-    size : int
-    sha256 : str
-        SHA-256 of its bytes, hexadecimal.
-    """
+    """A local file, open and seekable, its size in bytes and its SHA-256 (hexadecimal)."""
 
     filename: str
     file: IO[bytes]
@@ -53,13 +44,7 @@ def open_source(
 ) -> LocalFile | dict[str, str]:
     """Open a local asset, or return the reference to a file of the service.
 
-    Parameters
-    ----------
-    asset : AssetLike
-    files : ExitStack
-        Closes the files opened here. The caller's own stream stays open.
-    filename : str, optional
-        The file name to send; its extension identifies OBJ, PLY and STL.
+    The stack closes the files opened here; the caller's own stream stays open.
 
     Raises
     ------

@@ -24,14 +24,7 @@ T = TypeVar("T")
 
 
 class AsyncConnection:
-    """The connections to one service, which tasks may share.
-
-    Parameters
-    ----------
-    http : httpx.AsyncClient
-    endpoint : Endpoint
-    policy : Policy
-    """
+    """The connections to one service, which tasks may share."""
 
     def __init__(self, http: httpx.AsyncClient, endpoint: Endpoint, policy: Policy) -> None:
         self._http, self._endpoint, self.policy = http, endpoint, policy

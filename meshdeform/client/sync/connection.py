@@ -24,14 +24,7 @@ T = TypeVar("T")
 
 
 class Connection:
-    """The connections to one service, which threads may share.
-
-    Parameters
-    ----------
-    http : httpx.Client
-    endpoint : Endpoint
-    policy : Policy
-    """
+    """The connections to one service, which threads may share."""
 
     def __init__(self, http: httpx.Client, endpoint: Endpoint, policy: Policy) -> None:
         self._http, self._endpoint, self.policy = http, endpoint, policy

@@ -74,12 +74,7 @@ def prepared(
 def uploaded(connection: Connection, file: LocalFile, key: str) -> UploadView:
     """Upload a file completely, with its SHA-256 verified by the service, and return the upload.
 
-    Parameters
-    ----------
-    connection : Connection
-    file : LocalFile
-    key : str
-        Identifies this upload: the same file with the same key resumes where it stopped, also in another process.
+    The same file with the same key resumes where it stopped, also in another process.
 
     Raises
     ------
@@ -155,13 +150,7 @@ def loaded(connection: Connection, url: str) -> bytes:
 def saved(connection: Connection, url: str, path: Path, sha256: str | None = None) -> Path:
     """Download a file to a path, replacing what is there, once it is complete.
 
-    Parameters
-    ----------
-    connection : Connection
-    url : str
-    path : Path
-    sha256 : str, optional
-        Expected SHA-256, verified in addition to the one that the service sends.
+    Its bytes must have the SHA-256 that the service sends, and the one that is expected.
 
     Raises
     ------
@@ -229,14 +218,7 @@ def _receive_rest(connection: Connection, url: str, received: PartialFile, patie
 def followed(connection: Connection, job_id: str, after: int, deadline: float | None = None) -> Generator[EventView]:
     """Yield a job's events after a number, each once and in order, up to the one that ends the job.
 
-    Parameters
-    ----------
-    connection : Connection
-    job_id : str
-    after : int
-        Number of the last known event.
-    deadline : float, optional
-        In the time of the monotonic clock.
+    The deadline is in the time of the monotonic clock.
 
     Raises
     ------
