@@ -23,9 +23,9 @@ from service.events.waiting import on_termination
 from service.http.auth import Gate
 from service.http.errors import add_error_handlers, problem_responses
 from service.http.middleware import RequestFrame, TracingMiddleware
-from service.jobs import creation_routes, link_routes
+from service.jobs import creation_routes
 from service.jobs import routes as job_routes
-from service.operations import health_routes, limits_routes, metrics_routes, models_routes
+from service.operations import routes as operation_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes
 from service.sketches import routes as sketch_routes
@@ -71,7 +71,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     refusals = problem_responses(UnauthorizedError, LimitError)
     app.include_router(job_routes.router, responses=refusals)
     app.include_router(creation_routes.router, responses=refusals)
-    app.include_router(link_routes.router, responses=refusals)
     app.include_router(event_routes.router, responses=refusals)
     app.include_router(checkpoint_routes.router, responses=refusals)
     app.include_router(artifact_routes.router, responses=refusals)
@@ -80,10 +79,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(upload_routes.router, responses=refusals)
     app.include_router(upload_routes.content)
     app.include_router(sketch_routes.router, responses=refusals)
-    app.include_router(models_routes.router, responses=refusals)
-    app.include_router(limits_routes.router, responses=refusals)
-    app.include_router(health_routes.router)
-    app.include_router(metrics_routes.router, responses=refusals)
+    app.include_router(operation_routes.router, responses=refusals)
+    app.include_router(operation_routes.health)
     app.router.routes += page_routes.routes
     add_error_handlers(app)
     describe(app)

@@ -7,6 +7,7 @@ runs it for as long as that takes.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.http.limits import Rate
+from tests.contract_links import add_links
 from tests.integration.conftest import serving
 from tests.servers import redis_server
 
@@ -100,7 +102,8 @@ def run(
 ) -> subprocess.CompletedProcess[str]:
     """Run Schemathesis with every check and so many chains of requests; the same requests each time."""
     # Fetched here, because Schemathesis waits ten seconds at most, whatever the machine is busy with.
-    description = httpx.get(f"{url}/openapi.json", timeout=120).raise_for_status()
+    document = httpx.get(f"{url}/openapi.json", timeout=120).raise_for_status().json()
+    add_links(document)
     command = [sys.executable, "-m", "schemathesis.cli", "--config-file", "schemathesis.toml"]
     command += ["--no-color", "run", "openapi.json", "--url", url]
     command += ["--checks", "all", "--phases", phases, "--max-examples", str(examples), "--request-timeout", "120"]
@@ -114,7 +117,7 @@ def run(
     settings = (ROOT / "tests/schemathesis.toml").read_text().replace("${CHAINS}", str(chains))
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "schemathesis.toml").write_text(settings)
-        (Path(folder) / "openapi.json").write_bytes(description.content)
+        (Path(folder) / "openapi.json").write_text(json.dumps(document))
         return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 

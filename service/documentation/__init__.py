@@ -1,1 +1,1 @@
-"""Document the API: the HTML reference, the links between operations, and shared responses and headers."""
+"""Document the API: the document, and shared responses and headers."""

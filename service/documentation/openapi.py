@@ -11,7 +11,6 @@ from pydantic.json_schema import models_json_schema
 from meshdeform.requests.document import JobKind, params_by_kind
 from meshdeform.requests.sketches import Sketch
 from meshdeform.serving.defaults import DEFAULT_URL
-from service.documentation.links import add_links
 from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
 from service.schemas import Problem
 
@@ -61,7 +60,6 @@ def describe(app: FastAPI) -> None:
             document["components"]["schemas"] = dict(sorted(schemas.items()))
             document["servers"] = _SERVERS
             document["tags"] = _TAGS
-            add_links(document)
             _remove_null(document)
             document["info"]["description"] = _DESCRIPTION
             document["info"]["license"] = {"name": "Apache-2.0", "identifier": "Apache-2.0"}

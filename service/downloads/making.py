@@ -13,7 +13,7 @@ from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
 from meshdeform.runs.base import ArtifactKind
 from meshdeform.runs.derive import DERIVED, OF_RESULT, DerivedInput, derive
-from service.downloads.deformed import deformed_file
+from service.downloads.strengths import deformed_file
 from service.state import AppState
 
 __all__ = ["made", "makeable"]

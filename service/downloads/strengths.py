@@ -10,21 +10,29 @@ from anyio import CapacityLimiter, to_thread
 
 from meshdeform.assets import Limits
 from meshdeform.errors import NotFoundError, ParameterError
-from meshdeform.record.models import Artifact, Job
+from meshdeform.record.models import Artifact, Job, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.runs import kind_of
 from meshdeform.runs.derive import STRENGTH, DerivedInput, derive
 from meshdeform.storage import ObjectStore, StoredObject
-from service.downloads.deformed import deformed_file
 from service.http.limits import FairSlots
 from service.workspace import Workspace
 
-__all__ = ["MAX_STRENGTH", "STRENGTH_STEP", "Strengths"]
+__all__ = ["MAX_STRENGTH", "STRENGTH_STEP", "Strengths", "deformed_file"]
 
 MAX_STRENGTH, STRENGTH_STEP = 1.5, 0.01
 _AT_ONCE, _PER_OWNER, _WAIT_S = 2, 1, 120.0
 _KEPT_PER_JOB = 16
 _REMEMBERED = 512
+_FITTED = "source.glb"  # the mesh that earlier editions fitted to an asset without triangles
+
+
+def deformed_file(job: Job) -> StoredFile:
+    """Return the file from which the job's result was made."""
+    for artifact in job.artifacts:
+        if artifact.name == _FITTED:
+            return StoredFile(key=artifact.key, filename=artifact.name, size=artifact.size, sha256=artifact.sha256)
+    return job.source
 
 
 class Strengths:

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
 from pydantic import AwareDatetime, BeforeValidator
 
-from meshdeform.api.jobs import JobList, JobView, job_headers
+from meshdeform.api.jobs import JobList, JobView, SignedUrl, job_headers
 from meshdeform.api.limits import MAX_PAGE, MAX_SEARCH
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.record.models import Job, JobState
@@ -21,7 +21,7 @@ from meshdeform.requests.document import MAX_METADATA_ENTRIES, MAX_METADATA_NAME
 from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WAITED, JobId
 from service.downloads.responses import matches
 from service.events.waiting import Prefer, applied, preferred_wait, settled
-from service.http.auth import PrincipalDep, ViewerDep
+from service.http.auth import PrincipalDep, ViewerDep, job_link
 from service.http.errors import problem_responses
 from service.http.queries import KNOWN_QUERY
 from service.state import AppStateDep
@@ -191,6 +191,30 @@ def delete_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response
         # The record lists what is left to remove: if the store is unavailable now, the reconciler does it later.
         remove_job(app.record, app.store, id, files)
     return Response(status_code=204)
+
+
+@router.post(
+    "/{id}/url",
+    operation_id="link_job",
+    summary="Create a link to a job",
+    responses={
+        200: {"model": SignedUrl, "description": "The address of the page that shows the job."},
+        **problem_responses(NotFoundError, *CALLER_ERRORS),
+    },
+)
+def link_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+    """Anyone who has the link can watch this one job, and read its asset, its checkpoints and its results.
+
+    It changes nothing and opens no other job. It ends with its time, with the job, and with the API key that made it.
+    """
+    job = app.record.get(id, principal.owner_id)
+    if app.settings.web == "off":
+        raise NotFoundError(
+            "This deployment serves no page that a link could open.",
+            advice="Create signed URLs of single artifacts, or ask its operator for MESHDEFORM_WEB.",
+        )
+    found = job_link(app, job.id, principal.key_id)
+    return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
 
 def shown(job: Job, *, status: int = 200, headers: dict[str, str] | None = None) -> JSONResponse:

@@ -1,4 +1,4 @@
-"""Add OpenAPI `links`: how the values of one response become the parameters of the next request."""
+"""Add OpenAPI `links`, of which Schemathesis makes chains of requests."""
 
 from __future__ import annotations
 

@@ -1,12 +1,19 @@
-"""Return the limits of this server, so that clients can check requests in advance."""
+"""Report what this server is: its models and limits; and, for its operator, liveness, readiness and metrics."""
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-from fastapi.responses import JSONResponse
+from collections.abc import Callable
+from dataclasses import asdict
 
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import JSONResponse
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+
+from meshdeform import __version__
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MAX_KEY, MAX_PAGE, MAX_WAIT_S, MIN_BODY_RATE
 from meshdeform.assets import Limits
+from meshdeform.errors import LimitError, MeshdeformError, UnauthorizedError
+from meshdeform.priors.catalogue import list_models
 from meshdeform.record.upkeep import IDEMPOTENCY_KEPT_S
 from meshdeform.requests.document import (
     MAX_DEADLINE_S,
@@ -23,26 +30,57 @@ from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.http.queries import KNOWN_QUERY
+from service.operations.model_documents import ModelList, ModelView
 from service.schemas import (
     ArtifactKindView,
     FileLimits,
     FilePartView,
+    Health,
     JobLimits,
     KindView,
     LimitList,
+    PartHealth,
+    Readiness,
     RequestLimits,
     UploadLimits,
 )
 from service.state import AppStateDep
 
-__all__ = ["router"]
+__all__ = ["health", "router"]
 
-router = APIRouter(prefix="/v1/limits", tags=["limits"], dependencies=KNOWN_QUERY)
+router = APIRouter(dependencies=KNOWN_QUERY)
+health = APIRouter(tags=["health"])
 _FORMATS = ["glb", "obj", "ply", "stl", "zip"]
+_STORE_S = 5.0  # short, because probes ask every few seconds
+_EXAMPLE = 'meshdeform_jobs{state="queued"} 3.0\n'
 
 
 @router.get(
-    "",
+    "/v1/models",
+    tags=["models"],
+    operation_id="list_models",
+    summary="List the models that jobs may use",
+    responses={
+        200: {"model": ModelList, "description": "The models of this server, the default one first."},
+        **problem_responses(*CALLER_ERRORS),
+    },
+)
+def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
+    """Each model with its availability and vocabulary. Prompts made of its words are accepted.
+
+    The models of this server come first, then those that the caller's jobs of kind `prior_teach` have made, newest
+    first.
+    """
+    settings = app.settings
+    found = list_models(settings.model, settings.further_models, settings.model_revision, public=True)
+    found += app.taught.of(principal.owner_id)
+    views = [ModelView.model_validate(asdict(model)) for model in found]
+    return JSONResponse(ModelList(default=views[0].id, models=views).model_dump(mode="json"))
+
+
+@router.get(
+    "/v1/limits",
+    tags=["limits"],
     operation_id="get_limits",
     summary="Get the limits of this server",
     responses={
@@ -122,3 +160,63 @@ def _described(kind: Kind) -> KindView:
             for each in kind.artifacts
         ],
     )
+
+
+@health.get(
+    "/healthz",
+    operation_id="healthz",
+    summary="Check liveness",
+    responses={200: {"model": Health, "description": "The process is alive."}, **problem_responses()},
+)
+async def healthz() -> JSONResponse:
+    """Checks nothing else: an unavailable dependency must not cause a restart of this process."""
+    return JSONResponse(Health(status="ok", version=__version__).model_dump())
+
+
+@health.get(
+    "/readyz",
+    operation_id="readyz",
+    summary="Check whether the record, Redis and the object store respond",
+    responses={
+        200: {"model": Readiness, "description": "All of them respond."},
+        503: {"model": Readiness, "description": "At least one does not respond."},
+        **problem_responses(),
+    },
+)
+def readyz(app: AppStateDep) -> JSONResponse:
+    """Returns the state of each of the three. That of the object store is up to 2 seconds old."""
+    found = {
+        "record": _ask(app.record.ping),
+        "redis": _ask(app.queue.ping),
+        "store": app.store_health.get(lambda: _ask(lambda: app.store.ping(_STORE_S))),
+    }
+    ready = all(part.status == "ok" for part in found.values())
+    readiness = Readiness(status="ok" if ready else "unavailable", **found)
+    return JSONResponse(readiness.model_dump(), 200 if ready else 503, {"Cache-Control": "no-store"})
+
+
+def _ask(ping: Callable[[], None]) -> PartHealth:
+    try:
+        ping()
+    except MeshdeformError as error:
+        return PartHealth(status="unavailable", detail=error.detail)
+    return PartHealth(status="ok")
+
+
+@health.get(
+    "/metrics",
+    operation_id="metrics",
+    summary="Get metrics for Prometheus",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Prometheus' text format.",
+            "content": {"text/plain": {"schema": {"type": "string"}, "example": _EXAMPLE}},
+        },
+        **problem_responses(UnauthorizedError, LimitError),
+    },
+)
+def metrics(request: Request, principal: PrincipalDep) -> Response:
+    """Jobs by state, queue and run times, recoveries, webhooks, requests. Requires an API key if keys are on."""
+    del principal
+    return Response(generate_latest(request.app.state.metrics.registry), media_type=CONTENT_TYPE_LATEST)
