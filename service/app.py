@@ -45,13 +45,7 @@ _NO_KEY = (
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """Create the API.
-
-    Parameters
-    ----------
-    settings : Settings, optional
-        Default: from the environment. Connections are opened when the application starts.
-    """
+    """Create the API; its settings are by default those of the environment. Connections are opened when it starts."""
     app = FastAPI(
         title="Meshdeform",
         version=__version__,

@@ -42,13 +42,7 @@ _Arguments = TypeVarTuple("_Arguments")
 
 
 class Recent(Generic[_Value]):
-    """The latest result of a call, reused for some seconds. Thread-safe.
-
-    Parameters
-    ----------
-    kept_s : float
-        How long a result is reused.
-    """
+    """The latest result of a call, reused for some seconds. Thread-safe."""
 
     def __init__(self, kept_s: float) -> None:
         self._kept_s = kept_s
@@ -163,13 +157,7 @@ class AppState:
         )
 
     async def take_in(self, owner_id: str, work: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:
-        """Check or store files in a thread, when it is the owner's turn.
-
-        Raises
-        ------
-        UnavailableError
-            No slot of `intake` became free in time.
-        """
+        """Check or store files in a thread, when it is the owner's turn; `UnavailableError`: that takes too long."""
         async with self.intake.slot(owner_id):
             return await to_thread.run_sync(work, *arguments, limiter=self._intake_threads)
 

@@ -37,21 +37,9 @@ class Change:
         happened: EventType | Callable[[Row], EventType] | None = None,
         data: Callable[[Row], dict[str, Any]] | dict[str, Any] | None = None,
     ) -> list[Row]:
-        """Change the jobs that satisfy a condition, and write an event for each.
+        """Change the jobs that satisfy a condition, write an event for each, and return the changed rows.
 
-        Parameters
-        ----------
-        values : dict
-            New values of columns.
-        happened : EventType or callable, optional
-            The event of each job, or a function that returns it for the changed row. Default: no event.
-        data : dict or callable, optional
-            The event's data, or a function that returns it for the changed row.
-
-        Returns
-        -------
-        list of rows
-            The changed rows.
+        The event and its data may be functions of the changed row; without an event, none is written.
         """
         change = sa.update(jobs).where(where).values(version=jobs.c.version + 1, **values)
         if happened is not None:
@@ -140,38 +128,20 @@ def changing(database: Database) -> Iterator[Change]:
 
 
 def hold(connection: sa.Connection, job_id: str, attempt: int) -> None:
-    """Lock the row of a job until the end of the transaction.
-
-    Raises
-    ------
-    StaleAttemptError
-        The attempt no longer has the job.
-    """
+    """Lock the row of a job until the end of the transaction; `StaleAttemptError`: another attempt has the job."""
     held = sa.select(jobs.c.id).where(rows.fenced(job_id, attempt)).with_for_update()
     if connection.execute(held).first() is None:
         raise stale(connection, job_id, attempt)
 
 
 def stale(connection: sa.Connection, job_id: str, attempt: int) -> StaleAttemptError:
-    """Return the error that explains why a write of this attempt was refused.
-
-    Raises
-    ------
-    NotFoundError
-        The job was deleted.
-    """
+    """Return the error that explains why a write of this attempt was refused; `NotFoundError`: the job was deleted."""
     now = find_job(connection, job_id)
     return StaleAttemptError(f"Attempt {attempt} is over: the job is {now.state}, attempt {now.attempt}.")
 
 
 def find_job(connection: sa.Connection, job_id: str, owner: str | None = None) -> Job:
-    """Return a job; with an owner, only a job of that owner.
-
-    Raises
-    ------
-    NotFoundError
-        There is no such job. The error is the same if another owner has it.
-    """
+    """Return a job; `NotFoundError`: there is no such job, or another owner than the one named has it."""
     query = sa.select(jobs).where(jobs.c.id == job_id)
     if owner is not None:
         query = query.where(jobs.c.owner_id == owner)

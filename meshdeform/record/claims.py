@@ -32,13 +32,7 @@ class Claims:
         self._unreadable: set[str] = set()
 
     def claim(self, job_id: str, worker_id: str, lease_s: float) -> Job | None:
-        """Claim a queued job as a new attempt.
-
-        Returns
-        -------
-        Job or None
-            None if the job is not queued, is over, was deleted, or cannot be read in this process.
-        """
+        """Claim a queued job as a new attempt. None: it is not queued, is over, was deleted, or cannot be read here."""
         return self._claim(lambda readable: (readable.where(jobs.c.id == job_id),), worker_id, lease_s)
 
     def claim_next(self, worker_id: str, lease_s: float) -> Job | None:

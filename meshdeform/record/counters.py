@@ -59,17 +59,7 @@ def read_counters(database: Database) -> dict[tuple[str, str], float]:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Current numbers of the record.
-
-    Attributes
-    ----------
-    jobs : dict of JobState to int
-        Number of jobs in each state.
-    oldest_queued_s : float
-        Age of the oldest queued job in seconds; 0 if none is queued.
-    pending_deliveries : int
-        Number of webhook messages not delivered yet.
-    """
+    """Current numbers of the record; `oldest_queued_s` is 0 if no job is queued."""
 
     jobs: dict[JobState, int]
     oldest_queued_s: float
@@ -114,13 +104,7 @@ class EndedJobs:
 
 
 def statistics(database: Database, ended: EndedJobs | None = None) -> Statistics:
-    """Return the current numbers; every query uses an index.
-
-    Parameters
-    ----------
-    ended : EndedJobs, optional
-        Remembers the jobs that are over from call to call. Default: they are counted.
-    """
+    """Return the current numbers; every query uses an index. `ended` remembers the jobs that are over between calls."""
     unfinished = [state for state in JobState if state not in TERMINAL_STATES]
     going = sa.select(jobs.c.state, sa.func.count()).where(jobs.c.state.in_(unfinished))
     # Ids sort by time.

@@ -186,13 +186,6 @@ class Database:
 def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:
     """Return the engine of a record, with its driver, time limits and TLS. Neither connects nor migrates.
 
-    Parameters
-    ----------
-    url : str
-        As in MESHDEFORM_DATABASE_URL.
-    connections : int
-        As of `Database`.
-
     Raises
     ------
     DependencyError
@@ -344,13 +337,7 @@ def _version(connection: sa.Connection) -> str | None:
 
 
 def _upgrade(connection: sa.Connection) -> None:
-    """Upgrade the record to the schema of this version, within the connection's transaction.
-
-    Raises
-    ------
-    UnavailableError
-        A newer Meshdeform has upgraded it before.
-    """
+    """Upgrade the record to this version's schema in the connection's transaction, unless it has a newer one."""
     # Import Alembic only if there is something to do, to save time and memory.
     import alembic.command
     import alembic.config

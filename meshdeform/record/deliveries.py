@@ -40,14 +40,8 @@ _BATCH = 500
 class DueDelivery:
     """A delivery reserved for its taker.
 
-    Attributes
-    ----------
-    message_id : str
-        The `webhook-id` of the message: the same for every attempt and every replay.
-    secrets : tuple of str
-        Secrets to sign with: the current one, and the previous one for a day after a change.
-    attempts : int
-        Number of earlier attempts.
+    `message_id` is the `webhook-id`: the same for every attempt and every replay. `secrets` are the current one, and
+    the previous one for a day after a change. `attempts` counts earlier attempts.
     """
 
     id: str
@@ -120,14 +114,8 @@ class Deliveries:
     ) -> list[DueDelivery]:
         """Take due deliveries: the first of each owner, then the second, and so on, each time the oldest first.
 
-        Parameters
-        ----------
-        limit : int
-            Maximum number.
-        without, without_owners : collection of str
-            Webhooks and owners to skip.
-        each, each_owner : int
-            Maximum numbers for one webhook and for one owner, so that slow ones do not block the others.
+        Those of the webhooks and owners in `without` and `without_owners` are skipped. At most `each` for one webhook
+        and `each_owner` for one owner are taken, so that slow ones do not block the others.
         """
         now = self._database.now()
         is_due = sa.and_(deliveries.c.state == "pending", deliveries.c.next_at <= now)
@@ -181,14 +169,9 @@ class Deliveries:
         seconds: float,
         retry_after_s: float = 0.0,
     ) -> None:
-        """Record a failure and the time of the next attempt, if any.
+        """Record a failure and the time of the next attempt, if any. The status `410 Gone` disables the webhook.
 
-        Parameters
-        ----------
-        status : int, optional
-            Status of the response, if any. `410 Gone` disables the webhook.
-        retry_after_s : float
-            Seconds requested by the receiver: they prolong the scheduled wait, up to the longest wait of the schedule.
+        `retry_after_s` is what the receiver asks for: it prolongs the wait, up to the longest one of the schedule.
         """
         again = status != 410 and taken.attempts < len(RETRY_AFTER_S)
         next_at = None

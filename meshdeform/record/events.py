@@ -35,13 +35,7 @@ class EventLog:
         self._database = database
 
     def after(self, job_id: str, seq: int = 0, limit: int = 1000, owner: str | None = None) -> list[Event]:
-        """Return at most `limit` events of a job after number `seq`, oldest first.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such job.
-        """
+        """Return at most `limit` events of a job after number `seq`, oldest first; `NotFoundError`: no such job."""
         query = sa.select(events).where(events.c.job_id == job_id, events.c.seq > seq).order_by(events.c.seq)
         with self._database.read() as connection:
             found = [rows.event(row) for row in connection.execute(query.limit(limit))]

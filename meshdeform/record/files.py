@@ -123,14 +123,9 @@ class FileLedger:
         return sa.select(files.c.key).where(files.c.key > key).order_by(files.c.key).limit(limit)
 
     def remove_unused(self, key: str, remove: Callable[[str], None]) -> bool:
-        """Call `remove` if the file is unused, and prevent new pins meanwhile.
+        """Call `remove` if the file is unused, prevent new pins meanwhile, and return whether the file was removed.
 
         No transaction is open during the removal: on SQLite it would block all writers.
-
-        Returns
-        -------
-        bool
-            Whether the file was removed.
         """
         with self._database.write() as connection:
             # Lock the row before the test: another transaction may just have committed.

@@ -32,19 +32,12 @@ class IdempotencyLedger:
         self._database = database
 
     def begin(self, owner_id: str, key: str, request_hash: str) -> Claim | dict[str, Any]:
-        """Take a key for a request.
-
-        Returns
-        -------
-        Claim or dict
-            The claim, to be completed or abandoned; or the answer to an earlier identical request.
+        """Take a key: return the claim, to be completed or abandoned, or the answer to an earlier identical request.
 
         Raises
         ------
-        IdempotencyMismatchError
-            The key was used for a different request.
-        IdempotencyBusyError
-            An identical request is in progress.
+        IdempotencyMismatchError, IdempotencyBusyError
+            The key was used for a different request, or an identical one is in progress.
         """
         token = secrets.token_hex(16)
         now, until = self._database.now(), self._database.now(_HELD_S)

@@ -18,15 +18,7 @@ __all__ = ["NewRow", "insert"]
 
 
 class NewRow(NamedTuple):
-    """A row to be inserted.
-
-    Attributes
-    ----------
-    values : mapping
-        Values of columns, which may be SQL expressions.
-    unless_there : bool
-        Whether nothing happens if there is such a row.
-    """
+    """A row to be inserted, unless there is such a row if `unless_there`; values may be SQL expressions."""
 
     table: sa.Table
     values: Mapping[str, Any]

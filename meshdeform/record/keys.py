@@ -31,22 +31,10 @@ _USE_RECORDED_EVERY = timedelta(minutes=1)
 
 @dataclass(frozen=True)
 class ApiKey:
-    """A key, without its secret.
+    """A key, without its secret. None in a limit means the deployment's setting; 0 means no limit.
 
-    Attributes
-    ----------
-    id : str
-        The part of its text before the dot; not secret.
-    owner_id : str
-        The owner whose jobs, uploads and webhooks it gives access to. An owner may have several keys.
-    name : str
-        A label for people.
-    created_at, last_used_at, revoked_at : datetime
-        `last_used_at` is accurate to a minute. None: not yet.
-    requests_per_minute, max_active_jobs : int or None
-        0: no limit. None: the deployment's setting.
-    max_priority : int or None
-        Highest priority of its jobs. None: the deployment's setting.
+    `id` is the part of its text before the dot, and `name` a label for people. An owner may have several keys.
+    `last_used_at` is accurate to a minute.
     """
 
     id: str
@@ -80,23 +68,10 @@ class KeyRing:
         max_active_jobs: int | None = None,
         max_priority: int | None = None,
     ) -> tuple[ApiKey, str]:
-        """Create a key.
+        """Create a key, and return it with the text that requests send, which cannot be retrieved again.
 
-        Parameters
-        ----------
-        owner_id : str
-            Lower-case letters, digits, `-` and `_`; at most 63, the first one a letter or a digit.
-        name : str
-            At most 100 characters.
-        requests_per_minute, max_active_jobs : int, optional
-            Limits of this key; 0: no limit. Default: the deployment's settings.
-        max_priority : int, optional
-            Highest priority of its jobs, -100 to 100. Default: the deployment's setting.
-
-        Returns
-        -------
-        tuple of ApiKey and str
-            The key, and the text that requests send. The text cannot be retrieved again.
+        The owner's id has at most 63 lower-case letters, digits, `-` and `_`, the first one a letter or a digit; the
+        name has at most 100 characters. Limits as of `ApiKey`; priorities are from -100 to 100.
 
         Raises
         ------
@@ -143,13 +118,7 @@ class KeyRing:
             return [_key(row) for row in connection.execute(query)]
 
     def revoke(self, key_id: str) -> ApiKey:
-        """Revoke a key permanently. Revoking it again is not an error and changes nothing.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such key.
-        """
+        """Revoke a key permanently; revoking it again changes nothing. `NotFoundError`: there is no such key."""
         revoked_at = sa.func.coalesce(api_keys.c.revoked_at, self._database.now())
         revoke = sa.update(api_keys).where(api_keys.c.id == key_id).values(revoked_at=revoked_at).returning(api_keys)
         with self._database.write() as connection:
@@ -161,10 +130,7 @@ class KeyRing:
     def verify(self, text: str) -> ApiKey:
         """Return the key of a text sent by a request.
 
-        Raises
-        ------
-        UnauthorizedError
-            The key is not valid. The error does not say which part is wrong or whether the key was revoked.
+        `UnauthorizedError` does not say which part is wrong or whether the key was revoked.
         """
         match = _TEXT.fullmatch(text)
         key_id, secret = match.groups() if match else ("", "")

@@ -31,17 +31,7 @@ _KEPT_S = 86_400.0
 
 @dataclass(frozen=True)
 class WorkerIdentity:
-    """The identity of a worker process.
-
-    Attributes
-    ----------
-    id : str
-        Unique among all processes, past and future.
-    queue : str
-        The queue from which it receives messages.
-    device : str
-        The device on which it computes.
-    """
+    """A worker process: its id, unique among all processes, past and future, its queue and its device."""
 
     id: str
     queue: str
@@ -196,23 +186,10 @@ class Leases(Claims):
         results: Sequence[Artifact] = (),
         step_s: float | None = None,
     ) -> JobState:
-        """End the job permanently: `succeeded`, `failed`, `canceled` or `expired`.
+        """End the job permanently (`succeeded`, `failed`, `canceled` or `expired`), and return its final state.
 
-        A cancellation recorded before wins over success, because it has already been confirmed to the user.
-
-        Parameters
-        ----------
-        error : JobError, optional
-            Why the job failed.
-        results : sequence of Artifact
-            The stored results, published in the same transaction and only if the job succeeds.
-        step_s : float, optional
-            Mean seconds per step.
-
-        Returns
-        -------
-        JobState
-            The final state.
+        A cancellation recorded before wins over success, because it has already been confirmed to the user. The results
+        are published in the same transaction, and only if the job succeeds. `step_s` is the mean of seconds per step.
         """
         if not state.terminal:
             raise ValueError(f"{state} is not terminal")

@@ -67,14 +67,10 @@ class Artifact(_Frozen):
 
 
 class Origin(_Frozen):
-    """The job that another job continues.
+    """The job that another job continues, which may have been deleted since.
 
     Attributes
     ----------
-    job_id : str
-        The continued job, which may have been deleted since.
-    step : int
-        The step of its checkpoint.
     mode : OriginMode
         `retry`: the same request resumes as if never interrupted. `branch`: a different request starts with that shape.
     key, sha256 : str
@@ -151,13 +147,7 @@ class Job(_Frozen):
 
     @cached_property
     def request(self) -> JobRequest:
-        """The request.
-
-        Raises
-        ------
-        UnreadableJobError
-            It cannot be read in this process; the rest of the job can.
-        """
+        """The request; `UnreadableJobError`: it cannot be read in this process, while the rest of the job can."""
         return read_stored(self.document)
 
     @property
@@ -198,25 +188,17 @@ class NewJob:
     files : mapping of str to StoredFile
         Its files by the names of the parts of its kind; already stored.
     owner_id : str
-        The owner; empty if keys are off.
-    origin : Origin, optional
-        The job that it continues.
+        Empty if keys are off.
     retention_s : float, optional
         The retention if the request has none.
-    max_active : int
-        Maximum number of unfinished jobs of the owner, including this one; 0: no limit.
-    max_stored_bytes : int
-        Maximum number of bytes that the jobs of the owner keep, with the files of this one; 0: no limit.
-    max_priority : int
-        Highest priority that its key allows.
+    max_active, max_stored_bytes : int
+        Maximum numbers of unfinished jobs of the owner and of bytes that the jobs keep, with this one; 0: no limit.
     request_id, traceparent : str, optional
         The HTTP request that created it, for logs and traces.
     resolved : BaseModel, optional
         The values of all parameters, as the check of the request returned them.
-    claim : Claim, optional
-        The idempotency key of the HTTP request; its answer is written with the job.
-    answer : callable, optional
-        Returns the answer to the HTTP request from the new job; for `claim`.
+    claim, answer : Claim and callable, optional
+        The idempotency key of the HTTP request, and what returns the answer from the new job; written with the job.
     """
 
     request: JobRequest

@@ -29,18 +29,7 @@ _log = logging.getLogger(__name__)
 
 
 class JobQueue:
-    """One RQ queue.
-
-    Parameters
-    ----------
-    name : str
-        The queue's name.
-
-    Raises
-    ------
-    DependencyError
-        The URL is not a Redis URL.
-    """
+    """One RQ queue. `DependencyError`: the URL is not a Redis URL."""
 
     def __init__(self, redis_url: str, name: str) -> None:
         self.name = name
@@ -60,23 +49,14 @@ class JobQueue:
         self._redis.close()
 
     def ping(self) -> None:
-        """Ping Redis.
-
-        Raises
-        ------
-        UnavailableError
-            Redis does not answer.
-        """
+        """Ping Redis; `UnavailableError`: it does not answer."""
         with _redis_errors():
             self._redis.ping()
 
     def enqueue(self, job_id: str) -> None:
         """Announce a queued job to the workers. The message has only a name: the job's id and a number.
 
-        Raises
-        ------
-        UnavailableError
-            Redis does not answer; the reconciler will announce the job later.
+        If Redis does not answer (`UnavailableError`), the reconciler will announce the job later.
         """
         name = f"{job_id}-{time.time_ns()}"
         message = self._queue.create_job(MESSAGE, job_id=name, timeout=-1, result_ttl=0, failure_ttl=60)

@@ -78,15 +78,7 @@ class Candidate:
     def look(self, since: datetime | None = None) -> bool:
         """Renew the term, take over one that has expired, or see that another process leads; return whether this leads.
 
-        Parameters
-        ----------
-        since : datetime, optional
-            Since when the leader has watched the leases without a gap (`Watch.since`), for its successor.
-
-        Raises
-        ------
-        UnavailableError
-            The record does not answer.
+        `since` is when the leader began to watch the leases without a gap (`Watch.since`), for its successor.
         """
         watched = None
         if not self.leads:
@@ -207,13 +199,7 @@ class Reconciler:
         ]
 
     def run_once(self) -> list[str]:
-        """Run all tasks once. If one fails, the others still run, and the next run does the rest.
-
-        Returns
-        -------
-        list of str
-            The jobs announced to Redis.
-        """
+        """Run all tasks once, and return the jobs announced to Redis. If one fails, the next run does the rest."""
         self._repair()
         if self._store is not None:
             self._clean()

@@ -15,10 +15,7 @@ __all__ = ["remove_job", "remove_unreachable", "remove_upload"]
 def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
     """Remove from the store what the record no longer refers to. Safe to interrupt, repeat, and run concurrently.
 
-    Raises
-    ------
-    UnavailableError
-        The record or the store does not answer; the remaining work stays recorded.
+    If the record or the store does not answer (`UnavailableError`), the remaining work stays recorded.
     """
     for prefix in record.upkeep.discarded_prefixes():
         _remove_prefix(record, store, prefix)
@@ -33,15 +30,8 @@ def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
 def remove_job(record: JobRecord, store: ObjectStore, job_id: str, files: Iterable[str]) -> None:
     """Remove the objects of one deleted job, and nothing else, so that the duration depends on no other job.
 
-    Parameters
-    ----------
-    files : iterable of str
-        Keys of the files that it used, as returned by `JobRecord.delete`; files in use elsewhere stay.
-
-    Raises
-    ------
-    UnavailableError
-        The record or the store does not answer; `remove_unreachable` does the rest.
+    `files` are the keys that `JobRecord.delete` returned; files in use elsewhere stay. If the record or the store does
+    not answer (`UnavailableError`), `remove_unreachable` does the rest.
     """
     _remove_prefix(record, store, f"jobs/{job_id}/")
     for key in files:

@@ -39,40 +39,10 @@ __all__ = ["JobRecord"]
 
 
 class JobRecord:
-    """Every job, from 202 to its deletion. Safe to share between threads.
+    """Every job, from 202 to its deletion. Safe to share between threads. The URL is as of `Database`.
 
-    Parameters
-    ----------
-    url : str
-        The database; its tables are created and migrated here.
-    connections : int
-        As of `Database`.
-
-    Attributes
-    ----------
-    leases : Leases
-        The writes of workers, and the number of live workers.
-    upkeep : Upkeep
-        The tasks of the reconciler.
-    files : FileLedger
-        The stored files in use.
-    events : EventLog
-        The events of jobs.
-    uploads : UploadLedger
-        Files uploaded before their jobs.
-    idempotency : IdempotencyLedger
-        Idempotency keys and their answers.
-    webhooks : WebhookBook
-        Webhooks and the log of their messages.
-    deliveries : Deliveries
-        Messages due to webhooks.
-    keys : KeyRing
-        The API keys.
-
-    Raises
-    ------
-    UnavailableError
-        Here and in every method: the database does not answer.
+    Every method raises `UnavailableError` if the database does not answer; every method about one job raises
+    `NotFoundError` if there is no such job or another owner has it.
     """
 
     def __init__(self, url: str, connections: int = MAX_CONNECTIONS, *, upgrade_elsewhere: bool = False) -> None:
@@ -137,13 +107,7 @@ class JobRecord:
         return job
 
     def get(self, job_id: str, owner: str | None = None) -> Job:
-        """Return a job; with an owner, only a job of that owner.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such job.
-        """
+        """Return a job; with an owner, only a job of that owner."""
         with self._database.read() as connection:
             return _with_artifacts(connection, [find_job(connection, job_id, owner)])[0]
 
@@ -161,29 +125,8 @@ class JobRecord:
     ) -> Page:
         """Return a page of jobs, newest first.
 
-        Parameters
-        ----------
-        state : JobState, optional
-            Only jobs in this state.
-        cursor : str, optional
-            `next_cursor` of the previous page.
-        limit : int
-            Length of the page.
-        owner : str, optional
-            Only jobs of this owner.
-        metadata : mapping, optional
-            Only jobs with all of these labels.
-        created_after : datetime, optional
-            Only jobs created later than this instant.
-        words : str
-            Only jobs whose prompt, file names or labels contain all of these words, in any case.
-        kind : JobKind, optional
-            Only jobs of this kind.
-
-        Raises
-        ------
-        ParameterError
-            The cursor is not valid.
+        The cursor is `next_cursor` of the page before (`ParameterError`: it is not valid). All conditions must hold:
+        state, owner, labels, kind, a later creation, and all words in the prompt, file names or labels, in any case.
         """
         query = sa.select(jobs).order_by(jobs.c.id.desc()).limit(limit + 1)
         if owner is not None:
@@ -211,10 +154,7 @@ class JobRecord:
     def request_cancel(self, job_id: str, owner: str | None = None) -> Job:
         """Cancel a queued job at once; mark a running one as `canceling`. Repeating this is not an error.
 
-        Raises
-        ------
-        NotFoundError, ConflictError
-            There is no such job, or it is over.
+        `ConflictError`: the job is over.
         """
         queued = jobs.c.state == JobState.QUEUED
         open_ = sa.and_(jobs.c.id == job_id, jobs.c.state.in_([JobState.QUEUED, JobState.RUNNING]), _owned(owner))
@@ -234,15 +174,8 @@ class JobRecord:
     def delete(self, job_id: str, owner: str | None = None) -> list[str]:
         """Delete a finished job. Its objects are due for removal from then on (`files.remove_job`).
 
-        Returns
-        -------
-        list of str
-            Keys of the files that it used, with the checkpoint of its origin. Other jobs may use them.
-
-        Raises
-        ------
-        NotFoundError, ConflictError
-            There is no such job, or it is not over.
+        Returns the keys of the files that it used, with the checkpoint of its origin: other jobs may use them.
+        `ConflictError`: the job is not over.
         """
         over = sa.and_(jobs.c.id == job_id, jobs.c.state.in_(TERMINAL_STATES), _owned(owner))
         with self._database.write() as connection:
@@ -260,31 +193,16 @@ class JobRecord:
         return keys
 
     def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:
-        """Return the results of a job, sorted by name; there are none before it has succeeded.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such job.
-        """
+        """Return the results of a job, sorted by name; there are none before it has succeeded."""
         query = sa.select(artifacts).where(artifacts.c.job_id == job_id).order_by(artifacts.c.name)
         with self._database.read() as connection:
             find_job(connection, job_id, owner)
             return [rows.artifact(row) for row in connection.execute(query)]
 
     def add_artifact(self, job_id: str, found: Artifact, owner: str | None = None) -> Artifact:
-        """Add an artifact to a job that has succeeded, unless it has one of that name.
+        """Add an artifact to a job that has succeeded, unless it has one of that name; return the one that it has now.
 
-        The job's version changes, and nothing else of it.
-
-        Returns
-        -------
-        The artifact that the job has now: the one that it had, or the new one.
-
-        Raises
-        ------
-        NotFoundError, ConflictError
-            There is no such job, or it has not succeeded.
+        The job's version changes, and nothing else of it. `ConflictError`: the job has not succeeded.
         """
         done = sa.and_(jobs.c.id == job_id, jobs.c.state == JobState.SUCCEEDED, _owned(owner))
         values = {**found.model_dump(), "job_id": job_id}
@@ -323,17 +241,7 @@ class JobRecord:
     def check_room(self, owner_id: str, files: Mapping[str, int], limit: int) -> None:
         """Refuse a job before its files are stored if its owner has no room for them; `create` decides.
 
-        Parameters
-        ----------
-        files : mapping of str to int
-            Sizes of the files in bytes, by key.
-        limit : int
-            Maximum number of bytes; 0: no limit.
-
-        Raises
-        ------
-        TooMuchStoredError
-            The owner's jobs would keep more bytes than allowed.
+        `files` are sizes in bytes by key, `limit` the maximum of bytes, 0 for none (`TooMuchStoredError`).
         """
         if limit:
             with self._database.read() as connection:
@@ -371,13 +279,7 @@ def _owned(owner: str | None) -> sa.ColumnElement[bool]:
 
 
 def check_priority(priority: int, limit: int) -> None:
-    """Refuse a priority above the limit of an API key.
-
-    Raises
-    ------
-    ParameterError
-        It is higher.
-    """
+    """Refuse a priority above the limit of an API key (`ParameterError`)."""
     if priority > limit:
         detail = f"The priority {priority} is higher than this API key allows: {limit}."
         raise ParameterError(

@@ -32,12 +32,7 @@ def total_size(size: sa.ColumnElement[int]) -> sa.ColumnElement[int]:
 
 
 def check_number(connection: sa.Connection, owner_id: str, limit: int) -> None:
-    """Refuse a job of an owner who has as many unfinished ones as allowed; 0: any number.
-
-    Raises
-    ------
-    TooManyJobsError
-    """
+    """Refuse a job of an owner who has as many unfinished ones as allowed; 0: any number (`TooManyJobsError`)."""
     if not limit:
         return
     count = connection.execute(_NUMBER, {"owner": owner_id}).scalar_one()
@@ -84,25 +79,10 @@ class Rooms:
         self._lock = threading.Lock()
 
     def check(self, connection: sa.Connection, owner_id: str, files: Mapping[str, int], limit: int) -> int:
-        """Refuse a job if its owner would keep more bytes than allowed.
+        """Refuse a job if its owner would keep more bytes than allowed; return the bytes that it adds.
 
-        A file that several jobs of the owner use counts once. Every number comes from an index.
-
-        Parameters
-        ----------
-        files : mapping of str to int
-            Sizes of the job's stored files in bytes, by key.
-        limit : int
-            0: unlimited.
-
-        Returns
-        -------
-        The bytes that the job adds, for `accepted`.
-
-        Raises
-        ------
-        TooMuchStoredError
-            There is no room for the job.
+        `TooMuchStoredError`: there is no room. A file that several jobs of the owner use counts once. Every number
+        comes from an index. A limit of 0 means none.
         """
         if not limit:
             return 0

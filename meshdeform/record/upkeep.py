@@ -32,16 +32,8 @@ class Watch:
 
     A gap means that the reclaimer was paused (a suspended machine, SIGSTOP), that the clock was set, or that the record
     did not answer; it has just started if there is no earlier look. The workers may have been paused as well, so that
-    expired leases prove nothing until one lease has passed, in which every live worker renews its own.
-
-    Attributes
-    ----------
-    lease_s : float
-        Duration of a lease.
-    every_s : float
-        Seconds between two looks.
-    now, since : datetime, optional
-        The last look, and the first one after the last gap; None before the first look.
+    expired leases prove nothing until one lease has passed, in which every live worker renews its own. `now` is the
+    last look, `since` the first one after the last gap.
     """
 
     lease_s: float
@@ -84,11 +76,7 @@ class Upkeep:
         """Take back every job whose lease has expired; return the ids of those queued again.
 
         A job in state `canceling` is canceled. A job that has lost `max_attempts` workers fails (`worker_lost`).
-
-        Parameters
-        ----------
-        watch : Watch, optional
-            How long the caller has watched the leases. Default: forever.
+        Without a watch, the caller has watched the leases forever.
         """
         silent: sa.ColumnElement[bool] = jobs.c.lease_expires_at < self._database.now()
         blamed: sa.ColumnElement[bool] = sa.true()

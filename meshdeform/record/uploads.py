@@ -20,16 +20,9 @@ __all__ = ["Upload", "UploadLedger"]
 
 @dataclass(frozen=True)
 class Upload:
-    """A file that is being received or has been received.
+    """A file that is being received or has been received, of `size` bytes when complete.
 
-    Attributes
-    ----------
-    size : int
-        Bytes of the complete file.
-    sha256 : str or None
-        SHA-256 of its bytes: as announced while it is open, as verified once it is complete.
-    key : str or None
-        The stored file; None while it is open.
+    The SHA-256 is as announced while it is open, as verified once it is complete; `key` names the stored file then.
     """
 
     id: str
@@ -68,25 +61,12 @@ class UploadLedger:
         max_bytes: int = 0,
         also: Callable[[sa.Connection, Upload], None] | None = None,
     ) -> Upload:
-        """Announce an upload.
+        """Announce an upload of a size in bytes.
 
-        Parameters
-        ----------
-        size : int
-            Bytes, as announced by the sender.
-        ttl_s : float
-            Seconds until it expires.
-        sha256 : str, optional
-            SHA-256 of its bytes, as announced by the sender.
-        max_uploads, max_bytes : int
-            Limits on the number and the bytes of the owner's unused uploads, with this one. 0: unlimited.
-        also : callable, optional
-            Called in the same transaction, which its exceptions roll back.
+        `also` is called in the same transaction, which its exceptions roll back.
 
-        Raises
-        ------
-        TooManyUploadsError
-            The upload would exceed a limit.
+        `max_uploads` and `max_bytes` limit the owner's unused uploads with this one (`TooManyUploadsError`); 0:
+        unlimited.
         """
         values = {
             "id": new_id("upl"),
@@ -128,13 +108,7 @@ class UploadLedger:
             )
 
     def get(self, upload_id: str, owner: str | None = None) -> Upload:
-        """Return an upload; with an owner, only an upload of that owner.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such upload, or it has expired.
-        """
+        """Return an upload; with an owner, only one of theirs. `NotFoundError`: there is none, or it has expired."""
         with self._database.read() as connection:
             row = connection.execute(sa.select(uploads).where(self._is(upload_id, owner))).one_or_none()
         if row is None:
@@ -152,13 +126,7 @@ class UploadLedger:
         return _upload(row)
 
     def delete(self, upload_id: str, owner: str | None = None) -> None:
-        """Delete an upload; its file stays while a job needs it.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such upload.
-        """
+        """Delete an upload; its file stays while a job needs it. `NotFoundError`: there is no such upload."""
         where = uploads.c.id == upload_id
         if owner is not None:
             where = sa.and_(where, uploads.c.owner_id == owner)

@@ -59,16 +59,8 @@ class DeliveryAttempt:
 class Delivery:
     """One message to one webhook.
 
-    Attributes
-    ----------
-    state : str
-        `pending`, `delivered` or `failed`. The last two never change.
-    replay_of : str or None
-        The first delivery of the message, if this one repeats it.
-    next_at : datetime or None
-        Time of the next attempt while it is pending.
-    log : tuple of DeliveryAttempt
-        The attempts, oldest first; empty in a list of deliveries, where `attempts` counts them.
+    `pending` becomes `delivered` or `failed`, which never change. `replay_of` names the first delivery of a repeated
+    message. In a list of deliveries, `log` is empty, and `attempts` counts the attempts.
     """
 
     id: str
@@ -93,28 +85,16 @@ class DeliveryPage:
 
 
 class WebhookBook:
-    """Every webhook. Each look-up names the owner, so that webhooks of other owners are not found."""
+    """Every webhook. Each look-up names the owner, so that those of other owners are not found (`NotFoundError`)."""
 
     def __init__(self, database: Database, messages: Deliveries) -> None:
         self._database, self._messages = database, messages
 
     def create(self, owner: str, url: str, events: Collection[str] = ()) -> tuple[Webhook, str]:
-        """Create an enabled webhook. Its address must already be checked (`meshdeform.webhooks.addresses`).
+        """Create an enabled webhook for types of events (empty: all), and return it with its secret.
 
-        Parameters
-        ----------
-        events : collection of str
-            Types of events to send; empty for all.
-
-        Returns
-        -------
-        Webhook and str
-            The webhook and its secret, which cannot be retrieved again.
-
-        Raises
-        ------
-        RequestError
-            The owner has the maximum number of webhooks.
+        The secret cannot be retrieved again. The address must already be checked (`meshdeform.webhooks.addresses`).
+        `RequestError`: the owner has too many.
         """
         secret = _new_secret()
         values = {
@@ -138,13 +118,7 @@ class WebhookBook:
         return _webhook(made), secret
 
     def get(self, webhook_id: str, owner: str) -> Webhook:
-        """Return a webhook.
-
-        Raises
-        ------
-        NotFoundError
-            The owner has no such webhook.
-        """
+        """Return a webhook."""
         with self._database.read() as connection:
             return _webhook(_find(connection, webhook_id, owner))
 
@@ -163,13 +137,7 @@ class WebhookBook:
         events: Collection[str] | None = None,
         enabled: bool | None = None,
     ) -> Webhook:
-        """Change the given properties. A disabled webhook receives nothing, and its pending deliveries fail.
-
-        Raises
-        ------
-        NotFoundError
-            The owner has no such webhook.
-        """
+        """Change the given properties. A disabled webhook receives nothing, and its pending deliveries fail."""
         values: dict[str, Any] = {}
         if url is not None:
             values["url"] = url
@@ -188,13 +156,7 @@ class WebhookBook:
             return _webhook(_find(connection, webhook_id, owner))
 
     def rotate(self, webhook_id: str, owner: str, keep_s: float = _KEEP_S) -> tuple[Webhook, str]:
-        """Create a new secret. The previous one also signs for `keep_s` more seconds; older ones no longer do.
-
-        Raises
-        ------
-        NotFoundError
-            The owner has no such webhook.
-        """
+        """Create a new secret. The previous one also signs for `keep_s` more seconds; older ones no longer do."""
         secret = _new_secret()
         values = {
             "previous_secret": webhooks.c.secret,
@@ -209,13 +171,7 @@ class WebhookBook:
         return _webhook(row), secret
 
     def delete(self, webhook_id: str, owner: str) -> None:
-        """Delete a webhook with its log. A message that is being sent may still arrive.
-
-        Raises
-        ------
-        NotFoundError
-            The owner has no such webhook.
-        """
+        """Delete a webhook with its log. A message that is being sent may still arrive."""
         gone = sa.delete(webhooks).where(_is(webhook_id, owner)).returning(webhooks.c.id)
         with self._database.write() as connection:
             if connection.execute(gone).first() is None:
@@ -224,15 +180,7 @@ class WebhookBook:
     def deliveries(
         self, webhook_id: str, owner: str, *, state: str | None = None, cursor: str | None = None, limit: int = 50
     ) -> DeliveryPage:
-        """Return a page of sent and pending deliveries, newest first.
-
-        Raises
-        ------
-        NotFoundError
-            The owner has no such webhook.
-        ParameterError
-            The cursor is not valid.
-        """
+        """Return a page of sent and pending deliveries, newest first; `ParameterError`: the cursor is not valid."""
         query = sa.select(deliveries).where(deliveries.c.webhook_id == webhook_id).order_by(deliveries.c.id.desc())
         if state is not None:
             query = query.where(deliveries.c.state == state)
@@ -245,13 +193,7 @@ class WebhookBook:
         return DeliveryPage(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
 
     def delivery(self, webhook_id: str, delivery_id: str, owner: str) -> Delivery:
-        """Return a delivery with its attempts.
-
-        Raises
-        ------
-        NotFoundError
-            The owner has no such webhook, or the webhook no such delivery.
-        """
+        """Return a delivery with its attempts."""
         tried = sa.select(delivery_attempts).where(delivery_attempts.c.delivery_id == delivery_id)
         with self._database.read() as connection:
             _find(connection, webhook_id, owner)
@@ -262,17 +204,10 @@ class WebhookBook:
         )
 
     def replay(self, webhook_id: str, delivery_id: str, owner: str) -> Delivery:
-        """Send a message again as a new delivery.
+        """Send a message again as a new delivery; `ConflictError`: it is still pending, or the webhook is disabled.
 
         By the specification the identifier belongs to the event, so that the new delivery has the `webhook-id` of the
         first one, and a receiver that has processed it ignores the repetition.
-
-        Raises
-        ------
-        NotFoundError
-            The owner has no such webhook, or the webhook no such delivery.
-        ConflictError
-            The delivery is still pending, or the webhook is disabled.
         """
         with self._database.write() as connection:
             webhook = _find(connection, webhook_id, owner)
@@ -286,10 +221,7 @@ class WebhookBook:
     def send_test(self, webhook_id: str, owner: str) -> Delivery:
         """Send a message of the type `meshdeform.test`, whatever events the webhook subscribes to.
 
-        Raises
-        ------
-        NotFoundError, ConflictError
-            The owner has no such webhook, or it is disabled.
+        `ConflictError`: it is disabled.
         """
         payload = {
             "type": TEST_EVENT,

@@ -29,21 +29,14 @@ def makeable(job: Job) -> list[str]:
 
 
 def made(app: AppState, job: Job, name: str) -> Artifact:
-    """Make an artifact and add it to its job. If another request has added it meanwhile, that one is returned.
+    """Make an artifact, one of `makeable`, of a job that has succeeded, and add it to the job.
 
-    Parameters
-    ----------
-    job : Job
-        It has succeeded.
-    name : str
-        One of `makeable`.
+    If another request has added it meanwhile, that one is returned.
 
     Raises
     ------
-    AssetError
-        It cannot be made of these files.
-    TooMuchStoredError
-        The owner's jobs would keep more bytes than allowed.
+    AssetError, TooMuchStoredError
+        It cannot be made of these files, or the owner's jobs would keep more bytes than allowed.
     NotFoundError, StoredFileError, UnavailableError
         The job or one of its files is gone or damaged, or the store or the record does not answer.
     """

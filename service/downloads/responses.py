@@ -66,15 +66,10 @@ def matches(header: str | None, tag: str) -> bool:
 
 
 def requested_range(header: str | None, if_range: str | None, tag: str, size: int) -> ByteRange | None:
-    """Return the requested range, or None for the whole file.
+    """Return the requested range, or None for the whole file; `RangeError`: it begins past the end.
 
     An invalid header, several ranges, and a range of another version (`If-Range`) select the whole file, as the RFC
     says.
-
-    Raises
-    ------
-    RangeError
-        The range begins past the end.
     """
     if header is None or (if_range is not None and if_range.strip() != tag):
         return None
@@ -114,14 +109,9 @@ _CONTENT_RANGE = {
 
 
 def download_responses(media_types: str) -> dict[int | str, dict[str, Any]]:
-    """Return the OpenAPI description of a download's responses.
+    """Return the OpenAPI description of a download's responses; `media_types` is a sentence about their `Content-Type`.
 
     Code generators would parse bytes as JSON if one of several media types were JSON, so the document has a single one.
-
-    Parameters
-    ----------
-    media_types : str
-        A sentence about the `Content-Type` that is sent.
     """
     content = {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}
     return {
@@ -211,12 +201,7 @@ def _disposition(name: str) -> str:
 def download(
     request: Request, app: AppState, found: Download, conditions: Conditions, *, signed: bool = False
 ) -> Response:
-    """Return the answer to a request for stored bytes: all of them, a range, or 304.
-
-    Parameters
-    ----------
-    signed : bool
-        Whether the request has a signed URL that has been verified.
+    """Return the answer to a request, by a verified URL if `signed`, for stored bytes: all of them, a range, or 304.
 
     Raises
     ------
@@ -264,13 +249,7 @@ def _verified(content: Iterator[bytes], found: Download) -> Iterator[bytes]:
 
 
 def signed_url(app: AppState, path: str, artifact: Artifact) -> SignedUrl:
-    """Return a URL that grants read access to an artifact: the bucket's own, or one of this server.
-
-    Parameters
-    ----------
-    path : str
-        The artifact's path on this server.
-    """
+    """Return a URL that grants read access to an artifact: the bucket's own, or that of its path on this server."""
     seconds = lifetime_s(app)
     # Computed before signing, so that the signature is valid for at least as long as the answer says.
     until = int(time.time()) + seconds

@@ -71,12 +71,7 @@ class _Waiter:
 class JobWaiters:
     """Let requests wait for jobs.
 
-    Parameters
-    ----------
-    heads : callable
-        `EventLog.heads`: returns the state of jobs, without those that do not exist.
-    tick_s : float
-        Seconds between two queries.
+    Every `tick_s` seconds, one query (`EventLog.heads`) asks for the state of all jobs that requests wait for.
     """
 
     def __init__(self, heads: Callable[[Collection[str]], dict[str, Head]], tick_s: float = _TICK_S) -> None:
@@ -127,17 +122,10 @@ class JobWaiters:
 
     @contextmanager
     def slot(self, owner: str) -> Iterator[None]:
-        """Hold a slot while a request waits. The block is cancelled some time after `close`.
+        """Hold a slot while a request waits; `LimitError`: none is free.
 
-        Parameters
-        ----------
-        owner : str
-            Owner of the request. Empty without a key: then only the limit of the process applies.
-
-        Raises
-        ------
-        LimitError
-            No slot is free.
+        The block is cancelled some time after `close`. Without a key the owner is empty, and only the limit of the
+        process applies.
         """
         if owner and self._held[owner] >= MOST_HELD_OF_ONE:
             raise LimitError(
@@ -166,10 +154,7 @@ class JobWaiters:
     async def until(self, job_id: str, wanted: Callable[[Head | None], bool], timeout_s: float) -> bool:
         """Wait until a job meets a condition. Return whether it did, before the timeout and the end of the process.
 
-        Parameters
-        ----------
-        wanted : callable
-            The condition: takes the state of the job, None if it does not exist.
+        The condition takes the state of the job, None if it does not exist.
         """
         if self._closing or timeout_s <= 0:
             return False
@@ -265,12 +250,7 @@ async def settled(
 ) -> Job:
     """Return a job once it has finished, or earlier on timeout, on disconnection, or if no slot is free.
 
-    Parameters
-    ----------
-    owner : str or None
-        Required owner of the job; None: any.
-    request : Request, optional
-        The waiting request, its body already read. Its slot is freed when the client disconnects.
+    A request, its body already read, gives its slot back when its client disconnects. An owner of None means any.
 
     Raises
     ------
@@ -300,13 +280,7 @@ async def wait_here(
     *,
     request: Request | None = None,
 ) -> None:
-    """Hold a slot until a job meets a condition, the time is up, or the client disconnects.
-
-    Raises
-    ------
-    LimitError
-        No slot is free.
-    """
+    """Hold a slot (`LimitError`: none is free) until a job meets a condition, time is up, or the client disconnects."""
     with waiters.slot(owner or ""):
         async with anyio.create_task_group() as group:
             if request is not None:

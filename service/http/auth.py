@@ -63,20 +63,9 @@ _SUSPECTS_AT_ONCE = 2
 
 @dataclass(frozen=True)
 class Principal:
-    """The caller of a request.
+    """The caller of a request, who sees and creates the jobs, uploads and webhooks of the owner. Limits of 0 mean none.
 
-    Attributes
-    ----------
-    owner_id : str
-        Owner of the jobs, uploads and webhooks that the caller sees and creates. Empty without a key.
-    key_id : str or None
-        Id of the API key; None without one.
-    max_active_jobs : int
-        Maximum number of unfinished jobs; 0: unlimited.
-    requests_per_minute : int
-        Maximum number of requests per minute; 0: unlimited.
-    max_priority : int
-        The highest priority of their jobs.
+    Without a key the owner is empty, and the key's id None.
     """
 
     owner_id: str = ""
@@ -265,12 +254,7 @@ _LONGEST_S = 7 * 86_400  # the longest lifetime that S3 accepts for a signed URL
 class Viewer:
     """Who reads a job.
 
-    Attributes
-    ----------
-    owner_id : str or None
-        The owner whose jobs the request may read. None: the link is for this very job, whoever owns it.
-    link : str
-        The link's token; empty for a request with a key, or without any.
+    The owner is None for the link to this very job, whoever owns it; `link` is the link's token, else empty.
     """
 
     owner_id: str | None
@@ -288,13 +272,7 @@ def lifetime_s(app: AppState) -> int:
 
 
 def job_link(app: AppState, job_id: str, key_id: str | None) -> SignedUrl:
-    """Return the address of the page that shows a job to whoever has it.
-
-    Parameters
-    ----------
-    key_id : str, optional
-        The API key that makes the link, and with which it ends.
-    """
+    """Return the address of the page that shows a job to whoever has it; it ends with the API key that makes it."""
     until = int(time.time()) + lifetime_s(app)
     query = sign_path("GET", _path(job_id), until, app.record.secret(SIGNING_KEY), {"key": key_id or ""})
     signature = parse_qs(query)["signature"][0]

@@ -82,13 +82,7 @@ async def body_of(request: Request) -> AsyncIterator[bytes]:
 
 
 async def receive_document(request: Request) -> bytes:
-    """Receive a JSON document and return it unparsed.
-
-    Raises
-    ------
-    RequestError
-        Its media type is not JSON, or it is too long.
-    """
+    """Receive a JSON document and return it unparsed; `RequestError`: its media type is not JSON, or it is too long."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
         raise RequestError(
@@ -104,17 +98,9 @@ async def receive_document(request: Request) -> bytes:
 
 
 def parse_document(model: type[_Document], document: bytes, name: str = "The body") -> _Document:
-    """Parse and validate a JSON document.
+    """Parse and validate a JSON document, which `name` names in error messages.
 
-    Parameters
-    ----------
-    name : str
-        Name of the document in error messages.
-
-    Raises
-    ------
-    RequestError
-        The document is not valid JSON; a subclass lists invalid members.
+    `RequestError`: it is not valid JSON; a subclass lists invalid members.
     """
     try:
         return model.model_validate_json(document)
@@ -134,17 +120,7 @@ _MAX_HEADER_BYTES = 8 * 1024
 
 @dataclass(frozen=True)
 class ReceivedFile:
-    """A received file on disk.
-
-    Attributes
-    ----------
-    filename : str
-        The sender's name for the file, without folders.
-    size : int
-        Bytes.
-    sha256 : str
-        Hexadecimal.
-    """
+    """A received file on disk: the sender's name for it, without folders, its bytes, its SHA-256 (hexadecimal)."""
 
     path: Path
     filename: str
@@ -155,23 +131,7 @@ class ReceivedFile:
 async def receive_form(
     content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
 ) -> tuple[bytes, dict[str, ReceivedFile]]:
-    """Receive the part `request` and the file parts. Every file part of any kind of job is accepted.
-
-    Parameters
-    ----------
-    content_type, content_length : str
-        The request's headers; empty if missing.
-    stream : async iterator of bytes
-        The body.
-    folder : Path
-        Folder for the files.
-    max_bytes : int
-        Maximum size of the body.
-
-    Returns
-    -------
-    bytes, dict of str to ReceivedFile
-        The document, unparsed, and the files by part name.
+    """Receive the part `request`, unparsed, and the file parts by name: those of every kind of job are accepted.
 
     Raises
     ------

@@ -39,15 +39,7 @@ IdempotencyKey = Annotated[
 
 @dataclass(frozen=True)
 class Answer:
-    """The response to a request.
-
-    Attributes
-    ----------
-    body : dict
-        JSON.
-    replayed : bool
-        Whether the response was sent before.
-    """
+    """The JSON response to a request, and whether it was sent before."""
 
     status: int
     body: dict[str, Any]
@@ -75,18 +67,8 @@ def request_hash(method: str, path: str, document: Any, files: Mapping[str, str]
 def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | Answer | None]:
     """Hold the request's idempotency key while the block executes the request.
 
-    Parameters
-    ----------
-    caller : Caller
-        The caller, with the key if the request has one.
-    hashed : str
-        Hash of the request.
-
-    Yields
-    ------
-    Claim, Answer or None
-        The claim, to complete in the transaction that executes the request; the answer, if it was executed before;
-        None if the request has no key.
+    It yields the claim, to complete in the transaction that executes the request; the answer, if it was executed
+    before; None if the request has no key.
 
     Raises
     ------
@@ -114,13 +96,7 @@ _TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
 
 @dataclass(frozen=True)
 class Caller:
-    """The caller and the headers of a request.
-
-    Attributes
-    ----------
-    request_id, traceparent : str or None
-        For logs and traces.
-    """
+    """The caller and the headers of a request."""
 
     principal: Principal
     method: str

@@ -74,16 +74,9 @@ class Rate:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The state of a bucket after a request.
+    """The state of a bucket after a request, which is allowed if `wait_s` is 0.
 
-    Attributes
-    ----------
-    wait_s : float
-        0 if the request is allowed; otherwise the seconds until one is.
-    remaining : int
-        Number of further requests that are allowed now.
-    reset_s : int
-        Seconds until the bucket is empty, when a whole burst is allowed.
+    `remaining` counts further requests that are allowed now; in `reset_s` seconds a whole burst is.
     """
 
     wait_s: float
@@ -129,10 +122,7 @@ class Buckets:
 class RateLimiter:
     """Buckets in Redis, or in this process while Redis is unavailable. Thread-safe.
 
-    Parameters
-    ----------
-    prefix : str
-        Prefix of the names in Redis: different for deployments that share a Redis.
+    The prefix of the names in Redis differs between deployments that share a Redis.
     """
 
     def __init__(self, redis_url: str, prefix: str) -> None:
@@ -177,16 +167,8 @@ def _verdict(rate: Rate, wait_s: float, level_s: float) -> Verdict:
 class FairSlots:
     """A number of slots on one event loop.
 
-    Parameters
-    ----------
-    total : int
-        Slots that may be held at the same time.
-    per_owner : int
-        Slots that one owner may hold. The others stay free for other owners.
-    wait_s : float
-        Seconds to wait for a slot.
-    purpose : str
-        What holds a slot, for the error: "files are being received".
+    One owner may hold `per_owner` of them; the others stay free for other owners. A request waits `wait_s` seconds for a
+    slot; the purpose, as in "files are being received", is for the error.
     """
 
     def __init__(self, total: int, per_owner: int, *, wait_s: float, purpose: str) -> None:
@@ -197,13 +179,7 @@ class FairSlots:
 
     @asynccontextmanager
     async def slot(self, owner_id: str) -> AsyncIterator[None]:
-        """Hold a slot while the block runs, after waiting for a turn.
-
-        Raises
-        ------
-        UnavailableError
-            No slot became free in time.
-        """
+        """Hold a slot while the block runs, after waiting for a turn; `UnavailableError`: none became free in time."""
         await self._acquire(owner_id)
         try:
             yield

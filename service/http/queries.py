@@ -17,15 +17,7 @@ _SHOWN = 64
 
 
 async def _known_query(request: Request) -> None:
-    """Refuse an unknown query parameter.
-
-    Raises
-    ------
-    UnauthorizedError, LimitError
-        The caller may not ask at all.
-    ParameterError
-        It names the parameter, and the one that was probably meant.
-    """
+    """Refuse an unknown query parameter, if the caller may ask at all, and name the one that was probably meant."""
     if not request.query_params or "signature" in request.query_params:
         return  # a signature covers the whole query, and opens nothing else
     known = set(_names(request.scope["route"]))

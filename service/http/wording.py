@@ -18,14 +18,7 @@ _CLOSE = 0.6
 def did_you_mean(name: str, known: Collection[str], given: Collection[str] = (), what: str = "member") -> str:
     """Return what is wrong with an unknown name, and the known name that it resembles or else all of them.
 
-    Parameters
-    ----------
-    known : collection of str
-        The names that are allowed.
-    given : collection of str
-        The names in the request; a suggested name that is not among them is called missing.
-    what : str
-        What the name is of.
+    A suggested name that is not among those given is called missing. `what` says what the name is of.
     """
     sentence = f"there is no such {what}."
     if found := get_close_matches(name.lower(), sorted(known), 1, _CLOSE):
@@ -35,17 +28,7 @@ def did_you_mean(name: str, known: Collection[str], given: Collection[str] = (),
 
 
 def in_plain_words(findings: Sequence[Any], model: type[BaseModel], document: Any) -> list[dict[str, Any]]:
-    """Return pydantic's findings about a document, with what to use in place of each unknown member.
-
-    Parameters
-    ----------
-    findings : sequence
-        The errors of a `ValidationError`.
-    model : type
-        The model of the document.
-    document : JSON value
-        The document itself.
-    """
+    """Return pydantic's findings about a document, with what to use in place of each unknown member."""
     return [
         {**found, "msg": _unknown(found["loc"], model, document)} if found["type"] == "extra_forbidden" else dict(found)
         for found in findings

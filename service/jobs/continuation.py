@@ -127,10 +127,7 @@ def _inherited(
 ) -> dict[str, StoredFile]:
     """Return the files of the other job that a branch keeps.
 
-    Raises
-    ------
-    ParameterError
-        The document has another kind, or replaces a file to which the checkpoint belongs.
+    `ParameterError`: the document has another kind, or replaces a file to which the checkpoint belongs.
     """
     if document.kind is not job.kind:
         raise ParameterError.at(

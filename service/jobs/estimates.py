@@ -27,16 +27,10 @@ _COUNTED = 200
 
 @dataclass(frozen=True)
 class Estimate:
-    """The expected duration of a job.
+    """The expected duration of a job, and the data that says so.
 
-    Attributes
-    ----------
-    queue_s : float or None
-        Seconds until a worker takes the job; None if unknown.
-    run_s : float or None
-        Seconds from then to its end; None if no similar job has succeeded.
-    basis : str
-        The data that the estimate uses.
+    `queue_s` are the seconds until a worker takes the job, None if unknown; `run_s` those from then to its end, None if
+    no similar job has succeeded.
     """
 
     queue_s: float | None
@@ -49,18 +43,7 @@ def estimate(
 ) -> Estimate:
     """Estimate a job from the newest successful jobs, the jobs ahead, and the number of live workers.
 
-    Parameters
-    ----------
-    leases : Leases
-        Counts the workers.
-    request : JobRequest
-        The job to estimate.
-    default_model : str
-        The model used if a request names none.
-    queue : str
-        The deployment's queue.
-    owner_id : str
-        The job's owner, who takes turns with the others.
+    The job's owner takes turns with the others; a request that names no model has the default one.
     """
     with database.read() as connection:
         same = jobs.c.workload == request.workload

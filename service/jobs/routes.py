@@ -230,10 +230,7 @@ def _view(job: Job) -> JobView:
 def _labels(request: Request) -> dict[str, str]:
     """Return the labels in the query, in OpenAPI's notation for objects: `metadata[NAME]=VALUE`.
 
-    Raises
-    ------
-    ParameterError
-        A label is repeated, too long or not allowed, or there are too many.
+    `ParameterError`: a label is repeated, too long or not allowed, or there are too many.
     """
     labels: dict[str, str] = {}
     for parameter, value in request.query_params.multi_items():

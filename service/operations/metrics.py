@@ -105,13 +105,7 @@ class _RecordCollector(Collector):
 
 
 class Metrics:
-    """The metrics of one application.
-
-    Attributes
-    ----------
-    registry : CollectorRegistry
-        The metrics that `/metrics` exports.
-    """
+    """The metrics of one application, whose registry `/metrics` exports."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()

@@ -36,13 +36,7 @@ class TaughtModels:
         self._lock = Lock()
 
     def of(self, owner_id: str) -> list[ModelInfo]:
-        """Return the newest models that this owner's jobs have made, newest first, at most 100.
-
-        Raises
-        ------
-        UnavailableError
-            The record or the store does not answer.
-        """
+        """Return the newest models that this owner's jobs have made, newest first, at most 100."""
         page = self._record.list_jobs(JobState.SUCCEEDED, limit=_LISTED, owner=owner_id, kind=JobKind.PRIOR_TEACH)
         found = []
         for job in page.jobs:

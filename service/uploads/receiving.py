@@ -48,13 +48,7 @@ class ContentRange:
 
 
 def view(app: AppState, upload: Upload, *, offset: int | None = None) -> UploadView:
-    """Return the public view of an upload, with a new signed URL while it is open.
-
-    Parameters
-    ----------
-    offset : int, optional
-        Received bytes. Default: looked up.
-    """
+    """Return the public view of an upload, with a new signed URL while it is open; without its offset, look it up."""
     if offset is None:
         offset = upload.size if upload.complete else received_bytes(app, upload)
     common = UploadView(
@@ -111,10 +105,8 @@ def authorize(app: AppState, upload_id: str, path: str, query: str) -> Upload:
 
     Raises
     ------
-    ForbiddenError
-        The URL is altered or has expired.
-    NotFoundError
-        The upload no longer exists.
+    ForbiddenError, NotFoundError
+        The URL is altered or has expired, or the upload no longer exists.
     """
     verify_path("PUT", path, query, app.record.secret(_KEY_NAME))
     return app.record.uploads.get(upload_id)
@@ -123,10 +115,7 @@ def authorize(app: AppState, upload_id: str, path: str, query: str) -> Upload:
 def parse_content_range(header: str | None, upload: Upload) -> ContentRange:
     """Return the range of bytes that a request sends; the whole upload if there is no header.
 
-    Raises
-    ------
-    RequestError
-        The header is malformed or lies outside the upload.
+    `RequestError`: the header is malformed or lies outside the upload.
     """
     if header is None:
         return ContentRange(0, upload.size)
@@ -141,17 +130,9 @@ def parse_content_range(header: str | None, upload: Upload) -> ContentRange:
 
 
 async def receive_content(app: AppState, upload: Upload, part: ContentRange, body: AsyncIterator[bytes]) -> int:
-    """Append a body to an upload as it arrives. Received bytes are kept even if the body is cut off.
+    """Append a body to an upload as it arrives, and return the number of received bytes in total.
 
-    Parameters
-    ----------
-    part : ContentRange
-        The range of the body. A body that covers the whole upload replaces earlier bytes.
-
-    Returns
-    -------
-    int
-        The number of received bytes, in total.
+    Received bytes are kept even if the body is cut off. A body that covers the whole upload replaces earlier bytes.
 
     Raises
     ------
@@ -202,10 +183,7 @@ async def receive_content(app: AppState, upload: Upload, part: ContentRange, bod
 def complete(app: AppState, upload: Upload, sha256: str) -> Upload:
     """Turn an upload into a stored file that jobs can name. May be repeated, also after a crash at any point.
 
-    Raises
-    ------
-    ChecksumError
-        The received bytes differ from the announced ones; the upload stays open.
+    `ChecksumError`: the received bytes differ from the announced ones; the upload stays open.
     """
     if upload.complete or (upload.sha256 is not None and upload.sha256 != sha256):
         return _check_completed(upload, sha256)
