@@ -167,8 +167,8 @@ def _verdict(rate: Rate, wait_s: float, level_s: float) -> Verdict:
 class FairSlots:
     """A number of slots on one event loop.
 
-    One owner may hold `per_owner` of them; the others stay free for other owners. A request waits `wait_s` seconds for a
-    slot; the purpose, as in "files are being received", is for the error.
+    One owner may hold `per_owner` of them; the others stay free for other owners. A request waits `wait_s` seconds for
+    a slot; the purpose, as in "files are being received", is for the error.
     """
 
     def __init__(self, total: int, per_owner: int, *, wait_s: float, purpose: str) -> None:
