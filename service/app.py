@@ -17,7 +17,7 @@ from meshdeform.support.heaps import return_freed_memory
 from meshdeform.support.telemetry import start_tracing, stop_tracing
 from meshdeform.webhooks.delivery import WebhookDelivery
 from service.documentation.openapi import describe
-from service.downloads import artifact_routes, checkpoint_routes, source_routes
+from service.downloads import routes as download_routes
 from service.events import routes as event_routes
 from service.events.waiting import on_termination
 from service.http.auth import Gate
@@ -66,9 +66,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(job_routes.router, responses=refusals)
     app.include_router(creation_routes.router, responses=refusals)
     app.include_router(event_routes.router, responses=refusals)
-    app.include_router(checkpoint_routes.router, responses=refusals)
-    app.include_router(artifact_routes.router, responses=refusals)
-    app.include_router(source_routes.router, responses=refusals)
+    app.include_router(download_routes.checkpoints, responses=refusals)
+    app.include_router(download_routes.artifacts, responses=refusals)
+    app.include_router(download_routes.sources, responses=refusals)
     app.include_router(webhook_routes.router, responses=refusals)
     app.include_router(upload_routes.router, responses=refusals)
     app.include_router(upload_routes.content)

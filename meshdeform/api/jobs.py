@@ -128,7 +128,7 @@ class JobView(_Document):
     progress: Progress = Field(description="The job's progress.")
     artifacts: list[ArtifactView] = Field(
         default_factory=list,
-        description="The results, sorted by name. Unless the job has succeeded, only a generated target.",
+        description="The results, sorted by name; none unless the job has succeeded.",
     )
 
     unreadable: str | None = Field(

@@ -46,6 +46,8 @@ __all__ = [
     "RETRY_AFTER",
     "WAITED",
     "JobId",
+    "Step",
+    "header",
     "json_body",
 ]
 
@@ -77,37 +79,20 @@ CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)
 ONCE_ERRORS = (IdempotencyMismatchError, IdempotencyBusyError)
 NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, TooMuchStoredError, RequestTimeoutError)
 
-ETAG = {
-    "ETag": {"description": "Identifies this version of the job.", "schema": {"type": "string"}, "example": 'W/"7"'}
-}
-RETRY_AFTER = {
-    "Retry-After": {
-        "description": "Seconds to wait before the next request.",
-        "schema": {"type": "integer"},
-        "example": 1,
-    }
-}
-LOCATION = {
-    "Location": {
-        "description": "The job's URL.",
-        "schema": {"type": "string"},
-        "example": "/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6",
-    }
-}
-REPLAY = {
-    REPLAYED: {
-        "description": "`true` if this repeats the response to the first request with this key.",
-        "schema": {"type": "string"},
-        "example": "true",
-    }
-}
-WAITED = {
-    "Preference-Applied": {
-        "description": "The longest wait that `Prefer` requested and the server granted.",
-        "schema": {"type": "string"},
-        "example": "wait=30",
-    }
-}
+Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**31 - 1, examples=[500])]
+
+
+def header(description: str, example: str | int) -> dict[str, Any]:
+    """Return the OpenAPI description of a header of a response."""
+    kind = "integer" if isinstance(example, int) else "string"
+    return {"description": description, "schema": {"type": kind}, "example": example}
+
+
+ETAG = {"ETag": header("Identifies this version of the job.", 'W/"7"')}
+RETRY_AFTER = {"Retry-After": header("Seconds to wait before the next request.", 1)}
+LOCATION = {"Location": header("The job's URL.", "/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6")}
+REPLAY = {REPLAYED: header("`true` if this repeats the response to the first request with this key.", "true")}
+WAITED = {"Preference-Applied": header("The longest wait that `Prefer` requested and the server granted.", "wait=30")}
 
 
 def json_body(model: str, example: dict[str, Any]) -> dict[str, Any]:

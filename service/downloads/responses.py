@@ -24,7 +24,7 @@ from meshdeform.api.jobs import SignedUrl
 from meshdeform.errors import NotFoundError, RangeError, StoredFileError
 from meshdeform.record.models import Artifact
 from meshdeform.storage import sign_path, verify_path
-from service.documentation.responses import CALLER_ERRORS
+from service.documentation.responses import CALLER_ERRORS, header
 from service.http.auth import SIGNING_KEY, Viewer, lifetime_s, viewer
 from service.http.errors import problem_responses
 from service.state import AppState, AppStateDep
@@ -92,19 +92,12 @@ _CHUNK = 256 * 1024
 _PLAIN = frozenset(string.ascii_letters + string.digits + " !#$&'()+,-.;=@[]^_`{}~")
 _TAG = '"9f86d081884c7d65..."'
 _HEADERS = {
-    name: {"description": description, "schema": {"type": "string"}, "example": example}
-    for name, description, example in (
-        ("ETag", "SHA-256 of the whole file.", _TAG),
-        ("Accept-Ranges", "Byte ranges are supported.", "bytes"),
-        ("Content-Disposition", "The name to save the file under.", 'attachment; filename="result.glb"'),
-    )
+    "ETag": header("SHA-256 of the whole file.", _TAG),
+    "Accept-Ranges": header("Byte ranges are supported.", "bytes"),
+    "Content-Disposition": header("The name to save the file under.", 'attachment; filename="result.glb"'),
 }
 _CONTENT_RANGE = {
-    "Content-Range": {
-        "description": "The range that is sent, and the size of the whole file.",
-        "schema": {"type": "string"},
-        "example": "bytes 0-1023/30720",
-    }
+    "Content-Range": header("The range that is sent, and the size of the whole file.", "bytes 0-1023/30720")
 }
 
 
@@ -194,8 +187,8 @@ def _disposition(name: str) -> str:
     The name comes from the file's sender, so no character of it may end the quoted string or the header.
     """
     plain = "".join(letter if letter in _PLAIN else "_" for letter in name) or "file"
-    header = f'attachment; filename="{plain}"'
-    return header if plain == name else f"{header}; filename*=UTF-8''{quote(name, safe='', errors='replace')}"
+    short = f'attachment; filename="{plain}"'
+    return short if plain == name else f"{short}; filename*=UTF-8''{quote(name, safe='', errors='replace')}"
 
 
 def download(

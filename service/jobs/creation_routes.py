@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Path, Request, Response
+from fastapi import APIRouter, Header, Request, Response
 
 from meshdeform.api.jobs import JobView
 from meshdeform.errors import (
@@ -29,6 +29,7 @@ from service.documentation.responses import (
     RETRY_AFTER,
     WAITED,
     JobId,
+    Step,
     json_body,
 )
 from service.events.waiting import Prefer, applied, preferred_wait, settled
@@ -120,7 +121,6 @@ _RequestId = Annotated[
         examples=["req_01kg9zqk2xf3v8c5m7n9p1r4t6"],
     ),
 ]
-_Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**31 - 1, examples=[500])]
 
 
 @router.post(
@@ -263,7 +263,7 @@ async def branch_job(
     app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002
-    step: _Step,
+    step: Step,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Creates a new job on the same files that starts with the shape of that step. The job may be in any state."""

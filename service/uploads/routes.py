@@ -22,7 +22,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.removal import remove_upload
 from meshdeform.record.uploads import Upload
-from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, json_body
+from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, header, json_body
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, clean_filename, parse_document, receive_document
 from service.http.errors import problem_responses
@@ -62,13 +62,7 @@ _Signed = {
         ("signature", "The URL's signature.", "3b1f09c2"),
     )
 }
-_OFFSET = {
-    "Upload-Offset": {
-        "description": "Received bytes, in total.",
-        "schema": {"type": "integer"},
-        "example": 1048576,
-    }
-}
+_OFFSET = {"Upload-Offset": header("Received bytes, in total.", 1048576)}
 
 
 @router.post(
@@ -81,11 +75,7 @@ _OFFSET = {
             "model": UploadView,
             "description": "Where to send the bytes.",
             "headers": {
-                "Location": {
-                    "description": "The upload's URL.",
-                    "schema": {"type": "string"},
-                    "example": "/v1/uploads/upl_01kg9zqk2xf3v8c5m7n9p1r4t6",
-                },
+                "Location": header("The upload's URL.", "/v1/uploads/upl_01kg9zqk2xf3v8c5m7n9p1r4t6"),
                 **REPLAY,
             },
         },

@@ -35,6 +35,7 @@ from meshdeform.errors import (
 from meshdeform.record.ids import id_pattern
 from meshdeform.webhooks.addresses import find_destination, parse_networks
 from meshdeform.webhooks.lookups import LOOKUP_S
+from service.documentation.responses import header
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.http.queries import KNOWN_QUERY
@@ -62,13 +63,7 @@ _DeliveryId = Annotated[
         examples=["msg_01kg9zqk2xf3v8c5m7n9p1r4t7"],
     ),
 ]
-_LOCATION = {
-    "Location": {
-        "description": "The webhook's URL.",
-        "schema": {"type": "string"},
-        "example": "/v1/webhooks/wh_01kg9zqk2xf3v8c5m7n9p1r4t6",
-    }
-}
+_LOCATION = {"Location": header("The webhook's URL.", "/v1/webhooks/wh_01kg9zqk2xf3v8c5m7n9p1r4t6")}
 
 
 @router.post(

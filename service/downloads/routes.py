@@ -1,15 +1,19 @@
-"""List the artifacts of a job, stream their bytes, and sign URLs that grant read access to one."""
+"""Download what a job has: its artifacts, which URLs can be signed for, its checkpoints and its input files."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
 from anyio import to_thread
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
-from meshdeform.api.jobs import ArtifactList, ArtifactView, SignedUrl
+from meshdeform.api.jobs import ArtifactList, ArtifactView, CheckpointList, CheckpointView, SignedUrl
+from meshdeform.assets.inspect import asset_format
 from meshdeform.errors import (
+    AssetEmptyError,
+    AssetFormatError,
     AssetTooLargeError,
     AssetUnsupportedError,
     DependencyError,
@@ -21,10 +25,10 @@ from meshdeform.errors import (
     TooMuchStoredError,
     UnreadableJobError,
 )
-from meshdeform.record.models import Artifact, Job, JobState
+from meshdeform.record.models import Artifact, CheckpointRef, Job, JobState, StoredFile
 from meshdeform.runs import kind_of
 from meshdeform.support.files import result_name
-from service.documentation.responses import CALLER_ERRORS, JobId
+from service.documentation.responses import CALLER_ERRORS, JobId, Step
 from service.downloads.making import made, makeable
 from service.downloads.responses import (
     OPEN_TO_SIGNED,
@@ -41,10 +45,36 @@ from service.http.errors import problem_responses
 from service.http.queries import KNOWN_QUERY
 from service.state import AppState, AppStateDep
 
-__all__ = ["router"]
+__all__ = ["artifacts", "checkpoints", "sources"]
 
-router = APIRouter(prefix="/v1/jobs/{id}/artifacts", tags=["artifacts"], dependencies=KNOWN_QUERY)
+artifacts = APIRouter(prefix="/v1/jobs/{id}/artifacts", tags=["artifacts"], dependencies=KNOWN_QUERY)
+checkpoints = APIRouter(prefix="/v1/jobs/{id}/checkpoints", tags=["checkpoints"], dependencies=KNOWN_QUERY)
+sources = APIRouter(prefix="/v1/jobs/{id}", tags=["jobs"], dependencies=KNOWN_QUERY)
 
+_GLB = "model/gltf-binary"
+_OTHER = "application/octet-stream"
+# PLY has no registered type.
+_TYPES = {
+    "glb": "model/gltf-binary",
+    "gltf": "model/gltf+json",
+    "obj": "model/obj",
+    "ply": _OTHER,
+    "stl": "model/stl",
+    "zip": "application/zip",
+}
+_RESPONSES = download_responses(
+    f"`Content-Type` is one of {', '.join(f'`{each}`' for each in dict.fromkeys(_TYPES.values()))}."
+)
+_HEAD_BYTES = 64
+_Part = Annotated[
+    str,
+    Path(
+        description="The name of a part of the job's kind.",
+        max_length=64,
+        pattern="^[a-z][a-z0-9_]*$",
+        examples=["asset"],
+    ),
+]
 _Name = Annotated[
     str,
     Path(
@@ -57,23 +87,20 @@ _Name = Annotated[
 ]
 
 
-@router.get(
+# Artifacts
+
+
+@artifacts.get(
     "",
     operation_id="list_artifacts",
     summary="List a job's artifacts",
     responses={
-        200: {
-            "model": ArtifactList,
-            "description": "The results. Until the job has succeeded, only a generated target.",
-        },
+        200: {"model": ArtifactList, "description": "The results; none until the job has succeeded."},
         **problem_responses(NotFoundError, *CALLER_ERRORS),
     },
 )
 def list_artifacts(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
-    """All artifacts appear together when the job succeeds, and never change; others can be made later.
-
-    Only a generated target is there before: when the fit begins.
-    """
+    """All artifacts appear together when the job succeeds, and never change; others can be made later."""
     found = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, viewer.owner_id)]
     return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
 
@@ -109,8 +136,8 @@ async def _at_strength(
     return Download(key, saved_as, artifact.content_type, found.size, found.sha256)
 
 
-@router.head("/{name}", include_in_schema=False, openapi_extra=OPEN_TO_SIGNED)
-@router.get(
+@artifacts.head("/{name}", include_in_schema=False, openapi_extra=OPEN_TO_SIGNED)
+@artifacts.get(
     "/{name}",
     operation_id="get_artifact",
     summary="Download an artifact",
@@ -142,7 +169,7 @@ def get_artifact(
     return download(request, app, found, conditions, signed=reader.owner_id is None and not reader.link)
 
 
-@router.post(
+@artifacts.post(
     "/{name}",
     operation_id="make_artifact",
     summary="Make an artifact that the job was not asked for",
@@ -166,7 +193,7 @@ async def make_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, na
     return JSONResponse(ArtifactView.of(artifact, id).model_dump(mode="json"))
 
 
-@router.post(
+@artifacts.post(
     "/{name}/url",
     operation_id="sign_artifact",
     summary="Create a signed URL for an artifact",
@@ -224,3 +251,146 @@ def _find(app: AppState, job_id: str, owner: str | None, name: str) -> Artifact:
         state=state,
         artifacts=[],
     )
+
+
+# Checkpoints
+
+
+@checkpoints.get(
+    "",
+    operation_id="list_checkpoints",
+    summary="List a job's checkpoints",
+    responses={
+        200: {"model": CheckpointList, "description": "The checkpoints that are still stored, in order of steps."},
+        **problem_responses(NotFoundError, *CALLER_ERRORS),
+    },
+)
+def list_checkpoints(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+    """Available in any state of the job. Only the newest checkpoints are kept; older ones are deleted."""
+    found = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(app, id, viewer.owner_id)]
+    return JSONResponse(CheckpointList(checkpoints=found).model_dump(mode="json"))
+
+
+@checkpoints.head("/{step}/mesh.glb", include_in_schema=False)
+@checkpoints.get(
+    "/{step}/mesh.glb",
+    operation_id="get_checkpoint_mesh",
+    summary="Download the mesh of a checkpoint",
+    response_class=StreamingResponse,
+    responses=download_responses(f"`Content-Type` is `{_GLB}`."),
+)
+def get_checkpoint_mesh(
+    request: Request,
+    app: AppStateDep,
+    viewer: ViewerDep,
+    id: JobId,  # noqa: A002
+    step: Step,
+    conditions: ConditionsDep,
+) -> Response:
+    """The asset with its shape at that step, also while the job is running. Streamed like an artifact."""
+    stored = _checkpoints(app, id, viewer.owner_id)
+    for found in stored:
+        if found.step == step and found.mesh_key is not None:
+            assert found.mesh_size is not None
+            assert found.mesh_sha256 is not None
+            mesh = Download(found.mesh_key, f"step-{step:06d}.glb", _GLB, found.mesh_size, found.mesh_sha256)
+            return download(request, app, mesh, conditions)
+    steps = [found.step for found in stored if found.mesh_key is not None]
+    raise NotFoundError(
+        f"The job has no mesh of step {step}.",
+        advice=f"There are meshes of steps {', '.join(map(str, steps))}." if steps else "It has no meshes yet.",
+        steps=steps,
+    )
+
+
+def _checkpoints(app: AppState, job_id: str, owner: str | None) -> list[CheckpointRef]:
+    """Return one checkpoint for each step, in order; where two attempts stored the same step, the newer attempt's."""
+    app.record.get(job_id, owner)
+    found: dict[int, CheckpointRef] = {}
+    for checkpoint in app.record.leases.checkpoints(job_id):
+        found.setdefault(checkpoint.step, checkpoint)
+    return [found[step] for step in sorted(found)]
+
+
+# Input files
+
+
+@sources.head("/files/{part}", include_in_schema=False)
+@sources.get(
+    "/files/{part}",
+    operation_id="get_file",
+    summary="Download a job's file",
+    response_class=StreamingResponse,
+    responses=_RESPONSES,
+)
+def get_file(
+    request: Request,
+    app: AppStateDep,
+    principal: PrincipalDep,
+    id: JobId,  # noqa: A002 - the name in the path
+    part: _Part,
+    conditions: ConditionsDep,
+) -> Response:
+    """A file of a job of any kind as it was sent. Available in any state of the job, and streamed like an artifact."""
+    return _download(request, app, _file_of(app.record.get(id, principal.owner_id), part), conditions)
+
+
+@sources.head("/asset", include_in_schema=False)
+@sources.get(
+    "/asset",
+    operation_id="get_asset",
+    summary="Download a job's asset",
+    response_class=StreamingResponse,
+    responses=_RESPONSES,
+)
+def get_asset(
+    request: Request,
+    app: AppStateDep,
+    viewer: ViewerDep,
+    id: JobId,  # noqa: A002 - the name in the path
+    conditions: ConditionsDep,
+) -> Response:
+    """The first of the job's files, which is the asset to deform."""
+    return _download(request, app, app.record.get(id, viewer.owner_id).source, conditions)
+
+
+@sources.head("/target", include_in_schema=False)
+@sources.get(
+    "/target",
+    operation_id="get_target",
+    summary="Download a job's target",
+    response_class=StreamingResponse,
+    responses=_RESPONSES,
+)
+def get_target(
+    request: Request,
+    app: AppStateDep,
+    principal: PrincipalDep,
+    id: JobId,  # noqa: A002
+    conditions: ConditionsDep,
+) -> Response:
+    """The second mesh of `target` guidance, the same as `GET /v1/jobs/{id}/files/target`; `404` if there is none."""
+    return _download(request, app, _file_of(app.record.get(id, principal.owner_id), "target"), conditions)
+
+
+def _file_of(job: Job, part: str) -> StoredFile:
+    names = list(job.files)
+    if part not in names:
+        raise NotFoundError(f"The job has no file {part!r}.", advice=f"It has: {', '.join(names)}.", files=names)
+    return job.files[part]
+
+
+def _download(request: Request, app: AppState, file: StoredFile, conditions: ConditionsDep) -> Response:
+    found = Download(file.key, file.filename, _content_type(app, file), file.size, file.sha256)
+    return download(request, app, found, conditions)
+
+
+def _content_type(app: AppState, file: StoredFile) -> str:
+    """Return the media type by the rule that applied when the file was checked: its first bytes, then its name."""
+    if file.filename.lower().endswith(".glb"):
+        return _TYPES["glb"]  # a file with this name and other content was refused
+    head: Iterator[bytes] = app.store.stream(file.key, 0, min(_HEAD_BYTES, file.size))
+    try:
+        return _TYPES[asset_format(b"".join(head), file.filename)]
+    except (AssetFormatError, AssetEmptyError):
+        return _OTHER
