@@ -64,34 +64,7 @@ class Recent(Generic[_Value]):
 
 @dataclass(frozen=True)
 class AppState:
-    """The shared objects of the service.
-
-    Attributes
-    ----------
-    waiters : JobWaiters
-        Requests that wait for jobs.
-    assets : CheckedAssets
-        Files that passed the check.
-    workspace : Workspace
-        Temporary folders for the files of requests.
-    taught : TaughtModels
-        The models that owners' jobs have made.
-    strengths : Strengths
-        Other strengths of results.
-    intake : FairSlots
-        Requests whose files are checked and stored at the same time, in separate threads: other requests never
-        wait for a decoder.
-    bodies : FairSlots
-        Files that are received at the same time. Each takes its size on disk.
-    store_health : Recent of PartHealth
-        The state of the object store. Asking for it lists a bucket, and `/readyz` needs no key.
-    orienting : FairSlots
-        Searches of fronts, each in a process of its own.
-    sketching : FairSlots
-        Drawings that are read, and shapes that are made, each in a process of its own.
-    lookups : LookupPool
-        Threads that resolve the hosts of webhooks.
-    """
+    """The shared objects of the service."""
 
     settings: Settings
     record: JobRecord
@@ -102,17 +75,21 @@ class AppState:
     workspace: Workspace
     taught: TaughtModels
     strengths: Strengths
+    # Requests whose files are checked and stored at the same time, in threads: others never wait for a decoder.
     intake: FairSlots = field(
         default_factory=lambda: FairSlots(
             _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="files are being checked"
         )
     )
+    # Files that are received at the same time. Each takes its size on disk.
     bodies: FairSlots = field(
         default_factory=lambda: FairSlots(
             _BODIES_AT_ONCE, _BODIES_PER_OWNER, wait_s=_BODY_WAIT_S, purpose="files are being received"
         )
     )
+    # The state of the object store. Asking for it lists a bucket, and `/readyz` needs no key.
     store_health: Recent[PartHealth] = field(default_factory=lambda: Recent(_STORE_HEALTH_S))
+    # Searches of fronts, and readings of drawings and makings of shapes: each in a process of its own.
     orienting: FairSlots = field(
         default_factory=lambda: FairSlots(
             _FRONTS_AT_ONCE, _FRONTS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="fronts are being searched"
@@ -123,6 +100,7 @@ class AppState:
             _SKETCHES_AT_ONCE, _SKETCHES_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="drawings are being read"
         )
     )
+    # Threads that resolve the hosts of webhooks.
     lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))
 

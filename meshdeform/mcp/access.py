@@ -32,12 +32,6 @@ class KeyCheck:
     """Answer 401 to callers without a key that the service accepts, before anything of their message is read.
 
     A key that was accepted is asked for again after 30 seconds; each call of a tool uses it at the service anyway.
-
-    Parameters
-    ----------
-    app : ASGI application
-    url : str
-        Address of the service.
     """
 
     def __init__(self, app: ASGIApp, url: str) -> None:

@@ -15,13 +15,9 @@ _JOB_FILE = re.compile(r"(job_[0-9a-z]{26})/([\w.-]+)")
 
 
 class Folders:
-    """The folders of this machine in which an agent may read and write.
+    """The folders of this machine in which an agent may read and write. Relative paths count from the first one.
 
-    Parameters
-    ----------
-    roots : sequence of Path
-        Relative paths count from the first one. None at all: no path is accepted, as on a server that other machines
-        reach.
+    Without any, no path is accepted, as on a server that other machines reach.
     """
 
     def __init__(self, roots: Sequence[Path]) -> None:
@@ -30,17 +26,8 @@ class Folders:
     def source(self, name: str) -> Path | dict[str, str]:
         """Return an existing local file, or the reference that the service takes.
 
-        Parameters
-        ----------
-        name : str
-            A path; the id of an upload; or `JOB/NAME`, an artifact of a job.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such file.
-        ForbiddenError
-            The path is outside the folders.
+        The name is a path, the id of an upload, or `JOB/NAME`, an artifact of a job. `NotFoundError`: there is no such
+        file; `ForbiddenError`: the path is outside the folders.
         """
         if _UPLOAD.fullmatch(name):
             return {"upload_id": name}
@@ -54,12 +41,7 @@ class Folders:
     def destination(self, name: str) -> Path:
         """Return where a new file may be written.
 
-        Raises
-        ------
-        ForbiddenError
-            The path is outside the folders.
-        ParameterError
-            Its folder does not exist, or there is something of that name already.
+        `ForbiddenError`: it is outside the folders; `ParameterError`: its folder does not exist, or the name is taken.
         """
         path = self._inside(name)
         if not path.parent.is_dir():

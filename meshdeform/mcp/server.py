@@ -58,13 +58,7 @@ def _server(tools: Tools, names: Sequence[str]) -> MCPServer:
 def local_server(url: str, api_key: str | None, roots: Sequence[Path]) -> MCPServer:
     """Return the server for an agent on this machine, over standard input and output.
 
-    Parameters
-    ----------
-    url : str
-        Address of the service.
-    api_key : str, optional
-    roots : sequence of Path
-        The folders in which tools may read and write files.
+    Its tools may read and write files in the folders `roots`.
     """
 
     @asynccontextmanager
@@ -80,14 +74,8 @@ def http_app(url: str, hosts: Sequence[str]) -> ASGIApp:
     """Return the application for agents elsewhere, over streamable HTTP at `/mcp`.
 
     Every caller sends the service's API key as a bearer token, with which its tools act. Files come by `upload_asset`
-    and leave by `link`: no path of this machine is read or written.
-
-    Parameters
-    ----------
-    url : str
-        Address of the service.
-    hosts : sequence of str
-        Accepted `Host` headers, such as `127.0.0.1:*`; others are refused, against DNS rebinding.
+    and leave by `link`: no path of this machine is read or written. Other `Host` headers than `hosts`, such as
+    `127.0.0.1:*`, are refused, against DNS rebinding.
     """
 
     @asynccontextmanager

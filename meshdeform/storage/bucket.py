@@ -35,16 +35,10 @@ _NO_BUCKET = ("<Code>NoSuchBucket</Code>", "<Code>ContainerNotFound</Code>")
 
 
 class Bucket:
-    """A bucket, or a prefix of one.
+    """A bucket, or a prefix of one: the path of the URL, which obstore reads, is the prefix of every key.
 
-    Parameters
-    ----------
-    url : str
-        A URL for obstore. Its path is the prefix of every key.
-    patience_s : float
-        Seconds without any progress after which the store counts as unavailable.
-    public_url : str
-        Base of signed URLs to an S3 store, if clients reach it at another address than this process.
+    After `patience_s` seconds without any progress the store counts as unavailable. `public_url` is the base of signed
+    URLs to an S3 store, if clients reach it at another address than this process.
     """
 
     def __init__(self, url: str, patience_s: float, public_url: str = "") -> None:

@@ -33,10 +33,7 @@ _CONTENTS = ("assets", "jobs")
 class Folder:
     """A folder of files. Incomplete files are in `.partial`.
 
-    Parameters
-    ----------
-    create : bool
-        Whether a missing or empty folder becomes a new store. Otherwise it counts as a store that is away.
+    With `create`, a missing or empty folder becomes a new store. Otherwise it counts as a store that is away.
     """
 
     def __init__(self, root: Path, *, create: bool = True) -> None:

@@ -24,12 +24,10 @@ _SECRET_BYTES = 16
 def sign_path(
     method: str, path: str, expires_at: int, secret: bytes, parameters: Mapping[str, str] | None = None
 ) -> str:
-    """Return a signed query that permits `method` on `path`.
+    """Return a signed query, without a question mark, that permits `method` on `path`.
 
     Parameters
     ----------
-    method : str
-        The HTTP method, for example `GET` or `PUT`.
     path : str
         As the server sees it: decoded, with the leading slash, without the query.
     expires_at : int
@@ -38,11 +36,6 @@ def sign_path(
         At least 16 bytes, the same for every process that verifies.
     parameters : mapping, optional
         More query parameters to sign. None may be named `expires` or `signature`.
-
-    Returns
-    -------
-    str
-        The query without a question mark.
     """
     if parameters and {_EXPIRES, _SIGNATURE} & set(parameters):
         raise ValueError("parameters must not be named expires or signature")
@@ -51,21 +44,9 @@ def sign_path(
 
 
 def verify_path(method: str, path: str, query: str, secret: bytes, now: float | None = None) -> dict[str, str]:
-    """Verify that the query was signed for this method and path and has not expired, and return its parameters.
+    """Verify that a complete query, as received, was signed for this method and path and has not expired.
 
-    Parameters
-    ----------
-    method, path, secret
-        As for `sign_path`.
-    query : str
-        The request's complete query, as received.
-    now : float, optional
-        Unix time in seconds. Default: the current time.
-
-    Returns
-    -------
-    dict
-        The signed parameters, without `expires` and `signature`.
+    Returns the signed parameters, without `expires` and `signature`. `now` is a Unix time in seconds.
 
     Raises
     ------

@@ -44,6 +44,8 @@ class ObjectStore:
     ------
     UnavailableError
         The location cannot be used. Every method raises this while the store is away or does not answer.
+    NotFoundError
+        By every method that reads: there is no such object.
     """
 
     def __init__(
@@ -59,13 +61,7 @@ class ObjectStore:
             self._uploads = UploadArea(folder)
 
     def ping(self, timeout_s: float | None = None) -> None:
-        """Return once the store answers. Must not be called on an event loop.
-
-        Parameters
-        ----------
-        timeout_s : float, optional
-            Seconds after which the store counts as unavailable. Default: as for every other method.
-        """
+        """Return once the store answers, within `timeout_s` seconds if given. Must not be called on an event loop."""
         self._backend.ping(timeout_s)
 
     def put(
@@ -78,14 +74,8 @@ class ObjectStore:
     ) -> StoredObject:
         """Store bytes, or the bytes of a file, durably, replacing any object under the key.
 
-        Parameters
-        ----------
-        data : bytes or Path
-            A file is streamed and must not change meanwhile.
-        content_type : str
-            Stored if the backend supports it.
-        known : StoredObject, optional
-            Size and digest if already measured, to read the bytes only once.
+        A file is streamed and must not change meanwhile. Its size and digest, if already `known`, are not measured
+        again. The content type is stored if the backend supports it.
         """
         check_key(key)
         with _opened(data) as source:
@@ -99,10 +89,7 @@ class ObjectStore:
     ) -> StoredObject:
         """Store bytes and read them back to verify them.
 
-        Raises
-        ------
-        UnavailableError
-            The store returned other bytes than were written; the object is removed.
+        `UnavailableError`: the store returned other bytes than were written; the object is removed.
         """
         stored = self.put(key, data, content_type)
         try:
@@ -119,33 +106,14 @@ class ObjectStore:
         return stored
 
     def get(self, key: str, *, sha256: str | None = None) -> bytes:
-        """Return all bytes of an object.
-
-        Parameters
-        ----------
-        sha256 : str, optional
-            The object's expected SHA-256.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such object.
-        StoredFileError
-            The object has another SHA-256.
-        """
+        """Return all bytes of an object; `StoredFileError`: it has another SHA-256 than the expected one."""
         data = b"".join(self.stream(key))
         if sha256 is not None and hashlib.sha256(data).hexdigest() != sha256:
             raise _damaged(key)
         return data
 
     def size(self, key: str) -> int:
-        """Return the size of an object in bytes.
-
-        Raises
-        ------
-        NotFoundError
-            There is no such object.
-        """
+        """Return the size of an object in bytes."""
         check_key(key)
         return self._backend.size(key)
 
@@ -170,12 +138,8 @@ class ObjectStore:
     def stream(self, key: str, start: int = 0, end: int | None = None, chunk: int = CHUNK) -> Iterator[bytes]:
         """Return an iterator over bytes [start, end) of an object, in chunks of about `chunk` bytes.
 
-        Raises
-        ------
-        NotFoundError
-            There is no such object. Raised by this call, before the first chunk is read.
-        UnavailableError
-            Also raised while reading, if the object ends early.
+        `NotFoundError` is raised by this call, before the first chunk is read; `UnavailableError` also while reading,
+        if the object ends early.
         """
         check_key(key)
         return self._backend.stream(key, start, end, chunk)
@@ -191,17 +155,12 @@ class ObjectStore:
     def fetch(self, key: str, path: Path, *, sha256: str | None = None) -> StoredObject:
         """Stream an object into a file, which appears complete or not at all (it is not synced to the disk).
 
-        Parameters
-        ----------
-        path : Path
-            Replaced if it exists. Its folder must exist.
-        sha256 : str, optional
-            The object's expected SHA-256.
+        The path is replaced if it exists; its folder must exist.
 
         Raises
         ------
         StoredFileError
-            The object has another SHA-256.
+            The object has another SHA-256 than the expected one.
         UnavailableError
             The local disk is full.
         """
@@ -219,13 +178,7 @@ class ObjectStore:
         return found
 
     def copy(self, source: str, destination: str) -> None:
-        """Copy an object to another key, within the store if it can.
-
-        Raises
-        ------
-        NotFoundError
-            There is no `source`.
-        """
+        """Copy an object to another key, within the store if it can."""
         check_key(source)
         check_key(destination)
         self._backend.copy(source, destination)
@@ -248,35 +201,19 @@ class ObjectStore:
         self._backend.delete_folder(prefix.removesuffix("/"))
 
     def presign_get(self, key: str, expires_s: int) -> str | None:
-        """Return a URL that permits reading an object directly from the store.
+        """Return a URL that permits reading an object directly from the store for 1 second to 7 days.
 
-        The response has the content type given to `put`, and the last part of the key as the file name.
-
-        Parameters
-        ----------
-        key : str
-            Not checked for existence.
-        expires_s : int
-            Lifetime, 1 second to 7 days.
-
-        Returns
-        -------
-        str or None
-            None if the store has no URLs of its own (a folder): sign one with `sign_path`.
+        The response has the content type given to `put`, and the last part of the key as the file name. The key is not
+        checked for existence. None if the store has no URLs of its own (a folder): sign one with `sign_path`.
         """
         return self._presign("GET", key, expires_s)
 
     def presign_put(self, key: str, expires_s: int) -> str | None:
-        """Return a URL that permits writing an object directly to the store.
+        """Return a URL that permits writing an object directly to the store; None as for `presign_get`.
 
         Its holder may send any number of bytes, any number of times until it expires. Therefore use a separate key
-        (`uploads/ID`), check the size and the digest afterwards, then `copy` it to its final key and `delete` it.
-        Azure also requires the header `x-ms-blob-type: BlockBlob`.
-
-        Returns
-        -------
-        str or None
-            As for `presign_get`.
+        (`uploads/ID`), check the size and the digest afterwards, then `copy` it to its final key and `delete` it. Azure
+        also requires the header `x-ms-blob-type: BlockBlob`.
         """
         return self._presign("PUT", key, expires_s)
 
@@ -292,7 +229,7 @@ class ObjectStore:
         return self._uploads is not None
 
     def append(self, upload_id: str, offset: int, chunks: Iterable[bytes], max_bytes: int) -> int:
-        """Append bytes to an upload durably; offset 0 begins one.
+        """Append bytes to an upload durably; offset 0 begins one. Return the total bytes received for it.
 
         Parameters
         ----------
@@ -305,21 +242,14 @@ class ObjectStore:
         max_bytes : int
             Largest size of the whole upload.
 
-        Returns
-        -------
-        int
-            Total bytes received for the upload.
-
         Raises
         ------
         ConflictError
             The upload has another size (`extra["offset"]`), or another request is writing to it.
         NotFoundError
             There is no such upload, and the offset is not 0.
-        AssetTooLargeError
-            The upload would exceed `max_bytes`; the bytes of this call are discarded.
-        UnavailableError
-            The disk is full or fails; the bytes of this call are discarded.
+        AssetTooLargeError, UnavailableError
+            The upload would exceed `max_bytes`, or the disk is full or fails; the bytes of this call are discarded.
         """
         return self._area().append(upload_id, offset, chunks, max_bytes)
 
@@ -334,12 +264,8 @@ class ObjectStore:
     def commit_append(self, upload_id: str, key: str) -> StoredObject:
         """Turn an upload into an object. Safe to repeat after a crash.
 
-        Raises
-        ------
-        NotFoundError
-            There is neither such an upload nor such an object.
-        ConflictError
-            Another request is writing to the upload.
+        `NotFoundError`: there is neither such an upload nor such an object; `ConflictError`: another request is writing
+        to it.
         """
         check_key(key)
         return self._area().commit(upload_id, key)

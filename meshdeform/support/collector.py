@@ -14,12 +14,8 @@ def collection_paused(*, keep: bool = False) -> Iterator[None]:
     """Do not look for garbage inside the block, where much is made and hardly anything dropped.
 
     To import torch and numba makes a million objects, and a thousand collections search them for garbage that is not
-    there (docs/performance.md). Outside of programs of our own nothing is paused.
-
-    Parameters
-    ----------
-    keep : bool
-        Also leave out of all later collections what exists at the end of the block: modules stay.
+    there (docs/performance.md). Outside of programs of our own nothing is paused. With `keep`, what exists at the end
+    of the block, such as modules, is also left out of all later collections.
     """
     if not gc.isenabled():  # whoever turned it off, or an outer block, decides
         yield

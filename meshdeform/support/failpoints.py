@@ -79,13 +79,7 @@ _lock = threading.Lock()
 
 
 def failpoint(name: str) -> None:
-    """Perform the action that the environment sets for this point, if any.
-
-    Raises
-    ------
-    RuntimeError
-        The action is `raise`.
-    """
+    """Perform the action that the environment sets for this point, if any; `RuntimeError`: the action is `raise`."""
     if _points:
         _reach(name)
 

@@ -27,15 +27,8 @@ def artifact_name(artifact: str, base: str) -> str:
 def result_name(artifact: str, *, source: str, goal: str, seed: int | None) -> str:
     """Return the file name for an artifact: `duck-a-tall-vase-seed7.glb` for `result.glb`.
 
-    Parameters
-    ----------
-    artifact : str
-        `result.glb` loses its stem; any other keeps it: `duck-a-tall-vase-seed7.preview.png`.
-    source : str
-        Name of the file that the job deforms; may be empty.
-    goal : str
-        The prompt, or what stands for it.
-    seed : int, optional
+    `result.glb` loses its stem; any other artifact keeps it: `duck-a-tall-vase-seed7.preview.png`. The source is the
+    name of the file that the job deforms and may be empty; the goal is the prompt, or what stands for it.
     """
     # Not `Path.stem`: the name is a client's, of any platform.
     filename = re.split(r"[\\/]", source)[-1]
@@ -48,10 +41,7 @@ def result_name(artifact: str, *, source: str, goal: str, seed: int | None) -> s
 def write_files(contents: Mapping[Path, bytes]) -> None:
     """Write every file or none: all bytes are on the disk before the first file is renamed.
 
-    Raises
-    ------
-    OSError
-        A file cannot be written; existing files with these names are unchanged.
+    If one cannot be written (`OSError`), existing files with these names are unchanged.
     """
     with ExitStack() as cleanup:
         written = {path: _write_beside(path, data, cleanup) for path, data in contents.items()}

@@ -66,13 +66,7 @@ _CONTROLS = {code: repr(chr(code))[1:-1] for code in (*range(32), 127) if code !
 
 
 def configure_logging(settings: Settings) -> None:
-    """Write all logs of this process to standard error in the configured format.
-
-    Parameters
-    ----------
-    settings : Settings
-        Only `log_format` is used.
-    """
+    """Write all logs of this process to standard error in the configured format."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_JsonLines() if settings.log_format == "json" else _TextLines(_TEXT, "%H:%M:%S"))
     root = logging.getLogger()
@@ -182,23 +176,10 @@ _provider: Any = None
 
 
 def start_tracing(part: str) -> bool:
-    """Send spans to the collector that the environment names.
+    """Send spans to the collector that the environment names, if it names one; return whether it does.
 
-    Parameters
-    ----------
-    part : str
-        The part of the service that this process is: `api` or `worker`. Its `service.name` is `meshdeform-PART` unless
-        OTEL_SERVICE_NAME is set.
-
-    Returns
-    -------
-    bool
-        Whether the environment names a collector.
-
-    Raises
-    ------
-    DependencyError
-        It names one, but the packages are not installed.
+    The part of the service is `api` or `worker`. Its `service.name` is `meshdeform-PART` unless OTEL_SERVICE_NAME is
+    set. `DependencyError`: a collector is named, but the packages are not installed.
     """
     global _tracer, _provider
     if _tracer is not None or not any(os.environ.get(name) for name in _ENDPOINTS):
@@ -237,12 +218,7 @@ def span(
 ) -> Iterator[None]:
     """Record a span around a block, with any exception that leaves the block.
 
-    Parameters
-    ----------
-    name : str
-    attributes : mapping, optional
-    traceparent : str, optional
-        The parent span in another process. Default: the innermost span of this context.
+    `traceparent` is a parent span in another process; without it, the parent is the innermost span of this context.
     """
     if _tracer is None:
         yield

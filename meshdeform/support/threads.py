@@ -40,12 +40,7 @@ def default_threads(cgroup: Path = _CGROUP) -> int:
     """Return the number of threads where none is set.
 
     ``OMP_NUM_THREADS`` if it is a number; otherwise the cores that this process may use, by its affinity and by the
-    limit of its container, whichever is less.
-
-    Parameters
-    ----------
-    cgroup : Path
-        Where the control groups are mounted.
+    limit of its container, whichever is less. `cgroup` is where the control groups are mounted.
     """
     asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
     if asked.isdecimal() and int(asked):

@@ -77,13 +77,7 @@ class Destination:
 
 
 def parse_networks(blocks: Sequence[str]) -> Networks:
-    """Return the networks listed in MESHDEFORM_WEBHOOK_NETWORKS.
-
-    Raises
-    ------
-    DependencyError
-        One is not a CIDR block.
-    """
+    """Return the networks listed in MESHDEFORM_WEBHOOK_NETWORKS; `DependencyError`: one is not a CIDR block."""
     try:
         return tuple(ipaddress.ip_network(block) for block in blocks)
     except ValueError as error:

@@ -41,17 +41,7 @@ _log = logging.getLogger(__name__)
 class WebhookDelivery:
     """The sender of webhooks; as a context manager it runs in its own threads.
 
-    Parameters
-    ----------
-    settings : Settings
-        Only `webhook_networks` is used.
-    sender : Sender, optional
-        For tests.
-
-    Raises
-    ------
-    DependencyError
-        `webhook_networks` is not a list of networks.
+    `DependencyError`: the setting `webhook_networks` is not a list of networks.
     """
 
     def __init__(self, record: JobRecord, settings: Settings, *, sender: Sender | None = None) -> None:
@@ -64,10 +54,8 @@ class WebhookDelivery:
     def run_once(self) -> int:
         """Send all due messages, including those that become due meanwhile, and return the number of attempts.
 
-        Raises
-        ------
-        UnavailableError
-            The record does not answer; the messages taken become due again when this process's claim expires.
+        If the record does not answer (`UnavailableError`), the messages taken become due again when this process's
+        claim expires.
         """
         if time.monotonic() >= self._clean_at:
             self._clean_at = time.monotonic() + _CLEAN_EVERY_S

@@ -23,12 +23,7 @@ _Result = TypeVar("_Result")
 class LookupPool:
     """A fixed number of daemon threads. Unlike those of an executor, they do not keep the process from exiting.
 
-    Parameters
-    ----------
-    threads : int
-        Maximum number of threads.
-    share : int, optional
-        Maximum number of calls of one owner, waiting or running. Default: unlimited.
+    One owner may have `share` calls waiting or running; without it, any number.
     """
 
     def __init__(self, threads: int, share: int | None = None) -> None:
@@ -41,10 +36,7 @@ class LookupPool:
     def submit(self, owner: str, call: Callable[[], _Result]) -> Future[_Result]:
         """Start a call as soon as a thread is free. A cancelled future that has not started never runs.
 
-        Raises
-        ------
-        LimitError
-            The owner has too many unfinished calls.
+        `LimitError`: the owner has too many unfinished calls.
         """
         future: Future[_Result] = Future()
         with self._lock:
@@ -64,10 +56,7 @@ class LookupPool:
     def lookup(self, host: str, port: int, resolve: Lookup = system_lookup) -> list[str]:
         """Resolve a host and return its addresses. A `Lookup` with a deadline.
 
-        Raises
-        ------
-        OSError
-            The host has no address, or its addresses did not arrive in time.
+        `OSError`: the host has no address, or its addresses did not arrive in time.
         """
         future = self.submit("", lambda: resolve(host, port))
         try:

@@ -36,16 +36,10 @@ _Track = Callable[[httpcore.NetworkStream | None, httpcore.NetworkStream | None]
 
 @dataclass(frozen=True)
 class SendOutcome:
-    """The result of an attempt.
+    """The result of an attempt: the status of the response, if there was one, and the seconds that it asks to wait.
 
-    Attributes
-    ----------
-    status : int or None
-        Status of the response; None if there was none.
-    error : str
-        Why the message does not count as delivered; empty if it does. Contains no text of the response.
-    retry_after_s : float
-        Seconds that the receiver asks to wait; 0 if it does not.
+    `error` says why the message does not count as delivered, and is empty if it does. It contains no text of the
+    response.
     """
 
     at: datetime
@@ -63,16 +57,9 @@ class SendOutcome:
 class Sender:
     """Sends messages. Safe to share between threads.
 
-    Parameters
-    ----------
-    networks : tuple of networks
-        Networks allowed besides the public internet.
-    lookup : callable
-        Resolves hosts.
-    tls : ssl.SSLContext, optional
-        The trusted authorities. Default: the system's usual list (SSL_CERT_FILE sets another).
-    connect_s, total_s : float
-        Seconds to connect, and in total from resolving the host to the end of the response.
+    Networks are allowed besides the public internet. The trusted authorities of TLS are the system's usual list, if
+    none are given (SSL_CERT_FILE sets another). A message has `connect_s` seconds to connect, and `total_s` from
+    resolving the host to the end of the response.
     """
 
     def __init__(
@@ -233,14 +220,8 @@ class _TimedStream(httpcore.NetworkStream):
 def signed_headers(message_id: str, body: str, secrets: Iterable[str], at: datetime) -> dict[str, str]:
     """Return the headers of a message, with one signature per secret.
 
-    Parameters
-    ----------
-    body : str
-        The exact text to send.
-    secrets : iterable of str
-        Each `whsec_` followed by base64.
-    at : datetime
-        Time of this attempt, in UTC.
+    The body is the exact text to send; each secret is `whsec_` followed by base64; `at` is the time of this attempt in
+    UTC.
     """
     from standardwebhooks import Webhook
 

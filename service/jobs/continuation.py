@@ -28,12 +28,10 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
     ------
     NotFoundError, ConflictError
         There is no such job, or it has not ended, or it has succeeded.
-    UnreadableJobError
-        This version cannot read its request.
+    UnreadableJobError, RequestError, ModelError
+        This version cannot read its request, or the deployment no longer accepts it.
     StoredFileError
         The stored copy of one of its files is damaged.
-    RequestError, ModelError
-        The deployment no longer accepts the request.
     """
     with claimed(app.record, caller, request_hash(caller.method, caller.path, None, {})) as claim:
         if isinstance(claim, Answer):
@@ -58,21 +56,15 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
 def branch(app: AppState, caller: Caller, job_id: str, step: int, document: BranchDocument, folder: Path) -> Answer:
     """Create a new job that starts with the shape of a checkpoint and follows another document.
 
-    Parameters
-    ----------
-    step : int
-        The step of the checkpoint. Where several attempts have one, the newest intact one is used.
-    folder : Path
-        The folder for the files that the document names.
+    Where several attempts have a checkpoint of the step, the newest intact one is used. The files that the document
+    names are fetched to the folder.
 
     Raises
     ------
     NotFoundError
         There is no such job, or it has no such checkpoint.
-    UnreadableJobError
-        This version cannot read its request.
-    StoredFileError
-        The stored copy of one of its files is damaged.
+    UnreadableJobError, StoredFileError
+        This version cannot read its request, or the stored copy of one of its files is damaged.
     AssetError, RequestError, ModelError
         The request, or a file that it names, is not acceptable.
     """
