@@ -41,7 +41,6 @@ class PlacedPart:
     ----------
     number, member : int
         The part, and the member that it is from.
-    shape : MemberShape
     scale, shift : (3,) float64
         The rough fit, before the embedded deformation.
     embedding : Embedding, optional
@@ -88,7 +87,6 @@ class Assembly:
 
     Attributes
     ----------
-    parts : list of PlacedPart
     pieces : list of Piece
         For `assets.assemble`.
     loose : list of int
@@ -121,7 +119,6 @@ class Assembler:
 
     Parameters
     ----------
-    family : FamilyFile
     load : callable
         Returns the asset of a member.
     defects : (T, L) float64
@@ -193,7 +190,6 @@ class Assembler:
         points : (K, 3) float64
             In the frame.
         exists : (K,) bool
-        choice : mapping of part to member
         kept : collection of int
             Parts that stay exactly as they are in their member.
         diagonal : float

@@ -118,7 +118,6 @@ def sample_shape(positions: NDArray[np.float64], triangles: NDArray[np.int64], c
     triangles : (F, 3) int64
     count : int
         Number of samples P.
-    seed : int
 
     Raises
     ------

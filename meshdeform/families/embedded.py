@@ -49,7 +49,6 @@ class Pull:
     targets : (P, 3) float64
     components : (P,) int64
         The piece of surface of each.
-    weight : float
     """
 
     points: _Floats

@@ -46,8 +46,6 @@ class Inference:
 
     Attributes
     ----------
-    collection : Collection
-    template : Template
     given : (T, P) int64
         Given parts of samples; -1 where they are to be found.
     deformed : (T, K, 3) float32
@@ -65,7 +63,6 @@ class Inference:
     s1, s2 : (3,) float32
     s3 : (F,) float32
         Diagonal covariances of data, smoothness and features.
-    iteration : int
     """
 
     collection: Collection
@@ -96,7 +93,6 @@ class Inference:
 
         Parameters
         ----------
-        collection : Collection
         given : (T, P) int64
         count : int
             Number of template points K.

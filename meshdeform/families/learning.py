@@ -38,7 +38,6 @@ class Learning:
 
     Attributes
     ----------
-    machine : BetaMachine
     points : (T, K, 3) float32 in (0, 1)
     exists : (T, K) float32
     edges : (K, K) float32
@@ -49,8 +48,6 @@ class Learning:
     reach : dict of name to Tensor
         Factors of the rate for the exponents, whose statistics vary by about one over the sum of the exponents: a
         diagonal natural gradient. Without it they would need a thousand times as many epochs as the other weights.
-    rate, error, best_error : float
-    epoch : int
     """
 
     machine: BetaMachine

@@ -93,7 +93,6 @@ class MemberPart:
     faces : (G, 3) int64
     patches : (V,) int64
         Connected patch of each vertex.
-    area : float
     """
 
     triangles: NDArray[np.bool_]
@@ -109,14 +108,7 @@ class MemberPart:
 
 
 class MemberShape:
-    """One member of a family.
-
-    Parameters
-    ----------
-    family : FamilyFile
-    number : int
-    asset : Asset
-    """
+    """One member of a family."""
 
     def __init__(self, family: FamilyFile, number: int, asset: Asset) -> None:
         self.asset, self.number = asset, number

@@ -118,12 +118,10 @@ def gibbs(
 
     Parameters
     ----------
-    machine : BetaMachine
     state : State
         Where the chains begin.
     exists : (S, K) float32
         Coordinates of other points are not drawn.
-    rounds : int
     random : numpy Generator
     fixed : ((S, K, 3), (S, K)) float32, optional
         Points, and 1 for those that keep their places.
@@ -171,7 +169,6 @@ def sampled(
 
     Parameters
     ----------
-    machine : BetaMachine
     points : (T, K, 3) float32
         The members in the machine's interval.
     exists : (T, K) float32
@@ -197,7 +194,6 @@ def between(machine: BetaMachine, points: Tensor, exists: Tensor, share: float) 
 
     Parameters
     ----------
-    machine : BetaMachine
     points : (2, K, 3) float32
     exists : (2, K) float32
     share : float
@@ -227,7 +223,6 @@ def completed(
 
     Parameters
     ----------
-    machine : BetaMachine
     points : (K, 3) float32
     exists : (K,) float32
         Of the shape whose points are known.
@@ -235,7 +230,6 @@ def completed(
         1 for the points of parts that are kept, whether they exist or not.
     unexplained : Unexplained
         Of the family's members.
-    rounds : int
     random : numpy Generator
     """
     mean = torch.sigmoid(machine.weights["e0"])
@@ -258,7 +252,6 @@ class FreeEnergy:
 
     Parameters
     ----------
-    machine : BetaMachine
     points : (T, K, 3) float32
     exists : (T, K) float32
         The members.

@@ -29,7 +29,6 @@ class Template:
     features : (K, F) float32
     labels : (K,) int64
         The part of each point.
-    parts : int
     """
 
     points: Tensor
@@ -43,14 +42,12 @@ def first_template(collection: Collection, boxed: Tensor, labels: Tensor, count:
 
     Parameters
     ----------
-    collection : Collection
     boxed : (T, P, 3) float32
         The samples, scaled to the mean box.
     labels : (T, P) int64
         Parts of the samples of labelled shapes; -1 elsewhere. Where no shape has labels, parts are clusters.
     count : int
         K.
-    parts : int
     """
     known = torch.nonzero((labels >= 0).all(1))[:, 0]
     pool = known if len(known) else torch.arange(len(boxed))

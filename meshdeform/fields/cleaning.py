@@ -30,7 +30,6 @@ class CleanMesh:
     faces : (F, 3) int64
     twin : (F, 3) int64
         The half-edge glued to each one, -1 at borders.
-    topology : Topology
     cleaned : dict of str to int
         What was removed or separated.
     """

@@ -131,7 +131,6 @@ def write_field(
 
     Parameters
     ----------
-    base : EncodedBase
     field : FieldNetwork
         With features in the order of `base.verts`.
     centre : (3,) float64

@@ -79,12 +79,10 @@ class FitOptions:
 
     Attributes
     ----------
-    steps, seed : int
     features, octaves, width, depth : int
         Of the network.
     batch_faces : int
         Base faces per step.
-    learning_rate, normal_weight : float
     rounding : bool
         False if the field is not written to a file.
     """
@@ -114,12 +112,9 @@ class FieldFit:
 
     Parameters
     ----------
-    surface : Surface
-    frame : FieldFrame
     verts : (V, 3) float64
         The base's vertices in the frame, as the file will hold them.
     faces : (F, 3) int64
-    options : FitOptions
     checkpoint : Checkpoint, optional
         Where to resume.
     initial : dict of str to Tensor, optional

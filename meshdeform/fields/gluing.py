@@ -26,7 +26,6 @@ class Topology:
 
     Attributes
     ----------
-    components : int
     border_edges : int
         Edges with one face.
     characteristics : tuple of int

@@ -35,7 +35,6 @@ class IntrinsicMesh:
         An edge may occur twice, or join a vertex with itself.
     lengths : (F, 3) float64
         Side k runs from corner k to corner k + 1.
-    vertices : int
     flips : int
         Number of flips that made it.
     least : float

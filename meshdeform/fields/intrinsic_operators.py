@@ -66,7 +66,6 @@ class HeatGeodesics:
 
     Parameters
     ----------
-    mesh : IntrinsicMesh
     factor : float
         The time t is this times the mean squared edge length over the area.
     """

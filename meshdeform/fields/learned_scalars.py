@@ -50,9 +50,6 @@ def learned_scalars(
 
     Parameters
     ----------
-    field : NeuralField
-    samples : SampledScalars
-    seed, steps : int
     on_step : callable
         Called after each step.
     """
@@ -110,7 +107,6 @@ def places_on(field: NeuralField, points: _Floats, normals: _Floats) -> tuple[_I
 
     Parameters
     ----------
-    field : NeuralField
     points, normals : (P, 3) float64
         In the world; normals are unit normals, or zero where unknown.
 

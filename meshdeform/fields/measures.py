@@ -42,7 +42,6 @@ def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]
 
     Parameters
     ----------
-    surface : Surface
     verts : (V, 3) float64
         Of the field, in world coordinates.
     faces : (F, 3) int64
@@ -78,12 +77,7 @@ def _figures(values: _Floats) -> dict[str, float]:
 
 
 class Reference:
-    """The spectrum and geodesics of the input, computed once.
-
-    Parameters
-    ----------
-    surface : Surface
-    """
+    """The spectrum and geodesics of the input, computed once."""
 
     def __init__(self, surface: Surface) -> None:
         mesh = surface.reference

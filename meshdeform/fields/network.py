@@ -38,7 +38,6 @@ class FieldNetwork:
         Of the base's vertices.
     layers : sequence of (weight (out, in), bias (out,)) float32
         SiLU follows every layer but the last.
-    octaves : int
     """
 
     def __init__(self, features: Tensor, layers: Sequence[tuple[Tensor, Tensor]], octaves: int) -> None:

@@ -28,7 +28,6 @@ def relaxed(mesh: CleanMesh, project: Callable[[_Floats, _Floats], tuple[_Floats
 
     Parameters
     ----------
-    mesh : CleanMesh
     project : callable
         From points (P, 3) and unit normals (P, 3) to places on the surface and normals there.
     """

@@ -39,7 +39,6 @@ class ScalarField:
 
     Parameters
     ----------
-    name : str
     features : (V, d) float32
         Of the base's vertices.
     layers : sequence of (weight (out, in), bias (out,)) float32
@@ -142,7 +141,6 @@ def learn_scalars(
         Barycentric coordinates.
     values : (P, C) float64
         Finite; with `labels`, 1 where a place belongs to a piece and 0 elsewhere.
-    name : str
     labels : sequence of int, optional
         The number of each piece. A binary classifier of each is learned; a place belongs to the one with the greatest
         result.

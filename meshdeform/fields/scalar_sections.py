@@ -22,7 +22,6 @@ class SurfaceScalars:
 
     Attributes
     ----------
-    name : str
     labels : list of int
         The numbers of the pieces, one for each output; empty for scalars.
     offset, scale : (C,) float64

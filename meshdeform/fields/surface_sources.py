@@ -52,7 +52,6 @@ class Surface(Protocol):
     ----------
     kind : str
         `mesh`, `points`, `grid` or `network`.
-    reference : CleanMesh
     """
 
     kind: str

@@ -43,7 +43,6 @@ class Prior(Protocol):
 
         Parameters
         ----------
-        prompt : str
         others : str
             Negative prompts; an empty one is the unconditional text.
 

@@ -61,7 +61,6 @@ class ModelFiles:
         The requested hub id or folder.
     revision : str
         The commit if the files are in the Hugging Face cache, otherwise the requested revision.
-    folder : Path
     parts : dict of str to PartFiles
         `text_encoder`, `unet` and `vae`.
     """
@@ -91,7 +90,6 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
 
     Parameters
     ----------
-    model, revision : str
     half : bool
         Prefer fp16 files if both kinds are present: half the bytes to read and hash.
 

@@ -23,7 +23,6 @@ class Guess:
 
     Attributes
     ----------
-    family : str
     probability : float
         That the drawing shows this family and none of the others.
     values : dict of str to (float or str)

@@ -41,7 +41,6 @@ class Habits:
 
     Attributes
     ----------
-    view : View
     slant : (float, float)
         How far to the right and up a unit of depth goes on the page, as in drawings that show the front as it is and
         the depth at an angle. (0, 0): perspective alone.

@@ -54,7 +54,6 @@ def visible_lines(mesh: Solid, view: View, wires: Sequence[Floats] = (), *, cont
     ----------
     mesh : Solid
         Of vertices that are shared, as `joined` makes it.
-    view : View
     wires : sequence of (N, 3) floats
         Polylines of at least two points.
     contours : bool

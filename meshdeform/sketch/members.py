@@ -15,7 +15,6 @@ def member_glb(family: str, values: Mapping[str, object]) -> bytes:
 
     Parameters
     ----------
-    family : str
     values : mapping
         Parameters by name; those left out have their default.
 

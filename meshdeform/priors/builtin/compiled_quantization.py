@@ -135,7 +135,6 @@ def quantize_normed(
     gain, shift : both (B, C), or both (1, C) for all pictures, float32
     groups : int
         Divisor of C.
-    silu : bool
     border : int
         Width of the border of `out`, in pixels, whose level means 0.
     out : (B, H + 2 border, W + 2 border, C) uint8
@@ -253,7 +252,6 @@ def round_weights(x: _Floats, largest: int) -> NDArray[np.int8]:
     ----------
     x : (O, I, K) float32
         Weights in steps, from ``-largest`` to ``largest``; K are those of a kernel.
-    largest : int
 
     Returns
     -------

@@ -104,7 +104,6 @@ def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = BUILTIN_
 
     Parameters
     ----------
-    unknown : iterable of str
     with_nouns : bool
         Whether nouns count: a prompt that has one needs no second.
     words : Words

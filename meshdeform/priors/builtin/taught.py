@@ -56,8 +56,6 @@ class Lesson:
 
     Attributes
     ----------
-    noun : str
-    synonyms : tuple of str
     attributes : tuple of str
         Attributes that meshes were labelled with.
     meshes : tuple of str
@@ -66,7 +64,6 @@ class Lesson:
         One line about the meshes' licence; may be empty.
     date : str
         Day of the lesson, as YYYY-MM-DD.
-    steps, seed : int
     """
 
     noun: str

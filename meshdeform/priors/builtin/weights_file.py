@@ -69,8 +69,6 @@ def pack_weights(
 
     Parameters
     ----------
-    state : mapping of str to Tensor
-    config : ModelConfig
     provenance : mapping of str to str
         Metadata about the training.
     words : mapping of str to str, optional

@@ -28,7 +28,6 @@ class NewNoun:
     ----------
     noun : str
         Canonical: small letters; several words are joined by hyphens.
-    synonyms : tuple of str
     replaces : bool
         Whether the weights know the noun already, so that its meaning is replaced.
     words : Words

@@ -63,8 +63,6 @@ def retrieved(
 
     Parameters
     ----------
-    network : PriorNetwork
-    words : Words
     pictures : PictureSet
         Their labels are not used, except the azimuths.
     candidates : sequence of str

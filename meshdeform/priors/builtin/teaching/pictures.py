@@ -40,7 +40,6 @@ class LessonSize:
     ----------
     members : int
         Least number of members of the new noun; at least `each` of every mesh.
-    each : int
     grids : int
         Grids of four views of a member, in addition to one single view.
     """
@@ -88,13 +87,10 @@ def draw_lesson(
 
     Parameters
     ----------
-    new : NewNoun
     shapes : sequence of Shape
         At least one.
     replayed : mapping of str to PictureSet
         Pictures of nouns that were taught before.
-    size : LessonSize
-    seed : int
     made : sequence of Shape
         New members that somebody made. With them, members are these and the shapes as they are, instead of jittered.
     """

@@ -60,10 +60,8 @@ def shape_of(mesh: TriangleMesh, name: str, *, front_deg: float = 0.0, attribute
     ----------
     mesh : TriangleMesh
         World space, any size; it may be open or have many parts.
-    name : str
     front_deg : float
         Azimuth of its front, as in `params.orientation`: 0 is +Z, 90 is +X.
-    attributes : sequence of Attribute
 
     Raises
     ------

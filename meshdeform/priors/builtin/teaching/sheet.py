@@ -44,7 +44,6 @@ def sample(
 
     Parameters
     ----------
-    network : PriorNetwork
     prompts : B strings
     azimuth_deg : (B,) float32
         Azimuth of the first or only view.
@@ -106,11 +105,8 @@ def learned_sheet(network: PriorNetwork, words: Words, noun: str, seen: PictureS
     ----------
     network : PriorNetwork
         On the CPU.
-    words : Words
-    noun : str
     seen : PictureSet
         Pictures of the training, of which the first single views are shown.
-    seed : int
     """
     prompts = [ParsedPrompt(noun), *(ParsedPrompt(noun, (Attribute("whole", degree),)) for degree in _SHOWN)]
     plain, *others = map(str, prompts)

@@ -40,7 +40,6 @@ class TeachConfig:
     ----------
     steps : int
         Most optimiser steps.
-    batch : int
     learning_rate : float
         At the top of the cycle.
     ema_decay : float
@@ -49,7 +48,6 @@ class TeachConfig:
         Steps between two measurements of the held-out losses.
     patience : int
         Measurements without a smaller held-out loss after which the training stops.
-    seed : int
     """
 
     steps: int = 600
@@ -107,9 +105,6 @@ class Teacher:
     ----------
     network : PriorNetwork
         The result of `extended`.
-    pictures : LessonPictures
-    config : TeachConfig
-    device : str
     precision : "fp32" or "bf16"
     identity : str
         Names the lesson; a state of another one is refused.
