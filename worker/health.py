@@ -65,13 +65,7 @@ def new_worker_id() -> str:
 
 
 class Pulse:
-    """The worker's end of the pulse. It starts as busy, because the process is loading.
-
-    Parameters
-    ----------
-    descriptor : int, optional
-        Descriptor of the shared memory; None without a supervisor.
-    """
+    """The worker's end of the pulse, in shared memory if there is a supervisor. At the start it is busy: it loads."""
 
     def __init__(self, descriptor: int | None = None) -> None:
         self._descriptor, self._beats = descriptor, 0

@@ -32,33 +32,18 @@ _FIRST_S, _LONGEST_S = 0.1, 2.0
 
 
 class Retry:
-    """Retries of operations that raise `UnavailableError`.
+    """Retries of operations that raise `UnavailableError`, each for at most `limit_s` seconds.
 
-    Parameters
-    ----------
-    between : callable
-        Called before each retry; raises an exception to end the retries, if the lease is lost or the job is canceled.
-    limit_s : float
-        Time limit of one operation in seconds.
+    `between` is called before each retry; it ends the retries by an exception if the lease is lost or the job canceled.
     """
 
     def __init__(self, between: Callable[[], None], limit_s: float = RETRY_FOR_S) -> None:
         self._between, self._limit_s = between, limit_s
 
     def until_answered(self, what: str, action: Callable[[], T]) -> T:
-        """Call `action` until it does not raise `UnavailableError`, and return its result.
+        """Call a repeatable `action` until it does not raise `UnavailableError`, and return its result.
 
-        Parameters
-        ----------
-        what : str
-            Description of the action for the log.
-        action : callable
-            Must be safe to repeat.
-
-        Raises
-        ------
-        UnavailableError
-            The time limit is exceeded.
+        `what` describes the action for the log. `UnavailableError`: the time limit is exceeded.
         """
         end, delay = time.monotonic() + self._limit_s, _FIRST_S
         while True:
@@ -79,19 +64,10 @@ _PAUSE_S, _PAUSE_PER_S = 1.0, 2.0
 
 
 class CheckpointStore:
-    """The checkpoints of one attempt at a job, and those left by earlier attempts.
+    """The checkpoints of one attempt at a job, the newest `kept` of them, and those left by earlier attempts.
 
-    Parameters
-    ----------
-    job : Job
-        As claimed: its attempt is part of the keys, so that two attempts never write the same object.
-    kept : int
-        Number of newest checkpoints to keep.
-
-    Attributes
-    ----------
-    step : int
-        The newest step stored by this attempt; 0 for none.
+    The attempt is part of the keys, so that two attempts never write the same object. `step` is the newest step stored
+    by this attempt; 0 for none.
     """
 
     def __init__(self, record: JobRecord, store: ObjectStore, job: Job, kept: int) -> None:
@@ -132,17 +108,9 @@ class CheckpointStore:
         return (step % every == 0 or self._missed) and time.monotonic() >= self._not_before
 
     def try_to_save(self, run: JobRun, *, mesh: bool = True) -> bool:
-        """Store the current state; if the store or the record does not answer, warn and retry after a later step.
+        """Store the current state, and return whether it was stored; `StaleAttemptError`: another attempt has the job.
 
-        Returns
-        -------
-        bool
-            Whether it was stored.
-
-        Raises
-        ------
-        StaleAttemptError
-            Another attempt has taken the job over.
+        If the store or the record does not answer, warn and retry after a later step.
         """
         began = time.monotonic()
         try:
@@ -200,10 +168,7 @@ class CheckpointStore:
 def store_artifact(store: ObjectStore, job: Job, name: str, artifact: ArtifactData) -> Artifact:
     """Store one artifact under the job's attempt, so that no two attempts write the same object.
 
-    Raises
-    ------
-    UnavailableError
-        The store does not answer, or returns different bytes.
+    `UnavailableError`: the store does not answer, or returns different bytes.
     """
     key = f"jobs/{job.id}/{job.attempt}/{name}"
     stored = store.put_verified(key, artifact.data, artifact.content_type)
@@ -218,13 +183,7 @@ def store_artifact(store: ObjectStore, job: Job, name: str, artifact: ArtifactDa
 
 
 def store_results(store: ObjectStore, job: Job, artifacts: dict[str, ArtifactData], retry: Retry) -> list[Artifact]:
-    """Store all results of a job.
-
-    Raises
-    ------
-    UnavailableError
-        The store has not answered within the time limit of `retry`.
-    """
+    """Store all results of a job; `UnavailableError`: the store has not answered within the time limit of `retry`."""
     results = []
     for name, artifact in artifacts.items():
         results.append(

@@ -61,13 +61,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Engine:
-    """The functions and the device that run jobs, created once per process.
-
-    Attributes
-    ----------
-    load_prior : callable
-        Returns the prior of a model and keeps it between jobs.
-    """
+    """The functions and the device that run jobs, created once per process. Priors are kept between jobs."""
 
     start: StartRun
     load_prior: Callable[[str], Prior]
@@ -77,10 +71,7 @@ class Engine:
 def torch_engine(settings: Settings) -> Engine:
     """Load torch, the kinds of job and what the first job would wait for, and return the engine.
 
-    Raises
-    ------
-    DependencyError
-        The device named in the settings does not exist.
+    `DependencyError`: the device named in the settings does not exist.
     """
     with collection_paused(keep=True):
         return _loaded(settings)
@@ -116,13 +107,7 @@ class PriorCache:
         self._prior: Prior | None = None
 
     def get(self, model: str, *, device: str, revision: str = "", dtype: str = "auto") -> Prior:
-        """Return the prior `model`, loading it unless it is cached.
-
-        Raises
-        ------
-        ModelError, DependencyError
-            It cannot be loaded.
-        """
+        """Return the prior `model`, loading it unless it is cached; `ModelError`, `DependencyError`: it cannot load."""
         edition = _edition(model)
         key = (edition or model, device, revision, dtype)
         if self._prior is None or self._key != key:
@@ -269,17 +254,9 @@ def _is_ours(job: Job) -> bool:
 
 
 def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
-    """Run jobs until a signal stops the process.
+    """Run jobs until a signal stops the process; tests replace the function that loads the engine.
 
-    Parameters
-    ----------
-    load_engine : callable
-        Returns the engine; tests replace it.
-
-    Returns
-    -------
-    int
-        The exit code: 0, or `OUT_OF_MEMORY` if the device needs a clean context.
+    The exit code is 0, or `OUT_OF_MEMORY` if the device needs a clean context.
     """
     settings = Settings()
     configure_logging(settings)

@@ -36,11 +36,7 @@ class JobRunner:
 
         Errors of the job are recorded and not raised. If the record or the store does not answer for too long, the job
         returns to the queue, or stays claimed until its lease expires if even that cannot be written.
-
-        Raises
-        ------
-        UnavailableError
-            The record does not answer, so nothing is claimed.
+        `UnavailableError`: the record does not answer, so nothing is claimed.
         """
         failpoint("worker.told")
         self.at.pulse.beat()

@@ -39,13 +39,7 @@ _STOP = frozenset({signal.SIGINT, signal.SIGTERM})
 
 
 class Supervisor:
-    """The supervisor of one worker process; it also runs the reconciler.
-
-    Parameters
-    ----------
-    process_module : str
-        The module run as the worker process; tests replace it.
-    """
+    """The supervisor of one worker process, whose module tests replace; it also runs the reconciler."""
 
     def __init__(self, settings: Settings, process_module: str = PROCESS_MODULE) -> None:
         self._settings, self._process_module = settings, process_module
@@ -57,10 +51,7 @@ class Supervisor:
     def run(self) -> None:
         """Supervise the worker until SIGINT or SIGTERM, then let it hand its job back and exit.
 
-        Raises
-        ------
-        DependencyError
-            A URL in the settings is invalid. If the record merely does not answer, wait for it.
+        `DependencyError`: a URL in the settings is invalid. If the record merely does not answer, wait for it.
         """
         with SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD) as inbox, sign_of_life(self._settings):
             record = self._open_record(inbox)

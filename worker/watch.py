@@ -79,21 +79,8 @@ class StepTimer:
 class JobWatch:
     """The watch over one attempt, for the duration of a `with` block: one thread writes, one waits for a cancellation.
 
-    Parameters
-    ----------
-    job : Job
-        As claimed.
-    listen : callable
-        Opens a `CancelListener` for the job.
-    lease_s : float
-        Duration of the lease, which is renewed every sixth of it, at least every ten seconds.
-
-    Attributes
-    ----------
-    canceled : bool
-        Whether the job is to be canceled: stop after this step.
-    lost : bool
-        Whether another attempt has the job: stop, and write nothing more.
+    `listen` opens a `CancelListener` for the job. The lease is renewed every sixth of it, at least every ten seconds.
+    Once `canceled`, stop after this step. Once `lost`, another attempt has the job: stop, and write nothing more.
     """
 
     def __init__(
