@@ -171,7 +171,6 @@ class Attempt:
                 default_model=self._at.settings.model,
                 limits=Limits.from_settings(self._at.settings),
                 device=self._at.device,
-                on_phase=self._phase,
                 on_wait=self._go_on,
             )
             return self._at.start(given)

@@ -88,7 +88,7 @@ def check_asset_subprocess(
 
     Returns
     -------
-    AssetSummary, or PictureSummary of a silhouette and a drawing.
+    AssetSummary, or PictureSummary of a silhouette.
 
     Raises
     ------

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter, UnidentifiedImageError
 
-from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import DrawingError
 
-__all__ = ["MAX_BYTES", "SIDE", "check_drawing", "ink_of", "prepared", "read_drawing", "summary_of"]
+__all__ = ["MAX_BYTES", "SIDE", "check_drawing", "ink_of", "prepared", "read_drawing"]
 
 SIDE = 64
 """Side of the picture that the network sees."""
@@ -44,30 +43,13 @@ def read_drawing(data: bytes) -> NDArray[np.float32]:
     DrawingError
         It is no picture, too large, or no line drawing.
     """
-    grey, _, _ = _decoded(data)
+    grey = _decoded(data)
     check_drawing(grey)
     return prepared(grey)
 
 
-def summary_of(data: bytes) -> PictureSummary:
-    """Decode a picture, check that it is a line drawing, and describe it; the box and the share are those of its ink.
-
-    Raises
-    ------
-    DrawingError
-        As for `read_drawing`.
-    """
-    grey, kind, (width, height) = _decoded(data)
-    check_drawing(grey)
-    dark = ink_of(grey) > _INK
-    rows, columns = np.flatnonzero(dark.any(1)), np.flatnonzero(dark.any(0))
-    ends = columns[0] / grey.width, rows[0] / grey.height, (columns[-1] + 1) / grey.width, (rows[-1] + 1) / grey.height
-    left, top, right, bottom = (round(float(end), 4) for end in ends)
-    return PictureSummary(kind, width, height, (left, top, right, bottom), round(float(dark.mean()), 4))
-
-
-def _decoded(data: bytes) -> tuple[Image.Image, str, tuple[int, int]]:
-    """Return a picture in grey, reduced, its format, and its own size."""
+def _decoded(data: bytes) -> Image.Image:
+    """Return a picture in grey, reduced."""
     if len(data) > MAX_BYTES:
         raise DrawingError(f"The drawing's file has {len(data):,} bytes, more than {MAX_BYTES:,}.", advice=_ADVICE)
     try:
@@ -77,14 +59,13 @@ def _decoded(data: bytes) -> tuple[Image.Image, str, tuple[int, int]]:
                     f"The drawing has {opened.width} x {opened.height} pixels, more than {_MAX_PIXELS:,} in all.",
                     advice="Make it smaller; 1,000 x 1,000 are more than enough.",
                 )
-            kind, size = str(opened.format).lower(), opened.size
             opened.thumbnail((_LOOKED_AT, _LOOKED_AT))
             picture = opened.convert("RGBA")
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise DrawingError("The drawing is no picture that can be read.", advice="Send a PNG, JPEG or WebP.") from error
     page = Image.new("RGBA", picture.size, "white")
     page.alpha_composite(picture)
-    return page.convert("L"), kind, size
+    return page.convert("L")
 
 
 def ink_of(picture: Image.Image) -> NDArray[np.float32]:

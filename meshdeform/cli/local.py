@@ -152,7 +152,7 @@ class LocalJob:
         except KeyboardInterrupt:
             raise self._interruption() from None
 
-    def start(self, on_phase: Callable[[str], None] = lambda _name: None) -> JobRun:
+    def start(self) -> JobRun:
         """Read the files and start the run.
 
         Raises
@@ -183,7 +183,6 @@ class LocalJob:
             default_model=self.settings.model,
             limits=limits,
             device=device,
-            on_phase=on_phase,
         )
         with self._alignment_picture(), collection_paused():  # compiled kernels are loaded, and a library for them
             return start_run(job_input)
@@ -203,7 +202,7 @@ class LocalJob:
         if self.checkpoint is not None:
             with writing("The checkpoint", "--checkpoint"):
                 _try_folder(self.checkpoint)
-        run = self.start(progress.phase)
+        run = self.start()
         first = run.step
         progress.phase("optimizing")
         self._optimize(run, progress)

@@ -146,8 +146,6 @@ class RunInput:
     limits : Limits, optional
         Limits on the files.
     device : str
-    on_phase : callable
-        Told the name of a phase that the start enters.
     on_wait : callable
         Called now and then while the start takes long; raises if the run must stop.
     """
@@ -161,7 +159,6 @@ class RunInput:
     default_model: str = BUILTIN_MODEL
     limits: Limits | None = None
     device: str = "cpu"
-    on_phase: Callable[[str], None] = lambda _name: None
     on_wait: Callable[[], None] = lambda: None
 
 
