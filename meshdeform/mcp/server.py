@@ -1,8 +1,10 @@
-"""Build the server: the tools, and the two ways to reach it."""
+"""Build the server: the tools, the two ways to reach it, and the check of its callers' API keys."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Sequence
+import hashlib
+import time
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,15 +12,16 @@ from typing import TYPE_CHECKING
 from mcp.server.mcpserver import Context, MCPServer
 from mcp.server.transport_security import TransportSecuritySettings
 from mcp.types import ToolAnnotations
+from starlette.datastructures import Headers
+from starlette.responses import JSONResponse
 
 import meshdeform
 from meshdeform.client import AsyncClient
-from meshdeform.mcp.access import KeyCheck, bearer
-from meshdeform.mcp.files import Folders
-from meshdeform.mcp.tools import Tools, explained
+from meshdeform.errors import ForbiddenError, MeshdeformError, UnauthorizedError
+from meshdeform.mcp.tools import Folders, Tools, explained
 
 if TYPE_CHECKING:
-    from starlette.types import ASGIApp
+    from starlette.types import ASGIApp, Receive, Scope, Send
 
 __all__ = ["http_app", "local_server"]
 
@@ -34,6 +37,8 @@ _WRITES = ("apply_strength", "download")
 # Base64 adds a third, and the message around it a little.
 _BODY_BYTES = 48 * 2**20
 _UPLOAD_BYTES = 32 * 2**20
+_REMEMBERED_S = 30.0
+_MOST_REMEMBERED = 1000
 
 
 def _server(tools: Tools, names: Sequence[str]) -> MCPServer:
@@ -81,7 +86,7 @@ def http_app(url: str, hosts: Sequence[str]) -> ASGIApp:
     @asynccontextmanager
     async def connect(ctx: Context) -> AsyncIterator[AsyncClient]:
         # An empty key, so that the key in this server's environment is nobody's.
-        async with AsyncClient(url, api_key=bearer(ctx.headers or {}) or "") as client:
+        async with AsyncClient(url, api_key=_bearer(ctx.headers or {}) or "") as client:
             yield client
 
     tools = Tools(connect, Folders([]), _UPLOAD_BYTES)
@@ -92,4 +97,48 @@ def http_app(url: str, hosts: Sequence[str]) -> ASGIApp:
     app = server.streamable_http_app(
         stateless_http=True, transport_security=security, max_request_body_size=_BODY_BYTES
     )
-    return KeyCheck(app, url)
+    return _KeyCheck(app, url)
+
+
+def _bearer(headers: Mapping[str, str]) -> str | None:
+    """Return the token of an `Authorization: Bearer` header, or None."""
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    return token.strip() or None if scheme.lower() == "bearer" else None
+
+
+class _KeyCheck:
+    """Answer 401 to callers without a key that the service accepts, before anything of their message is read.
+
+    A key that was accepted is asked for again after 30 seconds; each call of a tool uses it at the service anyway.
+    """
+
+    def __init__(self, app: ASGIApp, url: str) -> None:
+        self._app = app
+        self._url = url
+        self._accepted: dict[bytes, float] = {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, or answer it."""
+        if scope["type"] == "http":
+            refusal = await self._refusal(_bearer(Headers(scope=scope)) or "")
+            if refusal is not None:
+                await refusal(scope, receive, send)
+                return
+        await self._app(scope, receive, send)
+
+    async def _refusal(self, key: str) -> JSONResponse | None:
+        name = hashlib.sha256(key.encode()).digest()
+        if self._accepted.get(name, 0.0) > time.monotonic():
+            return None
+        try:
+            async with AsyncClient(self._url, api_key=key, timeout_s=10.0, max_retries=0) as client:
+                await client.limits()
+        except (UnauthorizedError, ForbiddenError):
+            detail = "Send an API key of the Meshdeform service as a bearer token."
+            return JSONResponse({"detail": detail}, 401, {"WWW-Authenticate": 'Bearer realm="meshdeform"'})
+        except (MeshdeformError, ValueError) as error:
+            return JSONResponse({"detail": f"The Meshdeform service cannot be asked: {error}"}, 503)
+        if len(self._accepted) >= _MOST_REMEMBERED:
+            self._accepted.clear()
+        self._accepted[name] = time.monotonic() + _REMEMBERED_S
+        return None
