@@ -18,6 +18,7 @@ from meshdeform.priors import load_prior
 from meshdeform.rendering.animation import morph_animation
 from meshdeform.rendering.studio import Pose
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,7 +42,7 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     prior = load_prior("builtin", device="cpu")
-    params = {"preset": arguments.preset, **({"steps": arguments.steps} if arguments.steps else {})}
+    params = grouped({"preset": arguments.preset, **({"steps": arguments.steps} if arguments.steps else {})})
     arguments.output.mkdir(parents=True, exist_ok=True)
     for name in arguments.only or PICTURES:
         filename, prompt = PICTURES[name]

@@ -80,7 +80,7 @@ def pairs(assets: Path) -> dict[str, tuple[TriangleMesh, TriangleMesh]]:
 
 
 def ours(rest: TriangleMesh, target: TriangleMesh, preset: str) -> Floats:
-    params = resolve(DeformParams.model_validate({"guidance": "target", "preset": preset}))
+    params = resolve(DeformParams.model_validate({"preset": preset, "guidance": {"kind": "target"}}))
     guidance = TargetGuidance(stand_in_of(target), point_weight=params.point_weight)
     run = Deformation(rest, guidance, params)
     for _ in run:

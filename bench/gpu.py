@@ -37,7 +37,7 @@ SEED = 1
 def run(level: int, device: str, steps: int) -> Deformation:
     """Return a run of the builtin prior on a sphere."""
     guidance = ScoreDistillation(load_prior("builtin", device=device), "a mushroom", guidance_scale=7.5)
-    params = resolve(DeformParams(steps=steps, seed=SEED, orientation="keep"))
+    params = resolve(DeformParams.model_validate({"steps": steps, "seed": SEED, "guidance": {"orientation": "keep"}}))
     return Deformation(icosphere(level, 0.6), guidance, params, device=device)
 
 

@@ -40,6 +40,7 @@ from meshdeform.geometry.weld import weld
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 
 __all__ = ["Outcome", "glb", "outcome"]
@@ -95,7 +96,7 @@ class Outcome:
 def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome:
     """Deform an input, with `changes` to the benchmark's parameters, and check the result."""
     asset = glb(made)
-    params = {"preset": "preview", "steps": steps, "seed": 0, "safeguard": "intersections", **changes}
+    params = grouped({"preset": "preview", "steps": steps, "seed": 0, "safeguard": "intersections", **changes})
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
     start = time.process_time()
     run = text_deform.start(asset=asset, filename="input", request=request, prior=prior)

@@ -17,6 +17,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.runs.goals import score_distillation
 from training.evaluation.measures import measures
 from training.evaluation.retrieval import load_judge
@@ -46,7 +47,7 @@ def main() -> None:
     def deformed(prompt: str, **options: object) -> TriangleMesh:
         params = resolve(
             DeformParams.model_validate(
-                {"steps": arguments.steps, "dirichlet_weight": arguments.dirichlet_weight, **options}
+                grouped({"steps": arguments.steps, "dirichlet_weight": arguments.dirichlet_weight, **options})
             )
         )
         deformation = Deformation(frame.place(rest), score_distillation(prior, prompt, params), params)

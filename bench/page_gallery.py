@@ -25,6 +25,7 @@ from meshdeform.assets import load_asset
 from meshdeform.priors import load_prior
 from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -50,11 +51,11 @@ class Example:
 
     def document(self) -> dict[str, Any]:
         """Return the request; ten shapes on the way are kept, as for every job that the page starts."""
-        params = {"preset": "balanced", "seed": self.seed, **self.params}
+        params = grouped({"preset": "balanced", "seed": self.seed, **self.params})
         steps = resolve(DeformParams.model_validate(params)).steps
         return {
             "prompt": self.prompt,
-            "params": {**params, "checkpoint_every_steps": max(1, round(steps / 10))},
+            "params": grouped({**params, "checkpoint_every_steps": max(1, round(steps / 10))}),
             "output": OUTPUT,
         }
 

@@ -157,7 +157,11 @@ def _mitsuba(python: str, level: int, samples: int, own: float) -> str:
 
 def stepping(mesh: TriangleMesh, guidance: ScoreDistillation, steps: int) -> Callable[[], None]:
     """Return an action that makes further steps of one run."""
-    run = iter(Deformation(mesh, guidance, resolve(DeformParams(steps=50_000, orientation="keep"))))
+    run = iter(
+        Deformation(
+            mesh, guidance, resolve(DeformParams.model_validate({"steps": 50_000, "guidance": {"orientation": "keep"}}))
+        )
+    )
 
     def action() -> None:
         for _ in range(steps):

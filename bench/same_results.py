@@ -57,7 +57,7 @@ def disc() -> bytes:
 
 def requests() -> dict[str, dict[str, Any]]:
     """Return the requests by name: the document's members, and its files under `files`."""
-    target = {"guidance": "target"}
+    target = {"guidance": {"kind": "target"}}
     from_vase = {"asset": "sphere.glb", "target": "vase.glb"}
     box = {"box": {"min": [-9, -9, -9], "max": [9, 0, 9]}}
     return {
@@ -70,31 +70,42 @@ def requests() -> dict[str, dict[str, Any]]:
         "prompt, surface": {"prompt": "a car", "params": {"carrier": "surface"}, "files": {"asset": "shed"}},
         "prompt, front found": {
             "prompt": "a cat",
-            "params": {"orientation": "auto"},
+            "params": {"guidance": {"orientation": "auto"}},
             "files": {"asset": "capsule.glb"},
         },
-        "prompt, no structure": {"prompt": "a tall vase", "params": {"keep_structure": False}},
-        "prompt, negative": {"prompt": "a chair", "params": {"negative_prompt": "a table", "guidance_scale": 5.0}},
+        "prompt, no structure": {"prompt": "a tall vase", "params": {"control": {"keep_structure": False}}},
+        "prompt, negative": {
+            "prompt": "a chair",
+            "params": {"guidance": {"negative_prompt": "a table", "guidance_scale": 5.0}},
+        },
         "prompt, safeguard": {"prompt": "a rabbit", "params": {"safeguard": "intersections"}},
         "prompt, subdivided": {
             "prompt": "a house",
             "output": {"subdivide": True, "compact": True},
             "files": {"asset": "cube.glb"},
         },
-        "prompts": {"params": {"prompts": [{"prompt": "a mushroom"}, {"prompt": "a tall vase", "regions": [box]}]}},
+        "prompts": {
+            "params": {"guidance": {"prompts": [{"prompt": "a mushroom"}, {"prompt": "a tall vase", "regions": [box]}]}}
+        },
         "target": {"params": target, "files": from_vase},
-        "target, points": {"params": {**target, "point_weight": 1.0, "align": "none"}, "files": from_vase},
+        "target, points": {
+            "params": {"guidance": {**target["guidance"], "point_weight": 1.0, "align": "none"}},
+            "files": from_vase,
+        },
         "silhouettes": {
-            "params": {"guidance": "silhouettes", "silhouettes": [{"azimuth": 0}]},
+            "params": {"guidance": {"kind": "silhouettes", "silhouettes": [{"azimuth": 0}]}},
             "files": {"asset": "sphere.glb", "silhouette_1": "disc"},
         },
-        "regions": {"prompt": "a mushroom", "params": {"regions": [{**box, "action": "keep"}], "falloff": 0.1}},
+        "regions": {
+            "prompt": "a mushroom",
+            "params": {"control": {"regions": [{**box, "action": "keep"}], "falloff": 0.1}},
+        },
         "handles": {
             "prompt": "a mushroom",
-            "params": {"handles": [{"position": [0, 1, 0], "to": [0, 1.5, 0]}]},
+            "params": {"control": {"handles": [{"position": [0, 1, 0], "to": [0, 1.5, 0]}]}},
         },
-        "rigid": {"prompt": "a car", "params": {"rigid": [{"node": "left"}]}, "files": {"asset": "shed"}},
-        "symmetry": {"prompt": "a bird", "params": {"symmetry": "x"}, "files": {"asset": "capsule.glb"}},
+        "rigid": {"prompt": "a car", "params": {"control": {"rigid": [{"node": "left"}]}}, "files": {"asset": "shed"}},
+        "symmetry": {"prompt": "a bird", "params": {"control": {"symmetry": "x"}}, "files": {"asset": "capsule.glb"}},
     }
 
 

@@ -30,6 +30,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.coverage import CoverageRenderer
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.requests.removed import grouped
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}
 SIDE = 512
@@ -71,7 +72,7 @@ def fitted(name: str, goal: TriangleMesh, arguments: argparse.Namespace) -> list
     changes = {key: json.loads(value) if value[:1] in "[{-0123456789" else value for key, value in changes.items()}
     listed = [{"azimuth": azimuth, "elevation": elevation} for azimuth, elevation in places]
     kind = {"guidance": "target"} if arguments.target else {"guidance": "silhouettes", "silhouettes": listed}
-    params = resolve(DeformParams.model_validate({**kind, "preset": "balanced", **changes}))
+    params = resolve(DeformParams.model_validate(grouped({**kind, "preset": "balanced", **changes})))
     term = SilhouetteTerm(views)
     guidance = (
         TargetGuidance(framed(goal), point_weight=params.point_weight)

@@ -31,6 +31,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.runs.devices import use_threads
 
 WARM = 10
@@ -96,7 +97,7 @@ def run_of(options: argparse.Namespace) -> Iterator[object]:
     use_threads(options.threads)
     named = dict(text.split("=", 1) for text in options.set)
     given = {"orientation": "keep", **{name: json.loads(value) for name, value in named.items()}}
-    params = resolve(DeformParams(steps=50_000, **given))
+    params = resolve(DeformParams.model_validate(grouped({"steps": 50_000, **given})))
     prior = load_prior("builtin", device="cpu", dtype=options.dtype)
     guidance = ScoreDistillation(prior, options.prompt, guidance_scale=params.guidance_scale)
     return iter(Deformation(icosphere(options.subdivisions, 0.6), guidance, params))

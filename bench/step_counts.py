@@ -96,7 +96,7 @@ def count_step() -> dict[str, Counts]:
     torch.set_num_threads(1)
     try:
         prior, mesh = load_prior("builtin", device="cpu", dtype="float32"), icosphere(4, 0.6)
-        params = resolve(DeformParams(steps=50_000, orientation="auto"))
+        params = resolve(DeformParams.model_validate({"steps": 50_000, "guidance": {"orientation": "auto"}}))
         guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=params.guidance_scale)
         runs: list[Deformation] = []
 
@@ -107,7 +107,13 @@ def count_step() -> dict[str, Counts]:
             return lambda: list(islice(run, STEPS))
 
         # What is loaded on first use is not counted.
-        walk(Deformation(icosphere(1, 0.6), guidance, resolve(DeformParams(steps=STEPS, orientation="keep"))))()
+        walk(
+            Deformation(
+                icosphere(1, 0.6),
+                guidance,
+                resolve(DeformParams.model_validate({"steps": STEPS, "guidance": {"orientation": "keep"}})),
+            )
+        )()
         preparation = counted(begin, begin)
         return {"preparation": preparation, "steps": counted(walk(runs[0]), walk(runs[1]))}
     finally:

@@ -166,7 +166,14 @@ def main() -> None:
     for name in options.sources:
         for seed in options.seeds:
             source = source_mesh(name)
-            params = DeformParams(preset="balanced", steps=options.steps, model=str(options.weights), seed=seed)
+            params = DeformParams.model_validate(
+                {
+                    "preset": "balanced",
+                    "steps": options.steps,
+                    "seed": seed,
+                    "guidance": {"model": str(options.weights)},
+                }
+            )
             result = deformed(prior, source, options.prompt, params)
             found, quality = classifier.noun_of(result), measures(source, result)
             hits += found == noun

@@ -84,7 +84,14 @@ def main() -> None:
 
     def results(prompt: str) -> list[TriangleMesh]:
         told = [
-            DeformParams(preset="balanced", steps=options.steps, model=str(options.weights), seed=seed)
+            DeformParams.model_validate(
+                {
+                    "preset": "balanced",
+                    "steps": options.steps,
+                    "seed": seed,
+                    "guidance": {"model": str(options.weights)},
+                }
+            )
             for seed in range(options.seeds)
         ]
         return [deformed(prior, sphere, prompt, params) for params in told]

@@ -133,7 +133,7 @@ class Servers:
         """Post a job as the API does: the record first, then a message."""
         stored = self.store.put("assets/a", b"an asset", "model/gltf-binary")
         asset = StoredFile(key="assets/a", filename="a.glb", size=stored.size, sha256=stored.sha256)
-        params = {"steps": steps, "checkpoint_every_steps": 100, "guidance": "target"}
+        params = {"steps": steps, "checkpoint_every_steps": 100, "guidance": {"kind": "target"}}
         request = JobRequest.model_validate({"prompt": f"stub {step_s}", "params": params})
         job = self.record.create(NewJob(request, {"asset": asset, "target": asset}, owner_id=owner))
         self.queue.enqueue(job.id)

@@ -239,7 +239,7 @@ class ParameterError(RequestError):
         Parameters
         ----------
         loc : sequence of str and int
-            The path to the member, as in `["params", "handles", 2]`.
+            The path to the member, as in `["params", "control", "handles", 2]`.
         detail : str
             One sentence about this occurrence.
         advice : str, optional
@@ -254,7 +254,7 @@ class AlignmentError(RequestError):
     """The target mesh could not be placed on the asset."""
 
     code = "alignment_failed"
-    advice = "Turn and move the target onto the asset, and set params.align to none."
+    advice = "Turn and move the target onto the asset, and set params.guidance.align to none."
 
     picture: bytes | None = None
     """A PNG of both meshes, as they were placed."""
@@ -273,7 +273,7 @@ class VocabularyError(RequestError):
     code = "prompt_unknown_words"
     advice = (
         "Use one of the suggested prompts, or choose a Stable Diffusion model: "
-        'set params.model to its id or folder (install the "sd" extra on the worker).'
+        'set params.guidance.model to its id or folder (install the "sd" extra on the worker).'
     )
 
 

@@ -85,7 +85,7 @@ class Readiness(BaseModel):
 
 
 class PartFound(BaseModel):
-    """A node, material, mesh or joint of an asset, which `params.rigid` and `params.regions` can name."""
+    """A node, material, mesh or joint of an asset, which `rigid` and `regions` can name."""
 
     index: int = Field(ge=0, description="Its index in the file.", examples=[2])
     name: str = Field(description="Its name; empty if it has none.", examples=["wheel-front-left"])

@@ -63,7 +63,7 @@ class FakeKind:
         """Take the place of `meshdeform.runs.start_run`."""
         self.started.append(given)
         params = given.request.params
-        if params.guidance is not GuidanceKind.TARGET:
+        if params.kind is not GuidanceKind.TARGET:
             given.load_prior(params.model or given.default_model)
         state = {"step": 0, "value": 1}
         try:

@@ -17,6 +17,7 @@ from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, NewJob, Origin, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
@@ -62,8 +63,8 @@ class World:
         data = b"an asset"
         stored = self.store.put("assets/a", data, "model/gltf-binary")
         asset = StoredFile(key="assets/a", filename="a.glb", size=stored.size, sha256=stored.sha256)
-        params = {"steps": STEPS, "checkpoint_every_steps": EVERY, "guidance": "target", **params}
-        document = {"prompt": "a vase", "params": params, "priority": priority, "deadline_s": deadline_s}
+        params = grouped({"steps": STEPS, "checkpoint_every_steps": EVERY, "guidance": "target", **params})
+        document = {"prompt": "a vase", "params": grouped(params), "priority": priority, "deadline_s": deadline_s}
         files = {"asset": asset, "target": asset}
         return self.record.create(NewJob(JobRequest.model_validate(document), files, origin=origin))
 

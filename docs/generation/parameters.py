@@ -18,15 +18,25 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
-from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET
+from meshdeform.requests.parameters import (
+    CONSTANTS,
+    FROM_PRESET,
+    Control,
+    PromptGuidance,
+    SilhouetteGuidance,
+    TargetGuidance,
+)
+from meshdeform.requests.removed import PLACES
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import Box, Capsule, ColorRange, JointWeight, Selection, Sphere
 
-FAMILIES = {
-    "builtin": {"guidance": GuidanceKind.SDS, "model": "builtin"},
-    "Stable Diffusion": {"guidance": GuidanceKind.SDS, "model": "any/other"},
-    "target": {"guidance": GuidanceKind.TARGET},
+FAMILIES: dict[str, dict[str, Any]] = {
+    "builtin": {"kind": GuidanceKind.SDS, "model": "builtin"},
+    "Stable Diffusion": {"kind": GuidanceKind.SDS, "model": "any/other"},
+    "target": {"kind": GuidanceKind.TARGET},
+    "pictures": {"kind": GuidanceKind.SILHOUETTES},
 }
+_GUIDANCE = "params.guidance."
 _BOUNDS = {
     "minimum": "at least",
     "exclusiveMinimum": "above",
@@ -37,8 +47,8 @@ _BOUNDS = {
     "maxProperties": "entries at most",
     "maxItems": "entries at most",
 }
-# Parameters without a meaning for a target mesh.
-_OF_SDS = {"appearance", "guidance_scale", "guidance_rescale", "timestep_min", "timestep_max", "timestep_max_end"}
+# Constants that have a meaning for a prompt alone.
+_OF_SDS = {"guidance_rescale", "timestep_max", "timestep_max_end"}
 
 INTRODUCTION = """\
 # Parameters
@@ -51,6 +61,66 @@ prompt of a job that is guided by one. Unknown members are refused.
 ```json
 {"kind": "text_deform", "prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}, "output": {"morph": true}}
 ```
+
+What guides the deformation is in the group `params.guidance`, whose members depend on its `kind`; what may move is in
+the group `params.control`:
+
+```json
+{"prompt": "a dog", "params": {"guidance": {"orientation": "auto"}, "control": {"regions": [{"node": "Head"}]}}}
+```
+
+Every parameter has a name of its own, whatever its group. The command line takes it with the group or without:
+`--set guidance.orientation=auto` is `--set orientation=auto`. The parameters with their values, in the answer of
+`POST /v1/jobs:validate` and in `report.json`, have no groups, and there `guidance` is its kind alone.
+"""
+
+GUIDANCE = """\
+## params.guidance
+
+An object whose `kind` says what guides the deformation. It may be left out: without one, it is `sds`. A parameter of
+another kind is refused.
+
+| `kind` | what guides | its parameters |
+|---|---|---|
+"""
+
+KINDS = {
+    GuidanceKind.SDS: ("a diffusion model and the prompt", "Guidance by a prompt"),
+    GuidanceKind.TARGET: ("a second mesh, sent as the part `target`", "Guidance by a target mesh"),
+    GuidanceKind.SILHOUETTES: ("pictures alone, without a prompt", "Guidance by pictures"),
+}
+
+PROMPT = """\
+`params.guidance` of the kind `sds`. Pictures can guide beside the prompt: `silhouettes` and `silhouette_weight` are
+those of [guidance by pictures](#guidance-by-pictures).
+"""
+
+TARGET = """\
+`params.guidance` of the kind `target`:
+
+```json
+{"params": {"guidance": {"kind": "target", "align": "none"}}}
+```
+"""
+
+PICTURES = """\
+`params.guidance` of the kind `silhouettes`, or of `sds` beside a prompt:
+
+```json
+{"params": {"guidance": {"kind": "silhouettes", "silhouettes": [{"azimuth": 0}, {"azimuth": 90}]}}}
+```
+"""
+
+FLAT_FORM = """\
+## From the flat form
+
+Earlier editions had all parameters directly in `params`. Such a request is refused (`422`), and the answer names the
+new place of each member. The names and the values are the same. Jobs that an earlier edition stored are read, shown and
+run as before, and the API returns them in the new form. Options of the command line and columns of its batches keep
+their names.
+
+| before | now | where the guidance is |
+|---|---|---|
 """
 
 PRESETS = """\
@@ -58,15 +128,15 @@ PRESETS = """\
 
 A preset provides the parameters that were left out, and the constants that no request has: those of the cameras
 (`elevation_...`, `fov_...`, `framing...`), `guidance_weight`, `guidance_rescale`, `timestep_max...` and `stiffness`.
-Its values depend on what guides the job: the builtin demonstration prior, a Stable Diffusion model, or a target mesh.
-`paper` has the published values; the builtin prior needs its own guidance scale.
+Its values depend on what guides the job: the builtin demonstration prior, a Stable Diffusion model, a target mesh, or
+pictures alone. `paper` has the published values; the builtin prior needs its own guidance scale.
 """
 
 
 SELECTION = """\
-The members of an entry of `params.rigid` or `params.regions` that say where; exactly one is set. Coordinates are those
-of the file in world space, with +Y up, as `meshdeform inspect` lists them. A triangle is within a shape if all its
-corners are.
+The members of an entry of `params.control.rigid` or `params.control.regions` that say where; exactly one is set.
+Coordinates are those of the file in world space, with +Y up, as `meshdeform inspect` lists them. A triangle is within a
+shape if all its corners are.
 """
 
 
@@ -113,21 +183,50 @@ def shown(value: float | str) -> str:
     return f"`{value}`" if isinstance(value, str) else f"{value:g}"
 
 
+def is_used(name: str, guidance: GuidanceKind) -> bool:
+    """Return whether a parameter or constant has a meaning for a kind of guidance."""
+    kinds = PLACES[name][1] if name in PLACES else ()
+    return guidance in kinds if kinds else guidance is GuidanceKind.SDS or name not in _OF_SDS
+
+
 def presets() -> str:
     """Return the table of the values of each preset for each kind of guidance."""
     columns = [(family, preset) for family in FAMILIES for preset in Preset]
-    resolved = [resolve(DeformParams(preset=preset, **FAMILIES[family])) for family, preset in columns]
+    resolved = [
+        resolve(DeformParams.model_validate({"preset": preset, "guidance": FAMILIES[family]}))
+        for family, preset in columns
+    ]
     optional = [name for name in ResolvedParams.model_fields if name in FROM_PRESET | CONSTANTS]
     lines = [
         "| | " + " | ".join(f"{family}, `{preset}`" for family, preset in columns) + " |",
         "|---" * (len(columns) + 1) + "|",
     ]
     for name in optional:
-        cells = [
-            "" if name in _OF_SDS and family == "target" else shown(getattr(values, name))
-            for (family, _), values in zip(columns, resolved, strict=True)
-        ]
+        cells = [shown(getattr(values, name)) if is_used(name, values.guidance) else "" for values in resolved]
         lines.append(f"| `{name}` | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def guidances() -> str:
+    """Return the table of the kinds of guidance with the parameters of each."""
+    lines = []
+    for kind, (what, title) in KINDS.items():
+        names = ", ".join(f"`{name}`" for name, (_, kinds) in PLACES.items() if kind in kinds)
+        anchor = title.lower().replace(" ", "-")
+        lines.append(f"| `{kind}` | [{what}](#{anchor}) | {names} |")
+    return "\n".join(lines) + "\n"
+
+
+def moves() -> str:
+    """Return the table of the parameters that are in a group now."""
+    lines = [
+        '| `"guidance": "target"` | `"guidance": {"kind": "target"}` | `target` |',
+        '| `"guidance": "silhouettes"` | `"guidance": {"kind": "silhouettes"}` | `silhouettes` |',
+    ]
+    for name, (group, kinds) in PLACES.items():
+        if group:
+            where = " or ".join(f"`{kind}`" for kind in kinds) or "any"
+            lines.append(f"| `params.{name}` | `params.{group}.{name}` | {where} |")
     return "\n".join(lines) + "\n"
 
 
@@ -141,7 +240,20 @@ def page() -> str:
             "## The document\n",
             section(JobRequest, prefix="", without=("params", "output")),
             "## params\n",
-            section(DeformParams, prefix="params."),
+            section(DeformParams, prefix="params.", without=("guidance", "control")),
+            GUIDANCE + guidances(),
+            "## Guidance by a prompt\n",
+            PROMPT,
+            section(PromptGuidance, prefix=_GUIDANCE, without=("kind", *SilhouetteGuidance.model_fields)),
+            "## Guidance by a target mesh\n",
+            TARGET,
+            section(TargetGuidance, prefix=_GUIDANCE, without=("kind",)),
+            "## Guidance by pictures\n",
+            PICTURES,
+            section(SilhouetteGuidance, prefix=_GUIDANCE, without=("kind",)),
+            "## params.control\n",
+            "What may move, and what the result keeps, with any guidance ([Control](control.md)).\n",
+            section(Control, prefix="params.control."),
             "## A selection\n",
             SELECTION,
             section(Selection, prefix=""),
@@ -151,14 +263,15 @@ def page() -> str:
             section(Sphere, prefix="sphere."),
             section(Capsule, prefix="capsule."),
             "## A rigid part\n",
-            "The other members of an entry of `params.rigid`.\n",
-            section(RigidSelector, prefix="params.rigid[].", without=tuple(Selection.model_fields)),
+            "The other members of an entry of `params.control.rigid`.\n",
+            section(RigidSelector, prefix="params.control.rigid[].", without=tuple(Selection.model_fields)),
             "## A region\n",
-            "The other member of an entry of `params.regions`.\n",
-            section(Region, prefix="params.regions[].", without=tuple(Selection.model_fields)),
+            "The other member of an entry of `params.control.regions`.\n",
+            section(Region, prefix="params.control.regions[].", without=tuple(Selection.model_fields)),
             "## A handle\n",
-            section(Handle, prefix="params.handles[]."),
+            section(Handle, prefix="params.control.handles[]."),
             "## output\n",
             section(OutputOptions, prefix="output."),
+            FLAT_FORM + moves(),
         ]
     )

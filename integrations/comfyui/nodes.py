@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from meshdeform import Client
 from meshdeform.requests.choices import Preset
+from meshdeform.requests.removed import without_unused
 
 from . import host, parameters
 from .jobs import NodeError, explained, run
@@ -114,12 +115,14 @@ class _Job:
         seed: int,
         filename_prefix: str,
     ) -> dict[str, Any]:
-        guidance = {} if target is None else {"guidance": "target"}
+        params = {**(given or {}), "preset": preset, "seed": seed}
+        if target is not None:
+            params = without_unused({**params, "guidance": {**params.get("guidance", {}), "kind": "target"}})
         with explained():
             job = run(
                 host.find(asset),
                 prompt,
-                {**(given or {}), **guidance, "preset": preset, "seed": seed},
+                params,
                 target=None if target is None else host.find(target),
                 check=host.check_interrupted,
                 progress=host.progress_bar(),

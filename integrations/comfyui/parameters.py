@@ -13,7 +13,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from meshdeform.requests.declaration import FORM
-from meshdeform.requests.parameters import DeformParams
+from meshdeform.requests.parameters import CommonParams, Control, DeformParams, PromptGuidance
+from meshdeform.requests.removed import grouped
 
 __all__ = ["FROM_PRESET", "MORE", "inputs", "problem", "wanted"]
 
@@ -43,17 +44,17 @@ def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
     params = {name: value for name, value in params.items() if value is not None}
     more = _object(str(values.get(MORE) or ""))
     for name in more:
-        if name in params:
+        if name in params and name not in ("guidance", "control"):
             raise ValueError(f"{MORE}: {name} is already set above.")
         if name in _OF_THE_JOB:
             raise ValueError(f"{MORE}: {name} is set in the node that starts the job.")
     try:
-        DeformParams.model_validate({**params, **more})
+        DeformParams.model_validate(grouped({**params, **more}))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ValueError(f"{where}: {first['msg']}" if where else first["msg"]) from error
-    return {**params, **more}
+    return grouped({**params, **more})
 
 
 def problem(values: Mapping[str, Any]) -> str | None:
@@ -66,7 +67,9 @@ def problem(values: Mapping[str, Any]) -> str | None:
 
 
 def _form() -> dict[str, dict[str, Any]]:
-    members: dict[str, dict[str, Any]] = DeformParams.model_json_schema()["properties"]
+    members: dict[str, dict[str, Any]] = {}
+    for model in (CommonParams, PromptGuidance, Control):
+        members |= model.model_json_schema()["properties"]
     return {name: member for name, member in members.items() if FORM in member}
 
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidatio
 from meshdeform.api.states import EventType, JobError, JobState, OriginMode, Progress
 from meshdeform.record.models import Artifact, CheckpointRef, Event, Job, Origin, StoredFile
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
-from meshdeform.requests.removed import without_removed
+from meshdeform.requests.removed import translated
 
 __all__ = [
     "ArtifactList",
@@ -103,7 +103,7 @@ class JobView(_Document):
     )
     prompt: str = Field(description="What the asset should become.", examples=["a mushroom"])
     params: SerializeAsAny[SkipValidation[DeformParams]] = Field(
-        description="The parameters as given in the request, without those that were removed since.",
+        description="The parameters as given in the request; those of earlier editions in the form of this one.",
         examples=[{"preset": "preview"}],
     )
     output: OutputOptions = Field(description="What the job writes.", examples=[{"morph": False}])
@@ -142,7 +142,7 @@ class JobView(_Document):
     def of(cls, job: Job) -> JobView:
         """Return the document of a job. Nothing of its request is read, so `unreadable` is for the caller to fill."""
         files = {part: FileView.of(file) for part, file in job.files.items()}
-        written = without_removed(job.document)
+        written = translated(job.document)
         return cls.model_construct(
             id=job.id,
             kind=job.kind,

@@ -2,8 +2,8 @@
 
 A ground plane or backdrop makes the object itself small in every picture that the guidance sees. Beside one that is far
 larger, the object is smaller than a few cells of a lattice, and a ground of two triangles is only a chord of the map
-that carries the object: the two would part. Such a backdrop is left as it is (`params.backdrop`). Without torch,
-because the service's check of assets uses this.
+that carries the object: the two would part. Such a backdrop is left as it is (`params.control.backdrop`). No
+torch, because the service's check of assets uses this.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Backdrop:
     name : str
         Names of their nodes.
     own_nodes : bool
-        Whether their nodes show nothing else, so that `params.exclude` can name them.
+        Whether their nodes show nothing else, so that `params.control.exclude` can name them.
     """
 
     triangles: _Flags
@@ -64,11 +64,11 @@ class Backdrop:
         if self.left:
             return (
                 f"{self.name} looks like a ground plane or backdrop: the rest is only {_percent(self.share)} as large. "
-                "It is neither drawn nor deformed, unless params.backdrop is `deform`."
+                "It is neither drawn nor deformed, unless params.control.backdrop is `deform`."
             )
-        remedy = "Name it in params.exclude to leave it as it is."
+        remedy = "Name it in params.control.exclude to leave it as it is."
         if not self.own_nodes:
-            remedy = "Make it an object of its own, and name that in params.exclude to leave it as it is."
+            remedy = "Make it an object of its own, and name that in params.control.exclude to leave it as it is."
         return (
             f"{self.name} looks like a ground plane or backdrop: it spans the scene, and the rest is only "
             f"{_percent(self.share)} as large, so the guidance sees the object small. {remedy}"

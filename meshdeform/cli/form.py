@@ -115,11 +115,11 @@ def overlaid(low: Mapping[str, Any], high: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parameter_choices() -> dict[str, list[str]]:
-    """Return the values that a deformation's parameters may have, where they are choices, by dotted name."""
+    """Return the values that a deformation's parameters may have, where they are choices, without their groups."""
     from meshdeform.requests.document import DeformParams
 
     return {
-        ".".join(path): [
+        path[-1]: [
             str(choice.value)
             for each in _members(field.annotation)
             if isinstance(each, type) and issubclass(each, Enum)

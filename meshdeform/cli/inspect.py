@@ -53,7 +53,9 @@ def inspect(
     found = inspect_parts(load_asset(asset.read_bytes(), asset.name, limits))
     if prompt or also:
         params = overlaid(merge_params(param or [], prompts=parse_also(also)), written(ctx))
-        found["orientation"] = _front(asset, make_request(prompt, overlaid({"orientation": "auto"}, params)))
+        found["orientation"] = _front(
+            asset, make_request(prompt, overlaid({"guidance": {"orientation": "auto"}}, params))
+        )
     if as_json:
         emit(found)
         return

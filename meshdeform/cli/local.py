@@ -288,7 +288,9 @@ def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
     if model is None or not is_taught(model) or Path(model).expanduser().exists():
         return request
     path = configured_name(model, settings.further_models)
-    return request.model_copy(update={"params": request.params.model_copy(update={"model": path})})
+    params: Any = request.params  # of a deformation, or of a lesson
+    named = params.with_model(path) if hasattr(params, "with_model") else params.model_copy(update={"model": path})
+    return request.model_copy(update={"params": named})
 
 
 def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: Sequence[Path], kind: str) -> None:

@@ -43,8 +43,14 @@ def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]
 
 
 def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
-    """Return the parameters from `--set`, overridden by the options that are not None."""
-    return overlaid(make_settings(pairs), {name: value for name, value in options.items() if value is not None})
+    """Return the parameters from `--set`, overridden by the options that are not None.
+
+    Parameters of a deformation may be named without their group, which they are put in.
+    """
+    from meshdeform.requests.removed import grouped
+
+    written = {name: value for name, value in options.items() if value is not None}
+    return overlaid(grouped(make_settings(pairs)), grouped(written))
 
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
@@ -121,7 +127,7 @@ def make_request(
     from pydantic import ValidationError
 
     from meshdeform.requests.document import JobRequest
-    from meshdeform.requests.removed import instead
+    from meshdeform.requests.removed import instead, plain_place
     from meshdeform.runs import kinds
 
     kinds()  # the kinds register their parameters
@@ -136,7 +142,8 @@ def make_request(
         return JobRequest.model_validate(document)
     except ValidationError as error:
         found = [
-            {"loc": list(e["loc"]), "msg": instead(e["loc"]) or e["msg"], "type": e["type"]} for e in error.errors()
+            {"loc": plain_place(each["loc"]), "msg": instead(each["loc"]) or each["msg"], "type": each["type"]}
+            for each in error.errors()
         ]
         sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in found]
         raise ParameterError(

@@ -69,7 +69,9 @@ def variants(
     given = overlaid(given, written(ctx))
     requests = {
         int(seed): make_request(text, {**given, "seed": int(seed)})
-        for seed, text in zip(numbers, _prompts(prompt, len(numbers), given.get("model")), strict=True)
+        for seed, text in zip(
+            numbers, _prompts(prompt, len(numbers), given.get("guidance", {}).get("model")), strict=True
+        )
     }
     paths = _made(asset, target, requests, wanted, output, settings, quiet=quiet)
     if not quiet:
@@ -128,7 +130,7 @@ def _made(
         inputs = {"asset": asset, **({"target": target} if target else {})}
         with show_progress(quiet=quiet) as progress:
             LocalJob(request, inputs, outputs, settings).run(progress)
-        files, row = _strengths(source, outputs["result.glb"], strengths, request.params.exclude)
+        files, row = _strengths(source, outputs["result.glb"], strengths, request.params.control.exclude)
         write_all(files)
         paths += list(files)
         rows.append(row)

@@ -332,7 +332,7 @@ class Lesson(_Open):
 
 
 class ModelView(_Open):
-    """A model that jobs may use in `params.model`."""
+    """A model that jobs may use in `params.guidance.model`."""
 
     id: str
     title: str = ""

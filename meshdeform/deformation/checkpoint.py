@@ -82,7 +82,8 @@ def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
     # Older checkpoints do not name their asset; only the shapes of their tensors can be checked.
     if metadata.get("asset") not in (None, "", asset):
         raise CheckpointError(
-            "The checkpoint was made with another asset, params.exclude, params.backdrop or output.subdivide."
+            "The checkpoint was made with another asset, or other params.control.exclude, "
+            "params.control.backdrop or output.subdivide."
         )
     return checkpoint.tensors
 

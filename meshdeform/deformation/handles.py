@@ -118,4 +118,5 @@ def handle_rows(handles: Sequence[Handle], count: int) -> sparse.csr_matrix:
 
 
 def _refusal(number: int, detail: str, advice: str) -> ParameterError:
-    return ParameterError.at(["params", "handles", number], f"params.handles: {detail}", advice, message=detail)
+    place: list[str | int] = ["params", "control", "handles", number]
+    return ParameterError.at(place, f"params.control.handles: {detail}", advice, message=detail)

@@ -132,7 +132,7 @@ class LatticeField:
         pinned[followed.indices[followed.data > 0]] = True
         if not self._embedding[np.flatnonzero(~kept)][:, np.flatnonzero(~pinned)].sum() > 0:
             raise ParameterError(
-                "params.regions: what is kept is everywhere near the rest, so the lattice cannot move anything.",
+                "params.control.regions: what is kept is near all of the rest, so the lattice cannot move anything.",
                 advice="Keep less, or set params.carrier to surface.",
             )
         return pinned

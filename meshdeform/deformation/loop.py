@@ -95,7 +95,7 @@ class Deformation:
     initial : mapping of name to Tensor, optional
         The tensors of a checkpoint of the same mesh, possibly made with other parameters. The run starts from its
         shape, with new optimiser moments and random numbers. Regularisers stay relative to the rest mesh. With
-        `params.orientation` = `auto`, the turn is that of the checkpoint.
+        `params.guidance.orientation` = `auto`, the turn is that of the checkpoint.
     bodies : sequence of Body, optional
         Parts that keep their shape. A large mesh with bodies has no stand-in.
     appearance : Appearance, optional
@@ -105,7 +105,7 @@ class Deformation:
     shares : sequence of (F,) float64
         For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`regional.py`).
     front : Front, optional
-        Who finds the front for `params.orientation` = `auto`: by default the guidance itself.
+        Who finds the front for `params.guidance.orientation` = `auto`: by default the guidance itself.
     pose : (V, 3, 4) float64, optional
         The affine map of each vertex of the mesh to where viewers show it, if that is elsewhere: there the safeguard
         looks.
@@ -118,7 +118,7 @@ class Deformation:
     Attributes
     ----------
     orientation : Orientation
-        The turn of the cameras, found here if `params.orientation` is `auto`.
+        The turn of the cameras, found here if `params.guidance.orientation` is `auto`.
     pulls : Pulls
         How hard each regulariser pulls against the guidance, where that reaches all elements.
 

@@ -67,12 +67,12 @@ class OrientationSource(StrEnum):
 
 _FOUND, _UNDECIDED = OrientationSource.FOUND, OrientationSource.UNDECIDED
 _NOTICES = {
-    OrientationSource.UNDECIDED: "No side of the asset is clearly its front. Set params.orientation to the azimuth of "
-    "another side if the result faces the wrong way.",
-    OrientationSource.UNRECOGNISED: "The asset was not recognised, so +Z counts as its front. Set params.source_noun "
-    "to what it is, or params.orientation to the azimuth of its front.",
+    OrientationSource.UNDECIDED: "No side of the asset is clearly its front. Set params.guidance.orientation to the "
+    "azimuth of another side if the result faces the wrong way.",
+    OrientationSource.UNRECOGNISED: "The asset was not recognised, so +Z counts as its front. Set "
+    "params.guidance.source_noun to what it is, or params.guidance.orientation to the azimuth of its front.",
     OrientationSource.UNCONDITIONED: "The model is not conditioned on the azimuth: it sees four sides at once with one "
-    "text, so no side is the front, and params.orientation changes nothing about it.",
+    "text, so no side is the front, and params.guidance.orientation changes nothing about it.",
 }
 
 

@@ -256,7 +256,7 @@ def _contradiction(views: Sequence[SilhouetteView]) -> SilhouetteError:
     )
     return SilhouetteError(
         f"The pictures cannot show one object from these directions, whatever their scales. In pixels: {sizes}.",
-        advice="Correct the azimuths and elevations in params.silhouettes, or leave out the picture that does not fit.",
+        advice="Correct the azimuths and elevations, or leave out the picture that does not fit.",
     )
 
 

@@ -169,7 +169,8 @@ class Tools:
     ) -> dict[str, Any]:
         """Start a job that gives an asset the shape of another mesh, and return its id at once. Then call wait."""
         async with self._client(ctx) as client:
-            wanted = {**(params or {}), "guidance": "target"}
+            own = (params or {}).get("guidance") or {}
+            wanted = {**(params or {}), "guidance": {**own, "kind": "target"}}
             job = await client.submit(self._folders.source(asset), params=wanted, target=self._folders.source(target))
             return _summary(job)
 

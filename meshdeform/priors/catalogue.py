@@ -72,7 +72,7 @@ class ModelInfo:
     Attributes
     ----------
     id : str
-        Value of `params.model`.
+        Value of `params.guidance.model`.
     title, description : str
         Human-readable texts.
     available : bool or None

@@ -159,7 +159,7 @@ def _cached_snapshot(model: str, revision: str) -> Path:
     if not _HUB_ID.fullmatch(model):
         raise ModelError(
             f"There is no folder {model!r} on the machine that runs the worker.",
-            advice="Set params.model (or MESHDEFORM_MODEL) to an existing folder, or to a hub id like owner/name.",
+            advice="Set the model (or MESHDEFORM_MODEL) to an existing folder, or to a hub id like owner/name.",
         )
     from huggingface_hub import try_to_load_from_cache
 
@@ -172,7 +172,7 @@ def _cached_snapshot(model: str, revision: str) -> Path:
         f"The model {model!r}{f' at revision {revision}' if revision else ''} is not on this machine, and Meshdeform "
         "downloads nothing by itself.",
         advice=f"Download it once: {command} . For a machine without a network, add --local-dir FOLDER, copy "
-        "the folder there and set MESHDEFORM_MODEL (or params.model) to it. "
+        "the folder there and set MESHDEFORM_MODEL (or params.guidance.model) to it. "
         "Or use the builtin demonstration prior (model: builtin).",
     )
 

@@ -41,7 +41,7 @@ from meshdeform.requests.parameters import (
 )
 from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.prompts import active_prompts
-from meshdeform.requests.removed import without_removed
+from meshdeform.requests.removed import translated
 from meshdeform.requests.unbounded import first_problem, read_unbounded
 
 __all__ = [
@@ -145,7 +145,7 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required if `params.guidance` is `sds`, without `params.prompts`.",
+        description="What the asset should become. Required if the guidance is `sds`, without further `prompts`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
@@ -205,7 +205,7 @@ class JobRequest(StrictModel):
         params: Any = self.params
         if not isinstance(params, DeformParams):
             return f"{self.kind}/{getattr(params, 'guidance', '')}/{_family(getattr(params, 'model', ''))}"
-        own = f"{self.kind}/{params.guidance}/{_family(params.model)}"
+        own = f"{self.kind}/{params.kind}/{_family(params.model)}"
         pulling = active_prompts(self.prompt, params.prompts)
         # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
         local = sum(bool(each.regions) for each in pulling)
@@ -218,7 +218,7 @@ def _family(model: str | None) -> str:
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
-    """Read a stored request of any version, without bounds and without members that have been removed since.
+    """Read a stored request of any version, without bounds: in the form of this one, without what was removed since.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
         Its kind, one of its members or one of its values is not known in this process. Without it, the job would be
         another one than was asked for.
     """
-    document = without_removed(document)
+    document = translated(document)
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
     model = next((known for name, known in _PARAMS.items() if name == kind), None)
     if model is None:
@@ -261,31 +261,26 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     Raises
     ------
     ParameterError
-        `timestep_min` is above the timesteps of the preset, rigid parts have no lattice, or the guidance cannot use the
-        appearance or the prompts.
+        `timestep_min` is above the timesteps of the preset, rigid parts have no lattice, or the model cannot use the
+        appearance.
     """
-    if params.prompts and params.guidance is not GuidanceKind.SDS:
-        detail = f"`prompts` cannot be combined with `guidance`: `{params.guidance}` uses no prompt."
-        raise ParameterError.at(["params", "prompts"], detail, "Leave out prompts or guidance.")
     model = params.model or default_model
     family: Family = "builtin" if is_builtin(model) else "sd"
-    if params.guidance is not GuidanceKind.SDS:
-        family = "target" if params.guidance is GuidanceKind.TARGET else "silhouettes"
+    if params.kind is not GuidanceKind.SDS:
+        family = "target" if params.kind is GuidanceKind.TARGET else "silhouettes"
     paper = {name: field.default for name, field in ResolvedParams.model_fields.items()}
-    written = {name: getattr(params, name) for name in params.model_fields_set}
-    values = {**paper, **OVERRIDES[family, params.preset], **written, "model": model}
+    written = params.flat()
+    values = {**paper, **OVERRIDES[family, params.preset], **written, "guidance": params.kind, "model": model}
     highest = min(values["timestep_max"], values["timestep_max_end"])
     if values["timestep_min"] > highest:
         detail = f"timestep_min is {values['timestep_min']}, and this preset draws no timestep above {highest}."
-        raise ParameterError.at(["params", "timestep_min"], detail, f"Set params.timestep_min to at most {highest}.")
+        raise ParameterError.at(["params", "guidance", "timestep_min"], detail, f"Set it to at most {highest}.")
     if values["rigid"] and values["carrier"] is Carrier.SURFACE:
         whose = "set" if "carrier" in written else "the preset's"
         detail = f"Rigid parts need the lattice, and carrier is `surface` ({whose})."
-        raise ParameterError.at(["params", "rigid"], detail, "Set params.carrier to auto or lattice.")
-    if family != "sd" and values["appearance"] != AppearanceMode.NORMALS:
-        whose = "The built-in model was trained on" if family == "builtin" else "A mesh or a picture is compared by"
-        detail = f"{whose} pictures of normals, and appearance is `{values['appearance']}`."
-        raise ParameterError.at(
-            ["params", "appearance"], detail, "Leave params.appearance out, or use a Stable Diffusion model."
-        )
+        raise ParameterError.at(["params", "control", "rigid"], detail, "Set params.carrier to auto or lattice.")
+    if family == "builtin" and values["appearance"] != AppearanceMode.NORMALS:
+        detail = f"The built-in model was trained on pictures of normals, and appearance is `{values['appearance']}`."
+        advice = "Leave params.guidance.appearance out, or use a Stable Diffusion model."
+        raise ParameterError.at(["params", "guidance", "appearance"], detail, advice)
     return read_unbounded(ResolvedParams, values)

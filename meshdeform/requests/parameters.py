@@ -10,13 +10,17 @@ Source of the paper's values: Xu et al. 2024, FusionDeformer, section 4 and its 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
+    BaseModel,
     ConfigDict,
+    Discriminator,
     Field,
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
+    Tag,
+    field_validator,
     model_serializer,
     model_validator,
 )
@@ -47,41 +51,65 @@ from meshdeform.requests.strict import StrictModel
 __all__ = [
     "CONSTANTS",
     "FROM_PRESET",
+    "GUIDANCES",
     "MAX_PROMPT_LENGTH",
     "MAX_STEPS",
+    "Control",
     "DeformParams",
+    "PromptGuidance",
     "ResolvedParams",
+    "SilhouetteGuidance",
     "StrictModel",
+    "TargetGuidance",
 ]
 
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
 _MAX_WEIGHT = 1e6
+_AS_GUIDANCE: dict[str, Any] = {"x-option": "guidance"}  # `kind` is that of the job
 
 
-class DeformParams(StrictModel):
-    """The parameters of a deformation as a user writes them; the rest comes from the preset."""
+class Parameters(StrictModel):
+    """A group of parameters as a user writes them: what was left out is not dumped, and may be null."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _null_is_left_out(cls, data: Any) -> Any:
+        # Clients and stored requests may have null for what comes from the preset or from the server.
+        if not isinstance(data, Mapping):
+            return data
+        return {k: v for k, v in data.items() if v is not None or not (k == "model" or _is_of_preset(cls, k))}
+
+    @model_serializer(mode="wrap")
+    def _written(self, handler: SerializerFunctionWrapHandler):  # type: ignore[no-untyped-def]
+        # No return annotation: pydantic would use it as JSON schema. What was left out comes from the preset.
+        return {name: value for name, value in handler(self).items() if name in self.model_fields_set}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Omit the default of parameters that come from the preset, and allow null."""
+        members = handler.resolve_ref_schema(schema := handler(core_schema))["properties"]
+        for name, member in members.items():
+            if member.pop(OF_PRESET, False):
+                member.pop("default", None)
+                members[name] = member if issubclass(cls, ResolvedParams) else nullable(member)
+        return schema
+
+
+def _is_of_preset(model: type[BaseModel], name: str) -> bool:
+    """Return whether the default of a parameter comes from the preset."""
+    field = model.model_fields.get(name)
+    return field is not None and isinstance(field.json_schema_extra, dict) and OF_PRESET in field.json_schema_extra
+
+
+class CommonParams(Parameters):
+    """The parameters of every deformation."""
 
     preset: Preset = Field(
         Preset.BALANCED,
         description="The set of parameters that fills in everything left out: `preview` (the same in fewer steps), "
         "`balanced`, or `paper` (the published settings, 5,000 steps).",
         examples=["preview"],
-    )
-    guidance: GuidanceKind = Field(
-        GuidanceKind.SDS,
-        description="What guides the deformation: `sds` (a diffusion model and the prompt), `target` (a second mesh, "
-        "sent as the part `target`) or `silhouettes` (pictures alone).",
-        examples=["sds"],
-    )
-    model: str | None = Field(
-        None,
-        min_length=1,
-        max_length=500,
-        description="The model of `sds`: `builtin`, a file of `meshdeform teach`, `job:ID` with the id of your job of "
-        "kind `prior_teach`, `weights` (taught weights sent as that part), or a Stable Diffusion model by hub id or "
-        "folder on the worker. Default: the server's MESHDEFORM_MODEL, else `builtin`.",
-        examples=["builtin"],
     )
     steps: int = of_preset(
         5000,
@@ -123,107 +151,6 @@ class DeformParams(StrictModel):
             ],
         },
     )
-    orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = of_preset(
-        OrientationMode.KEEP,
-        "Which side of the asset the model sees as its front: `auto`, the one that the model takes for the front of "
-        "what the asset is (`source_noun`), if one is clearly better; `keep`, +Z; or the azimuth of that side in "
-        "degrees, from +Z (0) towards +X (90). Only the cameras turn: the result stays as the asset is.",
-        examples=["auto"],
-        form={
-            "label": "Front",
-            "help": "The side of the asset that becomes the front of what the prompt names.",
-            "choices": [
-                ["auto", "Found by what the asset is"],
-                ["keep", "As in the file: +Z"],
-                ["90", "+X, the left side"],
-                ["180", "-Z, the back"],
-                ["270", "-X, the right side"],
-            ],
-        },
-    )
-    keep_structure: bool = Field(
-        True,
-        description="Whether a prompt with `carrier` = `auto` keeps the asset's structure: its mirror plane, of two "
-        "the one in which the front lies; and in what is built, what is level and upright.",
-        examples=[True],
-    )
-    source_noun: str | None = Field(
-        None,
-        min_length=1,
-        max_length=100,
-        description="What the asset is, as a noun of the builtin prior, for finding its front. Default: recognised.",
-        examples=["dog"],
-    )
-    appearance: AppearanceMode = of_preset(
-        AppearanceMode.CLAY,
-        "What the model sees: `clay`, grey under a varying light; `textured`, the asset's own colours, textures and "
-        "cut-outs under that light, so that what they show need not become shape; `mixed`, `textured` in half of the "
-        "steps and `clay` in the others; or `normals`, each face coloured by its normal. An asset without colours is "
-        "drawn as clay. The built-in model and targets compare `normals` and take nothing else.",
-        examples=["mixed"],
-        form={
-            "label": "Model sees",
-            "help": "What the pictures for the model show. The built-in model only knows normals.",
-            "choices": [
-                ["mixed", "Colours and clay in turn"],
-                ["textured", "The asset's colours"],
-                ["clay", "Clay"],
-                ["normals", "Normals"],
-            ],
-        },
-    )
-    exclude: tuple[Part, ...] = Field(
-        (),
-        max_length=MAX_SELECTORS,
-        description="Nodes that are neither drawn nor deformed, with all nodes below them, such as a ground plane or a "
-        "backdrop: by name (a node without a name has that of its mesh) or by index. They stay in the file as they "
-        "are.",
-        examples=[["Ground"]],
-    )
-    backdrop: BackdropMode = Field(
-        BackdropMode.LEAVE,
-        description="What happens to a flat ground or backdrop of more than four times the size of everything else: "
-        "`leave`, it is neither drawn nor deformed and stays where it is; or `deform`, it is deformed with the rest. "
-        "The asset's `warnings` name it.",
-        examples=["leave"],
-    )
-    rigid: tuple[RigidSelector, ...] = Field(
-        (),
-        max_length=MAX_SELECTORS,
-        description="The parts that keep their shape, such as wheels: they move and turn with what is around them. "
-        "Needs the lattice, which `carrier` = `auto` then chooses. Bodies that share vertices become one.",
-        examples=[[{"node": "wheel-front-left"}, {"material": "rubber", "mode": "similarity"}]],
-    )
-    regions: tuple[Region, ...] = Field(
-        (),
-        max_length=MAX_SELECTORS,
-        description="Parts of the surface that do not move, or that alone move ([Control](control.md)).",
-        examples=[[{"node": "Hinge"}, {"box": {"min": [0, 1, -1], "max": [1, 2, 1]}, "action": "only"}]],
-    )
-    falloff: float = FALLOFF
-    handles: tuple[Handle, ...] = Field(
-        (),
-        max_length=MAX_HANDLES,
-        description="Points of the surface that go to places. A large asset with handles is deformed as it is, without "
-        "a simplified stand-in, which takes longer.",
-        examples=[[{"position": [0, 1, 0], "to": [0, 1.5, 0]}]],
-    )
-    symmetry: Symmetry = Field(
-        Symmetry.NONE,
-        description="Keep the asset's mirror symmetry: `x`, `y` or `z`, the axis to which the plane through the middle "
-        "of the bounding box is perpendicular; `auto`, the first of x, z and y for which every vertex has a mirrored "
-        "partner, if there is one; or `none`. A prompt keeps the mirror plane that it finds by itself "
-        "(`keep_structure`).",
-        examples=["auto"],
-    )
-    prompts: tuple[Prompt, ...] = PROMPTS
-    guidance_scale: float = of_preset(
-        100.0,
-        "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",
-        ge=0.0,
-        le=1_000.0,
-        form={"label": "Guidance scale", "help": "How strongly the prompt pulls."},
-    )
     safeguard: Safeguard = of_preset(
         Safeguard.NONE,
         "Defects that no step may cause: `intersections` (neither flipped faces nor new self-intersections), `flips`, "
@@ -238,18 +165,6 @@ class DeformParams(StrictModel):
                 ["none", "Off"],
             ],
         },
-    )
-    negative_prompt: str = Field(
-        "",
-        max_length=MAX_PROMPT_LENGTH,
-        description="What the result should not look like: guidance points away from it instead of from the empty "
-        "prompt. With the built-in model: a prompt that it accepts (a chair) or attributes alone (fat, long neck), "
-        "which then apply to the object in the prompt.",
-        examples=["blurry, many heads"],
-        json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not look like."}},
-    )
-    timestep_min: float = of_preset(
-        0.02, "Lowest diffusion timestep drawn, as a fraction of T; at most the preset's highest.", ge=0.0, lt=1.0
     )
     jacobian_reg_weight: float = of_preset(
         0.5 / 9,  # the published 0.5 is of the mean over nine entries
@@ -279,6 +194,102 @@ class DeformParams(StrictModel):
         ge=0.0,
         le=_MAX_WEIGHT,
     )
+    checkpoint_every_steps: int = Field(
+        100,
+        ge=1,
+        le=MAX_STEPS,
+        description="Steps between two checkpoints; at most this many are repeated after a crash.",
+        examples=[100],
+    )
+
+
+class SilhouetteParams(Parameters):
+    """The parameters of pictures as targets."""
+
+    silhouettes: tuple[Silhouette, ...] = SILHOUETTES
+    silhouette_weight: float = SILHOUETTE_WEIGHT
+
+
+class PromptParams(SilhouetteParams):
+    """The parameters of a prompt, with pictures beside it if there are any."""
+
+    model: str | None = Field(
+        None,
+        min_length=1,
+        max_length=500,
+        description="The model of `sds`: `builtin`, a file of `meshdeform teach`, `job:ID` with the id of your job of "
+        "kind `prior_teach`, `weights` (taught weights sent as that part), or a Stable Diffusion model by hub id or "
+        "folder on the worker. Default: the server's MESHDEFORM_MODEL, else `builtin`.",
+        examples=["builtin"],
+    )
+    guidance_scale: float = of_preset(
+        100.0,
+        "Classifier-free guidance s in uncond + s * (text - uncond). The built-in model needs 7.5.",
+        ge=0.0,
+        le=1_000.0,
+        form={"label": "Guidance scale", "help": "How strongly the prompt pulls."},
+    )
+    negative_prompt: str = Field(
+        "",
+        max_length=MAX_PROMPT_LENGTH,
+        description="What the result should not look like: guidance points away from it instead of from the empty "
+        "prompt. With the built-in model: a prompt that it accepts (a chair) or attributes alone (fat, long neck), "
+        "which then apply to the object in the prompt.",
+        examples=["blurry, many heads"],
+        json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not look like."}},
+    )
+    prompts: tuple[Prompt, ...] = PROMPTS
+    orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = of_preset(
+        OrientationMode.KEEP,
+        "Which side of the asset the model sees as its front: `auto`, the one that the model takes for the front of "
+        "what the asset is (`source_noun`), if one is clearly better; `keep`, +Z; or the azimuth of that side in "
+        "degrees, from +Z (0) towards +X (90). Only the cameras turn: the result stays as the asset is.",
+        examples=["auto"],
+        form={
+            "label": "Front",
+            "help": "The side of the asset that becomes the front of what the prompt names.",
+            "choices": [
+                ["auto", "Found by what the asset is"],
+                ["keep", "As in the file: +Z"],
+                ["90", "+X, the left side"],
+                ["180", "-Z, the back"],
+                ["270", "-X, the right side"],
+            ],
+        },
+    )
+    source_noun: str | None = Field(
+        None,
+        min_length=1,
+        max_length=100,
+        description="What the asset is, as a noun of the builtin prior, for finding its front. Default: recognised.",
+        examples=["dog"],
+    )
+    appearance: AppearanceMode = of_preset(
+        AppearanceMode.CLAY,
+        "What the model sees: `clay`, grey under a varying light; `textured`, the asset's own colours, textures and "
+        "cut-outs under that light, so that what they show need not become shape; `mixed`, `textured` in half of the "
+        "steps and `clay` in the others; or `normals`, each face coloured by its normal. An asset without colours is "
+        "drawn as clay. The built-in model and targets compare `normals` and take nothing else.",
+        examples=["mixed"],
+        form={
+            "label": "Model sees",
+            "help": "What the pictures for the model show. The built-in model only knows normals.",
+            "choices": [
+                ["mixed", "Colours and clay in turn"],
+                ["textured", "The asset's colours"],
+                ["clay", "Clay"],
+                ["normals", "Normals"],
+            ],
+        },
+    )
+    timestep_min: float = of_preset(
+        0.02, "Lowest diffusion timestep drawn, as a fraction of T; at most the preset's highest.", ge=0.0, lt=1.0
+    )
+
+
+class TargetParams(Parameters):
+    """The parameters of a target mesh."""
+
     align: AlignMode = Field(
         AlignMode.AUTO,
         description="With `target`: how the target is placed on the asset. `auto`: up stays up, the best turn is "
@@ -299,49 +310,167 @@ class DeformParams(StrictModel):
         le=_MAX_WEIGHT,
         examples=[1.0],
     )
-    silhouettes: tuple[Silhouette, ...] = SILHOUETTES
-    silhouette_weight: float = SILHOUETTE_WEIGHT
-    checkpoint_every_steps: int = Field(
-        100,
-        ge=1,
-        le=MAX_STEPS,
-        description="Steps between two checkpoints; at most this many are repeated after a crash.",
-        examples=[100],
+
+
+class Control(Parameters):
+    """What may move, and what the result keeps."""
+
+    regions: tuple[Region, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="Parts of the surface that do not move, or that alone move ([Control](control.md)).",
+        examples=[[{"node": "Hinge"}, {"box": {"min": [0, 1, -1], "max": [1, 2, 1]}, "action": "only"}]],
+    )
+    falloff: float = FALLOFF
+    handles: tuple[Handle, ...] = Field(
+        (),
+        max_length=MAX_HANDLES,
+        description="Points of the surface that go to places. A large asset with handles is deformed as it is, without "
+        "a simplified stand-in, which takes longer.",
+        examples=[[{"position": [0, 1, 0], "to": [0, 1.5, 0]}]],
+    )
+    rigid: tuple[RigidSelector, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="The parts that keep their shape, such as wheels: they move and turn with what is around them. "
+        "Needs the lattice, which `carrier` = `auto` then chooses. Bodies that share vertices become one.",
+        examples=[[{"node": "wheel-front-left"}, {"material": "rubber", "mode": "similarity"}]],
+    )
+    symmetry: Symmetry = Field(
+        Symmetry.NONE,
+        description="Keep the asset's mirror symmetry: `x`, `y` or `z`, the axis to which the plane through the middle "
+        "of the bounding box is perpendicular; `auto`, the first of x, z and y for which every vertex has a mirrored "
+        "partner, if there is one; or `none`. A prompt keeps the mirror plane that it finds by itself "
+        "(`keep_structure`).",
+        examples=["auto"],
+    )
+    keep_structure: bool = Field(
+        True,
+        description="Whether a prompt with `carrier` = `auto` keeps the asset's structure: its mirror plane, of two "
+        "the one in which the front lies; and in what is built, what is level and upright.",
+        examples=[True],
+    )
+    exclude: tuple[Part, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="Nodes that are neither drawn nor deformed, with all nodes below them, such as a ground plane or a "
+        "backdrop: by name (a node without a name has that of its mesh) or by index. They stay in the file as they "
+        "are.",
+        examples=[["Ground"]],
+    )
+    backdrop: BackdropMode = Field(
+        BackdropMode.LEAVE,
+        description="What happens to a flat ground or backdrop of more than four times the size of everything else: "
+        "`leave`, it is neither drawn nor deformed and stays where it is; or `deform`, it is deformed with the rest. "
+        "The asset's `warnings` name it.",
+        examples=["leave"],
     )
 
-    @model_validator(mode="before")
+
+class PromptGuidance(PromptParams):
+    """A diffusion model and the prompt."""
+
+    kind: Literal["sds"] = Field("sds", description="What guides.", examples=["sds"], json_schema_extra=_AS_GUIDANCE)
+
+
+class TargetGuidance(TargetParams):
+    """A second mesh, sent as the part `target`."""
+
+    kind: Literal["target"] = Field(description="What guides.", examples=["target"], json_schema_extra=_AS_GUIDANCE)
+
+
+class SilhouetteGuidance(SilhouetteParams):
+    """Pictures alone."""
+
+    kind: Literal["silhouettes"] = Field(
+        description="What guides.", examples=["silhouettes"], json_schema_extra=_AS_GUIDANCE
+    )
+
+
+def _kind_of_guidance(value: Any) -> str | None:
+    """Return what decides which guidance a value is; None for what is none."""
+    kind = value.get("kind", "sds") if isinstance(value, Mapping) else getattr(value, "kind", None)
+    return kind if isinstance(kind, str) else None
+
+
+Guidance = Annotated[
+    Annotated[PromptGuidance, Tag("sds")]
+    | Annotated[TargetGuidance, Tag("target")]
+    | Annotated[SilhouetteGuidance, Tag("silhouettes")],
+    Discriminator(
+        _kind_of_guidance,
+        custom_error_type="guidance_kind",
+        custom_error_message="`kind` is `sds`, `target` or `silhouettes`",
+    ),
+]
+
+
+class DeformParams(CommonParams):
+    """The parameters of a deformation as a user writes them; the rest comes from the preset."""
+
+    guidance: Guidance = Field(
+        default_factory=PromptGuidance,
+        description="What guides the deformation, by `kind`: `sds` (a diffusion model and the prompt, the default), "
+        "`target` (a second mesh, sent as the part `target`) or `silhouettes` (pictures alone).",
+        examples=[{"guidance_scale": 50.0}, {"kind": "target"}],
+    )
+    control: Control = Field(
+        default_factory=Control,
+        description="What may move, and what the result keeps, whatever guides it.",
+        examples=[{"regions": [{"node": "Hinge"}]}],
+    )
+
+    @field_validator("guidance", mode="before")
     @classmethod
-    def _null_is_left_out(cls, data: Any) -> Any:
-        # Clients and stored requests may have null for what comes from the preset.
-        if not isinstance(data, Mapping):
-            return data
-        return {k: v for k, v in data.items() if v is not None or k not in (*FROM_PRESET, "model")}
+    def _is_an_object(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            raise ValueError(f'it is an object now: {{"kind": "{value}"}}')  # noqa: TRY004 - a finding, no crash
+        return value
 
-    @model_serializer(mode="wrap")
-    def _written(self, handler: SerializerFunctionWrapHandler):  # type: ignore[no-untyped-def]
-        # No return annotation: pydantic would use it as JSON schema. What was left out comes from the preset.
-        return {name: value for name, value in handler(self).items() if name in self.model_fields_set}
+    @property
+    def kind(self) -> GuidanceKind:
+        """What guides the deformation."""
+        return GuidanceKind(self.guidance.kind)
 
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Omit the default of parameters that come from the preset, and allow null."""
-        members = handler.resolve_ref_schema(schema := handler(core_schema))["properties"]
-        for name, member in members.items():
-            if member.pop(OF_PRESET, False):
-                member.pop("default", None)
-                members[name] = member if cls is not DeformParams else nullable(member)
-        return schema
+    @property
+    def model(self) -> str | None:
+        """The model that was written."""
+        return self.guidance.model if isinstance(self.guidance, PromptGuidance) else None
+
+    @property
+    def prompts(self) -> tuple[Prompt, ...]:
+        """The further prompts."""
+        return self.guidance.prompts if isinstance(self.guidance, PromptGuidance) else ()
+
+    @property
+    def silhouettes(self) -> tuple[Silhouette, ...]:
+        """The directions of the pictures."""
+        return self.guidance.silhouettes if isinstance(self.guidance, SilhouetteParams) else ()
+
+    def with_model(self, model: str) -> Self:
+        """Return the parameters with another model; a guidance without one stays as it is."""
+        if not isinstance(self.guidance, PromptGuidance):
+            return self
+        return self.model_copy(update={"guidance": self.guidance.model_copy(update={"model": model})})
+
+    def flat(self) -> dict[str, Any]:
+        """Return what was written, by the parameters' names alone."""
+        own = {name: getattr(self, name) for name in self.model_fields_set - {"guidance", "control"}}
+        for group in (self.guidance, self.control):
+            own |= {name: getattr(group, name) for name in group.model_fields_set - {"kind"}}
+        return own
 
 
-class ResolvedParams(DeformParams):
-    """Every parameter with its value: the basis of the run, the report and the parameter hash.
+class ResolvedParams(Control, TargetParams, PromptParams, CommonParams):
+    """Every parameter with its value, without groups: the basis of the run, the report and the parameter hash.
 
-    The members that `DeformParams` lacks are constants of the method, or of a preset for one kind of guidance
+    The members that no group of `DeformParams` has are constants of the method, or of a preset for one kind of guidance
     (`presets.py`); nobody sends them.
     """
 
     model_config = ConfigDict(json_schema_serialization_defaults_required=True)
 
+    guidance: GuidanceKind = Field(GuidanceKind.SDS, description="What guides the deformation.", examples=["sds"])
     model: str = Field(BUILTIN_MODEL, description="The diffusion model of `sds`.", examples=[BUILTIN_MODEL])
     guidance_weight: float = Field(1.0, description="Weight of the guidance loss.")
     guidance_rescale: float = Field(
@@ -372,11 +501,14 @@ class ResolvedParams(DeformParams):
     fov_max_deg: float = Field(45.0, description="Highest vertical field of view in degrees.")
 
 
-CONSTANTS = ResolvedParams.model_fields.keys() - DeformParams.model_fields.keys()
+GUIDANCES: Mapping[GuidanceKind, type[Parameters]] = {
+    GuidanceKind.SDS: PromptGuidance,
+    GuidanceKind.TARGET: TargetGuidance,
+    GuidanceKind.SILHOUETTES: SilhouetteGuidance,
+}
+"""The parameters of each kind of guidance."""
+_PARAMETERS = (CommonParams, PromptParams, TargetParams, Control)
+CONSTANTS = ResolvedParams.model_fields.keys() - {"guidance"}.union(*(each.model_fields for each in _PARAMETERS))
 """The constants of the method and of presets, which no request has."""
-FROM_PRESET = frozenset(
-    name
-    for name, field in DeformParams.model_fields.items()
-    if isinstance(field.json_schema_extra, dict) and OF_PRESET in field.json_schema_extra
-)
+FROM_PRESET = frozenset(name for name in ResolvedParams.model_fields if _is_of_preset(ResolvedParams, name))
 """The parameters whose default comes from the preset."""

@@ -208,7 +208,7 @@ def find_parts(place: List, number: int, selection: Selection, parts: Sequence[M
 
 
 def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return the indices of the nodes that `params.exclude` names.
+    """Return the indices of the nodes that `params.control.exclude` names.
 
     Parameters
     ----------
@@ -225,8 +225,8 @@ def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any
     for number, wanted in enumerate(exclude):
         matching = _matching(wanted, nodes)
         if not matching:
-            detail = f"params.exclude: {_missing('node', wanted)}"
-            raise ParameterError.at(["params", "exclude", number], detail, _nearest("node", wanted, nodes))
+            detail = f"params.control.exclude: {_missing('node', wanted)}"
+            raise ParameterError.at(["params", "control", "exclude", number], detail, _nearest("node", wanted, nodes))
         found += matching
     return found
 

@@ -102,7 +102,7 @@ def _kept(regions: Sequence[control.Region], surface: SelectableSurface) -> tupl
     kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
     found = []
     for number, region in enumerate(regions):
-        flags = surface.faces("regions", number, region)
+        flags = surface.faces(("control", "regions"), number, region)
         found.append({"action": region.action.value, "faces": int(flags.sum())})
         if region.action is RegionAction.KEEP:
             kept |= flags
@@ -185,8 +185,7 @@ def _held_point(
 
 
 def _refusal(name: str, detail: str, advice: str, *place: int) -> ParameterError:
-    message = f"params.{name}: {detail}"
-    return ParameterError.at(["params", name, *place], message, advice)
+    return ParameterError.at(["params", "control", name, *place], f"params.control.{name}: {detail}", advice)
 
 
 def control_report(

@@ -62,7 +62,7 @@ class DerivedInput:
     output : OutputOptions
         Those of the job's request.
     exclude : sequence of str or int
-        `params.exclude` of the run.
+        `params.control.exclude` of the run.
     strength : float
         Of `STRENGTH` only: 0 is the source, 1 the result.
     """

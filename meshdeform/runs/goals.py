@@ -95,7 +95,7 @@ class GoalSource:
     prior : Prior, optional
         For a prompt.
     prompts : Prompts, optional
-        Those of a job with `params.prompts`.
+        Those of a job with `params.guidance.prompts`.
     target : InputFile, optional
         The target mesh.
     silhouettes : SilhouetteFit, optional

@@ -24,14 +24,14 @@ _Index = NDArray[np.int64]
 
 
 def inspect_parts(asset: Asset) -> dict[str, Any]:
-    """Return what a selection can refer to in an asset, and proposals for `params.rigid`, as JSON.
+    """Return what a selection can refer to in an asset, and proposals for `params.control.rigid`, as JSON.
 
     Beside the named `nodes`, `mesh_names`, `materials` and `joints` there are the `box` of its coordinates, whether it
-    has vertex `colors`, and its `symmetry`: the axes along which `params.symmetry` can be kept.
+    has vertex `colors`, and its `symmetry`: the axes along which `params.control.symmetry` can be kept.
 
-    A component has its `number` for `params.rigid`, its `triangles`, its `size` as a share of the asset's, its `nodes`
-    and its `materials`. A proposal has the numbers of its `components`, whether they are `congruent` and `round`, and
-    the `selectors` that select them.
+    A component has its `number` for `params.control.rigid`, its `triangles`, its `size` as a share of the asset's,
+    its `nodes` and its `materials`. A proposal has the numbers of its `components`, whether they are
+    `congruent` and `round`, and the `selectors` that select them.
 
     Raises
     ------

@@ -43,16 +43,16 @@ def check_searchable(params: ResolvedParams) -> None:
             ["params", "guidance"], "A target has no front to find: `align` places it.", "Omit this request."
         )
     if params.orientation is not OrientationMode.AUTO:
-        detail = f"params.orientation is {params.orientation}, so the job would not search its front."
-        raise ParameterError.at(["params", "orientation"], detail, "Set it to auto.")
+        detail = f"params.guidance.orientation is {params.orientation}, so the job would not search its front."
+        raise ParameterError.at(["params", "guidance", "orientation"], detail, "Set it to auto.")
     if not is_builtin(params.model):
         detail = "This model is not conditioned on the azimuth, so no side of the asset is its front."
-        raise ParameterError.at(["params", "model"], detail, f"Use {BUILTIN_MODEL}, or start the job as it is.")
+        advice = f"Use {BUILTIN_MODEL}, or start the job as it is."
+        raise ParameterError.at(["params", "guidance", "model"], detail, advice)
     if is_sent(params.model):
         detail = "The front is found by models of this server, not by weights of a job."
-        raise ParameterError.at(
-            ["params", "model"], detail, f"Use {BUILTIN_MODEL}, or start the job, which searches its front itself."
-        )
+        advice = f"Use {BUILTIN_MODEL}, or start the job, which searches its front itself."
+        raise ParameterError.at(["params", "guidance", "model"], detail, advice)
 
 
 def orientation_of(

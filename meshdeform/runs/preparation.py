@@ -38,8 +38,8 @@ def _without(asset: Asset, exclude: Sequence[str | int]) -> Asset:
     try:
         return asset.without(find_excluded(exclude, asset.parts().nodes))
     except AssetEmptyError as error:
-        detail = "params.exclude: nothing is left to deform."
-        raise ParameterError.at(["params", "exclude"], detail, "Exclude fewer nodes.") from error
+        detail = "params.control.exclude: nothing is left to deform."
+        raise ParameterError.at(["params", "control", "exclude"], detail, "Exclude fewer nodes.") from error
 
 
 def drawn_triangles(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> NDArray[np.bool_]:

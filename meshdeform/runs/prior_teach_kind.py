@@ -141,7 +141,7 @@ PRIOR_TEACH = Kind(
         ArtifactKind(
             WEIGHTS_ARTIFACT,
             TAUGHT_WEIGHTS,
-            "The taught weights: `params.model` = `job:ID` in later jobs of the same owner, with the id of this job.",
+            "The taught weights: `params.guidance.model` = `job:ID` in later jobs of the owner, with this job's id.",
         ),
         ArtifactKind(
             "report.json",

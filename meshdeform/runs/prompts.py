@@ -155,7 +155,7 @@ def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
 
 def _pulled(number: int, prompt: Prompt, surface: SelectableSurface, control: Control) -> _Flags:
     """Return flags (F,) of the faces that a prompt with regions pulls at."""
-    place = ("prompts", number, "regions")
+    place = ("guidance", "prompts", number, "regions")
     found = np.any([surface.faces(place, at, region) for at, region in enumerate(prompt.regions)], axis=0)
     flags = np.asarray(~found if prompt.outside else found)
     if control.partners is not None:
@@ -212,5 +212,5 @@ def _pull(mesh: RestMesh, flags: _Flags, falloff: float) -> _Floats:
 
 
 def _refusal(number: int, what: str, advice: str) -> ParameterError:
-    detail = f"params.prompts.{number}: {what}"
-    return ParameterError.at(["params", "prompts", number, "regions"], detail, advice)
+    detail = f"params.guidance.prompts.{number}: {what}"
+    return ParameterError.at(["params", "guidance", "prompts", number, "regions"], detail, advice)

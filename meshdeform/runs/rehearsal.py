@@ -40,9 +40,15 @@ def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
     """
     sphere = _glb(1)
     if prior is None:
-        _run(sphere, {"params": {"guidance": "target"}}, target=sphere, target_filename="sphere.glb", device=device)
+        _run(
+            sphere,
+            {"params": {"guidance": {"kind": "target"}}},
+            target=sphere,
+            target_filename="sphere.glb",
+            device=device,
+        )
     else:
-        _run(sphere, {"prompt": _PROMPT, "params": {"orientation": "keep"}}, prior=prior, device=device)
+        _run(sphere, {"prompt": _PROMPT, "params": {"guidance": {"orientation": "keep"}}}, prior=prior, device=device)
 
 
 def main() -> None:
@@ -50,7 +56,7 @@ def main() -> None:
     prior = load_prior(BUILTIN_MODEL, device="cpu")
     for glb in (_glb(1), _glb(2)):
         _run(glb, {"prompt": _PROMPT, "output": {"morph": True}}, prior=prior).finish()
-        _run(glb, {"params": {"guidance": "target"}}, target=_glb(1), target_filename="sphere.glb").finish()
+        _run(glb, {"params": {"guidance": {"kind": "target"}}}, target=_glb(1), target_filename="sphere.glb").finish()
 
 
 def _glb(components: int) -> bytes:

@@ -174,12 +174,12 @@ def select_bodies(selectors: Sequence[RigidSelector], surface: SelectableSurface
     found = [
         Body(verts, selector.mode)
         for number, selector in enumerate(selectors)
-        for verts in _bodies(selector, surface.faces("rigid", number, selector), surface.mesh)
+        for verts in _bodies(selector, surface.faces(("control", "rigid"), number, selector), surface.mesh)
     ]
     bodies = _united(found, len(surface.mesh.verts))
     if len(bodies) == 1 and len(bodies[0].verts) == len(surface.mesh.verts):
         raise ParameterError(
-            "params.rigid: the whole asset is one rigid body, so nothing is left to deform.",
+            "params.control.rigid: the whole asset is one rigid body, so nothing is left to deform.",
             advice="Select the parts that keep their shape only.",
         )
     return bodies

@@ -20,41 +20,44 @@ if TYPE_CHECKING:
 __all__ = ["TAUGHT_WEIGHTS", "WEIGHTS_ARTIFACT", "WEIGHTS_FILE", "check_weights_part", "load_sent", "weights_on_disk"]
 
 WEIGHTS_ARTIFACT = f"weights{TAUGHT_SUFFIX}"
-"""The artifact of a job of kind `prior_teach` that `params.model` = `job:ID` means."""
+"""The artifact of a job of kind `prior_teach` that `params.guidance.model` = `job:ID` means."""
 TAUGHT_WEIGHTS = "application/octet-stream"
 WEIGHTS_FILE = FilePart(
     WEIGHTS_PART,
-    "Taught weights (safetensors), if `params.model` is `weights`; with `job:ID` they are taken from that job.",
+    "Taught weights (safetensors), if the model is `weights`; with `job:ID` they are taken from that job.",
     required=False,
     media_types=(TAUGHT_WEIGHTS,),
     content="weights",
 )
 
 
-def check_weights_part(model: str | None, files: Collection[str]) -> None:
+def check_weights_part(model: str | None, files: Collection[str], *group: str) -> None:
     """Refuse a job whose model is taught weights that it lacks, or that has weights which its model does not use.
+
+    `group` is where `model` is in `params`.
 
     Raises
     ------
     ParameterError
     """
+    place = ["params", *group, "model"]
     wanted, there = model is not None and is_sent(model), WEIGHTS_PART in files
     if there and not wanted:
         raise ParameterError.at(
-            ["params", "model"],
-            f"`{WEIGHTS_PART}` was sent, but params.model does not use it.",
-            f"Set params.model to `{SENT_MODEL}`.",
+            place,
+            f"`{WEIGHTS_PART}` was sent, but {'.'.join(place)} does not use it.",
+            f"Set {'.'.join(place)} to `{SENT_MODEL}`.",
         )
     if wanted and not there and model is not None:
         job = teaching_job(model)
         if job is None:
             raise ParameterError.at(
-                ["params", "model"],
-                f"params.model is `{model}`, but the part `{WEIGHTS_PART}` is missing.",
+                place,
+                f"{'.'.join(place)} is `{model}`, but the part `{WEIGHTS_PART}` is missing.",
                 "Send the weights.",
             )
         raise ParameterError.at(
-            ["params", "model"],
+            place,
             f"The model {model} is a result of a service, and there is none here.",
             f"Download {WEIGHTS_ARTIFACT} of the job {job}, and name that file.",
         )

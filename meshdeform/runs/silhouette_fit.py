@@ -27,7 +27,7 @@ class SilhouetteFit:
     ----------
     params : ResolvedParams
     views : sequence of SilhouetteView
-        One for each of `params.silhouettes`.
+        One for each of `params.guidance.silhouettes`.
     sha256 : str
         Of all pictures.
     """
@@ -47,9 +47,7 @@ class SilhouetteFit:
             A picture cannot be used.
         """
         if len(pictures) != len(params.silhouettes):
-            detail = (
-                f"params.silhouettes has {len(params.silhouettes)} entries, and there are {len(pictures)} pictures."
-            )
+            detail = f"silhouettes has {len(params.silhouettes)} entries, and there are {len(pictures)} pictures."
             raise ParameterError(detail, advice="Give each picture one entry with its azimuth.")
         views = [
             SilhouetteView(read_silhouette(data, f"`{name}`").mask, each.azimuth, each.elevation, each.fov)

@@ -108,7 +108,7 @@ def matched(source: Asset, result: Asset, exclude: Sequence[str | int], limits: 
     ----------
     source, result : Asset
     exclude : sequence of str or int
-        `params.exclude` of the run.
+        `params.control.exclude` of the run.
     limits : Limits, optional
         Those of the deployment that ran it.
 

@@ -93,7 +93,7 @@ class TargetFit:
             advice = "Turn the target so that it is upright as the asset is."
         else:
             alignment = shared_coordinates(goal, world)
-            advice = "Set params.align to auto, or move the target to the asset."
+            advice = "Set params.guidance.align to auto, or move the target to the asset."
         frame = Frame.around(world.verts)
         placed = frame.place(alignment.place_mesh(goal))
         try:
@@ -176,9 +176,9 @@ def _place(place: Place, positions: _Floats, number: int, name: str) -> _Floats:
         return np.array(place, np.float64)
     if place < len(positions):
         return np.asarray(positions[place])
-    detail = f"params.landmarks: the {name} has {len(positions)} vertices, and none with the index {place}."
+    detail = f"params.guidance.landmarks: the {name} has {len(positions)} vertices, and none with the index {place}."
     advice = "Indices begin at 0; or give a position [x, y, z]."
-    raise ParameterError.at(["params", "landmarks", number, name], detail, advice)
+    raise ParameterError.at(["params", "guidance", "landmarks", number, name], detail, advice)
 
 
 def _entered(frame: Frame, point: _Floats) -> _Floats:

@@ -66,7 +66,7 @@ class TeachRequest:
     licence : str
         One line about the meshes' licence, for the file.
     front_deg : float
-        Azimuth of the front of the meshes, as in `params.orientation`.
+        Azimuth of the front of the meshes, as in `params.guidance.orientation`.
     base : Path
         Weights to start from.
     config : TeachConfig

@@ -83,7 +83,7 @@ def start(
         A GLB, OBJ, PLY, STL or ZIP; `target` is required by `params.guidance = target`.
     filename, target_filename : str
     pictures : sequence of bytes
-        One PNG, JPEG or WebP for each of `params.silhouettes`.
+        One PNG, JPEG or WebP for each of `params.guidance.silhouettes`.
     request : JobRequest
     prior : Prior, optional
         Required by `params.guidance = sds`; loaded by the caller so that it can be kept between jobs.

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.priors.public_names import public_names
-from meshdeform.requests.document import BUILTIN_MODEL, DeformParams, GuidanceKind, JobRequest, ResolvedParams, resolve
+from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
 from meshdeform.requests.prompts import active_prompts
+from meshdeform.requests.removed import PLACES
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS, Silhouette
 from meshdeform.runs.sent_weights import check_weights_part
 
@@ -66,27 +67,26 @@ def check(
     ModelError
         The model is not allowed, or not on this machine.
     """
-    params = request.params
-    resolved = resolve(params, default_model=default_model)
-    _check_pictures(request, pictures)
+    resolved = resolve(request.params, default_model=default_model)
+    _check_pictures(resolved, request.prompt, pictures)
     _check_target(resolved, has_target=has_target)
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
     if resolved.guidance is GuidanceKind.SDS:
-        model = params.model or default_model
-        check_weights_part(model, [WEIGHTS_PART] if has_weights else [])
+        model = resolved.model
+        check_weights_part(model, [WEIGHTS_PART] if has_weights else [], "guidance")
         if is_sent(model):  # its words are those of a file, which is checked later
             return resolved
         offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
         if is_taught(model) and not offered:  # before its words are read
             raise _not_allowed(model, known)
-        _check_prompts(_prompts(request), params, model)
+        _check_prompts(_prompts(request), resolved)
         if not offered:
             raise _not_allowed(model, known)
         from meshdeform.priors import check_model
 
         check_model(model, revision if model == default_model else "")
     elif has_weights:
-        check_weights_part(params.model, [WEIGHTS_PART])
+        check_weights_part(None, [WEIGHTS_PART], "guidance")
     return resolved
 
 
@@ -100,7 +100,7 @@ def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
         raise ParameterError.at(
             ["params", "guidance"],
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
-            "Set params.guidance to `target`, or omit the part `target`.",
+            'Set params.guidance to {"kind": "target"}, or omit the part `target`.',
         )
 
 
@@ -116,22 +116,21 @@ def _prompts(request: JobRequest) -> list[_PlacedPrompt]:
     if not params.prompts:
         return [(["prompt"], request.prompt)]
     if not active_prompts(request.prompt, params.prompts):
-        raise ParameterError.at(
-            ["params", "prompts"], "All prompts have the weight 0.", "Give one of them a weight, or set prompt."
-        )
+        advice = "Give one of them a weight, or set prompt."
+        raise ParameterError.at(["params", "guidance", "prompts"], "All prompts have the weight 0.", advice)
     found: list[_PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
     for number, each in enumerate(params.prompts):
-        found.append((["params", "prompts", number, "prompt"], each.prompt))
+        found.append((["params", "guidance", "prompts", number, "prompt"], each.prompt))
     return found
 
 
-def _check_prompts(prompts: Sequence[_PlacedPrompt], params: DeformParams, model: str) -> None:
+def _check_prompts(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> None:
     """Refuse prompts that are empty, or that the builtin model cannot read."""
     _filled(prompts)
-    if is_builtin(model) and prompts:
+    if is_builtin(params.model) and prompts:
         from meshdeform.priors.builtin.taught import known_words
 
-        _check_vocabulary(prompts, params, known_words(model))
+        _check_vocabulary(prompts, params, known_words(params.model))
 
 
 def _filled(prompts: Sequence[_PlacedPrompt]) -> Sequence[_PlacedPrompt]:
@@ -151,64 +150,49 @@ def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
 
 def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
     """Refuse a request with prompts that a prior with these words cannot read; its weights come with the job."""
-    if resolve(request.params).guidance is GuidanceKind.SDS:
-        _check_vocabulary(_filled(_prompts(request)), request.params, known)
+    params = resolve(request.params)
+    if params.guidance is GuidanceKind.SDS:
+        _check_vocabulary(_filled(_prompts(request)), params, known)
 
 
-def _check_pictures(request: JobRequest, present: Collection[str]) -> None:
+def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str]) -> None:
     """Refuse pictures without a direction, directions without a picture, and directions that are the same.
 
-    Parameters
-    ----------
-    request : JobRequest
-    present : collection of str
-        The names of the parts with pictures.
-
-    Raises
-    ------
-    ParameterError
-        They do not belong together, or the guidance cannot use them.
+    `present` has the names of the parts with pictures.
     """
-    params = request.params
     views = params.silhouettes
-    if params.guidance is GuidanceKind.TARGET and (views or present):
+    if params.guidance is GuidanceKind.TARGET and present:
         detail = "Pictures cannot guide beside a second mesh, which has all its silhouettes."
-        raise ParameterError.at(
-            ["params", "silhouettes"],
-            detail,
-            "Leave out params.silhouettes, or set params.guidance to sds or silhouettes.",
-        )
+        raise ParameterError.at(["params", "guidance"], detail, "Leave the pictures out, or use another guidance.")
     if params.guidance is GuidanceKind.SILHOUETTES:
         if not views:
             detail = "`silhouettes` guidance needs at least one picture."
             raise ParameterError.at(
-                ["params", "silhouettes"],
+                ["params", "guidance", "silhouettes"],
                 detail,
-                "Send it as the part `silhouette_1`, with its azimuth in params.silhouettes.",
+                "Send it as the part `silhouette_1`, with its azimuth in params.guidance.silhouettes.",
             )
-        if request.prompt:
+        if prompt:
             detail = "There is a prompt, and `silhouettes` guidance does not use it."
-            raise ParameterError.at(
-                ["params", "guidance"], detail, "Set params.guidance to sds to use both, or leave the prompt out."
-            )
+            advice = 'Use {"kind": "sds"} to use both, or leave the prompt out.'
+            raise ParameterError.at(["params", "guidance"], detail, advice)
     wanted = SILHOUETTE_PARTS[: len(views)]
     for number, name in enumerate(wanted):
         if name not in present:
-            detail = f"params.silhouettes has {len(views)} entries, and the part `{name}` is missing."
+            detail = f"params.guidance.silhouettes has {len(views)} entries, and the part `{name}` is missing."
             raise ParameterError.at(
-                ["params", "silhouettes", number], detail, f"Send the picture as the part `{name}`."
+                ["params", "guidance", "silhouettes", number], detail, f"Send the picture as the part `{name}`."
             )
     for name in sorted(set(present) - set(wanted)):
-        detail = f"The part `{name}` was sent, and params.silhouettes has {len(views)} entries."
-        raise ParameterError.at(
-            ["params", "silhouettes"], detail, "Give each picture an entry with its azimuth, in the order of the parts."
-        )
+        detail = f"The part `{name}` was sent, and params.guidance.silhouettes has {len(views)} entries."
+        advice = "Give each picture an entry with its azimuth, in the order of the parts."
+        raise ParameterError.at(["params", "guidance", "silhouettes"], detail, advice)
     for number, view in enumerate(views):
         for other in range(number):
             if _same(view, views[other]):
                 detail = f"`{wanted[other]}` and `{wanted[number]}` have the same azimuth and elevation."
                 raise ParameterError.at(
-                    ["params", "silhouettes", number],
+                    ["params", "guidance", "silhouettes", number],
                     detail,
                     "Correct one of the azimuths, or leave one of the pictures out.",
                 )
@@ -219,7 +203,7 @@ def _same(one: Silhouette, other: Silhouette) -> bool:
     return apart < _SAME_DEG and abs(one.elevation - other.elevation) < _SAME_DEG
 
 
-def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: DeformParams, known: Words) -> None:
+def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, known: Words) -> None:
     """Refuse prompts that the builtin prior with these words cannot read.
 
     Raises
@@ -241,13 +225,13 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: DeformParams, kn
                 parse_negative(params.negative_prompt, prompt, known)
             except (PromptError, VocabularyError) as error:
                 # Add which of the two texts the error is about.
-                error.located(["params", "negative_prompt"])
+                error.located(["params", "guidance", "negative_prompt"])
                 raise
     if params.source_noun is not None:
         try:
             parse(f"a {params.source_noun}", known)
         except (PromptError, VocabularyError) as error:
-            error.located(["params", "source_noun"])
+            error.located(["params", "guidance", "source_noun"])
             raise
 
 
@@ -272,9 +256,10 @@ def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[
         for name, number, member, point in places:
             away = max(max(a - x, x - b) for a, x, b in zip(low, point, high, strict=True))
             if away > _MAX_REACH * size:
-                detail = f"params.{name}: the point is {away / size:.1g} times as far from the {part} as that is long."
+                path = f"{PLACES[name][0]}.{name}"
+                detail = f"params.{path}: the point is {away / size:.1g} times as far from the {part} as that is long."
                 advice = f"Give a point within {_MAX_REACH:,} lengths of the {part}."
-                raise ParameterError.at(["params", name, number, member], detail, advice)
+                raise ParameterError.at(["params", *path.split("."), number, member], detail, advice)
 
 
 def _places_on_asset(params: ResolvedParams) -> Iterator[_Place]:

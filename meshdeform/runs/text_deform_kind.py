@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from meshdeform.assets.check import MAX_PARTS
 from meshdeform.errors import MeshdeformError, ParameterError
@@ -44,8 +44,9 @@ if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "resolved_params"]
+__all__ = ["TEXT_DEFORM", "resolved_params", "with_constants"]
 
+M = TypeVar("M", bound=BaseModel)
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
@@ -57,7 +58,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
     models = settings.offered_models
     params = request.params
     if params.model is not None:
-        params = params.model_copy(update={"model": configured_name(params.model, models)})
+        params = params.with_model(configured_name(params.model, models))
         request = request.model_copy(update={"params": params})
     with hidden_folders(models):
         return check(
@@ -78,42 +79,57 @@ def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> N
     complete = {name: parts for name, parts in lists.items() if len(parts) < MAX_PARTS}
     if "nodes" in complete:
         find_excluded(params.exclude, found.nodes)
-    check_selections("rigid", params.rigid, complete)
-    check_selections("regions", params.regions, complete)
+    check_selections(("control", "rigid"), params.rigid, complete)
+    check_selections(("control", "regions"), params.regions, complete)
     for number, prompt in enumerate(params.prompts):
-        check_selections(("prompts", number, "regions"), prompt.regions, complete)
+        check_selections(("guidance", "prompts", number, "regions"), prompt.regions, complete)
     check_places(params, {part: file.bounds for part, file in files.items()})
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     """Return the branch's request with what determines the mesh of its job, whose checkpoint fits no other."""
-    for group, name in (("output", "subdivide"), ("params", "exclude"), ("params", "backdrop")):
-        wanted, own = getattr(getattr(job, group), name), getattr(branch, group)
-        if name in own.model_fields_set and getattr(own, name) != wanted:
+    output = _with_same(("output",), job.output, branch.output, ("subdivide",))
+    control = _with_same(("params", "control"), job.params.control, branch.params.control, ("exclude", "backdrop"))
+    params = branch.params.model_copy(update={"control": control})
+    return branch.model_copy(update={"output": output, "params": params})
+
+
+def _with_same(place: tuple[str, ...], job: M, branch: M, names: Sequence[str]) -> M:
+    """Return a group of a branch's request with these members of its job; refuse other values."""
+    for name in names:
+        wanted, where = getattr(job, name), ".".join((*place, name))
+        if name in branch.model_fields_set and getattr(branch, name) != wanted:
             raise ParameterError.at(
-                [group, name],
-                f"A branch deforms the same mesh as its job, so it needs the same {group}.{name}.",
-                f"Leave {group}.{name} out, or post a new job.",
+                [*place, name],
+                f"A branch deforms the same mesh as its job, so it needs the same {where}.",
+                f"Leave {where} out, or post a new job.",
                 message="differs from that of the job",
             )
-        if getattr(own, name) != wanted:
-            branch = branch.model_copy(update={group: own.model_copy(update={name: wanted})})
+        if getattr(branch, name) != wanted:
+            branch = branch.model_copy(update={name: wanted})
     return branch
 
 
 def resolved_params(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> ResolvedParams:
     """Return the parameters stored when the request was accepted; resolve them if there are none."""
-    if kept is not None:
-        constants = {name: kept[name] for name in CONSTANTS & kept.keys()}  # earlier editions took them in requests
-        kept = without_removed({"params": kept})["params"] | constants
-        try:
-            return read_unbounded(ResolvedParams, kept)
-        except ValidationError as error:
-            # Another version with other parameters wrote them; the request is still valid.
-            _log.info("the resolved parameters cannot be read and are resolved again: %s", error)
-        if isinstance(kept.get("model"), str):  # the request may name a folder by its id
-            request = request.model_copy(update={"params": request.params.model_copy(update={"model": kept["model"]})})
-    return resolve(request.params, default_model=default_model)
+    if kept is None:
+        return resolve(request.params, default_model=default_model)
+    constants = {name: kept[name] for name in CONSTANTS & kept.keys()}  # earlier editions took them in requests
+    kept = without_removed({"params": kept})["params"] | constants
+    try:
+        return read_unbounded(ResolvedParams, kept)
+    except ValidationError as error:
+        # Another version with other parameters wrote them; the request is still valid.
+        _log.info("the resolved parameters cannot be read and are resolved again: %s", error)
+    if isinstance(kept.get("model"), str):  # the request may name a folder by its id
+        request = request.model_copy(update={"params": request.params.with_model(kept["model"])})
+    return with_constants(resolve(request.params, default_model=default_model), constants)
+
+
+def with_constants(params: ResolvedParams, kept: Mapping[str, Any]) -> ResolvedParams:
+    """Return parameters with the constants that a job was accepted with: earlier editions took them in requests."""
+    values = {**params.model_dump(), **{name: kept[name] for name in CONSTANTS & kept.keys()}}
+    return read_unbounded(ResolvedParams, values)
 
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
@@ -129,7 +145,7 @@ def _uses(request: JobRequest) -> list[str]:
     weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
     return [
         "asset",
-        *([_TARGET] if params.guidance is GuidanceKind.TARGET else []),
+        *([_TARGET] if params.kind is GuidanceKind.TARGET else []),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
@@ -194,7 +210,7 @@ TEXT_DEFORM = Kind(
         *(
             FilePart(
                 name,
-                f"Picture {number} of `params.silhouettes`: a mask, or an object in front of a plain background.",
+                f"Picture {number} of `silhouettes`: a mask, or an object in front of a plain background.",
                 required=False,
                 media_types=("image/png", "image/jpeg", "image/webp"),
                 content="silhouette",

@@ -35,7 +35,7 @@ _TAGS = [
     {"name": "checkpoints", "description": "The steps from which a job can continue, and its mesh at each."},
     {"name": "artifacts", "description": "The results of a job."},
     {"name": "webhooks", "description": "Receive events as signed messages: docs/webhooks.md."},
-    {"name": "models", "description": "The models that jobs may use in `params.model`."},
+    {"name": "models", "description": "The models that jobs may use in `params.guidance.model`."},
     {"name": "limits", "description": "The limits of this server."},
     {"name": "health", "description": "Liveness, readiness and metrics, for the operator."},
 ]

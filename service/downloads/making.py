@@ -51,7 +51,7 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
         else:
             deformed = deformed_file(job)
             app.store.fetch(deformed.key, source, sha256=deformed.sha256)
-            given = DerivedInput(source, shape, deformed.filename, output, job.request.params.exclude)
+            given = DerivedInput(source, shape, deformed.filename, output, job.request.params.control.exclude)
         derive(name, given, target, Limits.from_settings(app.settings))
         app.record.check_room(job.owner_id, {name: target.stat().st_size}, app.settings.max_stored_bytes)
         return _added(app, job, kind, target)

@@ -12,6 +12,7 @@ from meshdeform.assets import Limits
 from meshdeform.errors import NotFoundError, ParameterError
 from meshdeform.record.models import Artifact, Job, StoredFile
 from meshdeform.record.repository import JobRecord
+from meshdeform.requests.document import DeformParams
 from meshdeform.runs import kind_of
 from meshdeform.runs.derive import STRENGTH, DerivedInput, derive
 from meshdeform.storage import ObjectStore, StoredObject
@@ -90,7 +91,8 @@ class Strengths:
             deformed = deformed_file(job)
             self._store.fetch(deformed.key, source, sha256=deformed.sha256)
             self._store.fetch(artifact.key, result, sha256=artifact.sha256)
-            exclude = getattr(job.request.params, "exclude", ())
+            params = job.request.params
+            exclude = params.control.exclude if isinstance(params, DeformParams) else ()
             given = DerivedInput(source, result, deformed.filename, job.request.output, exclude, strength)
             derive(STRENGTH, given, output, self._limits)
             made = self._keep(job, artifact, output, key)

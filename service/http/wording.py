@@ -8,7 +8,9 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from meshdeform.requests.removed import instead
+from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.parameters import GUIDANCES
+from meshdeform.requests.removed import instead, plain_place
 
 __all__ = ["did_you_mean", "in_plain_words"]
 
@@ -30,18 +32,22 @@ def did_you_mean(name: str, known: Collection[str], given: Collection[str] = (),
 def in_plain_words(findings: Sequence[Any], model: type[BaseModel], document: Any) -> list[dict[str, Any]]:
     """Return pydantic's findings about a document, with what to use in place of each unknown member."""
     return [
-        {**found, "msg": _unknown(found["loc"], model, document)} if found["type"] == "extra_forbidden" else dict(found)
+        {
+            **found,
+            "loc": plain_place(found["loc"]),
+            **({"msg": _unknown(found["loc"], model, document)} if found["type"] == "extra_forbidden" else {}),
+        }
         for found in findings
     ]
 
 
 def _unknown(place: Sequence[Any], model: type[BaseModel], document: Any) -> str:
+    if elsewhere := instead(place):
+        return elsewhere
     inner: type[BaseModel] | None = model
     for step in place[:-1]:
-        inner = _model_of(inner, step) if inner is not None else None
-        document = document.get(step) if isinstance(document, dict) else None
-    if removed := instead(place):
-        return removed
+        inner = GUIDANCES[step] if step in list(GuidanceKind) else _model_of(inner, step) if inner is not None else None
+        document = document.get(step, document) if isinstance(document, dict) else None
     given = document if isinstance(document, dict) else {}
     return did_you_mean(str(place[-1]), inner.model_fields if inner is not None else (), given)
 

@@ -88,7 +88,7 @@ _BODY: dict[str, Any] = {
                         "summary": "An asset and a second mesh",
                         "value": {
                             "asset": "the bytes of sphere.glb",
-                            "request": {"params": {"preset": "preview", "guidance": "target"}},
+                            "request": {"params": {"preset": "preview", "guidance": {"kind": "target"}}},
                             "target": "the bytes of vase.glb",
                         },
                     },
@@ -200,7 +200,7 @@ async def orient_job(
     principal: PrincipalDep,
     x_request_id: _RequestId = None,  # noqa: ARG001 - read by the middleware
 ) -> Response:
-    """Takes the bodies of `POST /v1/jobs` with `params.orientation` = `auto` and stores nothing.
+    """Takes the bodies of `POST /v1/jobs` with `params.guidance.orientation` = `auto` and stores nothing.
 
     The search takes some seconds, in a process of its own on the API's machine, which needs the extra `deform`.
     """

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import DeformParams, JobRequest
 from meshdeform.requests.models import WEIGHTS_PART, teaching_job
 from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
 
@@ -74,11 +74,16 @@ class _WithFiles(JobRequest):
     _named: ClassVar[tuple[str, ...]] = ()
 
     @property
+    def _place_of_model(self) -> list[str]:
+        params: Any = self.params  # of any kind of job
+        return ["params", *(["guidance"] if isinstance(params, DeformParams) else []), "model"]
+
+    @property
     def references(self) -> dict[str, tuple[FileReference, list[str]]]:
         """The files that the document names by part, each with its place in the document."""
         own = {name: getattr(self, name) for name in self._named}
         teacher = teaching_job(getattr(self.params, "model", None) or "")
-        taught = {} if teacher is None else {WEIGHTS_PART: (_result_of(teacher), ["params", "model"])}
+        taught = {} if teacher is None else {WEIGHTS_PART: (_result_of(teacher), self._place_of_model)}
         return {
             **taught,
             **{name: (reference, ["files", name]) for name, reference in self.files.items()},
@@ -91,11 +96,12 @@ class _WithFiles(JobRequest):
             if getattr(self, name) is not None and name in self.files:
                 raise ValueError(f"{name} is also in files; leave one of the two out")
         model: str = getattr(self.params, "model", None) or ""
+        place = ".".join(self._place_of_model)
         if (teacher := teaching_job(model)) is not None:
             if not re.fullmatch(JOB_ID_PATTERN, teacher):
-                raise ValueError(f"params.model is {model!r}; after `job:` stands the id of a job")
+                raise ValueError(f"{place} is {model!r}; after `job:` stands the id of a job")
             if WEIGHTS_PART in self.files:
-                raise ValueError(f"files.{WEIGHTS_PART} is also params.model; leave one of the two out")
+                raise ValueError(f"files.{WEIGHTS_PART} is also {place}; leave one of the two out")
         return self
 
 

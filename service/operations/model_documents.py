@@ -44,7 +44,7 @@ class LessonView(BaseModel):
 class ModelView(BaseModel):
     """A model that jobs may use."""
 
-    id: str = Field(description="The value for `params.model`.", examples=["builtin"])
+    id: str = Field(description="The value for `params.guidance.model`.", examples=["builtin"])
     title: str = Field(description="Its display name.", examples=["Builtin"])
     description: str = Field(
         description="Its description.", examples=["The small demonstration model that comes with Meshdeform."]

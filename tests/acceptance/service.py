@@ -18,6 +18,8 @@ from typing import IO, Any, TypeVar
 import httpx
 import psutil
 
+from meshdeform.requests.removed import grouped
+
 T = TypeVar("T")
 DEADLINE_S = 120.0
 SMALLER = Path(__file__).parents[1] / "smaller"
@@ -152,7 +154,7 @@ class Service:
     ) -> httpx.Response:
         """Post a job; one with a prompt keeps its front unless it says more: the search takes as long as the rest."""
         if "prompt" in request:
-            request = {**request, "params": {"orientation": "keep", **request.get("params", {})}}
+            request = {**request, "params": grouped({"orientation": "keep", **request.get("params", {})})}
         files: dict[str, Any] = {"asset": (filename, asset)}
         if target is not None:
             files["target"] = (target.name, target.read_bytes())

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from meshdeform.cli.app import app
 from meshdeform.client import Client
 from meshdeform.geometry.shapes import box
+from meshdeform.requests.removed import grouped
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Service
 from tests.unit.assets.builders import Builder, unpack
@@ -75,7 +76,7 @@ def shown(page: str) -> list[tuple[str, str]]:
 def quick_request(text: str) -> str:
     """Return a request with the settings of QUICK."""
     request = json.loads(text)
-    return json.dumps({**request, "params": {**request.get("params", {}), **QUICK}})
+    return json.dumps({**request, "params": grouped({**request.get("params", {}), **QUICK})})
 
 
 def run_command(words: list[str]) -> str:

@@ -19,7 +19,7 @@ from tests.acceptance.service import Service, serving, until
 
 pytestmark = pytest.mark.acceptance
 
-REQUEST: dict[str, Any] = {"params": {"guidance": "target", "steps": 3}}
+REQUEST: dict[str, Any] = {"params": {"steps": 3, "guidance": {"kind": "target"}}}
 
 
 def meshdeform(*arguments: str) -> subprocess.CompletedProcess[str]:

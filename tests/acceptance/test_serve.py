@@ -20,10 +20,10 @@ pytestmark = pytest.mark.acceptance
 
 STEPS, EVERY = 18, 2
 REQUEST: dict[str, Any] = {
-    "params": {"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, "seed": 5},
+    "params": {"steps": STEPS, "checkpoint_every_steps": EVERY, "seed": 5, "guidance": {"kind": "target"}},
     "metadata": {"shot": "sc010"},
 }
-SHORT = {"params": {"guidance": "target", "steps": 3}}
+SHORT = {"params": {"steps": 3, "guidance": {"kind": "target"}}}
 
 
 @pytest.fixture(scope="module")

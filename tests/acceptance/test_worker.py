@@ -19,6 +19,7 @@ from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.storage import ObjectStore
 from tests.acceptance.cluster import Followed, until
 from tests.acceptance.meshes import write_ellipsoid
@@ -52,8 +53,8 @@ class Deployment(Followed):
 
     def submit(self, **params: Any) -> str:
         """Record a job and tell the queue."""
-        params = {"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, **params}
-        job = self.record.create(NewJob(JobRequest.model_validate({"params": params}), self._files))
+        params = grouped({"guidance": "target", "steps": STEPS, "checkpoint_every_steps": EVERY, **params})
+        job = self.record.create(NewJob(JobRequest.model_validate({"params": grouped(params)}), self._files))
         self.queue.enqueue(job.id)
         return job.id
 

@@ -120,7 +120,7 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(
     expect(page.locator("#estimate")).to_contain_text("4 steps")
     job = start(page)
     expect(badge(page)).to_have_text("Succeeded")
-    assert service.job(job)["params"]["orientation"] == turned
+    assert service.job(job)["params"]["guidance"]["orientation"] == turned
     expect(page.get_by_text(f"Front: the side at {turned}°")).to_be_visible()
     before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
     expect(page.get_by_label("Morph", exact=True)).to_be_visible()  # both have the same vertices

@@ -114,9 +114,9 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
     assert service.finished(job)["state"] == "succeeded"
     expect(badge(page)).to_have_text("Succeeded")
 
-    params = service.job(job)["params"]
+    control = service.job(job)["params"]["control"]
     source = load_asset(asset.read_bytes())
-    items = params["regions"][0]["faces"]
+    items = control["regions"][0]["faces"]
     ranges = [range(item[0], item[1] + 1) if isinstance(item, list) else [item] for item in items]
     numbers = [number for each in ranges for number in each]
     assert 1 < len(numbers) < 100
@@ -129,7 +129,7 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
     kept = np.unique(source.surface.triangles[numbers])
     np.testing.assert_array_equal(result.positions[kept], source.surface.positions[kept])
     assert np.abs(result.positions - source.surface.positions).max() > 0.01
-    [handle] = params["handles"]
+    [handle] = control["handles"]
     assert np.linalg.norm(np.array(handle["position"]) - [-1.2, 0, 0]) == pytest.approx(1, abs=0.06)
     nearest = np.linalg.norm(result.positions - handle["to"], axis=1).min()
     assert nearest < 0.35, "the surface is where the point was dragged"
@@ -177,13 +177,13 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     page.get_by_label("Split long edges first").uncheck()
     expect(page.locator("#estimate")).to_contain_text("2 steps")
     job = start(page)
-    params = service.job(job)["params"]
-    assert [{k: v for k, v in region.items() if v is not None} for region in params["regions"]] == [
+    control = service.job(job)["params"]["control"]
+    assert [{k: v for k, v in region.items() if v is not None} for region in control["regions"]] == [
         {"box": {"min": [-3, -3, -3], "max": [3, 0, 3]}, "action": "only"},
         {"node": "left", "action": "keep"},
         {"faces": [[0, 3], 7], "action": "keep"},
     ]
-    assert (params["symmetry"], params["falloff"]) == ("z", 0.2)
+    assert (control["symmetry"], control["falloff"]) == ("z", 0.2)
     assert service.finished(job)["state"] == "succeeded"
     expect(badge(page)).to_have_text("Succeeded")
     page.get_by_role("heading", name="Settings").click()
@@ -247,8 +247,9 @@ def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service
     expect(page.locator("#estimate")).to_contain_text("2 steps")
     job = start(page)
     document = service.job(job)
-    assert (document["params"]["guidance"], document["target"]["filename"]) == ("target", "balls.glb")
-    [pair, *_] = document["params"]["landmarks"]
+    guidance = document["params"]["guidance"]
+    assert (guidance["kind"], document["target"]["filename"]) == ("target", "balls.glb")
+    [pair, *_] = guidance["landmarks"]
     radius = np.abs(load_asset(service.http.get(f"/v1/jobs/{job}/asset").content).surface.positions).max()
     assert np.linalg.norm(pair["source"]) == pytest.approx(radius, rel=0.02)
     assert np.linalg.norm(np.array(pair["target"]) - [1.2, 0, 0]) == pytest.approx(1, abs=0.06)

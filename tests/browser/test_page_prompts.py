@@ -74,13 +74,13 @@ def test_two_prompts_of_which_one_has_regions(page: Page, watch: Watch, service:
     job = start(page)
     document = service.job(job)
     assert document["prompt"] == "a pear"
-    [further] = plain(document["params"]["prompts"])
+    [further] = plain(document["params"]["guidance"]["prompts"])
     assert (further["prompt"], further["weight"]) == ("a mushroom", 3)
     faces, upper = further["regions"]
     assert set(faces) == {"faces"}
     assert faces["faces"]
     assert upper["box"]["min"][1] == 0.25
-    assert "regions" not in document["params"]
+    assert "control" not in document["params"]
     assert service.finished(job)["state"] == "succeeded"
     control = page.get_by_role("region", name="Control")
     expect(control).to_contain_text("Prompt: a mushroom, weight 3 (Painted, ")
@@ -102,4 +102,6 @@ def test_two_prompts_of_which_one_has_regions(page: Page, watch: Watch, service:
     service.http.post(f"/v1/jobs/{alone}/cancel")
     document = service.job(alone)
     assert document["prompt"] == ""
-    assert [(each["prompt"], each["regions"]) for each in plain(document["params"]["prompts"])] == [("a mushroom", [])]
+    assert [(each["prompt"], each["regions"]) for each in plain(document["params"]["guidance"]["prompts"])] == [
+        ("a mushroom", [])
+    ]

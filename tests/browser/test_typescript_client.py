@@ -18,7 +18,7 @@ SCENARIO = """async (text) => {
   const client = new Client();
   const file = new File([text], "sphere.obj");
   const seen = [];
-  const job = await client.deform(file, { params: { guidance: "target", steps: 4 } }, {
+  const job = await client.deform(file, { params: { guidance: { kind: "target" }, steps: 4 } }, {
     files: { target: file }, onEvent: (event) => seen.push(event.type),
   });
   const glb = await client.download(job, "result.glb");

@@ -14,9 +14,12 @@ LATER: dict[str, dict[str, Any]] = {
     "a kind without files": {"kind": "image_deform", "params": {"pictures": 3}},
     "a member": {"prompt": "a later vase", "params": {"seed": 3}, "wobble": {"depth": 2}},
     "a parameter": {"prompt": "a later vase", "params": {"wobble": 0.5}},
-    "a member of a member": {"prompt": "a later vase", "params": {"regions": [{"node": "Lid", "wobble": 1}]}},
+    "a member of a member": {
+        "prompt": "a later vase",
+        "params": {"control": {"regions": [{"node": "Lid", "wobble": 1}]}},
+    },
     "a value": {"prompt": "a later vase", "params": {"preset": "ultra"}},
-    "a way to write prompts": {"params": {"prompts": [{"text": "a pear"}, "a vase"]}},
+    "a way to write prompts": {"params": {"guidance": {"prompts": [{"text": "a pear"}, "a vase"]}}},
     "another shape": {"prompt": "a later vase", "params": ["preview"], "output": 3, "metadata": {"shot": 7}},
 }
 """Requests that this version cannot read, by what is new about them."""

@@ -108,7 +108,7 @@ def test_a_branch_begins_with_a_checkpoint_and_asks_for_something_else(
 def test_a_branch_may_have_a_target_of_its_own(api: Api, sphere: bytes) -> None:
     source = interrupted_job(api, steps=(100,))
     path = f"/v1/jobs/{source}/checkpoints/100/branch"
-    guided = {"params": {"guidance": "target"}}
+    guided = {"params": {"guidance": {"kind": "target"}}}
     check_problem(api.http.post(path, json=guided), 422, "parameter_invalid")
     named = {**guided, "target": {"job_id": finished_job(api, sphere)}}
     job = made_of(api, api.http.post(path, json=named))
@@ -132,14 +132,17 @@ def test_a_checkpoint_that_is_not_there_or_not_whole_is_not_found(api: Api) -> N
 
 
 def test_a_branch_has_the_mesh_of_its_job(api: Api) -> None:
-    source = interrupted_job(api, steps=(100,), output={"subdivide": True}, params={"exclude": ["Ground"]})
+    source = interrupted_job(api, steps=(100,), output={"subdivide": True}, params={"control": {"exclude": ["Ground"]}})
     path = f"/v1/jobs/{source}/checkpoints/100/branch"
     job = made_of(api, api.http.post(path, json={**BRANCH, "output": {"morph": True}}))
     assert (job.request.output.subdivide, job.request.output.morph) == (True, True)
-    assert job.request.params.exclude == ("Ground",)
-    for different in ({"output": {"subdivide": False}}, {"params": {"exclude": []}}):
+    assert job.request.params.control.exclude == ("Ground",)
+    for different, place in (
+        ({"output": {"subdivide": False}}, ["output", "subdivide"]),
+        ({"params": {"control": {"exclude": []}}}, ["params", "control", "exclude"]),
+    ):
         problem = check_problem(api.http.post(path, json={**BRANCH, **different}), 422, "parameter_invalid")
-        assert problem["errors"][0]["loc"] == [next(iter(different)), *next(iter(different.values()))]
+        assert problem["errors"][0]["loc"] == place
 
 
 @each_case(

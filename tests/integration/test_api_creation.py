@@ -50,7 +50,7 @@ def test_a_posted_job_is_accepted_recorded_stored_and_told(api: Api, sphere: byt
 
 
 def test_the_request_may_be_a_file_part_and_a_target_may_come_along(api: Api, sphere: bytes) -> None:
-    document = ("request.json", json.dumps({"params": {"guidance": "target"}}), "application/json")
+    document = ("request.json", json.dumps({"params": {"guidance": {"kind": "target"}}}), "application/json")
     files = {"request": document, "target": ("t.glb", sphere), "asset": ("a.glb", sphere)}
     answer = api.http.post("/v1/jobs", files=files)
     assert answer.status_code == 202, answer.text
@@ -130,8 +130,8 @@ def test_a_bad_asset_is_a_clear_problem_and_leaves_nothing(api: Api, asset: byte
         ({**PROMPT, "params": {"stepz": 3}}, "parameter_invalid", ["params", "stepz"]),
         ({**PROMPT, "params": {"steps": 0}}, "parameter_invalid", ["params", "steps"]),
         ('{"prompt": "a mushroom", "params": {"seed": NaN}}', "parameter_invalid", ["params", "seed"]),
-        ({**PROMPT, "params": {"guidance": "target"}}, "parameter_invalid", ["params", "guidance"]),
-        ({**PROMPT, "params": {"model": "somebody/elses"}}, "model_unavailable", None),
+        ({**PROMPT, "params": {"guidance": {"kind": "target"}}}, "parameter_invalid", ["params", "guidance"]),
+        ({**PROMPT, "params": {"guidance": {"model": "somebody/elses"}}}, "model_unavailable", None),
         ({**PROMPT, "metadata": {"a": 1}}, "parameter_invalid", ["metadata", "a"]),
         ({**PROMPT, "metadata": {"a": "\0"}}, "parameter_invalid", ["metadata", "a"]),
         ('{"prompt": "\\ud800"}', "request_invalid", None),

@@ -33,6 +33,6 @@ def test_the_models_of_a_server(redis_server_url: str, tmp_path: Path, openapi: 
         assert (builtin["id"], builtin["available"], builtin["problem"]) == ("builtin", True, None)
         # What it says is understood is accepted; so the answer is of use to whoever writes a prompt.
         for prompt in builtin["vocabulary"]["examples"]:
-            request = {"prompt": prompt, "params": {"model": "builtin"}}
+            request = {"prompt": prompt, "params": {"guidance": {"model": "builtin"}}}
             sent = {"asset": ("sphere.glb", sphere), "request": (None, httpx.Response(200, json=request).content)}
             assert http.post("/v1/jobs:validate", files=sent).status_code == 200, prompt

@@ -16,6 +16,7 @@ from meshdeform.errors import DependencyError, ParameterError, VocabularyError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import orientation_process, questions, text_deform
 from tests.cases import each_case
 from tests.integration.conftest import Api
@@ -25,7 +26,7 @@ BALL = build_glb(icosphere(1).verts.numpy() * [1, 1, 2], icosphere(1).faces.nump
 
 
 def orient(api: Api, asset: bytes = BALL, **params: Any) -> Any:
-    request = json.dumps({"prompt": "a giraffe", "params": {"preset": "preview", **params}})
+    request = json.dumps({"prompt": "a giraffe", "params": grouped({"preset": "preview", **params})})
     return api.http.post("/v1/jobs:orient", files={"asset": ("a.glb", asset), "request": (None, request)})
 
 
@@ -45,8 +46,8 @@ def test_the_answer_is_what_the_report_would_say(
     found = orient(api, source_noun="pear")
     assert found.status_code == 200, found.text
     check_document(found.json(), "FoundOrientation", openapi)
-    params = {"preset": "preview", "source_noun": "pear"}
-    request = JobRequest.model_validate({"prompt": "a giraffe", "params": params})
+    params = {"preset": "preview", "guidance": {"source_noun": "pear"}}
+    request = JobRequest.model_validate({"prompt": "a giraffe", "params": grouped(params)})
     run = text_deform.start(asset=BALL, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
     assert found.json() == run.orientation.to_dict()
     assert len(found.json()["grades"]) == 12
@@ -55,19 +56,19 @@ def test_the_answer_is_what_the_report_would_say(
         orientation = client.orient(BALL, "a giraffe", params=params, filename="a.glb")
         assert orientation.model_dump() == found.json()
         with pytest.raises(ParameterError, match="would not search its front"):
-            client.orient(BALL, "a giraffe", params={"orientation": "keep"}, filename="a.glb")
+            client.orient(BALL, "a giraffe", params={"guidance": {"orientation": "keep"}}, filename="a.glb")
 
 
 def test_an_unknown_word_in_any_prompt_is_found_before_the_job(api: Api) -> None:
     prompts = [{"prompt": "a vase"}, {"prompt": "a zebr", "regions": [{"node": "Head"}]}]
     with Client(api.url) as client:
         with pytest.raises(VocabularyError) as caught:
-            client.validate(BALL, "a giraffe", params={"prompts": prompts}, filename="a.glb")
-        assert caught.value.extra["errors"][0]["loc"] == ["params", "prompts", 1, "prompt"]
+            client.validate(BALL, "a giraffe", params={"guidance": {"prompts": prompts}}, filename="a.glb")
+        assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance", "prompts", 1, "prompt"]
         prompts[1]["prompt"] = "a bell"
         with pytest.raises(ParameterError, match="no node named 'Head'") as refused:
-            client.validate(BALL, "a giraffe", params={"prompts": prompts}, filename="a.glb")
-        assert refused.value.extra["errors"][0]["loc"] == ["params", "prompts", 1, "regions", 0, "node"]
+            client.validate(BALL, "a giraffe", params={"guidance": {"prompts": prompts}}, filename="a.glb")
+        assert refused.value.extra["errors"][0]["loc"] == ["params", "guidance", "prompts", 1, "regions", 0, "node"]
 
 
 @each_case(
@@ -80,7 +81,7 @@ def test_an_unknown_word_in_any_prompt_is_found_before_the_job(api: Api) -> None
 )
 def test_a_job_that_searches_no_front_is_told_so(api: Api, params: dict[str, Any], member: str) -> None:
     problem = check_problem(orient(api, **params), 422, "parameter_invalid")
-    assert problem["errors"][0]["loc"] == ["params", member]
+    assert problem["errors"][0]["loc"] == ["params", "guidance", member]
     assert "auto" in problem["advice"]
 
 

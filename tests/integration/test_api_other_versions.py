@@ -56,10 +56,15 @@ def test_their_results_are_downloaded(api: Api, new: str) -> None:
     check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/morph.glb"), 404, "not_found")
 
 
-def test_what_was_removed_since_is_not_shown_so_that_the_job_can_be_asked_for_again(api: Api) -> None:
-    earlier = {"prompt": "a vase", "params": {"framing": 0.5, "seed": 3}, "output": {"usd": True}}
+def test_an_earlier_request_is_shown_in_the_form_of_this_version_so_that_it_can_be_sent_again(api: Api) -> None:
+    earlier = {
+        "prompt": "a vase",
+        "params": {"framing": 0.5, "seed": 3, "orientation": "keep", "symmetry": "x"},
+        "output": {"usd": True},
+    }
     shown = api.http.get(f"/v1/jobs/{accepted_elsewhere(api.record, earlier).id}").json()
-    assert (shown["params"], shown["unreadable"], "usd" in shown["output"]) == ({"seed": 3}, None, False)
+    assert shown["params"] == {"seed": 3, "guidance": {"orientation": "keep"}, "control": {"symmetry": "x"}}
+    assert (shown["unreadable"], "usd" in shown["output"]) == (None, False)
 
 
 def test_an_ordinary_job_can_be_read(api: Api) -> None:

@@ -98,7 +98,8 @@ def test_the_page_learns_the_parameters_from_their_declaration(http: httpx.Clien
     schema = answer.json()
     assert schema.pop("x-output") == OutputOptions().model_dump(mode="json")
     assert schema == DeformParams.model_json_schema()
-    forms = {name: member[FORM] for name, member in schema["properties"].items() if FORM in member}
+    groups = [schema, schema["$defs"]["PromptGuidance"]]
+    forms = {name: it[FORM] for group in groups for name, it in group["properties"].items() if FORM in it}
     assert {"steps", "learning_rate", "safeguard", "negative_prompt"} <= set(forms)
     assert all({"label", "help"} <= set(form) for form in forms.values())
     assert {value for value, _ in forms["safeguard"]["choices"]} == set(Safeguard)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from meshdeform.requests.removed import grouped
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_problem
 from tests.unit.runs.test_pictures import GLB, ellipse
@@ -18,7 +19,7 @@ def test_pictures_are_checked_with_their_job(api: Api) -> None:
             "asset": ("a.glb", GLB),
             "silhouette_1": ("front.png", ellipse(40, 20)),
             "silhouette_2": ("side.png", second),
-            "request": (None, json.dumps({"params": {**ASKED, **params}})),
+            "request": (None, json.dumps({"params": grouped({**ASKED, **params})})),
         }
 
     found = api.http.post("/v1/jobs:validate", files=sent(ellipse(20, 15)))

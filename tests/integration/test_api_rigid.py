@@ -7,13 +7,14 @@ from typing import Any
 
 from meshdeform.assets import Primitive, build_glb
 from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.requests.removed import grouped
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
 from tests.unit.geometry.test_up_axis import STATUE
 
 
 def validate(api: Api, asset: bytes, **params: Any) -> Any:
-    request = json.dumps({"prompt": "a mushroom", "params": params})
+    request = json.dumps({"prompt": "a mushroom", "params": grouped(params)})
     return api.http.post("/v1/jobs:validate", files={"asset": ("a.glb", asset), "request": (None, request)})
 
 
@@ -27,10 +28,10 @@ def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dic
     assert found.json()["params"]["rigid"][0]["mode"] == "similarity"
     problem = check_problem(validate(api, asset, rigid=[{"material": "Rubber"}]), 422, "parameter_invalid")
     assert "Did you mean 'rubber'?" in problem["advice"]
-    assert problem["errors"][0]["loc"] == ["params", "rigid", 0, "material"]
+    assert problem["errors"][0]["loc"] == ["params", "control", "rigid", 0, "material"]
     problem = check_problem(validate(api, asset, regions=[{"material": "Rubber"}]), 422, "parameter_invalid")
     assert "Did you mean 'rubber'?" in problem["advice"]
-    assert problem["errors"][0]["loc"] == ["params", "regions", 0, "material"]
+    assert problem["errors"][0]["loc"] == ["params", "control", "regions", 0, "material"]
     control = {"regions": [{"material": "rubber", "action": "only"}], "symmetry": "auto"}
     found = validate(api, asset, **control)
     check_document(found.json(), "Validation", openapi)
@@ -50,12 +51,12 @@ def test_a_point_that_is_absurdly_far_is_refused_where_it_stands(api: Api) -> No
         ({"position": [1e7, 0, 0]}, ["position"]),
     ):
         problem = check_problem(validate(api, asset, handles=[near, near | far]), 422, "parameter_invalid")
-        assert problem["errors"][0]["loc"] == ["params", "handles", 1, *place]
+        assert problem["errors"][0]["loc"] == ["params", "control", "handles", 1, *place]
     landmarks = [{"source": [0, 1, 0], "target": [1e7, 0, 0]}]
-    request = json.dumps({"params": {"guidance": "target", "landmarks": landmarks}})
+    request = json.dumps({"params": {"guidance": {"kind": "target", "landmarks": landmarks}}})
     files = {"asset": ("a.glb", asset), "target": ("b.glb", asset), "request": (None, request)}
     problem = check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "parameter_invalid")
-    assert problem["errors"][0]["loc"] == ["params", "landmarks", 0, "target"]
+    assert problem["errors"][0]["loc"] == ["params", "guidance", "landmarks", 0, "target"]
 
 
 def test_an_asset_with_z_up_is_valid_and_comes_with_a_warning(api: Api) -> None:
@@ -71,7 +72,7 @@ def test_an_unknown_node_to_exclude_is_refused_with_the_nearest_name(api: Api) -
     assert validate(api, asset, exclude=["Ball1"]).json()["params"]["exclude"] == ["Ball1"]
     problem = check_problem(validate(api, asset, exclude=["Ball0", "ball1"]), 422, "parameter_invalid")
     assert "Did you mean 'Ball1'?" in problem["advice"]
-    assert problem["errors"][0]["loc"] == ["params", "exclude", 1]
+    assert problem["errors"][0]["loc"] == ["params", "control", "exclude", 1]
     check_problem(validate(api, asset, exclude=[True]), 422, "parameter_invalid")
 
 

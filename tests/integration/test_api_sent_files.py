@@ -51,7 +51,7 @@ def test_an_asset_comes_back_in_any_state(api: Api, sphere: bytes) -> None:
 
 def test_a_target_comes_back_and_a_job_without_one_says_so(api: Api, sphere: bytes, repository: Path) -> None:
     cube = (repository / "examples" / "cube.glb").read_bytes()
-    answer = post(api, sphere, {"params": {"guidance": "target"}}, target=("cube.glb", cube))
+    answer = post(api, sphere, {"params": {"guidance": {"kind": "target"}}}, target=("cube.glb", cube))
     assert answer.status_code == 202, answer.text
     job_id = answer.json()["id"]
     found = api.http.get(f"/v1/jobs/{job_id}/target")

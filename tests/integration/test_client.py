@@ -114,7 +114,7 @@ def test_from_a_file_to_a_file(api: Api, client: Client, sphere: Path, tmp_path:
 
 
 def test_a_target_is_sent_along(client: Client, sphere: Path) -> None:
-    job = client.submit(sphere, params={"guidance": "target"}, target=sphere)
+    job = client.submit(sphere, params={"guidance": {"kind": "target"}}, target=sphere)
     assert job.target is not None
     assert job.target.sha256 == job.asset.sha256 == hashlib.sha256(sphere.read_bytes()).hexdigest()
 

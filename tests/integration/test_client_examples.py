@@ -18,7 +18,7 @@ from tests.cases import each_case
 
 pytestmark = pytest.mark.slow
 
-QUICK = {"preset": "preview", "steps": 4, "seed": 7, "orientation": "keep"}
+QUICK = {"preset": "preview", "steps": 4, "seed": 7, "guidance": {"orientation": "keep"}}
 
 
 @pytest.fixture
@@ -108,7 +108,9 @@ def snippets(repository: Path) -> list[str]:
 def test_a_snippet_of_the_page_does_what_it_says(service: Service, folder: Path, repository: Path, number: int) -> None:
     blocks = snippets(repository)
     assert len(blocks) == 5
-    block = blocks[number].replace('"preset": "preview"', '"preset": "preview", "steps": 4, "orientation": "keep"')
+    block = blocks[number].replace(
+        '"preset": "preview"', '"preset": "preview", "steps": 4, "guidance": {"orientation": "keep"}'
+    )
     printed = run(service, folder, "-c", block)
     if number == 0:
         assert sorted(path.name for path in (folder / "mushroom").iterdir()) == [

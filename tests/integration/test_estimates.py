@@ -57,7 +57,7 @@ def test_only_the_newest_count(record: JobRecord) -> None:
 
 def test_other_models_count_where_nothing_closer_is_known(record: JobRecord) -> None:
     measured(record, 0.5)
-    other = {"params": {"steps": 10, "model": "another/model"}}
+    other = {"params": {"steps": 10, "guidance": {"model": "another/model"}}}
     found = estimated(record, **other)
     assert found.run_s == 5.0
     assert "other models" in found.basis

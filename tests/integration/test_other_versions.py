@@ -128,14 +128,14 @@ def test_workers_pass_over_it_and_take_the_others_in_their_order(record: JobReco
 
 @both_databases
 def test_what_is_out_of_bounds_by_now_is_run_as_it_was_accepted(record: JobRecord) -> None:
-    params = {"steps": 10**9, "seed": -3, "regions": [{"node": "n" * 5000}] * 100, "learning_rate": 30.0}
+    params = {"steps": 10**9, "seed": -3, "learning_rate": 30.0, "control": {"regions": [{"node": "n" * 5000}] * 100}}
     document = {"prompt": "a vase " * 1000, "params": params, "metadata": {"shot": "x" * 5000}}
     job = accepted_elsewhere(record, document, priority=10**6, fraction=1.5)
     for found in (record.get(job.id), *record.list_jobs().jobs, record.leases.claim_next("worker", LEASE_S)):
         assert found is not None
         assert found.unreadable is None
         assert (found.request.params.steps, found.request.params.seed) == (10**9, -3)
-        assert len(found.request.params.regions) == 100
+        assert len(found.request.params.control.regions) == 100
         assert (found.priority, found.progress.fraction) == (10**6, 1.5)
     assert record.request_cancel(job.id).state is JobState.CANCELING
     record.leases.finish(job.id, 1, JobState.CANCELED)

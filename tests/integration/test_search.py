@@ -99,7 +99,9 @@ def test_api_clients_and_command_line_search(api: Api) -> None:
 
 
 def test_all_prompts_are_searched(record: JobRecord) -> None:
-    request = JobRequest.model_validate({"prompt": "a pear", "params": {"prompts": [{"prompt": "a shark"}]}})
+    request = JobRequest.model_validate(
+        {"prompt": "a pear", "params": {"guidance": {"prompts": [{"prompt": "a shark"}]}}}
+    )
     job = record.create(NewJob(request, {"asset": stored_file(filename="Duck.glb")}))
     for words, expected in (("pear SHARK duck", [job.id]), ("pear vase", [])):
         assert [found.id for found in record.list_jobs(words=words).jobs] == expected

@@ -12,6 +12,7 @@ import pytest
 from meshdeform import priors
 from meshdeform.errors import ModelError
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
@@ -37,7 +38,7 @@ def test_no_answer_shows_a_model_folder(
     redis_url: str, settings: Settings, folders: list[Path], sphere: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def post(route: str, **params: Any) -> httpx.Response:
-        request = json.dumps({"prompt": "x", "params": params})
+        request = json.dumps({"prompt": "x", "params": grouped(params)})
         return http.post(route, files={"asset": ("a.glb", sphere), "request": (None, request)})
 
     settings = settings.model_copy(update={"redis_url": redis_url})
@@ -56,7 +57,8 @@ def test_no_answer_shows_a_model_folder(
         monkeypatch.setattr(priors, "check_model", lambda *_: None)
         valid = [post("/v1/jobs:validate", model=ids[2]), post("/v1/jobs:validate"), post("/v1/jobs", model=ids[3])]
         assert [answer.status_code for answer in valid] == [200, 200, 202]
-        assert [answer.json()["params"]["model"] for answer in valid] == [ids[2], ids[0], ids[3]]
+        assert [answer.json()["params"]["model"] for answer in valid[:2]] == [ids[2], ids[0]]
+        assert valid[2].json()["params"]["guidance"]["model"] == ids[3]
         for answer in (*answers, *valid):
             assert not any(str(folder.parent) in answer.text for folder in folders), answer.text
 
@@ -66,14 +68,14 @@ def test_a_model_is_found_by_its_id_and_by_its_path(
 ) -> None:
     monkeypatch.setattr(priors, "check_model", lambda *_: None)
     for name in ("sd15", f"{folders[2]}/"):
-        request = JobRequest.model_validate({"prompt": "x", "params": {"model": name}})
+        request = JobRequest.model_validate({"prompt": "x", "params": {"guidance": {"model": name}}})
         checked: Any = check_request(request, settings, files=["asset"])
         assert checked.model == f"{folders[2]}/"
 
 
 def test_a_worker_names_a_broken_model_by_its_id(folders: list[Path], sphere: bytes) -> None:
     pytest.importorskip("diffusers")
-    request = JobRequest.model_validate({"prompt": "x", "params": {"model": "sd15"}})
+    request = JobRequest.model_validate({"prompt": "x", "params": {"guidance": {"model": "sd15"}}})
     resolved = {"model": str(folders[2]), "no longer": "a parameter"}  # of another version
 
     def load(model: str) -> Any:

@@ -21,6 +21,7 @@ from meshdeform.errors import (
     VocabularyError,
 )
 from meshdeform.record.repository import JobRecord
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import start_run
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
@@ -60,7 +61,7 @@ def clients(settings: Settings) -> Iterator[tuple[Client, Client]]:
 
 def refusal(client: Client, ball: Path, model: str) -> tuple[str, str, str, Any]:
     with pytest.raises(MeshdeformError) as caught:
-        client.submit(ball, "a teapot", params={"model": model})
+        client.submit(ball, "a teapot", params={"guidance": {"model": model}})
     error = caught.value
     return error.code, error.detail.replace(model[4:], "ID"), error.advice_text, error.extra.get("errors")
 
@@ -77,7 +78,7 @@ def test_a_taught_word_is_used_by_its_owner_alone_until_the_lesson_is_deleted(
     absent = "job:job_01kg9zqk2xf3v8c5m7n9p1r4t6"
     waiting = one.teach("a teapot", ball, params=LESSON)
     with pytest.raises(ConflictError, match="is queued"):
-        one.submit(ball, "a teapot", params={"model": f"job:{waiting.id}"})
+        one.submit(ball, "a teapot", params={"guidance": {"model": f"job:{waiting.id}"}})
     with working(settings, start_run, lambda model: priors.get(model, device="cpu")):
         taught = one.wait(waiting, timeout_s=DEADLINE_S)
         assert (str(taught.state), taught.error) == ("succeeded", None)
@@ -92,7 +93,7 @@ def test_a_taught_word_is_used_by_its_owner_alone_until_the_lesson_is_deleted(
             two.submit(
                 ball,
                 "a teapot",
-                params={"model": "weights"},
+                params={"guidance": {"model": "weights"}},
                 files={"weights": {"job_id": taught.id, "artifact": "weights.safetensors"}},
             )
         with pytest.raises(NotFoundError):
@@ -105,32 +106,38 @@ def test_a_taught_word_is_used_by_its_owner_alone_until_the_lesson_is_deleted(
         assert str(tmp_path) not in mine.model_dump_json()
 
         with pytest.raises(VocabularyError, match="'giraffe'"):
-            one.submit(ball, "a giraffe", params={"model": model})
+            one.submit(ball, "a giraffe", params={"guidance": {"model": model}})
         with pytest.raises(ParameterError, match="knows 'teapot' already"):
             one.submit(kind="prior_teach", files={"meshes": ball}, params={**LESSON, "model": model})
         assert one.validate(
             kind="prior_teach", files={"meshes": ball}, params={**LESSON, "noun": "a goblet", "model": model}
         )
-        used = one.deform(ball, "a tall teapot", params={**QUICK, "model": model}, timeout_s=DEADLINE_S)
+        used = one.deform(ball, "a tall teapot", params=grouped({**QUICK, "model": model}), timeout_s=DEADLINE_S)
         report = json.loads(used.read("report.json"))
         assert (report["guidance"]["id"], str(tmp_path) in json.dumps(report)) == (model, False)
         with pytest.raises(ParameterError, match="no such artifact"):
-            one.submit(ball, "a teapot", params={"model": f"job:{used.job.id}"})
+            one.submit(ball, "a teapot", params={"guidance": {"model": f"job:{used.job.id}"}})
         one.delete(taught)
         code, detail, _, errors = refusal(one, ball, model)
-        assert (code, detail, errors[0]["loc"]) == ("parameter_invalid", "There is no job ID.", ["params", "model"])
+        assert (code, detail, errors[0]["loc"]) == (
+            "parameter_invalid",
+            "There is no job ID.",
+            ["params", "guidance", "model"],
+        )
         assert model not in [each.id for each in one.models().models]
         # Jobs that were accepted keep what they need, and so do their branches.
-        branch = one.branch(used.job, 1, "a teapot", params={**QUICK, "model": model})
+        branch = one.branch(used.job, 1, "a teapot", params=grouped({**QUICK, "model": model}))
         assert branch.files["weights"] == one.get(used.job.id).files["weights"]
         one.wait(branch, timeout_s=DEADLINE_S)
         with pytest.raises(VocabularyError, match="'giraffe'"):
-            one.branch(used.job, 1, "a giraffe", params={"model": model})
+            one.branch(used.job, 1, "a giraffe", params={"guidance": {"model": model}})
         with pytest.raises(ParameterError, match="no job"):
-            one.branch(used.job, 1, "a teapot", params={"model": absent})
-        assert "weights" not in one.branch(used.job, 1, "a giraffe", params={**QUICK, "model": "builtin"}).files
+            one.branch(used.job, 1, "a teapot", params={"guidance": {"model": absent}})
+        assert (
+            "weights" not in one.branch(used.job, 1, "a giraffe", params=grouped({**QUICK, "model": "builtin"})).files
+        )
         with pytest.raises(RequestError, match="after `job:` stands the id of a job"):
-            one.submit(ball, "a teapot", params={"model": "job:../x"})
+            one.submit(ball, "a teapot", params={"guidance": {"model": "job:../x"}})
     assert refusal(two, ball, model)[0] == "parameter_invalid"
 
 
@@ -147,13 +154,18 @@ def test_weights_that_are_damaged_or_from_elsewhere_are_refused(
     for data in (good[:-7], b"\x80\x04K\x01.", len(header).to_bytes(8, "little") + header + bytes(4)):
         (tmp_path / "sent.safetensors").write_bytes(data)
         with pytest.raises(AssetFormatError) as caught:
-            one.submit(ball, "a vase", params={"model": "weights"}, files={"weights": tmp_path / "sent.safetensors"})
+            one.submit(
+                ball,
+                "a vase",
+                params={"guidance": {"model": "weights"}},
+                files={"weights": tmp_path / "sent.safetensors"},
+            )
         assert str(tmp_path) not in f"{caught.value.detail}{caught.value.advice_text}"
     (tmp_path / "sent.safetensors").write_bytes(good)
     files = {"weights": tmp_path / "sent.safetensors"}
-    with pytest.raises(ParameterError, match=r"was sent, but params\.model does not use it"):
+    with pytest.raises(ParameterError, match=r"was sent, but params\.guidance\.model does not use it"):
         one.submit(ball, "a vase", files=files)
-    job = one.submit(ball, "a vase", params={"model": "weights"}, files=files)
+    job = one.submit(ball, "a vase", params={"guidance": {"model": "weights"}}, files=files)
     # The worker compares the bytes with the hash that was recorded.
     stored = ObjectStore(settings.resolved_storage_url)
     key = f"assets/{job.files['weights'].sha256}"

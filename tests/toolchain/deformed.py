@@ -8,7 +8,10 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
 
 _REQUEST = JobRequest.model_validate(
-    {"params": {"guidance": "target", "steps": 2, "learning_rate": 0.05, "seed": 3}, "output": {"morph": True}}
+    {
+        "params": {"steps": 2, "learning_rate": 0.05, "seed": 3, "guidance": {"kind": "target"}},
+        "output": {"morph": True},
+    }
 )
 
 

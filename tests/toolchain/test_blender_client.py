@@ -25,7 +25,7 @@ job_module = pytest.importorskip("meshdeform_blender.job")
 control = pytest.importorskip("meshdeform_blender.control")
 errors = pytest.importorskip("meshdeform_blender.errors")
 
-TARGET = {"params": {"guidance": "target", "steps": 5, "checkpoint_every_steps": 5}}
+TARGET = {"params": {"steps": 5, "checkpoint_every_steps": 5, "guidance": {"kind": "target"}}}
 
 
 def part(name: str = "ball", matrix: NDArray[np.float64] | None = None, height: float = 1.0) -> Any:
@@ -149,7 +149,7 @@ def test_a_refusal_is_told_with_its_advice(service: Service) -> None:
 
 
 def test_a_canceled_job_is_canceled_on_the_server(service: Service) -> None:
-    request = {"params": {"guidance": "target", "steps": 50_000}}
+    request = {"params": {"steps": 50_000, "guidance": {"kind": "target"}}}
     asset = glb.write_glb([part()])
     thread = job_module.JobThread(str(service.http.base_url), "", asset, "a.glb", request, asset)
     thread.start()

@@ -45,7 +45,7 @@ def address(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
 def deform(**values: Any) -> dict[str, Any]:
     """Run the deform node with few steps."""
     kind = kinds["MeshdeformDeform"]
-    params = {"steps": 2, "orientation": "keep"}
+    params = {"steps": 2, "guidance": {"orientation": "keep"}}
     given = {"asset": "sphere.glb", "prompt": "a mushroom", "preset": "preview", "seed": 7, "filename_prefix": "out"}
     return dict(getattr(kind(), kind.FUNCTION)(**{"parameters": params, **given, **values}))
 

@@ -24,7 +24,7 @@ from meshdeform.requests.document import DeformParams, Preset, ResolvedParams, r
 from tests.cases import each_case
 
 F64 = torch.float64
-PAPER: ResolvedParams = resolve(DeformParams(preset=Preset.PAPER, model="a-model"))
+PAPER: ResolvedParams = resolve(DeformParams.model_validate({"preset": Preset.PAPER, "guidance": {"model": "a-model"}}))
 
 
 def test_the_published_numbers() -> None:

@@ -44,7 +44,7 @@ def test_a_result_is_its_source_in_another_shape_by_the_request_beside_it(exampl
     assert result.positions.shape == source.positions.shape
     moved = np.linalg.norm(result.positions - source.positions, axis=1)
     assert np.sqrt((moved**2).mean()) > 0.02 * np.linalg.norm(np.ptp(source.positions, axis=0))
-    for region in example["document"]["params"].get("regions", []):
+    for region in example["document"]["params"].get("control", {}).get("regions", []):
         low, high = region["box"]["min"], region["box"]["max"]
         inside = ((source.positions >= low) & (source.positions <= high)).all(1)
         kept = np.unique(source.triangles[inside[source.triangles].all(1)])

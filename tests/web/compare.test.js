@@ -6,7 +6,7 @@ const job = (prompt, params, more = {}) => ({ kind: "text_deform", state: "succe
 const values = (rows, label) => rows.find((row) => row.label === label)?.values;
 
 test("what tells jobs apart is always said, other parameters only where they differ", () => {
-  const jobs = [job("a lamp", { preset: "preview", seed: 3, steps: 40 }), job("a lamp", { seed: 3, regions: [{ node: "Head", action: "keep" }] }, { output: { morph: true } })];
+  const jobs = [job("a lamp", { preset: "preview", seed: 3, steps: 40 }), job("a lamp", { seed: 3, control: { regions: [{ node: "Head", action: "keep" }] } }, { output: { morph: true } })];
   const reports = [{ params: { model: "builtin", steps: 40, learning_rate: 0.03 } }, { params: { model: "builtin", steps: 200, learning_rate: 0.03 } }];
   const rows = askedRows(jobs, reports);
   assert.deepEqual(values(rows, "Prompt"), ["a lamp", "a lamp"]);

@@ -5,6 +5,7 @@ import { documents, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
 import { carriedFlags, keptFaces, Neighbours, pulledFaces, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
 
+const FORM = { fields: [], groups: { control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} } } };
 const ASKED = {
   regions: [{ faces: [0, [4, 9]], action: "keep" }, { box: { min: [0, 0, 0], max: [1, 2, 1] }, action: "only" }],
   handles: [{ position: [0, 1, 0], to: [0, 1.5, 0] }],
@@ -24,11 +25,11 @@ test("a request asks for what the form holds, and the form holds what a job aske
 });
 
 test("a job that is asked for again brings its control, and nothing twice", () => {
-  const job = { prompt: "a vase", params: { ...ASKED, rigid: [{ node: "wheel" }] }, output: {}, asset: { filename: "a.glb", size: 7 } };
+  const job = { prompt: "a vase", params: { control: { ...ASKED, rigid: [{ node: "wheel" }] } }, output: {}, asset: { filename: "a.glb", size: 7 } };
   const wish = wishOf(job, []);
   assert.equal(wish.control.of, fileKey("a.glb", 7));
   assert.deepEqual(wish.kept.params, { rigid: [{ node: "wheel" }] });
-  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documents(wish, null, "", [])[0].params;
+  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documents(wish, null, "", FORM)[0].params;
   assert.deepEqual(params, job.params);
 });
 
@@ -44,13 +45,13 @@ test("further prompts keep their regions through the form, and each is sent as d
   // As the API returns them.
   const told = [{ prompt: "a mushroom", weight: 1, outside: false, regions: [{ box, node: null, faces: null }] }];
   assert.deepEqual(controlParams(controlOf({ prompts: told })).prompts, [{ prompt: "a mushroom", regions: [{ box }] }]);
-  const wish = wishOf({ prompt: "", params: { prompts } }, []);
-  const [document] = documents(wish, null, "", []);
-  assert.deepEqual(document.params.prompts, prompts);
+  const wish = wishOf({ prompt: "", params: { guidance: { prompts } } }, []);
+  const [document] = documents(wish, null, "", FORM);
+  assert.deepEqual(document.params.guidance.prompts, prompts);
   assert.equal("prompt" in document, false);
   assert.deepEqual(wish.kept.params, {});
   // A target mesh takes no prompt at all.
-  assert.equal("prompts" in documents({ ...wish, guide: { ...wish.guide, target: true } }, null, "", [])[0].params, false);
+  assert.deepEqual(documents({ ...wish, guide: { ...wish.guide, target: true } }, null, "", FORM)[0].params.guidance, { kind: "target" });
 });
 
 test("what of further prompts cannot be sent is said, and an empty row asks for nothing", () => {

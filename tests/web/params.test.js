@@ -1,13 +1,14 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { guideFiles } from "../../service/web/app/create/guide/model.js";
-import { checkpointEvery, documents, fieldProblem, fieldsOf, integerProblem, keptText, nothingKept, numbersOf, randomSeed, refinement, wishOf } from "../../service/web/app/params.js";
+import { placeOf, plainParams } from "../../service/web/app/groups.js";
+import { checkpointEvery, documents, fieldProblem, formOf, integerProblem, keptText, nothingKept, numbersOf, randomSeed, refinement, wishOf } from "../../service/web/app/params.js";
 
 const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
 // What the server serves as web/parameters.json has the same members.
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
-const FIELDS = fieldsOf(openapi.components.schemas.DeformParams);
+const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas });
+const FIELDS = FORM.fields;
 const field = (name) => FIELDS.find((found) => found.name === name);
 
 test("the form offers what the server declares", () => {
@@ -18,32 +19,32 @@ test("the form offers what the server declares", () => {
   });
   assert.deepEqual(field("safeguard").choices.map(([value]) => value), ["intersections", "flips", "none"]);
   assert.equal(field("negative_prompt").type, "text");
-  assert.deepEqual(fieldsOf(null), []);
+  assert.deepEqual(formOf(null).fields, []);
 });
 
 test("one job asks for what was chosen and nothing else", () => {
-  assert.deepEqual(documents(WISH, 80, "g", FIELDS), [
-    { prompt: "a mushroom", params: { preset: "preview", model: "builtin", checkpoint_every_steps: 8, seed: 7 }, output: { morph: false } },
+  assert.deepEqual(documents(WISH, 80, "g", FORM), [
+    { prompt: "a mushroom", params: { preset: "preview", checkpoint_every_steps: 8, seed: 7, guidance: { model: "builtin" } }, output: { morph: false } },
   ]);
 });
 
 test("variations differ by their seed and share a label", () => {
-  const found = documents({ ...WISH, variations: 3 }, 80, "g1", FIELDS);
+  const found = documents({ ...WISH, variations: 3 }, 80, "g1", FORM);
   assert.deepEqual(found.map((document) => document.params.seed), [7, 8, 9]);
   assert.deepEqual(found.map((document) => document.metadata), [1, 2, 3].map((number) => ({ group: "g1", variation: String(number) })));
 });
 
 test("what was typed under Advanced goes along as numbers; what is empty or wrong does not", () => {
   const advanced = { steps: "40", learning_rate: " 0.01 ", safeguard: "none", normal_weight: "-2.5", guidance_scale: "" };
-  const { params } = documents({ ...WISH, advanced }, 80, "g", FIELDS)[0];
-  assert.deepEqual(params, { preset: "preview", model: "builtin", steps: 40, learning_rate: 0.01, safeguard: "none", checkpoint_every_steps: 4, seed: 7 });
+  const { params } = documents({ ...WISH, advanced }, 80, "g", FORM)[0];
+  assert.deepEqual(params, { preset: "preview", steps: 40, learning_rate: 0.01, safeguard: "none", checkpoint_every_steps: 4, seed: 7, guidance: { model: "builtin" } });
 });
 
 test("the front is a word or a number", () => {
   assert.deepEqual(field("orientation").choices.map(([value]) => value), ["auto", "keep", "90", "180", "270"]);
-  const asked = (text) => documents({ ...WISH, advanced: { orientation: text } }, 80, "g", FIELDS)[0].params.orientation;
+  const asked = (text) => documents({ ...WISH, advanced: { orientation: text } }, 80, "g", FORM)[0].params.guidance.orientation;
   assert.deepEqual(["90", "keep", ""].map(asked), [90, "keep", undefined]);
-  assert.equal(wishOf({ params: { orientation: 180 } }, FIELDS).advanced.orientation, "180");
+  assert.equal(wishOf({ params: { guidance: { orientation: 180 } } }, FIELDS).advanced.orientation, "180");
 });
 
 test("what is wrong is said", () => {
@@ -78,23 +79,43 @@ test("ten shapes on the way, at least one step apart", () => {
 test("a job's own parameters fill the form again, and what it has no field for is kept", () => {
   const job = {
     prompt: "a vase",
-    params: { preset: "paper", seed: 3, learning_rate: 0.01, timestep_min: 0.5, checkpoint_every_steps: 7 },
+    params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] }, checkpoint_every_steps: 7 },
     output: { morph: true, subdivide: true, other: 1 },
   };
-  const kept = { params: { timestep_min: 0.5 }, output: { other: 1 } };
+  const kept = { params: { timestep_min: 0.5, exclude: ["Ground"] }, output: { other: 1 } };
   const wish = wishOf(job, FIELDS);
   const control = { regions: [], handles: [], symmetry: "none", falloff: "", prompts: [], of: "" };
   const guide = { align: "", landmarks: [], pictures: [], target: false };
   assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, subdivide: true, advanced: { learning_rate: "0.01" }, kept });
-  const [document] = documents(wish, null, "g", FIELDS);
+  const [document] = documents(wish, null, "g", FORM);
   assert.deepEqual(document, {
-    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, timestep_min: 0.5 }, output: { morph: true, subdivide: true, other: 1 },
+    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] } }, output: { morph: true, subdivide: true, other: 1 },
   });
-  assert.equal(keptText(kept), "timestep_min 0.5, output.other 1");
+  assert.equal(keptText(kept), 'timestep_min 0.5, exclude ["Ground"], output.other 1');
   // What every job has is not kept, in whatever order its members are.
   const paths = { morph_path: { seconds: 1, frames: 8 }, other: { frames: 8 } };
   assert.deepEqual(wishOf({ output: paths }, FIELDS, { morph_path: { frames: 8, seconds: 1 }, other: { frames: 4 } }).kept.output, { other: { frames: 8 } });
   assert.equal(keptText(nothingKept()), "");
+});
+
+test("each parameter is in its group, and what another kind of guidance has stays here", () => {
+  const guide = { align: "none", landmarks: [], pictures: [{ azimuth: 0, elevation: 0 }] };
+  const asked = (more) => documents({ ...WISH, advanced: { guidance_scale: "9", steps: "40" }, ...more }, 80, "g", FORM)[0].params;
+  const common = { preset: "preview", steps: 40, checkpoint_every_steps: 4, seed: 7 };
+  assert.deepEqual(asked({ guide: { ...guide, target: true } }), { ...common, guidance: { kind: "target", align: "none" } });
+  assert.deepEqual(asked({ guide, prompt: "" }), { ...common, guidance: { kind: "silhouettes", silhouettes: guide.pictures } });
+  const prompted = asked({ guide });
+  assert.deepEqual(prompted, { ...common, guidance: { silhouettes: guide.pictures, model: "builtin", guidance_scale: 9 } });
+  assert.deepEqual(plainParams(prompted), { ...common, silhouettes: guide.pictures, model: "builtin", guidance_scale: 9 });
+  // Reports have them as they are here.
+  for (const params of [{ guidance: "target", seed: 3 }, { guidance: { kind: "target" }, seed: 3 }]) assert.deepEqual(plainParams(params), { guidance: "target", seed: 3 });
+  assert.deepEqual(plainParams(undefined), {});
+});
+
+test("a refused place is read without its group", () => {
+  const places = [["params", "guidance", "prompts", 0, "prompt"], ["params", "control", "falloff"], ["params", "guidance"], ["params", "steps"], ["target"]];
+  assert.deepEqual(places.map((loc) => placeOf({ loc })), [["prompts", 0, "prompt"], ["falloff"], ["guidance"], ["steps"], []]);
+  assert.deepEqual(placeOf({}), []);
 });
 
 test("seeds by chance are whole and not negative", () => {

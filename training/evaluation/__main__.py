@@ -244,6 +244,7 @@ def _plan(
     ablation: str | None,
 ) -> Plan:
     from meshdeform.requests.document import resolve
+    from meshdeform.requests.removed import grouped
     from meshdeform.runs.devices import resolve_device
     from training.evaluation.ablations import Ablation, ablated_params
     from training.evaluation.plan import Plan
@@ -251,7 +252,7 @@ def _plan(
     if ablation is not None and ablation not in list(Ablation):
         raise typer.BadParameter(f"{ablation!r} is not one of {', '.join(Ablation)}", param_hint="--ablation")
     chosen = Ablation(ablation) if ablation is not None else None
-    params = resolve(_params({"preset": suite.preset, "model": model, **_without_none(options)}))
+    params = resolve(_params(grouped({"preset": suite.preset, "model": model, **_without_none(options)})))
     params = ablated_params(params, chosen)
     late = [step for step in checkpoint_at if step > params.steps]
     if late:

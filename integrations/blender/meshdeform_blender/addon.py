@@ -100,13 +100,13 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
 
     def request(self) -> dict[str, Any]:
         """Return the request document."""
-        params: dict[str, Any] = {"preset": self.preset, "seed": self.seed, "guidance": self.guidance}
+        params: dict[str, Any] = {"preset": self.preset, "seed": self.seed, "guidance": {"kind": self.guidance}}
         if self.steps:
             params["steps"] = self.steps
         if self.model.strip() and self.guidance == "sds":
-            params["model"] = self.model.strip()
+            params["guidance"]["model"] = self.model.strip()
         if self.front != "preset" and self.guidance == "sds":
-            params["orientation"] = float(self.front) if self.front.isdigit() else self.front
+            params["guidance"]["orientation"] = float(self.front) if self.front.isdigit() else self.front
         prompt = self.prompt.strip() if self.guidance == "sds" else ""
         return {"prompt": prompt, "params": params, "metadata": {"from": "blender"}}
 

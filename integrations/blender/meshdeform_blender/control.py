@@ -23,7 +23,7 @@ _MAX_RANGES = 20_000
 def region_documents(
     parts: Sequence[Part], weights: Sequence[NDArray[np.float32] | None], group: str, action: str
 ) -> list[dict[str, Any]]:
-    """Return `params.regions` for a vertex group.
+    """Return `params.control.regions` for a vertex group.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def region_documents(
 
 
 def handle_document(start: Sequence[float], now: Sequence[float], weight: float = 1.0) -> dict[str, Any]:
-    """Return a member of `params.handles` for an empty that was added at `start` and is `now` elsewhere."""
+    """Return a member of `params.control.handles` for an empty that was added at `start` and is `now` elsewhere."""
     document = {"position": _upright(start), "to": _upright(now)}
     return document if weight >= 1.0 else {**document, "weight": float(weight)}
 

@@ -62,7 +62,7 @@ class Session:
         asset = write_glb([source.part for source in sources])
         name = sources[0].part.name
         request = settings.request()
-        request["params"] |= _control(sources, settings)
+        request["params"]["control"] = _control(sources, settings)
         job = JobThread(preferences.url, preferences.api_key, asset, f"{name}.glb", request, target)
         self._sources, self._how = sources, settings.apply
         self._name = settings.prompt.strip() or (target_object.name if target_object else "Meshdeform")

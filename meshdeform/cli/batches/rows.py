@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from meshdeform.cli.form import overlaid
 from meshdeform.cli.request import make_request
 from meshdeform.errors import MeshdeformError, ParameterError
 from meshdeform.support.files import artifact_name, slug
@@ -299,12 +300,16 @@ def make_rows(
 
 
 def _request(entry: Entry, defaults: Mapping[str, Any], output: Mapping[str, bool]) -> JobRequest:
+    from meshdeform.requests.removed import grouped, without_unused
+
     if entry.name and (not _NAME.fullmatch(entry.name) or len(entry.name) > _MAX_NAME):
         raise ParameterError(
             f"{entry.name!r} is not a valid folder name.", advice="Use letters, digits, spaces and -_.,+()."
         )
-    guidance = {"guidance": "target"} if entry.target else {}
-    params = {**defaults, **guidance, **entry.params}
+    guidance = {"guidance": {"kind": "target"}} if entry.target else {}
+    params = overlaid(overlaid(defaults, guidance), grouped(entry.params))
+    if entry.target:  # what the command says for rows with a prompt
+        params = without_unused(params)
     own = {"morph": True} if entry.morph else {}
     return make_request(entry.prompt, params, output={**output, **own})
 
@@ -349,10 +354,14 @@ class _Digests:
 
 def _chosen(params: DeformParams) -> dict[str, Any]:
     """Return the parameters that were written, without those equal to a default that no preset changes."""
-    from meshdeform.requests.parameters import FROM_PRESET, DeformParams
+    from pydantic_core import to_jsonable_python
 
-    defaults = {name: field.default for name, field in DeformParams.model_fields.items() if name not in FROM_PRESET}
-    return {n: v for n, v in params.model_dump(mode="json").items() if n not in defaults or v != defaults[n]}
+    from meshdeform.requests.parameters import FROM_PRESET, ResolvedParams
+
+    fields = {name: field for name, field in ResolvedParams.model_fields.items() if name not in FROM_PRESET}
+    defaults = to_jsonable_python({name: field.default for name, field in fields.items()})
+    values = to_jsonable_python({**params.flat(), "guidance": params.kind})
+    return {name: value for name, value in values.items() if name not in defaults or value != defaults[name]}
 
 
 def _names(

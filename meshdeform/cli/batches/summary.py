@@ -222,7 +222,7 @@ def write_target_sets(folder: Path, rows: Sequence[Row], limits: Limits) -> list
     Raises
     ------
     ParameterError
-        Rows of one asset differ in `params.exclude` or `output.subdivide`.
+        Rows of one asset differ in `params.control.exclude` or `output.subdivide`.
     UnavailableError
         A file cannot be written.
     """
@@ -264,4 +264,4 @@ def _row_result(source: Asset, row: Row, folder: Path, limits: Limits) -> tuple[
     from meshdeform.runs.text_report import read_result
 
     result = read_result(row.path(folder, "result.glb").read_bytes())
-    return matched(source, result, row.request.params.exclude, limits)
+    return matched(source, result, row.request.params.control.exclude, limits)

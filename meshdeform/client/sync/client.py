@@ -209,9 +209,9 @@ class Client:
             For example `{"preset": "preview", "seed": 7}`.
         output : OutputOptions or mapping, optional
         target : like `asset`, optional
-            A second mesh, for `params` with `{"guidance": "target"}`.
+            A second mesh, for `params` with `{"guidance": {"kind": "target"}}`.
         files : mapping of str to files like `asset`, optional
-            Other files by the names of their parts, such as `sketch`: a drawing; `limits().kinds` lists them.
+            Other files by the names of their parts, such as `silhouette_1`: a picture; `limits().kinds` lists them.
         metadata : mapping, optional
             Your own labels.
         priority : int, optional

@@ -69,7 +69,7 @@ VOCABULARY = BUILTIN_WORDS.tokens
 """Tokens of the weights in the package, in the order of their numbers."""
 
 _PROPORTIONS = ("tall", "wide", "thin", "fat", "short", "long")
-_FREE_TEXT = "Free text needs a Stable Diffusion model (params.model)."
+_FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
 _OWN_WORDS = 5
 
 

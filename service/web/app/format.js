@@ -1,5 +1,6 @@
 // @ts-check
 /** Numbers, times and words as people read them. */
+import { plainParams } from "./groups.js";
 
 const INTEGER = new Intl.NumberFormat("en");
 
@@ -129,7 +130,7 @@ const LESSON_PHASES = /** @type {Record<string, string>} */ ({
 export function goalWords(job) {
   // Another version may write all else in its own way.
   if (job.unreadable) return String(job.prompt ?? "");
-  const prompts = [job.prompt, ...(job.params?.prompts ?? []).map((/** @type {any} */ each) => each.prompt)].filter(Boolean);
+  const prompts = [job.prompt, ...(plainParams(job.params).prompts ?? []).map((/** @type {any} */ each) => each.prompt)].filter(Boolean);
   return prompts.join(" + ");
 }
 

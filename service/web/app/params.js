@@ -14,6 +14,8 @@
  * @property {[string, string][]} [choices] Value and label.
  * @property {boolean} [numbers] Whether some of the choices are numbers.
  *
+ * @typedef {{fields: Field[], groups: import("./groups.js").Groups}} Form What a form offers, and the groups in which a request has it.
+ *
  * @typedef {object} Wish
  * @property {string} prompt
  * @property {string} model Empty: the server's default.
@@ -36,6 +38,7 @@
 import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
 import { GUIDE_PARAMS, guideOf, guideParams, noGuide } from "./create/guide/model.js";
 import { count } from "./format.js";
+import { groupedParams, groupsOf, plainParams } from "./groups.js";
 import { variationPrompts } from "./vocabulary.js";
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
@@ -50,11 +53,12 @@ export const MAX_SEED = Number.MAX_SAFE_INTEGER;
  * The parameters that the form offers, as the server declares them.
  *
  * @param {any} schema What `web/parameters.json` says: the JSON schema of a job's parameters.
- * @returns {Field[]}
+ * @returns {Form}
  */
-export function fieldsOf(schema) {
-  const offered = Object.entries(schema?.properties ?? {}).filter(([, member]) => member["x-form"]);
-  return offered.map(([name, member]) => {
+export function formOf(schema) {
+  const groups = groupsOf(schema);
+  const offered = Object.entries({ ...schema?.properties, ...groups.guidance.sds }).filter(([, member]) => member["x-form"]);
+  const fields = offered.map(([name, member]) => {
     const { label, help, choices } = member["x-form"];
     const kinds = member.anyOf ?? [member];
     const kind = kinds.find((/** @type {any} */ one) => one.type !== "null") ?? {};
@@ -62,6 +66,7 @@ export function fieldsOf(schema) {
     const type = choices ? "choice" : kind.type === "integer" || kind.type === "number" ? kind.type : "text";
     return { name, label, help, type, choices, min: kind.minimum, above: kind.exclusiveMinimum, max: kind.maximum, ...(numbers ? { numbers } : {}) };
   });
+  return { fields, groups };
 }
 
 /**
@@ -117,11 +122,11 @@ export function integerProblem(text, min, max) {
  * @param {Wish} wish
  * @param {number | null} steps What the server says the steps will be; null where it has not yet.
  * @param {string} group The label's value; used where there are several.
- * @param {Field[]} fields
+ * @param {Form} form
  * @param {import("./vocabulary.js").Vocabulary | null} [known]
  * @returns {Record<string, any>[]}
  */
-export function documents(wish, steps, group, fields, known = null) {
+export function documents(wish, steps, group, { fields, groups }, known = null) {
   const { prompts: further, ...control } = controlParams(wish.control ?? noControl());
   const target = wish.guide?.target ?? false;
   // A target mesh takes the place of all prompts.
@@ -141,7 +146,7 @@ export function documents(wish, steps, group, fields, known = null) {
   const texts = variationPrompts(wish.prompt.trim(), wish.variations, params.prompts ? null : known);
   return Array.from({ length: wish.variations }, (_, index) => ({
     ...(target || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: texts[index] }),
-    params: { ...params, seed: (wish.seed + index) % MAX_SEED },
+    params: groupedParams({ ...params, seed: (wish.seed + index) % MAX_SEED }, groups),
     output: { ...wish.kept.output, morph: wish.morph, ...(wish.subdivide ? { subdivide: true } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
   }));
@@ -197,7 +202,7 @@ export function keptText(kept) {
  * @returns {Wish}
  */
 export function wishOf(job, fields, defaults = {}) {
-  const params = job.params ?? {};
+  const params = plainParams(job.params);
   const asked = new Set([...ASKED, ...CONTROL_PARAMS, ...fields.map((field) => field.name)]);
   const advanced = Object.fromEntries(
     fields.filter((field) => params[field.name] !== undefined).map((field) => [field.name, String(params[field.name])]),

@@ -114,7 +114,7 @@ def test_only_a_flat_backdrop_of_more_than_four_times_the_size_is_left_as_it_is(
     assert found.left is left
     np.testing.assert_array_equal(found.triangles, np.arange(len(BALL.faces) + len(faces)) >= len(BALL.faces))
     assert found.own_nodes is not merged
-    assert ("params.backdrop" in found.warning) is left
+    assert ("params.control.backdrop" in found.warning) is left
 
 
 def test_a_pole_is_no_backdrop_and_a_plane_alone_is_an_object() -> None:

@@ -30,7 +30,7 @@ def test_parts_are_written_as_place_and_name() -> None:
         {"component": 0, "mode": "similarity"},
         {"node": "a:b", "mode": "rigid"},
     ]
-    assert len(DeformParams.model_validate({"rigid": parsed}).rigid) == 4
+    assert len(DeformParams.model_validate({"control": {"rigid": parsed}}).control.rigid) == 4
     assert parse_exclude(["Ground", "3"]) == ["Ground", 3]
 
 
@@ -98,8 +98,8 @@ def test_regions_and_handles_are_written_as_place_and_value() -> None:
         {"vertex": 12, "to": [0, 1, 0]},
         {"position": [0, 0.5, 0], "to": [0, 1, 0], "weight": 0.25},
     ]
-    found = DeformParams.model_validate({"regions": regions, "handles": handles})
-    assert [region.action for region in found.regions] == ["keep"] * 5 + ["only"] * 5
+    found = DeformParams.model_validate({"control": {"regions": regions, "handles": handles}})
+    assert [region.action for region in found.control.regions] == ["keep"] * 5 + ["only"] * 5
     assert parse_regions(None, None) is None
     assert parse_handles(None) is None
 

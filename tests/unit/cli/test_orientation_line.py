@@ -15,7 +15,7 @@ def test_a_front_that_was_searched_is_named_and_one_that_was_given_is_not() -> N
     others = [source for source in OrientationSource if source is not OrientationSource.FOUND]
     lines = {source: orientation_line(Orientation(source=source).to_dict()) for source in others}
     assert lines[OrientationSource.UNDECIDED].endswith("no side is clearly better")
-    assert "params.orientation" in lines[OrientationSource.UNCONDITIONED]
+    assert "params.guidance.orientation" in lines[OrientationSource.UNCONDITIONED]
     assert "source_noun" in lines[OrientationSource.UNRECOGNISED]
     for source in (OrientationSource.KEPT, OrientationSource.GIVEN, OrientationSource.CONTINUED):
         assert not lines[source]

@@ -22,7 +22,7 @@ def test_further_prompts_are_written_with_weight_and_place() -> None:
         {"prompt": "a 2:1 box", "weight": 2.0, "regions": [{"node": "Head"}, box]},
         {"prompt": "a horse", "regions": [{"material": 3}], "outside": True},
     ]
-    assert len(DeformParams.model_validate({"prompts": parsed}).prompts) == 4
+    assert len(DeformParams.model_validate({"guidance": {"prompts": parsed}}).prompts) == 4
 
 
 @each_case("text", ["", "@node=a", "a vase@", "a vase@head", "a vase@node=a@outside:node=b"])

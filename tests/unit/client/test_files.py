@@ -195,7 +195,10 @@ def test_what_is_no_json_is_refused_before_it_is_sent() -> None:
         Order(params={"seed": math.nan}).document()
     with pytest.raises(TypeError, match="not a JSON value"):
         Order(params={"seed": object()}).document()
-    assert Order("x", params={"model": Path("a")}).document() == {"prompt": "x", "params": {"model": "a"}}
+    assert Order("x", params={"guidance": {"model": Path("a")}}).document() == {
+        "prompt": "x",
+        "params": {"guidance": {"model": "a"}},
+    }
 
 
 # Back

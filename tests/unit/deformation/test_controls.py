@@ -178,9 +178,11 @@ def test_built_things_are_level() -> None:
 
 
 def test_a_resumed_run_equals_an_uninterrupted_one_to_the_bit() -> None:
-    params = resolve(DeformParams.model_validate({
-        "preset": "preview", "steps": 12, "orientation": "keep", "learning_rate": 0.02,
-    }))  # fmt: skip
+    params = resolve(
+        DeformParams.model_validate(
+            {"preset": "preview", "steps": 12, "learning_rate": 0.02, "guidance": {"orientation": "keep"}}
+        )
+    )
     mesh = sled()
     taller = TriangleMesh(mesh.verts * torch.tensor([1.0, 1.4, 1.0], dtype=F64), mesh.faces)
 
@@ -202,7 +204,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one_to_the_bit() -> None:
 
 @each_case("mesh, level", [(sled(), True), (box(6), False)])
 def test_a_block_may_bend_into_an_animal_and_what_has_parts_may_not(mesh: TriangleMesh, level: bool) -> None:
-    params = resolve(DeformParams.model_validate({"preset": "preview", "orientation": "keep"}))
+    params = resolve(DeformParams.model_validate({"preset": "preview", "guidance": {"orientation": "keep"}}))
     prompted = Deformation(mesh, TargetGuidance(mesh), params, front=Front(None, built=True))
     assert prompted.structure is not None
     assert prompted.structure.level
@@ -212,16 +214,18 @@ def test_a_block_may_bend_into_an_animal_and_what_has_parts_may_not(mesh: Triang
 
 
 def test_what_is_to_be_bent_keeps_nothing() -> None:
-    params = resolve(DeformParams.model_validate({"preset": "preview", "orientation": "keep"}))
+    params = resolve(DeformParams.model_validate({"preset": "preview", "guidance": {"orientation": "keep"}}))
     bent = Deformation(sled(), TargetGuidance(sled()), params, front=Front(None, built=True, crooked=True))
     assert bent.structure == Structure()
 
 
 @each_case("mesh", [sled(), bean()])
 def test_a_run_goes_on_from_a_shape_with_other_levels(mesh: TriangleMesh) -> None:
-    params = resolve(DeformParams.model_validate({"preset": "preview", "steps": 3, "orientation": "keep"}))
+    params = resolve(
+        DeformParams.model_validate({"preset": "preview", "steps": 3, "guidance": {"orientation": "keep"}})
+    )
     taller = TriangleMesh(mesh.verts * torch.tensor([1.0, 1.4, 1.0], dtype=F64), mesh.faces)
-    fit = resolve(DeformParams.model_validate({"preset": "preview", "steps": 3, "guidance": "target"}))
+    fit = resolve(DeformParams.model_validate({"preset": "preview", "steps": 3, "guidance": {"kind": "target"}}))
     for front in (Front(None, built=True), Front(None, built=True, crooked=True)):
         first = Deformation(mesh, TargetGuidance(taller), params, front=front)
         list(first)

@@ -84,10 +84,20 @@ def test_a_run_with_the_barrier_keeps_the_faces_that_one_without_it_loses() -> N
     guidance = TargetGuidance(plate, style=RenderStyle(view_size=16, supersample=1))
     smallest = []
     for weight in (0.0, 0.1):
-        params = resolve(DeformParams.model_validate({
-            "guidance": "target", "preset": "paper", "steps": 30, "learning_rate": 0.1, "dirichlet_weight": weight,
-            "normal_weight": 0.0, "laplacian_weight": 0.0, "jacobian_reg_weight": 0.0,
-        }))  # fmt: skip
+        params = resolve(
+            DeformParams.model_validate(
+                {
+                    "preset": "paper",
+                    "steps": 30,
+                    "learning_rate": 0.1,
+                    "dirichlet_weight": weight,
+                    "normal_weight": 0.0,
+                    "laplacian_weight": 0.0,
+                    "jacobian_reg_weight": 0.0,
+                    "guidance": {"kind": "target"},
+                }
+            )
+        )
         run = Deformation(mesh, guidance, params)
         losses = [step.losses for step in run]
         assert ("dirichlet" in losses[-1]) is bool(weight)

@@ -23,6 +23,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.requests.removed import grouped
 from tests.close import assert_close
 from training.evaluation.neighbours import neighbour_offsets
 
@@ -155,9 +156,17 @@ def test_a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> None:
     mesh = moved(CART, 0.8, 0, 0, 0)
     goal = TriangleMesh(mesh.verts * torch.tensor([0.7, 1.6, 0.9], dtype=F64), mesh.faces)
     guidance = TargetGuidance(goal, style=RenderStyle(view_size=16, supersample=1))
-    params = resolve(DeformParams.model_validate({
-        "guidance": "target", "steps": 12, "learning_rate": 0.05, "dirichlet_weight": 0.1, "normal_weight": 0.0,
-    }))  # fmt: skip
+    params = resolve(
+        DeformParams.model_validate(
+            {
+                "steps": 12,
+                "learning_rate": 0.05,
+                "dirichlet_weight": 0.1,
+                "normal_weight": 0.0,
+                "guidance": {"kind": "target"},
+            }
+        )
+    )
     assert params.carrier is Carrier.AUTO
     whole = Deformation(mesh, guidance, params)
     steps = iter(whole)
@@ -176,11 +185,11 @@ def test_a_resumed_run_is_the_uninterrupted_one_to_the_bit() -> None:
 
 def test_a_run_that_starts_from_a_shape_keeps_its_carrier() -> None:
     guidance = TargetGuidance(CART, style=RenderStyle(view_size=16, supersample=1))
-    own = {"guidance": "target", "steps": 1}
+    own = {"guidance": {"kind": "target"}, "steps": 1}
     first = Deformation(CART, guidance, resolve(DeformParams.model_validate(own)))
     with torch.no_grad():
         first._variables.tensors["cell_jacobians"][:, 1, 1] *= 1.5
-    paper = resolve(DeformParams.model_validate({**own, "preset": "paper"}))
+    paper = resolve(DeformParams.model_validate(grouped({**own, "preset": "paper"})))
     assert paper.carrier is Carrier.SURFACE
     branch = Deformation(CART, guidance, paper, initial=first.checkpoint().tensors)
     assert torch.equal(branch.verts(), first.verts())

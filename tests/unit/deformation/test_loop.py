@@ -22,6 +22,7 @@ from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from meshdeform.requests.removed import grouped
 from tests.cases import each_case
 from tests.close import assert_close
 from training.prior.families import member
@@ -30,7 +31,7 @@ STYLE = RenderStyle(view_size=32, supersample=2)
 
 
 def params(**changes: object) -> ResolvedParams:
-    return resolve(DeformParams.model_validate({"preset": "preview", "guidance": "target", **changes}))
+    return resolve(DeformParams.model_validate(grouped({"preset": "preview", "guidance": "target", **changes})))
 
 
 def ellipsoid() -> TriangleMesh:

@@ -18,6 +18,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.rendering.cameras import Cameras, Frame, fixed_cameras
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 from training.evaluation.sources import source_mesh
@@ -29,7 +30,9 @@ def prior() -> BuiltinPrior:
 
 
 def params(**changes: object) -> ResolvedParams:
-    return resolve(DeformParams.model_validate({"preset": "preview", "steps": 2, "safeguard": "none", **changes}))
+    return resolve(
+        DeformParams.model_validate(grouped({"preset": "preview", "steps": 2, "safeguard": "none", **changes}))
+    )
 
 
 def turned(mesh: TriangleMesh, degrees: float) -> TriangleMesh:
@@ -122,7 +125,7 @@ def test_a_continued_run_takes_the_turn_of_its_origin(monkeypatch: pytest.Monkey
 
 
 def test_a_target_has_no_front() -> None:
-    settings = params(guidance="target", orientation="auto")
+    settings = params(guidance="target")
     mesh = placed("quadruped")
     assert Deformation(mesh, TargetGuidance(mesh), settings).orientation == Orientation()
 

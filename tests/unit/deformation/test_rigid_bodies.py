@@ -124,7 +124,7 @@ def test_rigid_bodies_choose_the_lattice() -> None:
 
 
 def test_a_guarded_run_with_bodies_resumes_bit_for_bit_and_keeps_them() -> None:
-    params = resolve(DeformParams.model_validate({"guidance": "target", "steps": 12, "learning_rate": 0.05}))
+    params = resolve(DeformParams.model_validate({"steps": 12, "learning_rate": 0.05, "guidance": {"kind": "target"}}))
     goal = TriangleMesh(CART.verts * torch.tensor([1.3, 0.7, 1.0]), CART.faces)
 
     def start(checkpoint=None) -> Deformation:

@@ -119,7 +119,13 @@ def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: 
     guidance = TargetGuidance(goal, style=RenderStyle(view_size=32, supersample=1))
     params = resolve(
         DeformParams.model_validate(
-            {"preset": "preview", "guidance": "target", "steps": 24, "learning_rate": 0.02, "carrier": carrier}
+            {
+                "preset": "preview",
+                "steps": 24,
+                "learning_rate": 0.02,
+                "carrier": carrier,
+                "guidance": {"kind": "target"},
+            }
         )
     )
     whole = Deformation(TORUS, guidance, params)

@@ -190,9 +190,11 @@ def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeg
     plate = TriangleMesh(mesh.verts * torch.tensor([1.4, 0.02, 1.4], dtype=torch.float64), mesh.faces)
     guidance = TargetGuidance(plate)
     params = resolve(
-        DeformParams(
-            guidance="target", preset="paper", steps=37, learning_rate=0.08, safeguard=safeguard,
-            normal_weight=0.0, laplacian_weight=0.0, jacobian_reg_weight=0.0,
+        DeformParams.model_validate(
+            {
+                "guidance": {"kind": "target"}, "preset": "paper", "steps": 37, "learning_rate": 0.08,
+                "safeguard": safeguard, "normal_weight": 0.0, "laplacian_weight": 0.0, "jacobian_reg_weight": 0.0,
+            }
         )
     )  # fmt: skip
     whole = Deformation(mesh, guidance, params)

@@ -51,7 +51,9 @@ def test_a_suite_of_files_measures_what_is_delivered(tmp_path: Path) -> None:
     source.write_bytes(two_balls())
     pairs: Sequence[tuple[str, str]] = ((str(source), "a vase"),)
     suite = Suite("keep", (str(source),), ("a vase",), (0,), "preview", tuple(pairs), delivered=True)
-    params = resolve(DeformParams.model_validate({"preset": "preview", "steps": 2, "orientation": "keep"}))
+    params = resolve(
+        DeformParams.model_validate({"preset": "preview", "steps": 2, "guidance": {"orientation": "keep"}})
+    )
     document = runner.run(Plan(suite, params, (1, 2), tmp_path / "run", judge=JUDGE), jobs=1, say=lambda line: None)
     (record,) = document["records"]
     assert record["failed"] is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.requests.removed import grouped
 from tests.cases import each_case
 from training.evaluation.listing import listing, outline
 from training.evaluation.plan import Plan
@@ -13,7 +14,7 @@ from training.evaluation.suite import PAPER_PROMPTS, find_suite
 
 def plan(suite: str, model: str, *, judge: str = "none", **params: object) -> Plan:
     chosen = find_suite(suite)
-    resolved = resolve(DeformParams.model_validate({"preset": chosen.preset, "model": model, **params}))
+    resolved = resolve(DeformParams.model_validate(grouped({"preset": chosen.preset, "model": model, **params})))
     return Plan(chosen, resolved, (100, resolved.steps), Path("somewhere"), judge=judge)
 
 

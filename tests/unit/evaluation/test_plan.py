@@ -12,6 +12,7 @@ import torch
 from meshdeform.errors import ParameterError
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.requests.removed import grouped
 from tests.cases import each_case
 from training.evaluation.evaluator import Evaluator
 from training.evaluation.plan import (
@@ -30,7 +31,7 @@ PRIOR = {"id": "builtin", "revision": "", "sha256": "ab"}
 
 
 def plan(folder: Path, **params: object) -> Plan:
-    return Plan(SUITE, resolve(DeformParams.model_validate(params)), (10, 600), folder)
+    return Plan(SUITE, resolve(DeformParams.model_validate(grouped(params))), (10, 600), folder)
 
 
 def members(folder: Path, judge: str = "one", **params: object) -> dict[str, object]:
@@ -46,7 +47,7 @@ def test_a_manifest_comes_back_and_agrees_with_itself(tmp_path: Path) -> None:
     check_manifest(tmp_path, found, wanted)
 
 
-@each_case(("name", "value"), [("learning_rate", 0.02), ("steps", 601), ("model", "other")])
+@each_case(("name", "value"), [("learning_rate", 0.02), ("steps", 601), ("timestep_min", 0.8)])
 def test_other_parameters_are_refused_by_name(tmp_path: Path, name: str, value: object) -> None:
     with pytest.raises(ParameterError, match=rf"params\.{name}"):
         check_manifest(tmp_path, members(tmp_path), members(tmp_path, **{name: value}))

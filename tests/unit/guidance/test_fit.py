@@ -21,6 +21,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from meshdeform.requests.removed import grouped
 from tests.cases import each_case
 from tests.close import assert_close
 
@@ -50,7 +51,7 @@ def cone() -> TriangleMesh:
 
 
 def params(**given: object) -> ResolvedParams:
-    return resolve(DeformParams.model_validate({"guidance": "target", "preset": "preview", **given}))
+    return resolve(DeformParams.model_validate(grouped({"guidance": "target", "preset": "preview", **given})))
 
 
 def fit(rest: TriangleMesh, target: TriangleMesh, landmarks: tuple[Landmark, ...] = (), **given: object) -> Deformation:

@@ -19,6 +19,7 @@ from meshdeform.guidance.silhouettes import SilhouetteTerm, SilhouetteView, pict
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.coverage import CoverageRenderer
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.requests.removed import grouped
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}
 
@@ -106,7 +107,9 @@ def test_the_gradient_leads_to_the_silhouette() -> None:
 def fitted(rest: TriangleMesh, views: list[SilhouetteView], **given: object) -> tuple[SilhouetteTerm, Deformation]:
     listed = [{"azimuth": each.azimuth_deg, "elevation": each.elevation_deg} for each in views]
     params = resolve(
-        DeformParams.model_validate({"guidance": "silhouettes", "silhouettes": listed, "preset": "preview", **given})
+        DeformParams.model_validate(
+            grouped({"guidance": "silhouettes", "silhouettes": listed, "preset": "preview", **given})
+        )
     )
     guidance = SilhouetteGuidance(SilhouetteTerm(views, side=64), params.silhouette_weight, IDENTITY)
     run = Deformation(rest, guidance, params)
@@ -130,7 +133,7 @@ def test_a_shape_that_has_its_silhouettes_stays_as_it_is_and_runs_resume_bit_for
     views = [view(vase(), 0.0)]
     params = resolve(
         DeformParams.model_validate(
-            {"guidance": "silhouettes", "silhouettes": [{"azimuth": 0.0}], "preset": "preview", "steps": 6}
+            {"preset": "preview", "steps": 6, "guidance": {"kind": "silhouettes", "silhouettes": [{"azimuth": 0.0}]}}
         )
     )
 

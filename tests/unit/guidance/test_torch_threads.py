@@ -39,7 +39,9 @@ def test_torch_has_its_threads_only_where_operations_are_long(guidance: Light, d
     torch.set_num_threads(3)
     try:
         seen: Guidance = guidance
-        for _ in Deformation(icosphere(1), seen, resolve(DeformParams(steps=2, orientation="keep"))):
+        for _ in Deformation(
+            icosphere(1), seen, resolve(DeformParams.model_validate({"steps": 2, "guidance": {"orientation": "keep"}}))
+        ):
             assert torch.get_num_threads() == 3
         assert guidance.threads == [during] * 2
     finally:

@@ -208,7 +208,7 @@ def test_a_negative_prompt_leads_the_shape_away_from_itself() -> None:
     """A vase that should not be tall gets less high for its width than one that should not be short."""
     prior, mesh, heights = BuiltinPrior(), icosphere(2), {}
     for negative in ("tall", "short"):
-        params = resolve(DeformParams(negative_prompt=negative, steps=10))
+        params = resolve(DeformParams.model_validate({"guidance": {"negative_prompt": negative}, "steps": 10}))
         deformation = Deformation(mesh, score_distillation(prior, "a vase", params), params)
         for _ in deformation:
             pass

@@ -194,7 +194,7 @@ def test_one_prompt_serves_all_four_views_and_no_orientation_is_better(prior: St
     ]
     assert len(set(values)) == 1
     ball = icosphere(1)
-    settings = resolve(DeformParams.model_validate({"model": "sd", "steps": 1, "orientation": "auto"}))
+    settings = resolve(DeformParams.model_validate({"steps": 1, "guidance": {"model": "sd", "orientation": "auto"}}))
     found = Deformation(ball, guidance, settings).orientation
     assert (found.turn_deg, found.source) == (0.0, OrientationSource.UNCONDITIONED)
     assert "changes nothing" in found.to_dict()["notice"]

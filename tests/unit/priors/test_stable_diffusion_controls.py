@@ -14,6 +14,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from tests.cases import each_case
 
@@ -27,8 +28,8 @@ def prior(tiny_stable_diffusion: Path) -> StableDiffusionPrior:
 
 
 def begin(prior: StableDiffusionPrior, mesh: TriangleMesh, **given: Any) -> text_deform.TextDeformRun:
-    params = {"preset": "preview", "steps": 4, "model": "tiny-sd", "appearance": "clay"}
-    request = JobRequest.model_validate({"prompt": "a pear", "params": params})
+    params = {"preset": "preview", "steps": 4, "guidance": {"model": "tiny-sd", "appearance": "clay"}}
+    request = JobRequest.model_validate({"prompt": "a pear", "params": grouped(params)})
     asset = build_glb(mesh.verts.numpy(), mesh.faces.numpy())
     return text_deform.start(asset=asset, filename="a.glb", request=request, prior=prior, **given)
 
@@ -55,7 +56,8 @@ def test_a_preset_moves_few_controls_and_resumes_to_the_bit(
 @each_case("preset", ["preview", "balanced"])
 def test_the_weights_are_the_papers(preset: str) -> None:
     ours, paper = (
-        resolve(DeformParams.model_validate({"model": "tiny-sd", "preset": name})) for name in (preset, "paper")
+        resolve(DeformParams.model_validate({"preset": name, "guidance": {"model": "tiny-sd"}}))
+        for name in (preset, "paper")
     )
     for name in ("guidance_weight", "jacobian_reg_weight", "laplacian_weight", "normal_weight", "dirichlet_weight"):
         assert getattr(ours, name) == getattr(paper, name), name

@@ -25,6 +25,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.priors.model_files import find
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import start_run
 from meshdeform.settings import Settings
 from meshdeform.testing import build_tiny_stable_diffusion
@@ -139,7 +140,7 @@ def test_layouts_go_through_a_service(service: tuple[str, list[str]], layouts: P
     with Client(url) as client:
         models = {model.id: model for model in client.models().models}
         assert all(models[name].available for name in TAKEN), models
-        jobs = {name: client.submit(ball, "a pear", params={**WHOLE, "model": name}) for name in SERVED}
+        jobs = {name: client.submit(ball, "a pear", params=grouped({**WHOLE, "model": name})) for name in SERVED}
         reports = {}
         for name, job in jobs.items():
             done = client.wait(job, timeout_s=DEADLINE_S)
@@ -153,7 +154,7 @@ def test_layouts_go_through_a_service(service: tuple[str, list[str]], layouts: P
         tokenizer = layouts / "sd21-v" / "tokenizer"
         aside = tokenizer.rename(tokenizer.with_name("aside"))
         with pytest.raises(ModelError, match="has no tokenizer") as caught:
-            client.submit(ball, "a pear", params={**WHOLE, "model": "sd21-v"})
+            client.submit(ball, "a pear", params=grouped({**WHOLE, "model": "sd21-v"}))
         assert str(layouts) not in str(caught.value)
         aside.rename(tokenizer)
 

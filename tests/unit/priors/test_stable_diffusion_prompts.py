@@ -20,6 +20,7 @@ from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.text_deform_checks import check
 from tests.close import assert_close
@@ -90,15 +91,14 @@ def test_in_half_precision_every_group_comes_back_through_the_encoder(
 def start(model: str, prior: StableDiffusionPrior, prompt: str, *prompts: dict[str, Any], **more: Any) -> Any:
     """A job of two steps whose regularisers have no weight, so that its gradients are those of the prompts."""
     params = {
-        "model": model,
         "preset": "preview",
         "carrier": "surface",
         "steps": 2,
-        "appearance": "clay",
         "safeguard": "none",
-        "falloff": 0.0,
+        "guidance": {"model": model, "appearance": "clay"},
+        "control": {"falloff": 0.0},
     }
-    request = JobRequest.model_validate({"prompt": prompt, "params": {**params, **BARE, "prompts": prompts}})
+    request = JobRequest.model_validate({"prompt": prompt, "params": grouped({**params, **BARE, "prompts": prompts})})
     check(request, default_model=model)
     asset = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
     return text_deform.start(asset=asset, filename="a.glb", request=request, prior=prior, **more)

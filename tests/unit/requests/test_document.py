@@ -18,20 +18,22 @@ from meshdeform.requests.document import (
     read_stored,
     resolve,
 )
-from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET
-from meshdeform.requests.removed import REMOVED, instead
+from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET, GUIDANCES, CommonParams, Control
+from meshdeform.requests.removed import PLACES, REMOVED, grouped, instead, plain_place, without_unused
 from tests.cases import each_case
 
 
 def test_what_the_user_wrote_wins_over_the_preset() -> None:
-    resolved = resolve(DeformParams.model_validate({"preset": "preview", "steps": 7, "guidance_scale": 3.0}))
+    resolved = resolve(
+        DeformParams.model_validate({"preset": "preview", "steps": 7, "guidance": {"guidance_scale": 3.0}})
+    )
     assert resolved.steps == 7
     assert resolved.guidance_scale == 3.0
     assert resolved.preset is Preset.PREVIEW
 
 
 def test_the_paper_is_the_paper() -> None:
-    resolved = resolve(DeformParams.model_validate({"preset": "paper", "model": "some/checkpoint"}))
+    resolved = resolve(DeformParams.model_validate({"preset": "paper", "guidance": {"model": "some/checkpoint"}}))
     assert resolved.steps == 5000
     assert resolved.learning_rate == 0.0025
     assert resolved.guidance_scale == 100
@@ -45,15 +47,16 @@ def test_the_paper_is_the_paper() -> None:
 @each_case("guidance", ["sds", "target"])
 @each_case("model", [None, "some/checkpoint"])
 def test_every_combination_resolves_to_values_that_the_request_would_accept(preset, guidance, model) -> None:
-    resolved = resolve(DeformParams.model_validate({"preset": preset, "guidance": guidance, "model": model}))
-    again = DeformParams.model_validate(resolved.model_dump(exclude=set(CONSTANTS)))
-    assert resolve(again) == resolved
-    assert set(resolved.model_dump()) == set(ResolvedParams.model_fields) == {*DeformParams.model_fields, *CONSTANTS}
+    asked = without_unused(grouped({"preset": preset, "guidance": guidance, "model": model}))
+    resolved = resolve(DeformParams.model_validate(asked))
+    again = without_unused(grouped(resolved.model_dump(mode="json", exclude=set(CONSTANTS))))
+    assert resolve(DeformParams.model_validate(again)) == resolved
+    assert set(resolved.model_dump()) == set(ResolvedParams.model_fields) == {"guidance", *PLACES, *CONSTANTS}
 
 
 def test_the_front_is_a_word_or_an_angle() -> None:
     def orientation(**params: object) -> object:
-        return resolve(DeformParams.model_validate(params)).orientation
+        return resolve(DeformParams.model_validate(grouped(params))).orientation
 
     assert (orientation(), orientation(preset="paper")) == ("auto", "keep")
     assert (orientation(model="some/checkpoint"), orientation(guidance="target")) == ("keep", "keep")
@@ -62,15 +65,14 @@ def test_the_front_is_a_word_or_an_angle() -> None:
 
 def test_only_stable_diffusion_sees_colours() -> None:
     def appearance(**params: object) -> str:
-        return resolve(DeformParams.model_validate(params)).appearance.value
+        return resolve(DeformParams.model_validate(grouped(params))).appearance.value
 
     assert (appearance(), appearance(guidance="target")) == ("normals", "normals")
     assert (appearance(model="a/b"), appearance(model="a/b", preset="paper")) == ("mixed", "clay")
     assert (appearance(model="a/b", appearance="textured"), appearance(appearance="normals")) == ("textured", "normals")
-    for params in ({"appearance": "textured"}, {"appearance": "clay", "guidance": "target"}):
-        with pytest.raises(ParameterError, match="pictures of normals") as caught:
-            appearance(**params)
-        assert caught.value.extra["errors"][0]["loc"] == ["params", "appearance"]
+    with pytest.raises(ParameterError, match="pictures of normals") as caught:
+        appearance(appearance="textured")
+    assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance", "appearance"]
 
 
 def test_the_preview_has_the_steps_that_it_promises() -> None:
@@ -85,12 +87,18 @@ def test_the_preview_has_the_steps_that_it_promises() -> None:
         {"learning_rate": 0.0},
         {"learning_rate": float("nan")},
         {"colour": "red"},
-        {"model": ""},
+        {"guidance": {"model": ""}},
+        {"guidance": {"kind": "words"}},
+        {"guidance": "target"},
+        {"guidance": {"kind": "target", "guidance_scale": 7.5}},
+        {"guidance": {"kind": "silhouettes", "align": "none"}},
+        {"guidance_scale": 7.5},
+        {"regions": []},
         {"seed": -1},
         {"preset": "fast"},
-        {"orientation": "left"},
-        {"orientation": 400},
-        {"appearance": "shiny"},
+        {"guidance": {"orientation": "left"}},
+        {"guidance": {"orientation": 400}},
+        {"guidance": {"appearance": "shiny"}},
     ],
 )
 def test_bad_values_and_unknown_names_are_refused(bad: dict[str, object]) -> None:
@@ -101,7 +109,7 @@ def test_bad_values_and_unknown_names_are_refused(bad: dict[str, object]) -> Non
 def test_a_timestep_above_those_of_the_preset_is_told_with_what_to_do() -> None:
     for params, highest in (({"timestep_min": 0.985}, "0.98"), ({"timestep_min": 0.6, "model": "a/b"}, "0.5")):
         with pytest.raises(ParameterError, match="timestep_min") as caught:
-            resolve(DeformParams.model_validate(params))
+            resolve(DeformParams.model_validate(grouped(params)))
         assert f"at most {highest}" in caught.value.advice_text
 
 
@@ -131,21 +139,24 @@ def test_what_equals_the_papers_value_is_written_all_the_same() -> None:
 
 def test_null_means_left_out_where_the_preset_decides_and_nowhere_else() -> None:
     nulls = dict.fromkeys([*FROM_PRESET, "model"])
-    read = DeformParams.model_validate(nulls)
-    assert read.model_fields_set == set()
-    assert resolve(read) == resolve(DeformParams())
-    for name in set(DeformParams.model_fields) - {*nulls, "source_noun", "target"}:
+    for kind, model in GUIDANCES.items():
+        own = {name: None for name in nulls if name in model.model_fields or name in CommonParams.model_fields}
+        read = DeformParams.model_validate(grouped({"guidance": kind, **own}))
+        assert read.flat() == {}
+        assert resolve(read) == resolve(DeformParams.model_validate({"guidance": {"kind": kind}}))
+    for name in {"guidance", "control", *PLACES} - {*nulls, "source_noun"}:
         with pytest.raises(ValidationError):
-            DeformParams.model_validate({name: None})
+            DeformParams.model_validate(grouped({name: None}) if name in PLACES else {name: None})
 
 
 def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
     for mode in ("validation", "serialization"):
-        for name, member in DeformParams.model_json_schema(mode=mode)["properties"].items():
-            assert ("default" in member) == (name not in FROM_PRESET), name
-            if name in FROM_PRESET:
-                assert "Default: the preset's. Paper: " in member["description"]
-                assert {"type": "null"} in member["anyOf"]
+        for model in (CommonParams, Control, *GUIDANCES.values()):
+            for name, member in model.model_json_schema(mode=mode)["properties"].items():
+                assert ("default" in member) == (name not in FROM_PRESET) or name == "kind", name
+                if name in FROM_PRESET:
+                    assert "Default: the preset's. Paper: " in member["description"]
+                    assert {"type": "null"} in member["anyOf"]
     resolved = ResolvedParams.model_json_schema(mode="serialization")
     assert set(resolved["required"]) == set(resolved["properties"]) == set(ResolvedParams.model_fields)
     nullable = {name for name, member in resolved["properties"].items() if {"type": "null"} in member.get("anyOf", [])}
@@ -192,3 +203,40 @@ def test_no_member_has_the_name_of_a_removed_one() -> None:
 def test_a_kind_that_is_no_kind_is_refused_whatever_its_type(kind: object) -> None:
     with pytest.raises(ValidationError):
         JobRequest.model_validate({"kind": kind, "prompt": "a mushroom"})
+
+
+def test_what_is_in_a_group_now_is_said_with_its_place() -> None:
+    for place, words in (
+        (["params", "guidance_scale"], "it is params.guidance.guidance_scale, where the guidance is sds."),
+        (["params", "guidance", "target", "silhouettes"], "where the guidance is sds or silhouettes."),
+        (["params", "guidance", "sds", "handles"], "it is params.control.handles."),
+        (["params", "control", "steps"], "it is params.steps."),
+    ):
+        assert (instead(place) or "").endswith(words), place
+    for unknown in (["params", "wobble"], ["params", "control", "regions", 0, "steps"], ["metadata", "steps"]):
+        assert instead(unknown) is None
+    assert plain_place(("params", "guidance", "sds", "prompts", 0)) == ["params", "guidance", "prompts", 0]
+
+
+STORED_FLAT = {
+    "preset": "preview", "guidance": "target", "align": "none", "point_weight": 2.0, "guidance_scale": 50.0,
+    "orientation": "keep", "exclude": ["Ground"], "symmetry": "x", "stiffness": 3.0,
+}  # fmt: skip
+
+
+def test_a_request_of_an_earlier_edition_is_read_in_the_form_of_this_one() -> None:
+    read = read_stored({"params": STORED_FLAT}).params
+    assert read.model_dump(mode="json") == {
+        "preset": "preview",
+        "guidance": {"kind": "target", "align": "none", "point_weight": 2.0},
+        "control": {"exclude": ["Ground"], "symmetry": "x"},
+    }
+    assert read_stored({"params": read.model_dump(mode="json")}).params == read
+    assert set(read.flat()) == {"preset", "align", "point_weight", "exclude", "symmetry"}
+    resolved = resolve(read)
+    assert (resolved.guidance, resolved.align, resolved.exclude) == ("target", "none", ("Ground",))
+    prompted = read_stored({"prompt": "a vase", "params": {"model": "a/b", "silhouettes": [{"azimuth": 0}], "seed": 3}})
+    assert prompted.params.model_dump(mode="json") == {
+        "seed": 3,
+        "guidance": {"model": "a/b", "silhouettes": [{"azimuth": 0.0, "elevation": 0.0, "fov": 20.0}]},
+    }

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from pydantic import BaseModel, ValidationError
 
 from meshdeform.errors import UnreadableJobError
 from meshdeform.requests.document import DeformParams, JobRequest, ResolvedParams, params_by_kind, read_stored, resolve
+from meshdeform.requests.parameters import GUIDANCES, Control
+from meshdeform.requests.removed import grouped
 from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs import kinds
 from tests.cases import each_case
@@ -19,6 +21,8 @@ def examples(model: type[BaseModel]) -> list[dict[str, Any]]:
     required = {
         name: field.examples[0] for name, field in model.model_fields.items() if field.is_required() and field.examples
     }
+    if "kind" in model.model_fields and model.model_fields["kind"].is_required():
+        required["kind"] = get_args(model.model_fields["kind"].annotation)[0]
     return [
         {**required, name: example} for name, field in model.model_fields.items() for example in field.examples or []
     ]  # fmt: skip
@@ -27,14 +31,14 @@ def examples(model: type[BaseModel]) -> list[dict[str, Any]]:
 def test_what_the_door_takes_is_read_as_at_the_door() -> None:
     assert len(kinds()) == len(params_by_kind())
     seen = 0
-    for model in (*params_by_kind().values(), JobRequest):
+    for model in (*params_by_kind().values(), *GUIDANCES.values(), Control, JobRequest):
         for document in examples(model):
             read, taken = read_unbounded(model, document), model.model_validate(document)
             assert read == taken
             assert read.model_fields_set == taken.model_fields_set
             assert read.model_dump(mode="json", exclude_unset=True) == taken.model_dump(mode="json", exclude_unset=True)
             seen += 1
-    assert seen > 75
+    assert seen > 55
 
 
 @each_case(
@@ -52,11 +56,10 @@ def test_what_the_door_takes_is_read_as_at_the_door() -> None:
 )
 def test_bounds_are_for_the_door_alone(params: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
-        DeformParams.model_validate(params)
+        DeformParams.model_validate(grouped(params))
     read = read_stored({"prompt": "x" * 9000, "params": params, "priority": 10**6, "metadata": {"n" * 99: "v" * 999}})
-    assert read.params.model_fields_set == set(params)
-    written = read.params.model_dump(mode="json", exclude_unset=True)
-    assert written.keys() == params.keys()
+    assert set(read.params.flat()) == set(params)
+    assert read.params.model_dump(mode="json", exclude_unset=True).keys() == grouped(params).keys()
     # A worker resolves the request of a job from before values were stored.
     assert resolve(read.params).model_dump(mode="json", exclude_unset=True)
     assert read_unbounded(ResolvedParams, {**resolve(DeformParams()).model_dump(), "steps": 10**9}).steps == 10**9
@@ -66,10 +69,10 @@ def test_bounds_are_for_the_door_alone(params: dict[str, Any]) -> None:
     ("params", "reason"),
     [
         ({"wobble": 1}, "params.wobble: there is no such member"),
-        ({"regions": [{"node": "Lid", "wobble": 1}]}, "params.regions.0.wobble: there is no such member"),
+        ({"regions": [{"node": "Lid", "wobble": 1}]}, "params.control.regions.0.wobble: there is no such member"),
         ({"preset": "ultra"}, "params.preset: Input should be"),
         ({"steps": "many"}, "params.steps: Input should be a valid integer"),
-        ({"align": "matrix"}, "params.align"),
+        ({"guidance": "target", "align": "matrix"}, "params.guidance"),
         ({"regions": [{"node": "Lid", "material": "wood"}]}, "exactly one of"),
         ([], "params: Input should be a valid dictionary"),
     ],

@@ -18,6 +18,7 @@ from meshdeform.geometry.simplify import simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.base_colours import BaseColours
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.text_deform import TextDeformRun
 from meshdeform.testing import FakePrior
@@ -40,7 +41,10 @@ def asset(*, coloured: bool = True) -> bytes:
 
 def started(checkpoint: bytes | None = None, *, coloured: bool = True, **params: object) -> TextDeformRun:
     target = torch.tensor([1.2, 0.8, 1.0], dtype=torch.float64) * BALL.verts
-    request = {"prompt": "a stone", "params": {"model": "some/model", "steps": 4, "preset": "preview", **params}}
+    request = {
+        "prompt": "a stone",
+        "params": grouped({"model": "some/model", "steps": 4, "preset": "preview", **params}),
+    }
     return text_deform.start(
         asset=asset(coloured=coloured),
         filename="ball.glb",

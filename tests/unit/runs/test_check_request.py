@@ -41,25 +41,25 @@ def test_files_that_a_kind_needs_or_does_not_read_are_refused() -> None:
 
 def test_what_can_run_passes() -> None:
     check({"prompt": "a tall thin vase"})
-    check({"prompt": "a mushroom", "params": {"model": "builtin"}}, model="some/other")
-    check({"params": {"guidance": "target"}}, has_target=True)
-    check({"prompt": "anything at all", "params": {"guidance": "target"}}, has_target=True)
+    check({"prompt": "a mushroom", "params": {"guidance": {"model": "builtin"}}}, model="some/other")
+    check({"params": {"guidance": {"kind": "target"}}}, has_target=True)
+    check({"prompt": "anything at all", "params": {"guidance": {"kind": "target"}}}, has_target=True)
 
 
 def test_a_negative_prompt_of_the_builtin_prior_is_of_its_grammar() -> None:
-    check({"prompt": "a vase", "params": {"negative_prompt": "fat"}})
+    check({"prompt": "a vase", "params": {"guidance": {"negative_prompt": "fat"}}})
     with pytest.raises(VocabularyError, match="blurry") as caught:
-        check({"prompt": "a vase", "params": {"negative_prompt": "blurry"}})
-    assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "negative_prompt"]]
+        check({"prompt": "a vase", "params": {"guidance": {"negative_prompt": "blurry"}}})
+    assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "guidance", "negative_prompt"]]
     with pytest.raises(PromptError, match="means the same"):
-        check({"prompt": "a tall vase", "params": {"negative_prompt": "tall"}})
+        check({"prompt": "a tall vase", "params": {"guidance": {"negative_prompt": "tall"}}})
 
 
 def test_what_the_source_is_must_be_a_word_of_the_builtin_prior() -> None:
-    check({"prompt": "a giraffe", "params": {"source_noun": "dog", "negative_prompt": "a dog"}})
+    check({"prompt": "a giraffe", "params": {"guidance": {"source_noun": "dog", "negative_prompt": "a dog"}}})
     with pytest.raises(VocabularyError, match="zeitgeist") as caught:
-        check({"prompt": "a giraffe", "params": {"source_noun": "zeitgeist"}})
-    assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "source_noun"]]
+        check({"prompt": "a giraffe", "params": {"guidance": {"source_noun": "zeitgeist"}}})
+    assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "guidance", "source_noun"]]
 
 
 @each_case("prompt", ["", "  \n"])
@@ -77,7 +77,7 @@ def test_a_prompt_outside_the_vocabulary_is_refused_with_the_vocabulary() -> Non
 
 def test_target_and_guidance_go_together() -> None:
     with pytest.raises(ParameterError, match="second mesh") as caught:
-        check({"params": {"guidance": "target"}})
+        check({"params": {"guidance": {"kind": "target"}}})
     assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance"]
     with pytest.raises(ParameterError, match="A target was sent"):
         check({"prompt": "a mushroom"}, has_target=True)
@@ -85,12 +85,16 @@ def test_target_and_guidance_go_together() -> None:
 
 def test_a_model_that_the_server_does_not_run_is_refused_with_those_that_it_does() -> None:
     with pytest.raises(ModelError) as caught:
-        check({"prompt": "x", "params": {"model": "some/body"}}, model="my/default", allowed_models=["also/this"])
+        check(
+            {"prompt": "x", "params": {"guidance": {"model": "some/body"}}},
+            model="my/default",
+            allowed_models=["also/this"],
+        )
     assert caught.value.extra["models"] == ["builtin", "my/default", "also/this"]
     assert "MESHDEFORM_ALLOWED_MODELS" in caught.value.advice_text
 
 
-@pytest.mark.parametrize("params", [{}, {"model": "also/this"}])
+@pytest.mark.parametrize("params", [{}, {"guidance": {"model": "also/this"}}])
 def test_a_model_that_is_allowed_but_not_there_is_refused(params: dict[str, Any], tmp_path: Path) -> None:
     pytest.importorskip("diffusers")
     with pytest.raises(ModelError, match="not on this machine"):

@@ -21,7 +21,7 @@ def test_a_service_reads_only_the_taught_files_that_it_offers(tmp_path: Path) ->
     settings = Settings(models=str(tmp_path / "models"))
 
     def check(prompt: str, model: str) -> Any:
-        request = JobRequest.model_validate({"prompt": prompt, "params": {"model": model}})
+        request = JobRequest.model_validate({"prompt": prompt, "params": {"guidance": {"model": model}}})
         return check_request(request, settings, files=["asset"])
 
     for name in ("mine.safetensors", str(mine)):

@@ -17,6 +17,7 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.requests.selection import Selection, check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.control import Control, read_control
@@ -95,12 +96,12 @@ def test_every_kind_of_selection_selects_what_it_says() -> None:
 def test_a_region_of_nothing_is_refused_with_what_there_is(where: dict[str, Any], detail: str, advice: str) -> None:
     if "x" in where:
         with pytest.raises(ValueError, match="Extra inputs"):
-            DeformParams(regions=[where])
+            DeformParams.model_validate({"control": {"regions": [where]}})
         return
     with pytest.raises(ParameterError, match=detail) as refused:
         controlled(regions=[{"node": "Lamp"}, where])
     assert advice in str(refused.value.advice_text)
-    assert refused.value.extra["errors"][0]["loc"] == ["params", "regions", 1, next(iter(where))]
+    assert refused.value.extra["errors"][0]["loc"] == ["params", "control", "regions", 1, next(iter(where))]
 
 
 def test_names_are_checked_without_the_geometry() -> None:
@@ -116,7 +117,7 @@ def test_names_are_checked_without_the_geometry() -> None:
 def controlled(asset: Asset = ASSET, **params: Any) -> Control:
     welded = weld(asset.surface.positions, asset.surface.triangles)
     frame = Frame.around(welded.mesh.verts)
-    resolved = resolve(DeformParams(**params))
+    resolved = resolve(DeformParams.model_validate(grouped(params)))
     return read_control(resolved, SelectableSurface(asset, welded), frame, RestMesh.of(frame.place(welded.mesh)))
 
 
@@ -181,7 +182,7 @@ def test_documents_that_contradict_themselves_are_refused() -> None:
         {"symmetry": "w"},
     ):
         with pytest.raises(ValueError, match="validation error"):
-            DeformParams.model_validate(params)
+            DeformParams.model_validate(grouped(params))
 
 
 def test_symmetry_is_found_and_what_is_kept_is_kept_on_both_sides() -> None:
@@ -201,7 +202,9 @@ def test_symmetry_is_found_and_what_is_kept_is_kept_on_both_sides() -> None:
 
 def finished(asset: bytes, steps: int = 12, stop: int | None = None, **params: Any) -> tuple[bytes, dict[str, Any]]:
     """Return result and report of a run, optionally one that was resumed from a checkpoint."""
-    request = JobRequest(prompt="anything", params={"steps": steps, "seed": 3, "learning_rate": 0.02, **params})
+    request = JobRequest(
+        prompt="anything", params=grouped({"steps": steps, "seed": 3, "learning_rate": 0.02, **params})
+    )
     given: dict[str, Any] = {"asset": asset, "filename": "a.glb", "request": request, "prior": FakePrior()}
     run = text_deform.start(**given)
     for report in run:
@@ -222,9 +225,11 @@ def test_a_run_obeys_all_of_it_and_a_resumed_one_bit_for_bit() -> None:
     source = load_asset(asset).surface
     top = source.positions[:, 1] > 0.5
     params = {
-        "regions": [{"box": {"min": [0, 0.5, -9], "max": [20, 9, 9]}}],
-        "symmetry": "x",
-        "handles": [{"position": [10, -0.6, 0.3], "to": [10, -0.8, 0.4]}],
+        "control": {
+            "regions": [{"box": {"min": [0, 0.5, -9], "max": [20, 9, 9]}}],
+            "symmetry": "x",
+            "handles": [{"position": [10, -0.6, 0.3], "to": [10, -0.8, 0.4]}],
+        }
     }
     result, report = finished(asset, **params)
     written = load_asset(result).surface

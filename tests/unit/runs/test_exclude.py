@@ -15,6 +15,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.errors import CheckpointError, ParameterError
 from meshdeform.geometry.shapes import grid, icosphere
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.strength import with_strength
 from meshdeform.testing import FakePrior
@@ -35,7 +36,7 @@ def scene(cells: int, *, half_width: float = 5000.0) -> bytes:
 def start(asset: bytes, *, output: dict[str, bool] | None = None, steps: int = 20, **params: Any) -> Any:
     document = {
         "prompt": "an egg",
-        "params": {"preset": "preview", "steps": steps, **params},
+        "params": grouped({"preset": "preview", "steps": steps, **params}),
         "output": output or {},
     }
     request = JobRequest.model_validate(document)
@@ -96,9 +97,9 @@ def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> No
     assert np.linalg.norm(half - before.positions, axis=1)[ball].max() < moved.max()
 
     saved = run.checkpoint()
-    document = {"prompt": "an egg", "params": {"preset": "preview", "steps": 1, "backdrop": "deform"}}
+    document = {"prompt": "an egg", "params": {"preset": "preview", "steps": 1, "control": {"backdrop": "deform"}}}
     request = JobRequest.model_validate(document)
-    with pytest.raises(CheckpointError, match=r"params\.backdrop"):
+    with pytest.raises(CheckpointError, match=r"params\.control\.backdrop"):
         text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved)
 
 
@@ -121,7 +122,7 @@ def contents(data: bytes, mesh: int) -> list[bytes]:
 @each_case("output", [{}, {"compact": True}, {"subdivide": True}])
 def test_an_excluded_ground_is_not_drawn_and_comes_back_as_it_was(output: dict[str, bool]) -> None:
     asset = scene(1)
-    assert any("params.backdrop" in text for text in load_asset(asset).summary.warnings)
+    assert any("params.control.backdrop" in text for text in load_asset(asset).summary.warnings)
     run = start(asset, exclude=["Ground"], output=output)
     result, report = finished(run)
     assert contents(result, 1) == contents(asset, 1)
@@ -135,7 +136,7 @@ def test_an_excluded_ground_is_not_drawn_and_comes_back_as_it_was(output: dict[s
     assert report["mesh"]["welded_vertices"] == len(after)
     saved = run.checkpoint()
     request = JobRequest.model_validate({"prompt": "an egg", "params": {"preset": "preview", "steps": 1}})
-    with pytest.raises(CheckpointError, match=r"params\.exclude"):
+    with pytest.raises(CheckpointError, match=r"params\.control\.exclude"):
         text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved)
 
 

@@ -26,6 +26,7 @@ from meshdeform.errors import (
     ParameterError,
 )
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
@@ -57,7 +58,7 @@ def glbs(chairs):
 
 
 def begin(data, checkpoint=None, **params):
-    request = JobRequest.model_validate({"kind": "family_fit", "params": {**PARAMS, **params}})
+    request = JobRequest.model_validate({"kind": "family_fit", "params": grouped({**PARAMS, **params})})
     return start_run(RunInput(request, {"collection": InputFile(data, "chairs.zip")}, checkpoint=checkpoint))
 
 
@@ -256,7 +257,7 @@ def test_a_request_that_cannot_run_is_refused(document, words):
 def test_a_collection_is_posted_fitted_and_downloaded(glbs, tmp_path, redis_url):
     (tmp_path / "chairs.zip").write_bytes(packed(glbs))
     (tmp_path / "one.zip").write_bytes(packed(dict(list(glbs.items())[:1])))
-    asked = {"kind": "family_fit", "params": {**PARAMS, "embed_labels": False, "iterations": 1, "epochs": 1}}
+    asked = {"kind": "family_fit", "params": grouped({**PARAMS, "embed_labels": False, "iterations": 1, "epochs": 1})}
     settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-family-fit")
     with serving(settings) as url, Client(url) as client:
         with pytest.raises(AssetError, match="one asset; a family has at least 10"):

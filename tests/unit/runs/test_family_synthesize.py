@@ -159,7 +159,7 @@ def test_a_lesson_draws_new_shapes_of_the_family(chairs, monkeypatch, tmp_path):
         pictures, "member", lambda shape, rng, **how: drawn.append((shape.name, how)) or draw(shape, rng, **how)
     )
     weights = write_small_weights(tmp_path / "small.safetensors").read_bytes()
-    params = {"noun": "a throne", "model": "weights", "steps": 1}
+    params = {"noun": "a throne", "steps": 1, "model": "weights"}
     request = JobRequest.model_validate({"kind": "prior_teach", "params": params})
     files = {
         "meshes": InputFile(chairs[1], "chairs.zip"),

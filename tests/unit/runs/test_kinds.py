@@ -20,6 +20,7 @@ from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests import document
 from meshdeform.requests.document import JobKind, JobRequest, read_stored, resolve
 from meshdeform.requests.parameters import StrictModel
+from meshdeform.requests.removed import grouped
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.runs import check_request, file_parts, kind_of, register, start_run
 from meshdeform.runs.base import (
@@ -125,7 +126,7 @@ def kind() -> Iterator[Kind]:
 
 
 def request(**params: object) -> JobRequest:
-    return JobRequest.model_validate({"kind": "count", "params": params, "prompt": "count"})
+    return JobRequest.model_validate({"kind": "count", "params": grouped(params), "prompt": "count"})
 
 
 def test_a_request_has_the_parameters_of_its_kind() -> None:
@@ -325,7 +326,7 @@ def test_a_kind_that_is_registered_first_does_not_hide_the_built_in_ones(
 
 def test_a_queued_job_with_a_drawing_fails_with_what_to_do() -> None:
     """Earlier editions made the target; without it the job must not run towards anything else."""
-    stored = read_stored({"params": {"guidance": "target", "sketch": {"family": "vase"}}})
+    stored = read_stored({"params": {"sketch": {"family": "vase"}, "guidance": {"kind": "target"}}})
     kept = {**resolve(stored.params).model_dump(mode="json"), "sketch": {"family": "vase", "values": {}}}
     implied = read_stored({"params": {"sketch": {"family": "vase"}}})  # the guidance was resolved at the door
     for job in (stored, implied):

@@ -62,7 +62,7 @@ def test_the_source_is_judged_once_and_compared_with() -> None:
 def test_only_the_builtin_prior_has_it_and_a_verdict_in_its_report(guidance: str) -> None:
     ball = icosphere(1)
     asset = build_glb(ball.verts.numpy(), ball.faces.numpy())
-    params = {"preset": "preview", "steps": 1, "guidance": guidance}
+    params = {"preset": "preview", "steps": 1, "guidance": {"kind": guidance}}
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
     run = text_deform.start(
         asset=asset, filename="a.glb", request=request, target=asset, prior=load_prior("builtin", device="cpu")

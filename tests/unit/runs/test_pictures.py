@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import typer
 from PIL import Image
+from pydantic import ValidationError
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.report_lines import silhouettes_line
@@ -17,6 +18,7 @@ from meshdeform.cli.written import parse_pictures
 from meshdeform.errors import ParameterError, PromptError, SilhouetteError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.text_deform_checks import check
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
@@ -40,7 +42,7 @@ def ellipse(height: float, width: float) -> bytes:
 
 
 def request(prompt: str = "", **params: object) -> JobRequest:
-    return JobRequest.model_validate({"prompt": prompt, "params": params})
+    return JobRequest.model_validate({"prompt": prompt, "params": grouped(params)})
 
 
 def refused(asked: JobRequest, *pictures: str, target: bool = False) -> ParameterError:
@@ -59,9 +61,11 @@ def test_pictures_and_their_directions_belong_together() -> None:
     assert "There is a prompt" in refused(request("a vase", guidance="silhouettes", silhouettes=BOTH[:1])).detail
     twice = request(guidance="silhouettes", silhouettes=[{"azimuth": 350}, {"azimuth": -10.2}])
     assert "same azimuth" in refused(twice, "silhouette_1", "silhouette_2").detail
-    beside = request(guidance="target", silhouettes=BOTH[:1])
+    with pytest.raises(ValidationError, match=r"guidance\.target\.silhouettes"):
+        request(guidance="target", silhouettes=BOTH[:1])
+    beside = request(guidance="target")
     assert "second mesh" in refused(beside, "silhouette_1", target=True).detail
-    assert refused(beside, "silhouette_1", target=True).extra["errors"][0]["loc"][:2] == ["params", "silhouettes"]
+    assert refused(beside, "silhouette_1", target=True).extra["errors"][0]["loc"] == ["params", "guidance"]
     with pytest.raises(PromptError):
         check(request(silhouettes=BOTH[:1]), default_model="builtin", pictures=["silhouette_1"])
     assert check(request("a vase", silhouettes=BOTH[:1]), default_model="builtin", pictures=["silhouette_1"])
@@ -138,7 +142,11 @@ def test_pictures_on_the_command_line(tmp_path: Path) -> None:
 def test_a_rig_follows_if_it_is_asked_to_and_the_report_says_so(rig: str) -> None:
     asked = JobRequest.model_validate(
         {
-            "params": {"guidance": "silhouettes", "silhouettes": [{"azimuth": 0}], "preset": "preview", "steps": 4},
+            "params": {
+                "preset": "preview",
+                "steps": 4,
+                "guidance": {"kind": "silhouettes", "silhouettes": [{"azimuth": 0}]},
+            },
             "output": {"rig": rig},
         }
     )

@@ -19,6 +19,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import NewJob
 from meshdeform.record.search import searched_text
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.prompts import prompt_reports
 from meshdeform.runs.text_deform_checks import check
@@ -42,7 +43,7 @@ def prior() -> PicturesPrior:
 
 def request_of(prompt: str, *prompts: dict[str, Any], **params: Any) -> JobRequest:
     given = {"preset": "preview", "steps": 3, "orientation": "keep", "safeguard": "none", **params}
-    return JobRequest.model_validate({"prompt": prompt, "params": {**given, "prompts": prompts}})
+    return JobRequest.model_validate({"prompt": prompt, "params": grouped({**given, "prompts": prompts})})
 
 
 def start(prompt: str, *prompts: dict[str, Any], checkpoint: bytes | None = None, **params: Any) -> Any:
@@ -198,17 +199,18 @@ def test_a_region_that_reaches_nothing_is_refused(
 ) -> None:
     with pytest.raises(ParameterError, match=words) as caught:
         start("a pear", *prompts, **params)
-    assert caught.value.extra["errors"][0]["loc"][:4] == ["params", "prompts", 0, member]
+    assert caught.value.extra["errors"][0]["loc"][:5] == ["params", "guidance", "prompts", 0, member]
 
 
 def test_what_prompts_cannot_be_combined_with_is_refused() -> None:
     def refused(request: JobRequest) -> str:
         with pytest.raises(ParameterError) as caught:
-            check(request, default_model="builtin", has_target=request.params.guidance == "target")
-        assert caught.value.extra["errors"][0]["loc"] == ["params", "prompts"]
+            check(request, default_model="builtin")
+        assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance", "prompts"]
         return caught.value.detail
 
-    assert "`target` uses no prompt" in refused(request_of("", VASE, guidance="target"))
+    with pytest.raises(ValidationError, match=r"guidance\.target\.prompts"):
+        request_of("", VASE, guidance="target")
     assert refused(request_of("", {**VASE, "weight": 0})) == "All prompts have the weight 0."
     for wrong in ({**VASE, "outside": True}, {"prompt": " "}, {**VASE, "weight": -1}, {**VASE, "action": "keep"}):
         with pytest.raises(ValidationError):
@@ -221,7 +223,7 @@ def test_an_unknown_word_names_its_prompt() -> None:
     check(request_of("", VASE, PEAR), default_model="builtin")
     with pytest.raises(VocabularyError) as caught:
         check(request_of("a pear", VASE, {"prompt": "a zebr", "weight": 0}), default_model="builtin")
-    assert caught.value.extra["errors"][0]["loc"] == ["params", "prompts", 1, "prompt"]
+    assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance", "prompts", 1, "prompt"]
     with pytest.raises(VocabularyError) as caught:
         check(request_of("a zebr", VASE), default_model="builtin")
     assert caught.value.extra["errors"][0]["loc"] == ["prompt"]

@@ -47,7 +47,10 @@ def test_nobody_is_asked_for_the_front_of_what_is_not_recognised() -> None:
     leaning = front_of(Recognition("bottle", 0.9), prior, params, "a leaning vase")
     assert leaning is not None
     assert leaning.crooked
-    assert known_source(icosphere(1), prior, resolve(DeformParams.model_validate({"orientation": "keep"}))) is None
+    assert (
+        known_source(icosphere(1), prior, resolve(DeformParams.model_validate({"guidance": {"orientation": "keep"}})))
+        is None
+    )
     assert known_source(icosphere(1), None, params) is None
     assert front_of(None, prior, params, "a giraffe") is None
 

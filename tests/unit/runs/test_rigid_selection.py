@@ -1,4 +1,4 @@
-"""`params.rigid`: what its selectors select, what they refuse, and a whole run that keeps it."""
+"""`params.control.rigid`: what its selectors select, what they refuse, and a whole run that keeps it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from meshdeform.geometry.shapes import box, icosphere, join, torus
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import check_selections
 from meshdeform.runs import text_deform
@@ -100,7 +101,7 @@ def test_a_selector_of_nothing_is_refused_with_what_there_is(selector, detail, a
     with pytest.raises(ParameterError, match=detail) as refused:
         select({"node": "hub"}, selector)
     assert advice in str(refused.value.advice_text)
-    assert refused.value.extra["errors"][0]["loc"] == ["params", "rigid", 1, next(iter(selector))]
+    assert refused.value.extra["errors"][0]["loc"] == ["params", "control", "rigid", 1, next(iter(selector))]
 
 
 def test_what_the_json_shows_is_checked_without_the_geometry() -> None:
@@ -122,12 +123,16 @@ def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:
         select_bodies([RigidSelector(node="all")], SelectableSurface(asset, welded))
     for params in ({"preset": "paper"}, {"carrier": "surface"}):
         with pytest.raises(ParameterError, match="need the lattice"):
-            resolve(DeformParams.model_validate({**params, "rigid": [{"component": 0}]}))
+            resolve(DeformParams.model_validate(grouped({**params, "rigid": [{"component": 0}]})))
 
 
 def test_a_run_keeps_the_wheels_and_says_so_in_its_report() -> None:
-    params = {"preset": "preview", "steps": 8, "rigid": [{"node": "axle"}, {"node": "hub", "mode": "similarity"}]}
-    job = JobRequest.model_validate({"prompt": "an egg", "params": params})
+    params = {
+        "preset": "preview",
+        "steps": 8,
+        "control": {"rigid": [{"node": "axle"}, {"node": "hub", "mode": "similarity"}]},
+    }
+    job = JobRequest.model_validate({"prompt": "an egg", "params": grouped(params)})
     run = text_deform.start(asset=cart(), filename="a.glb", request=job, prior=FakePrior())
     checkpoint = None
     for step in run:

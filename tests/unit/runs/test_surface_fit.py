@@ -33,6 +33,7 @@ from meshdeform.fields.reader import read_field
 from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.geometry.shapes import icosphere, join, torus
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import check_request, kind_of, start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
@@ -57,7 +58,7 @@ def begin(
     scalars: bytes | None = None,
     **params: object,
 ) -> JobRun:
-    request = JobRequest.model_validate({"kind": "surface_fit", "params": {**SMALL, **params}})
+    request = JobRequest.model_validate({"kind": "surface_fit", "params": grouped({**SMALL, **params})})
     files = {"asset": InputFile(data, name)} | ({"scalars": InputFile(scalars, "scalars.npz")} if scalars else {})
     return start_run(RunInput(request, files, checkpoint=checkpoint, initial=initial))
 
@@ -130,8 +131,8 @@ def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
     # A quarter turn about y, which projection alone would never make.
     turned = axes[:, [2, 1, 0]] * [1, 1, -1]
     anchors = [{"base": list(a), "surface": list(b)} for a, b in zip(axes * 1.2, turned, strict=True)]
-    params = {**SMALL, "steps": 150, "batch_faces": 16, "width": 16, "anchors": anchors}
-    request = JobRequest.model_validate({"kind": "surface_fit", "params": params})
+    params = grouped({**SMALL, "steps": 150, "batch_faces": 16, "width": 16, "anchors": anchors})
+    request = JobRequest.model_validate({"kind": "surface_fit", "params": grouped(params)})
     sphere = icosphere(2)
     surface = InputFile(build_glb(sphere.verts.numpy(), sphere.faces.numpy()), "sphere.glb")
     run = start_run(RunInput(request, {"asset": surface, "base": base}))
@@ -144,7 +145,7 @@ def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
     assert (((found * turned).sum(1) / np.linalg.norm(found, axis=1)) > 0.8).all()
 
     # A ball for a ring: holes need not agree, and the report has both.
-    request = JobRequest.model_validate({"kind": "surface_fit", "params": {**SMALL, "steps": 1, "level": 0}})
+    request = JobRequest.model_validate({"kind": "surface_fit", "params": grouped({**SMALL, "steps": 1, "level": 0})})
     run = start_run(RunInput(request, {"asset": InputFile(ring, "ring.glb"), "base": base}))
     list(run)
     report = json.loads(run.finish()["report.json"].data)
@@ -160,7 +161,7 @@ def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
     here = {"base": [0.0, 0.0, 1.0], "surface": [0.0, 0.0, 1.0]}
     for part in here:
         request = JobRequest.model_validate(
-            {"kind": "surface_fit", "params": {**SMALL, "anchors": [here, {**here, part: [0.0, 0.0, 5.0]}]}}
+            {"kind": "surface_fit", "params": grouped({**SMALL, "anchors": [here, {**here, part: [0.0, 0.0, 5.0]}]})}
         )
         with pytest.raises(ParameterError, match=f"Anchor 2 names a point of the {part} that lies outside"):
             start_run(RunInput(request, {"asset": surface}))
@@ -218,7 +219,7 @@ def test_a_torus_becomes_a_cup() -> None:
     a, b, c, d = (((i + p) % n) * m + (j + q) % m for p, q in ((0, 0), (1, 0), (1, 1), (0, 1)))
     base = build_glb(verts, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
     params = {"steps": 600, "octaves": 4, "level": 2, "anchors": anchors}
-    request = JobRequest.model_validate({"kind": "surface_fit", "params": params})
+    request = JobRequest.model_validate({"kind": "surface_fit", "params": grouped(params)})
     files = {"asset": InputFile(cup(), "cup.npz"), "base": InputFile(base, "ring.glb")}
     run = start_run(RunInput(request, files))
     list(run)

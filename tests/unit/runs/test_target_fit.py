@@ -16,6 +16,7 @@ from meshdeform.errors import AlignmentError, ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from tests.cases import each_case
 
@@ -27,8 +28,8 @@ def glb(scale: tuple[float, float, float] = (1.0, 1.0, 1.0), offset: float = 0.0
 
 
 def finished(asset: bytes, target: bytes, **params: object) -> tuple[np.ndarray, dict]:
-    params = {"guidance": "target", "preset": "preview", "steps": 30, **params}
-    request = JobRequest.model_validate({"params": params})
+    params = grouped({"guidance": "target", "preset": "preview", "steps": 30, **params})
+    request = JobRequest.model_validate({"params": grouped(params)})
     run = text_deform.start(asset=asset, filename="a.glb", request=request, target=target, target_filename="b.glb")
     for _ in run:
         pass
@@ -66,16 +67,16 @@ def test_a_target_far_away_is_refused_with_a_picture() -> None:
     assert refused.value.picture is not None
     drawn = np.array(Image.open(io.BytesIO(refused.value.picture)))
     assert {(222, 143, 5), (1, 115, 178)} < {tuple(colour) for colour in drawn.reshape(-1, 3).tolist()}
-    assert "params.align" in refused.value.advice_text
+    assert "params.guidance.align" in refused.value.advice_text
 
 
 @each_case(
     ("params", "place"),
     [
-        ({"landmarks": [{"source": 9999, "target": 0}]}, ["params", "landmarks", 0, "source"]),
-        ({"landmarks": [{"source": [0.0, 1.0, 0.0], "target": 162}]}, ["params", "landmarks", 0, "target"]),
-        ({"landmarks": [{"source": 0, "target": [0.0, 1e9, 0.0]}]}, ["params", "landmarks", 0, "target"]),
-        ({"landmarks": [{"source": [0.0, 1e9, 0.0], "target": 0}]}, ["params", "landmarks", 0, "source"]),
+        ({"landmarks": [{"source": 9999, "target": 0}]}, ["params", "guidance", "landmarks", 0, "source"]),
+        ({"landmarks": [{"source": [0.0, 1.0, 0.0], "target": 162}]}, ["params", "guidance", "landmarks", 0, "target"]),
+        ({"landmarks": [{"source": 0, "target": [0.0, 1e9, 0.0]}]}, ["params", "guidance", "landmarks", 0, "target"]),
+        ({"landmarks": [{"source": [0.0, 1e9, 0.0], "target": 0}]}, ["params", "guidance", "landmarks", 0, "source"]),
     ],
 )
 def test_what_does_not_fit_the_files_is_refused(params: dict, place: list) -> None:

@@ -20,6 +20,7 @@ from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import box, icosphere, join, lathe
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, OutputOptions, resolve
+from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.testing import FakePrior
 from tests.unit.assets.builders import unpack
@@ -35,8 +36,8 @@ def glb(mesh: TriangleMesh, *, scale: float = 1.0, offset: float = 0.0) -> bytes
 
 
 def request(**changes: object) -> JobRequest:
-    params = {"preset": "preview", "steps": 12, "seed": 5, **changes}
-    return JobRequest.model_validate({"prompt": "an egg", "params": params, "output": {"morph": True}})
+    params = grouped({"preset": "preview", "steps": 12, "seed": 5, **changes})
+    return JobRequest.model_validate({"prompt": "an egg", "params": grouped(params), "output": {"morph": True}})
 
 
 def start(asset: bytes, job: JobRequest | None = None, **more: object) -> text_deform.TextDeformRun:
@@ -353,7 +354,7 @@ def test_what_stands_on_the_origin_stands_there_after_a_prompt(bottom: float, ke
     ball = icosphere(2)
     asset = glb(TriangleMesh(ball.verts + torch.tensor([0.0, bottom + 1.0, 5.0]), ball.faces))
     params = {"preset": "preview", "steps": 4, "learning_rate": 0.05}
-    job = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
+    job = JobRequest.model_validate({"prompt": "a mushroom", "params": grouped(params)})
     run = start(asset, job, prior=load_prior("builtin", device="cpu"))
     list(run)
     lowest = load_asset(run.finish()["result.glb"].data).surface.positions[:, 1].min()

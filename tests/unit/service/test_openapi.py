@@ -60,7 +60,10 @@ def test_every_parameter_has_a_description_bounds_and_an_example(document: dict[
         assert not re.search(r"\\[wWdDsSpP]\S*\{\d*,?\d{2,}\}", json.loads(f'"{pattern}"')), pattern
 
 
-@each_case("schema", ["JobDocument", "BranchDocument", "DeformParams", "OutputOptions"])
+@each_case(
+    "schema",
+    ["JobDocument", "BranchDocument", "DeformParams", "PromptGuidance", "TargetGuidance", "Control", "OutputOptions"],
+)
 def test_every_member_of_a_request_has_a_description_a_default_and_an_example(
     schema: str, document: dict[str, Any]
 ) -> None:
@@ -68,7 +71,7 @@ def test_every_member_of_a_request_has_a_description_a_default_and_an_example(
         assert member["description"], name
         assert member.get("examples") or "$ref" in member, name
         said = "default" in member or "Default:" in member["description"]
-        assert said or name in {"params", "output", "metadata"}, name
+        assert said or name in {"params", "output", "metadata", "guidance", "control", "kind"}, name
 
 
 def test_a_request_of_any_kind_of_job_fits_the_document(document: dict[str, Any]) -> None:
@@ -84,7 +87,9 @@ def test_a_request_of_any_kind_of_job_fits_the_document(document: dict[str, Any]
 
 
 def test_numbers_have_bounds(document: dict[str, Any]) -> None:
-    for name, member in document["components"]["schemas"]["DeformParams"]["properties"].items():
+    models = ("DeformParams", "PromptGuidance", "TargetGuidance", "Control")
+    schemas = [document["components"]["schemas"][each] for each in models]
+    for name, member in ((name, member) for schema in schemas for name, member in schema["properties"].items()):
         for choice in member.get("anyOf", [member]):
             if choice.get("type") in ("number", "integer"):
                 assert {"minimum", "exclusiveMinimum"} & set(choice), name

@@ -61,7 +61,7 @@ def shape_of(mesh: TriangleMesh, name: str, *, front_deg: float = 0.0, attribute
     mesh : TriangleMesh
         World space, any size; it may be open or have many parts.
     front_deg : float
-        Azimuth of its front, as in `params.orientation`: 0 is +Z, 90 is +X.
+        Azimuth of its front, as in `params.guidance.orientation`: 0 is +Z, 90 is +X.
 
     Raises
     ------

@@ -7,6 +7,7 @@
  */
 import { controlOf, controlWords, promptWords } from "../create/control/model.js";
 import { count, duration, figure, goalWords, percent, STATE_WORDS } from "../format.js";
+import { plainParams } from "../groups.js";
 import { isTerminal } from "../history.js";
 import { PRESETS } from "../params.js";
 import { shownQuality } from "../quality.js";
@@ -40,18 +41,19 @@ export function obstacle(job) {
  */
 export function askedRows(jobs, reports) {
   const both = (/** @type {(job: any, report: any) => string} */ say) => /** @type {[string, string]} */ ([0, 1].map((i) => say(jobs[i], reports[i])));
-  const control = (/** @type {any} */ job) => [...promptWords(job.params?.prompts ?? []), ...controlWords(controlOf(job.params ?? {}))].join("; ");
+  const asked = jobs.map((job) => plainParams(job.params));
+  const control = asked.map((params) => [...promptWords(params.prompts ?? []), ...controlWords(controlOf(params))].join("; "));
   const always = [
     row("Prompt", ...both(goalWords)),
     row("Asset", ...both((job) => job.asset.filename)),
     row("Quality", ...both((job) => PRESETS.find(([name]) => name === (job.params?.preset ?? "balanced"))?.[1] ?? "")),
     row("Variation", ...both((job) => String(job.params?.seed ?? 0))),
-    row("Model", ...both((job, report) => String(report?.params?.model ?? job.params?.model ?? "builtin"))),
-    row("Control", ...both(control)),
+    row("Model", ...both((job, report) => String(report?.params?.model ?? plainParams(job.params).model ?? "builtin"))),
+    row("Control", control[0], control[1]),
     row("Target", ...both((job) => job.files?.target?.filename ?? "")),
   ];
   // What the presets decided differs too; a job without a report has only what was written.
-  const params = reports.every((report) => report?.params) ? reports.map((report) => report.params) : jobs.map((job) => job.params ?? {});
+  const params = reports.every((report) => report?.params) ? reports.map((report) => report.params) : asked;
   const names = [...new Set(params.flatMap((found) => Object.keys(found)))].filter((name) => !SAID.includes(name));
   const others = names.map((name) => row(name, valueText(params[0][name]), valueText(params[1][name])));
   const outputs = [...new Set(jobs.flatMap((job) => Object.keys(job.output ?? {})))].map((name) => row(`output.${name}`, valueText(jobs[0].output?.[name]), valueText(jobs[1].output?.[name])));

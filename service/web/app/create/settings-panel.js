@@ -3,7 +3,8 @@
 import { button, fill, h, uniqueId } from "../dom.js";
 import { fieldRow, markField } from "./field-rows.js";
 import { figure } from "../format.js";
-import { fieldProblem, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
+import { isUnused } from "../groups.js";
+import { fieldProblem, formOf, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
 
 export class SettingsPanel {
   /**
@@ -26,8 +27,8 @@ export class SettingsPanel {
     this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
     /** @type {Map<string, {input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}>} */
     this.fields = new Map();
-    /** @type {import("../params.js").Field[]} */
-    this.offered = [];
+    /** @type {import("../params.js").Form} */
+    this.offered = formOf(null);
     this.advancedGrid = h("div", { class: "advanced-grid" });
     this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"));
     this.kept = nothingKept();
@@ -97,7 +98,7 @@ export class SettingsPanel {
 
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
   check() {
-    const good = this.offered.map((field) => this._check(field)).every(Boolean);
+    const good = this.offered.fields.map((field) => this._check(field)).every(Boolean);
     if (!good) this.advanced.open = true;
     for (const field of [this.seed, this.variations]) markField(field, field.check());
     return good && !this.seed.check() && !this.variations.check();
@@ -135,11 +136,16 @@ export class SettingsPanel {
     }
   }
 
-  /** @param {import("../params.js").Field[]} fields */
-  offerFields(fields) {
-    this.offered = fields;
-    this.fields = new Map(fields.map((field) => [field.name, this._field(field)]));
+  /** @param {import("../params.js").Form} form */
+  offerFields(form) {
+    this.offered = form;
+    this.fields = new Map(form.fields.map((field) => [field.name, this._field(field)]));
     fill(this.advancedGrid, [...this.fields.values()].map((field) => field.row));
+  }
+
+  /** Show those that a kind of guidance has. @param {string} kind */
+  suit(kind) {
+    for (const [name, { row }] of this.fields) row.hidden = isUnused(name, kind, this.offered.groups);
   }
 
   /** @param {import("../vocabulary.js").Catalogue} catalogue */

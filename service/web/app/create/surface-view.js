@@ -1,6 +1,5 @@
 // @ts-check
 /** The form for a surface fit: any surface becomes a file of a few kilobytes. Its parameters are those that the server declares. */
-import { announce } from "../announce.js";
 import { Asset } from "../assets.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
@@ -11,8 +10,7 @@ import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
-import { estimateWords } from "./estimate.js";
-import { kindsNav } from "./kinds-nav.js";
+import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
 import { NumberRows } from "./number-rows.js";
 import { SurfaceFiles } from "./surface-files.js";
 
@@ -29,7 +27,6 @@ export class SurfaceView {
    */
   constructor(root, scope, from) {
     this.scope = scope;
-    this.busy = false;
     this.turn = 0; // of the last check: an answer to an earlier one is out of date
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this.check());
@@ -38,25 +35,19 @@ export class SurfaceView {
     this.numbers.more.before(this.files.element);
     this.problem = h("div", { class: "problem-slot" });
     this.estimate = h("p", { class: "estimate", id: "estimate" });
-    this.start = h("button", { type: "submit", class: "button button-primary button-large", "aria-describedby": "estimate" }, "Fit");
-    this.form = h(
-      "form",
-      { class: "create-form", "aria-label": "New surface fit", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+    this.form = new JobForm(scope, "New surface fit", "Fit", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._bad(error) });
+    this.form.button.setAttribute("aria-describedby", "estimate");
+    this.form.element.append(
       this.numbers.first,
       this.problem,
       this.numbers.advanced,
-      h("div", { class: "start-bar" }, this.estimate, this.start),
+      h("div", { class: "start-bar" }, this.estimate, this.form.button),
     );
     fill(
       root,
-      h(
-        "div",
-        { class: "intro" },
-        h("h1", null, "Any surface in ", h("em", null, "a few kilobytes")),
-        h("p", { class: "lead" }, "A coarse mesh and a small network, which a browser unfolds to any level and measures distances on."),
-      ),
+      intro("Any surface in", "a few kilobytes", "A coarse mesh and a small network, which a browser unfolds to any level and measures distances on."),
       kindsNav("surface"),
-      h("div", { class: "create" }, this.assets.element, this.form),
+      h("div", { class: "create" }, this.assets.element, this.form.element),
       recentJobs(scope),
     );
     this._begin(from);
@@ -122,7 +113,7 @@ export class SurfaceView {
     const turn = ++this.turn;
     const { asset } = this.assets;
     const good = this._settle();
-    this.start.classList.toggle("button-blocked", !good);
+    this.form.button.classList.toggle("button-blocked", !good);
     this.estimate.textContent = good ? "" : "Correct the marked settings.";
     if (!asset || !good) return;
     try {
@@ -140,7 +131,7 @@ export class SurfaceView {
 
   /** @param {unknown} error */
   _bad(error) {
-    this.start.classList.add("button-blocked");
+    this.form.button.classList.add("button-blocked");
     this.estimate.textContent = "";
     const found = error instanceof MeshdeformError ? error : null;
     if (found?.code.startsWith("asset_")) {
@@ -152,27 +143,16 @@ export class SurfaceView {
     fill(this.problem, this.numbers.blame(errors) ? null : problemBox(error));
   }
 
-  /** @param {Event} event */
-  async _submit(event) {
-    event.preventDefault();
-    const { asset } = this.assets;
-    if (this.busy || !asset) return;
-    if (!this._settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
-    this.busy = true;
-    this.start.setAttribute("aria-disabled", "true");
-    this.start.textContent = "Starting…";
+  _ready() {
+    const settled = this._settle();
+    if (!settled) this.form.focusProblem();
+    return settled && this.assets.asset !== null;
+  }
+
+  async _send() {
     this.turn += 1;
-    try {
-      const job = await client.submit(...(await asset.submission(this._document(), this.files.parts)));
-      if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
-    } catch (error) {
-      if (this.scope.over || isAbort(error)) return;
-      this._bad(error);
-      announce("The job did not start");
-    } finally {
-      this.busy = false;
-      this.start.removeAttribute("aria-disabled");
-      this.start.textContent = "Fit";
-    }
+    const asset = /** @type {Asset} */ (this.assets.asset);
+    const job = await client.submit(...(await asset.submission(this._document(), this.files.parts)));
+    return routeHash({ name: "job", id: job.id });
   }
 }

@@ -1,13 +1,13 @@
 // @ts-check
 /** The form for a new job. */
-import { announce, toast } from "../announce.js";
+import { toast } from "../announce.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { exampleSection } from "../examples/gallery.js";
 import { percent } from "../format.js";
 import { recentJobs } from "../jobs/recent.js";
-import { documents, fieldsOf, fileKey, wishOf } from "../params.js";
+import { documents, fileKey, formOf, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
 import { isAboutNegative, isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
@@ -15,14 +15,12 @@ import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { ControlPanel } from "./control/panel.js";
-import { estimateWords } from "./estimate.js";
+import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
 import { GuidePanel } from "./guide/panel.js";
-import { kindsNav } from "./kinds-nav.js";
 import { FrontControl } from "./front-control.js";
 import { originOf } from "./origins.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
-import { beginWith } from "./taught.js";
 
 /** @typedef {import("../assets.js").Asset} Asset */
 
@@ -40,7 +38,6 @@ export class CreateView {
     /** Whether the form is filled: what changes from then on is the user's. */
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
-    this.busy = false;
     this.checks = 0;
     /** What the form offers under Advanced. @type {Promise<import("../params.js").Field[]>} */
     this.fields = Promise.resolve([]);
@@ -71,10 +68,9 @@ export class CreateView {
     /** Stops the check under way, which is out of date. */
     this.checking = new AbortController();
     scope.add(() => this.checking.abort());
-    this.start = h("button", { type: "submit", class: "button button-primary button-large", "aria-describedby": "estimate" }, "Deform");
-    this.form = h(
-      "form",
-      { class: "create-form", "aria-label": "New job", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+    this.form = new JobForm(scope, "New job", "Deform", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._refuse(error) });
+    this.form.button.setAttribute("aria-describedby", "estimate");
+    this.form.element.append(
       this.restored,
       this.prompt.element,
       this.control.further.element,
@@ -82,18 +78,13 @@ export class CreateView {
       this.problem,
       this.settings.element,
       this.control.element,
-      h("div", { class: "start-bar" }, this.estimate, this.start),
+      h("div", { class: "start-bar" }, this.estimate, this.form.button),
     );
     fill(
       root,
-      h(
-        "div",
-        { class: "intro" },
-        h("h1", null, "Describe what it ", h("em", null, "should become")),
-        h("p", { class: "lead" }, "Reshape your 3D assets with a prompt. Materials, UVs and rigs stay as they are."),
-      ),
+      intro("Describe what it", "should become", "Reshape your 3D assets with a prompt. Materials, UVs and rigs stay as they are."),
       kindsNav("create"),
-      h("div", { class: "create" }, this.assets.element, this.form),
+      h("div", { class: "create" }, this.assets.element, this.form.element),
       recentJobs(scope),
       exampleSection(scope),
     );
@@ -125,7 +116,11 @@ export class CreateView {
     const wish = await first;
     if (this.scope.over) return;
     if (wish) this._restore(wish, this.others);
-    beginWith(this.wanted, this.settings, this.prompt);
+    if (this.wanted.model) {
+      this.settings.choose(this.wanted.model);
+      this.prompt.set(this.wanted.prompt ?? "");
+      history.replaceState(null, "", "#/"); // what is typed next is the draft
+    }
     this.begun = true;
     this._changed();
   }
@@ -165,11 +160,11 @@ export class CreateView {
   /** @returns {Promise<import("../params.js").Field[]>} */
   async _learnFields() {
     const schema = await client.json("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
-    const fields = fieldsOf(schema);
+    const form = formOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
-    this.settings.offerFields(fields);
-    if (fields.some((field) => field.name === "orientation")) this.front.offer();
-    return fields;
+    this.settings.offerFields(form);
+    if (form.fields.some((field) => field.name === "orientation")) this.front.offer();
+    return form.fields;
   }
 
   /**
@@ -209,7 +204,9 @@ export class CreateView {
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
     if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
-    if (!this.busy) this._label(this.settings.variationCount);
+    this.settings.suit(this.guide.target ? "target" : this.guide.isEmpty || this.prompt.value || this.control.further.any ? "sds" : "silhouettes");
+    const { variationCount } = this.settings;
+    this.form.rename(variationCount > 1 ? `Deform, ${variationCount} variations` : "Deform");
     this.check();
   }
 
@@ -224,12 +221,7 @@ export class CreateView {
 
   /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */
   _block(on) {
-    this.start.classList.toggle("button-blocked", on);
-  }
-
-  /** @param {number} variations */
-  _label(variations) {
-    this.start.textContent = variations > 1 ? `Deform, ${variations} variations` : "Deform";
+    this.form.button.classList.toggle("button-blocked", on);
   }
 
   _wish() {
@@ -328,47 +320,30 @@ export class CreateView {
     fill(this.problem, placed ? null : problemBox(error));
   }
 
-  /** @param {Event} event */
-  async _submit(event) {
-    event.preventDefault();
-    if (this.busy) return;
-    const asset = this.assets.asset;
-    const wish = this._wish();
-    if (this._aimless(wish)) {
+  /** Return whether jobs can start; what is wrong has the focus. */
+  _ready() {
+    if (this._aimless(this._wish())) {
       this.prompt.refuse("Enter a prompt first.");
       this.prompt.input.focus();
-      return;
-    }
-    if (!asset) return;
-    if (!this._settle()) {
+    } else if (!this._settle()) {
       const at = [this.settings, this.guide, this.control].find((part) => part.element.querySelector('[aria-invalid="true"]'));
-      return (at ?? (this.guide.check() ? this.control : this.guide)).focusProblem();
-    }
-    if (this.prompt.problemOfLength) return this.prompt.input.focus();
-    this.busy = true;
-    this.start.setAttribute("aria-disabled", "true");
-    this.start.textContent = "Starting…";
-    this.checks += 1; // an answer under way is out of date
-    try {
-      await this._post(asset, wish);
-    } catch (error) {
-      if (this.scope.over || isAbort(error)) return;
-      this._bad(error);
-      announce("The job did not start");
-      if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
-      else if (this.control.further.refused.size) this.control.further.focusProblem();
-    } finally {
-      this.busy = false;
-      this.start.removeAttribute("aria-disabled");
-      this._label(wish.variations);
-    }
+      (at ?? (this.guide.check() ? this.control : this.guide)).focusProblem();
+    } else if (this.prompt.problemOfLength) this.prompt.input.focus();
+    else return this.assets.asset !== null;
+    return false;
   }
 
-  /**
-   * @param {Asset} asset
-   * @param {import("../params.js").Wish} wish
-   */
-  async _post(asset, wish) {
+  /** @param {unknown} error */
+  _refuse(error) {
+    this._bad(error);
+    if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
+    else if (this.control.further.refused.size) this.control.further.focusProblem();
+  }
+
+  async _send() {
+    this.checks += 1; // an answer under way is out of date
+    const asset = /** @type {Asset} */ (this.assets.asset);
+    const wish = this._wish();
     const { parts } = this.guide;
     // A preset chosen a moment ago has other steps than the last check knew.
     const wanted = documents({ ...wish, variations: 1 }, null, "", this.settings.offered)[0];
@@ -387,7 +362,6 @@ export class CreateView {
         break;
       }
     }
-    if (this.scope.over) return;
-    location.hash = wish.variations > 1 ? routeHash({ name: "group", id: group }) : routeHash({ name: "job", id: jobs[0].id });
+    return wish.variations > 1 ? routeHash({ name: "group", id: group }) : routeHash({ name: "job", id: jobs[0].id });
   }
 }

@@ -1,8 +1,7 @@
 // @ts-check
 /** The form for a family: a collection of assets, of which a job finds the parts, the correspondences and a model. */
-import { announce } from "../announce.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
-import { kindsNav } from "../create/kinds-nav.js";
+import { intro, JobForm, kindsNav } from "../create/form.js";
 import { NumberRows } from "../create/number-rows.js";
 import { fill, h } from "../dom.js";
 import { recentJobs } from "../jobs/recent.js";
@@ -22,7 +21,6 @@ export class FamilyView {
    */
   constructor(root, scope, from) {
     this.scope = scope;
-    this.busy = false;
     this.zone = new MeshZone(scope, {
       id: "family-files",
       hint: "10 to 3,000 GLB, OBJ, PLY or STL, each a whole asset, upright; or one ZIP of them. Or drop them on this page. A labels.json names the parts of some.",
@@ -32,26 +30,19 @@ export class FamilyView {
     this.numbers = new NumberRows(KIND, FIRST, () => {});
     this.turn = h("input", { id: "family-turn", type: "checkbox", ".checked": true });
     this.problem = h("div", { class: "problem-slot" });
-    this.start = h("button", { type: "submit", class: "button button-primary button-large" }, "Find the family");
-    this.form = h(
-      "form",
-      { class: "create-form", "aria-label": "New family", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+    this.form = new JobForm(scope, "New family", "Find the family", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._refuse(error) });
+    this.form.element.append(
       this.numbers.first,
       h("label", { class: "check", for: "family-turn" }, this.turn, "Turn assets until all face one way"),
       this.problem,
       this.numbers.advanced,
-      h("div", { class: "start-bar" }, h("p", { class: "estimate" }, "A minute for some dozens of assets. The page may be closed meanwhile."), this.start),
+      h("div", { class: "start-bar" }, h("p", { class: "estimate" }, "A minute for some dozens of assets. The page may be closed meanwhile."), this.form.button),
     );
     fill(
       root,
-      h(
-        "div",
-        { class: "intro" },
-        h("h1", null, "What they have ", h("em", null, "in common")),
-        h("p", { class: "lead" }, "Parts and matching places on all assets of a collection, and new assets made of their parts."),
-      ),
+      intro("What they have", "in common", "Parts and matching places on all assets of a collection, and new assets made of their parts."),
       kindsNav("family"),
-      h("div", { class: "create" }, this.zone.element, this.form),
+      h("div", { class: "create" }, this.zone.element, this.form.element),
       recentJobs(scope),
     );
     this._begin(from);
@@ -77,34 +68,23 @@ export class FamilyView {
     return job;
   }
 
-  /** @param {Event} event */
-  async _submit(event) {
-    event.preventDefault();
-    if (this.busy) return;
+  _ready() {
     fill(this.problem);
-    if (!this.zone.files.length) return this.zone.refuse("Choose the assets first.");
-    if (!this.numbers.settle()) return void /** @type {HTMLElement | null} */ (this.form.querySelector('[aria-invalid="true"]'))?.focus();
-    this.busy = true;
-    this.start.setAttribute("aria-disabled", "true");
-    this.start.textContent = "Starting…";
-    try {
-      // The assets with their parts are what new shapes are made of.
-      const params = { ...this.numbers.values(), turn: this.turn.checked, embed_labels: true };
-      const job = await client.submit(null, { kind: KIND, params }, { files: { collection: await this.zone.meshes.packed("collection.zip", false) } });
-      if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
-    } catch (error) {
-      if (this.scope.over || isAbort(error)) return;
-      this._bad(error);
-      announce("The job did not start");
-    } finally {
-      this.busy = false;
-      this.start.removeAttribute("aria-disabled");
-      this.start.textContent = "Find the family";
-    }
+    const settled = this.numbers.settle();
+    if (!this.zone.files.length) this.zone.refuse("Choose the assets first.");
+    else if (!settled) this.form.focusProblem();
+    return settled && this.zone.files.length > 0;
+  }
+
+  async _send() {
+    // The assets with their parts are what new shapes are made of.
+    const params = { ...this.numbers.values(), turn: this.turn.checked, embed_labels: true };
+    const job = await client.submit(null, { kind: KIND, params }, { files: { collection: await this.zone.meshes.packed("collection.zip", false) } });
+    return routeHash({ name: "job", id: job.id });
   }
 
   /** @param {unknown} error */
-  _bad(error) {
+  _refuse(error) {
     const found = error instanceof MeshdeformError ? error : null;
     if (found?.code.startsWith("asset_")) return this.zone.refuse([found.message, found.advice].filter(Boolean).join(" "));
     const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];

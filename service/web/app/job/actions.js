@@ -192,7 +192,7 @@ export class JobActions {
   }
 }
 
-/** The form that makes such jobs, if it can begin with one. @param {any} job @returns {import("../create/kinds-nav.js").Kind | null} */
+/** The form that makes such jobs, if it can begin with one. @param {any} job @returns {import("../create/form.js").Kind | null} */
 function formOf(job) {
   if (job.unreadable) return null;
   if (isDeformation(job)) return "create";

@@ -4,11 +4,12 @@ import { withoutPrompts } from "../create/control/further.js";
 import { controlOf, controlWords, promptWords } from "../create/control/model.js";
 import { h } from "../dom.js";
 import { counted } from "../format.js";
+import { plainParams } from "../groups.js";
 import { toggle } from "./stage-controls.js";
 
 /** @param {any} job @returns {HTMLElement | null} null where nothing was asked */
 export function askedPanel(job) {
-  const words = [...guideWords(job), ...controlWords(controlOf(job.params ?? {}))];
+  const words = [...guideWords(job), ...controlWords(controlOf(plainParams(job.params)))];
   if (!words.length) return null;
   return h(
     "section",
@@ -19,7 +20,8 @@ export function askedPanel(job) {
 }
 
 /** @param {any} job @returns {string[]} what guides it besides its prompt */
-function guideWords({ files = {}, params = {} }) {
+function guideWords({ files = {}, ...job }) {
+  const params = plainParams(job.params);
   const target = files.target ? [`Target: ${files.target.filename}`] : files.sketch ? ["Target: what was drawn"] : [];
   const pairs = params.landmarks?.length ? [counted(params.landmarks.length, "pair of points", "pairs of points")] : [];
   const pictures = (params.silhouettes ?? []).map((/** @type {any} */ view, /** @type {number} */ i) => `Picture: ${files[`silhouette_${i + 1}`]?.filename ?? i + 1}, from ${view.azimuth}°${view.elevation ? `, ${view.elevation}° up` : ""}`);
@@ -34,7 +36,8 @@ function guideWords({ files = {}, params = {} }) {
  * @param {import("../scope.js").Scope} scope
  */
 export function askedToggle(job, box, scope) {
-  const control = controlOf(job.params ?? {});
+  const params = plainParams(job.params);
+  const control = controlOf(params);
   const { handles } = control;
   const regions = withoutPrompts(control.regions);
   if (!regions.length && !handles.length) return null;
@@ -48,7 +51,7 @@ export function askedToggle(job, box, scope) {
     ]);
     const { viewer } = box;
     if (scope.over || overlay || !viewer?.root) return;
-    const surface = numberedSurface(viewer.root, job.params.exclude ?? []);
+    const surface = numberedSurface(viewer.root, params.exclude ?? []);
     overlay = new Overlay(viewer.stage.scene);
     overlay.setSurface(surface);
     if (surface) {

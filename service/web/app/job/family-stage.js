@@ -9,19 +9,18 @@ import { filesOf } from "../../viewer/zip.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
 import { handOnButtons } from "./hand-on.js";
+import { PictureStage } from "./picture-stage.js";
 import { slider } from "./stage-controls.js";
 import { WallView } from "./wall-view.js";
 
-export class FamilyStage {
+export class FamilyStage extends PictureStage {
   /**
    * @param {any} job
    * @param {import("../scope.js").Scope} scope
    */
   constructor(job, scope) {
-    this.job = job;
-    this.scope = scope;
+    super(job, scope);
     this.flat = false; // nothing can be drawn here
-    this.chosenStep = null;
     /** Called with the name of a shape that was clicked. @type {(name: string) => void} */
     this.onChoose = () => {};
     /** @type {Map<string, () => Promise<ArrayBuffer>>} */
@@ -38,17 +37,6 @@ export class FamilyStage {
     this.frame = h("div", { class: "stage pair-stage" }, this.wall.box.element, this.shape?.element);
     this.element = h("section", { class: this.shape ? "job-stage" : "job-stage wall-only", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.controls);
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
-  }
-
-  /** Shapes on the way are not shown. */
-  offer() {}
-
-  front() {}
-
-  /** @param {Blob} picture */
-  showPicture(picture) {
-    const image = h("img", { src: this.scope.url(picture), alt: "The result, as the job drew it" });
-    fill(this.frame, h("div", { class: "stage-picture" }, image));
   }
 
   /**

@@ -1,9 +1,10 @@
 // @ts-check
 /** What a lesson has taught, in words, and the way to use it. */
-import { h, icon } from "../dom.js";
+import { h } from "../dom.js";
 import { currentLink } from "../link.js";
 import { routeHash } from "../router.js";
 import { withArticle } from "../vocabulary.js";
+import { findingList } from "./results.js";
 
 /** @param {any} job */
 export function isLesson(job) {
@@ -14,7 +15,7 @@ export function isLesson(job) {
  * What the report of a lesson says, in sentences.
  *
  * @param {any} report
- * @returns {{tone: "good" | "warn" | "plain", text: string, note: string}[]}
+ * @returns {import("../quality.js").Finding[]}
  */
 export function lessonFindings(report) {
   const { new: learned, old_before: before, old_after: after } = report.retrieval;
@@ -27,8 +28,6 @@ export function lessonFindings(report) {
   ];
 }
 
-const GLYPHS = { good: "check", warn: "warn", plain: "info" };
-
 /**
  * @param {any} job
  * @param {any} report
@@ -39,11 +38,7 @@ export function lessonPanel(job, report) {
     "section",
     { class: "panel", "aria-labelledby": "lesson-title" },
     h("div", { class: "panel-head" }, h("h2", { id: "lesson-title" }, "What it learned")),
-    h(
-      "ul",
-      { class: "findings" },
-      lessonFindings(report).map(({ tone, text, note }) => h("li", { class: `finding finding-${tone}` }, icon(GLYPHS[tone]), h("div", null, h("strong", null, text), note ? h("span", { class: "small muted" }, note) : null))),
-    ),
+    findingList(lessonFindings(report)),
     // Who came by a link makes no jobs.
     currentLink() ? null : h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),
   );

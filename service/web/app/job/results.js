@@ -2,6 +2,7 @@
 /** What a job produced: its quality in words, its files, its settings, its log. */
 import { button, h, icon } from "../dom.js";
 import { bytes, count, counted } from "../format.js";
+import { plainParams } from "../groups.js";
 import { currentLink } from "../link.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
@@ -9,6 +10,14 @@ import { copyCurl, copyLink, download, downloadMade } from "./files.js";
 import { isDeformation } from "./shapes.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
+
+/** @param {import("../quality.js").Finding[]} findings */
+export function findingList(findings) {
+  const row = (/** @type {import("../quality.js").Finding} */ { tone, text, note }) =>
+    h("li", { class: `finding finding-${tone}` }, icon(GLYPHS[tone]), h("div", null, h("strong", null, text), note ? h("span", { class: "small muted" }, note) : null));
+  return h("ul", { class: "findings" }, findings.map(row));
+}
+
 // What the service can make of a finished job that was not asked for it.
 const AFTERWARDS = ["result.stl", "morph.glb"];
 const FILES = /** @type {Record<string, string>} */ ({
@@ -45,13 +54,7 @@ export function qualityPanel(report) {
     "section",
     { class: "panel", "aria-labelledby": "quality-title" },
     h("div", { class: "panel-head" }, h("h2", { id: "quality-title" }, "Quality")),
-    h(
-      "ul",
-      { class: "findings" },
-      findings(report).map(({ tone, text, note }) =>
-        h("li", { class: `finding finding-${tone}` }, icon(GLYPHS[tone]), h("div", null, h("strong", null, text), h("span", { class: "small muted" }, note))),
-      ),
-    ),
+    findingList(findings(report)),
     left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null,
   );
 }
@@ -115,7 +118,7 @@ function rank(order, name) {
 
 /** @param {any} job @param {any} report Null where there is none. */
 export function parametersPanel(job, report) {
-  const written = job.params ?? {};
+  const written = plainParams(job.params);
   const params = report?.params ?? written;
   const entry = (/** @type {string} */ name, /** @type {unknown} */ value) => [
     h("dt", { class: name in written ? "written" : null }, name),

@@ -1,7 +1,7 @@
 // @ts-check
 /** Before and after of a job in 3D: the shapes on the way, morphing, heat maps, wireframe, and files of what is shown. */
 import { announce, toast } from "../announce.js";
-import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
+import { isAbort, isOffline, MeshdeformError } from "../client.js";
 import { formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { percent } from "../format.js";

@@ -5,6 +5,7 @@ import { LossChart } from "../chart.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
+import { plainParams } from "../groups.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
 import { currentLink } from "../link.js";
 import { stateBadge } from "../jobs/card.js";
@@ -249,7 +250,7 @@ function temporary(error) {
 
 /** @param {any} job */
 function meta(job) {
-  const params = job.params ?? {};
+  const params = plainParams(job.params);
   if (!isDeformation(job)) return h("span", null, [job.asset.filename, ago(job.created_at)].filter(Boolean).join(" · "));
   const parts = [
     job.asset.filename,

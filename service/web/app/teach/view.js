@@ -1,7 +1,7 @@
 // @ts-check
 /** Teach the builtin model a word: its meshes, its names, and a job that learns them. */
-import { announce } from "../announce.js";
-import { client, isAbort, MeshdeformError } from "../client.js";
+import { client, MeshdeformError } from "../client.js";
+import { intro, JobForm } from "../create/form.js";
 import { fill, h, uniqueId } from "../dom.js";
 import { MeshZone } from "../mesh-zone.js";
 import { problemBox } from "../problem-box.js";
@@ -17,7 +17,6 @@ export class TeachView {
    */
   constructor(root, scope) {
     this.scope = scope;
-    this.busy = false;
     this.zone = new MeshZone(scope, {
       id: "teach-files",
       hint: "GLB, OBJ, PLY or STL, upright and facing +Z; or one ZIP of them, whose folders name what they are: tall, long-neck. Or drop them on this page.",
@@ -31,10 +30,8 @@ export class TeachView {
     this.model = h("select", { id: "teach-model" });
     this.modelRow = h("div", { class: "field", hidden: true }, h("label", { class: "field-label", for: "teach-model" }, "Add the word to"), this.model);
     this.problem = h("div", { class: "problem-slot" });
-    this.start = h("button", { type: "submit", class: "button button-primary button-large" }, "Teach");
-    const form = h(
-      "form",
-      { class: "create-form teach-form", "aria-label": "New word", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+    const form = new JobForm(scope, "New word", "Teach", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._refuse(error) });
+    form.element.append(
       this.noun.row,
       this.synonyms.row,
       this.modelRow,
@@ -46,17 +43,12 @@ export class TeachView {
         h("label", { class: "check", for: "teach-replace" }, this.replace, "Give a word that the model knows a new meaning"),
       ),
       this.problem,
-      h("div", { class: "start-bar" }, h("p", { class: "estimate" }, "A lesson takes minutes to an hour. The page may be closed meanwhile."), this.start),
+      h("div", { class: "start-bar" }, h("p", { class: "estimate" }, "A lesson takes minutes to an hour. The page may be closed meanwhile."), form.button),
     );
     fill(
       root,
-      h(
-        "div",
-        { class: "intro" },
-        h("h1", null, "Teach it ", h("em", null, "a word")),
-        h("p", { class: "lead" }, "Show the built-in model what a word means, with meshes of your own. Only you can use it afterwards."),
-      ),
-      h("div", { class: "create" }, this.zone.element, form),
+      intro("Teach it", "a word", "Show the built-in model what a word means, with meshes of your own. Only you can use it afterwards."),
+      h("div", { class: "create" }, this.zone.element, form.element),
     );
     this._learn();
   }
@@ -73,39 +65,32 @@ export class TeachView {
     if (builtin?.vocabulary) this.zone.meshes.offer(adjectives(builtin.vocabulary));
   }
 
-  /** @param {Event} event */
-  async _submit(event) {
-    event.preventDefault();
-    if (this.busy) return;
+  _ready() {
     fill(this.problem);
     for (const field of [this.noun, this.synonyms, this.licence, this.steps]) field.refuse("");
-    const noun = this.noun.input.value.trim();
-    const steps = this.steps.input.value.trim() || String(STEPS);
-    if (!/^[0-9]{1,6}$/.test(steps) || Number(steps) < 1) return this.steps.refuse("A whole number from 1.");
-    if (!noun) return this.noun.refuse("Type the word first.");
-    if (!this.zone.files.length) return this.zone.refuse("Choose at least one mesh.");
-    this.busy = true;
-    this.start.setAttribute("aria-disabled", "true");
-    this.start.textContent = "Starting…";
-    try {
-      const params = {
-        synonyms: this.synonyms.input.value.split(",").map((name) => name.trim()).filter(Boolean),
-        replace: this.replace.checked,
-        licence: this.licence.input.value.trim(),
-        model: this.model.value || "builtin",
-        steps: Number(steps),
-      };
-      const job = await client.teach(noun, await this.zone.meshes.packed("meshes.zip"), { params });
-      if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
-    } catch (error) {
-      if (this.scope.over || isAbort(error)) return;
-      this._refuse(error);
-      announce("The lesson did not start");
-    } finally {
-      this.busy = false;
-      this.start.removeAttribute("aria-disabled");
-      this.start.textContent = "Teach";
-    }
+    const { steps, noun } = this._typed();
+    if (!/^[0-9]{1,6}$/.test(steps) || Number(steps) < 1) this.steps.refuse("A whole number from 1.");
+    else if (!noun) this.noun.refuse("Type the word first.");
+    else if (!this.zone.files.length) this.zone.refuse("Choose at least one mesh.");
+    else return true;
+    return false;
+  }
+
+  _typed() {
+    return { noun: this.noun.input.value.trim(), steps: this.steps.input.value.trim() || String(STEPS) };
+  }
+
+  async _send() {
+    const { steps, noun } = this._typed();
+    const params = {
+      synonyms: this.synonyms.input.value.split(",").map((name) => name.trim()).filter(Boolean),
+      replace: this.replace.checked,
+      licence: this.licence.input.value.trim(),
+      model: this.model.value || "builtin",
+      steps: Number(steps),
+    };
+    const job = await client.teach(noun, await this.zone.meshes.packed("meshes.zip"), { params });
+    return routeHash({ name: "job", id: job.id });
   }
 
   /** @param {unknown} error */

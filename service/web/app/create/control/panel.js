@@ -2,6 +2,7 @@
 /** What stays and what goes where: the tools below the view, and the lists in the form. */
 import { announce, toast } from "../../announce.js";
 import { button, fill, h } from "../../dom.js";
+import { placeOf } from "../../groups.js";
 import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES } from "./model.js";
 import { isPromptAction, keepWords, promptAction, promptName, withoutPrompts } from "./further.js";
 import { PromptRows } from "./prompt-rows.js";
@@ -365,9 +366,9 @@ export class ControlPanel {
 
   /** Say what the server refuses beside it. @param {any[]} errors @returns {boolean} whether all of them belong here */
   refuse(errors) {
-    const own = errors.filter((error) => CONTROL_PARAMS.includes(error.loc?.[1]));
+    const own = errors.filter((error) => CONTROL_PARAMS.includes(placeOf(error)[0]));
     if (!own.length) return false;
-    if (own.every((error) => error.loc[1] === "prompts")) {
+    if (own.every((error) => placeOf(error)[0] === "prompts")) {
       this.further.say(own.map((error) => String(error.msg ?? "Not allowed.")).join(" "));
       return own.length === errors.length;
     }

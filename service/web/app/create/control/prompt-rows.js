@@ -2,6 +2,7 @@
 /** Further prompts below the first: their words, their weights, and where each pulls. */
 import { announce } from "../../announce.js";
 import { button, fill, h } from "../../dom.js";
+import { placeOf } from "../../groups.js";
 import { showRefusal } from "../../refusal.js";
 import { furtherProblem, MOST_PROMPTS, promptAction, promptName, regionsOf, written } from "./further.js";
 import { numberField } from "./rows.js";
@@ -183,7 +184,8 @@ export class PromptRows {
   refuse(error, alone, known) {
     const [first] = Array.isArray(error.problem.errors) ? error.problem.errors : [];
     const sent = written(this.prompts);
-    const at = first?.loc?.[1] === "prompts" ? Number(first.loc[2]) : !first && alone && sent.length === 1 ? 0 : -1;
+    const [name, number] = placeOf(first ?? {});
+    const at = name === "prompts" ? Number(number) : !first && alone && sent.length === 1 ? 0 : -1;
     const found = sent[at];
     if (!found) return false;
     this.accept();

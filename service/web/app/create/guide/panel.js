@@ -4,6 +4,7 @@ import { announce } from "../../announce.js";
 import { Asset, formatOf } from "../../assets.js";
 import { button, fill, h } from "../../dom.js";
 import { bytes } from "../../format.js";
+import { placeOf } from "../../groups.js";
 import { numberField, placeFields } from "../control/rows.js";
 import { guideFiles, guideProblem, MOST_PICTURES, noGuide, GUIDE_PARAMS } from "./model.js";
 import { PictureView } from "./picture-view.js";
@@ -258,7 +259,7 @@ export class GuidePanel {
   /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
   refuse(error) {
     const errors = Array.isArray(error.problem.errors) ? error.problem.errors : [];
-    const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(each.loc?.[1]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
+    const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(placeOf(each)[0]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
     const part = String(error.problem.part ?? error.problem.file ?? "");
     if (this.isEmpty || !(own || part === "target" || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
     this._refuse([error.message, error.advice].filter(Boolean).join(" "));

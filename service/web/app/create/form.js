@@ -1,0 +1,95 @@
+// @ts-check
+/** What the forms for jobs have in common: the heading, the way to the other forms, and a button that starts one at a time. */
+import { announce } from "../announce.js";
+import { isAbort } from "../client.js";
+import { h } from "../dom.js";
+import { duration, roughly } from "../format.js";
+import { routeHash } from "../router.js";
+
+/** @typedef {"create" | "surface" | "family"} Kind */
+
+/** The kinds of job that have a form. @type {[Kind, string][]} */
+const KINDS = [
+  ["create", "Deform by words"],
+  ["surface", "Fit a surface"],
+  ["family", "Find a family"],
+];
+
+/** @param {Kind} here */
+export function kindsNav(here) {
+  const links = KINDS.map(([name, label]) => h("a", { class: "chip chip-small", href: routeHash({ name, from: null }), "aria-current": name === here ? "page" : null }, label));
+  return h("nav", { class: "chips kinds", "aria-label": "Kind of job" }, links);
+}
+
+/** @param {string} words @param {string} stressed @param {string} lead */
+export function intro(words, stressed, lead) {
+  return h("div", { class: "intro" }, h("h1", null, `${words} `, h("em", null, stressed)), h("p", { class: "lead" }, lead));
+}
+
+/**
+ * How long a job would take, in words.
+ *
+ * @param {any} found What `POST /v1/jobs:validate` says.
+ * @param {number} variations
+ */
+export function estimateWords(found, variations) {
+  const { queue_s: queue, run_s: run } = found.estimate;
+  const steps = `${found.params.steps.toLocaleString("en")} steps`;
+  if (run === null) return `${steps}. No estimate yet: no job like this has run here.`;
+  const all = run * variations;
+  const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
+  return `${steps}, about ${roughly(all)}${variations > 1 ? " for all, with one worker" : ""}${wait}.`;
+}
+
+/** A form, and the button that sends it: one job at a time. */
+export class JobForm {
+  /**
+   * @param {import("../scope.js").Scope} scope
+   * @param {string} name Of the form.
+   * @param {string} label Of the button.
+   * @param {object} does
+   * @param {() => boolean} does.ready Whether all can be sent; what cannot is said.
+   * @param {() => Promise<string>} does.send Starts jobs, and returns the address that shows them.
+   * @param {(error: unknown) => void} does.refuse Says why none started.
+   */
+  constructor(scope, name, label, does) {
+    this.scope = scope;
+    this.label = label;
+    this.does = does;
+    this.busy = false;
+    this.button = h("button", { type: "submit", class: "button button-primary button-large" }, label);
+    this.element = h("form", { class: "create-form", "aria-label": name, novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } });
+  }
+
+  /** @param {string} label Of the button. */
+  rename(label) {
+    this.label = label;
+    if (!this.busy) this.button.textContent = label;
+  }
+
+  /** Move the focus to the first field that cannot be sent. */
+  focusProblem() {
+    /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]'))?.focus();
+  }
+
+  /** @param {Event} event */
+  async _submit(event) {
+    event.preventDefault();
+    if (this.busy || !this.does.ready()) return;
+    this.busy = true;
+    this.button.setAttribute("aria-disabled", "true");
+    this.button.textContent = "Starting…";
+    try {
+      const hash = await this.does.send();
+      if (!this.scope.over) location.hash = hash;
+    } catch (error) {
+      if (this.scope.over || isAbort(error)) return;
+      announce("The job did not start");
+      this.does.refuse(error);
+    } finally {
+      this.busy = false;
+      this.button.removeAttribute("aria-disabled");
+      this.button.textContent = this.label;
+    }
+  }
+}

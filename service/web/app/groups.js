@@ -1,0 +1,58 @@
+// @ts-check
+/**
+ * The groups of a request's parameters. The page knows each by its name alone, as reports and the answers to checks do;
+ * `guidance` is then the kind of guidance, and left out for that by a prompt.
+ *
+ * @typedef {object} Groups The parameters of each group, as the server declares them.
+ * @property {Record<string, any>} control
+ * @property {Record<string, Record<string, any>>} guidance By its kind.
+ */
+
+/**
+ * @param {any} schema The JSON schema of a job's parameters.
+ * @returns {Groups}
+ */
+export function groupsOf(schema) {
+  const members = (/** @type {{$ref: string}} */ { $ref }) => schema.$defs[/** @type {string} */ ($ref.split("/").at(-1))].properties;
+  const { control, guidance } = schema?.properties ?? {};
+  const kinds = (guidance?.oneOf ?? []).map(members).map((/** @type {any} */ { kind, ...others }) => [kind.const, others]);
+  return { control: control ? members(control) : {}, guidance: Object.fromEntries(kinds) };
+}
+
+/** Parameters by their names alone. @param {any} params Of a job. @returns {Record<string, any>} */
+export function plainParams(params) {
+  const { guidance, control, ...others } = params ?? {};
+  const { kind, ...members } = typeof guidance === "string" ? { kind: guidance } : (guidance ?? {});
+  return { ...others, ...members, ...control, ...(kind && kind !== "sds" ? { guidance: kind } : {}) };
+}
+
+/**
+ * Parameters in their groups, as a request has them; without those that only another kind of guidance has.
+ *
+ * @param {Record<string, any>} params By their names alone.
+ * @param {Groups} groups
+ * @returns {Record<string, any>}
+ */
+export function groupedParams({ guidance: kind = "sds", ...params }, groups) {
+  /** @type {Record<string, any>} */
+  const guidance = kind === "sds" ? {} : { kind };
+  /** @type {[Record<string, any>, Record<string, any>]} */
+  const [control, others] = [{}, {}];
+  for (const [name, value] of Object.entries(params)) {
+    if (name in groups.control) control[name] = value;
+    else if (name in (groups.guidance[kind] ?? {})) guidance[name] = value;
+    else if (!isUnused(name, kind, groups)) others[name] = value;
+  }
+  const used = Object.entries({ guidance, control }).filter(([, members]) => Object.keys(members).length);
+  return { ...others, ...Object.fromEntries(used) };
+}
+
+/** Whether a parameter is for other kinds of guidance alone. @param {string} name @param {string} kind @param {Groups} groups */
+export function isUnused(name, kind, { guidance }) {
+  return !(name in (guidance[kind] ?? {})) && Object.values(guidance).some((members) => name in members);
+}
+
+/** The place within the parameters that the server refuses, without its group. @param {any} error Of a problem document. @returns {any[]} */
+export function placeOf({ loc = [] }) {
+  return loc.length > 2 && ["guidance", "control"].includes(loc[1]) ? loc.slice(2) : loc.slice(1);
+}
