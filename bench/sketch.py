@@ -29,14 +29,14 @@ from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import SURE
-from meshdeform.sketch.habits import Habits, random_view
-from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.looking import WEIGHTS, look, read_weights
-from meshdeform.sketch.network import SketchNetwork, load_network
 from meshdeform.sketch.solids import Solid
-from meshdeform.sketch.strokes import draw
 from training.prior.families import FAMILIES as NOUNS
 from training.prior.families import member as noun_member
+from training.sketch.habits import Habits, random_view
+from training.sketch.lines import View, joined, visible_lines
+from training.sketch.network import SketchNetwork, load_network
+from training.sketch.strokes import draw
 from training.sketch.train import Drawings, make_drawings, measured
 
 Floats = NDArray[np.float64]

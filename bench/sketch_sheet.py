@@ -19,8 +19,8 @@ from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import guess, member_glb
-from meshdeform.sketch.habits import Habits, drawn_lines
-from meshdeform.sketch.strokes import draw
+from training.sketch.habits import Habits, drawn_lines
+from training.sketch.strokes import draw
 
 SIZE = 220
 STYLE = RenderStyle(view_size=SIZE, supersample=2, shading="lambert", background=(1.0, 1.0, 1.0))

@@ -8,8 +8,8 @@ import numpy as np
 from PIL import Image
 
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.lines import View, joined, visible_lines
-from meshdeform.sketch.strokes import draw
+from training.sketch.lines import View, joined, visible_lines
+from training.sketch.strokes import draw
 
 __all__ = ["blank_page", "drawing_of"]
 

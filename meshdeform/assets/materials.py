@@ -12,7 +12,7 @@ from meshdeform.assets.container import Json, extension, index, integer, member,
 from meshdeform.assets.document import Document, decode_data_uri
 from meshdeform.errors import AssetError
 
-__all__ = ["Image", "Material", "TextureUse", "image_type", "read_image", "read_material", "read_materials"]
+__all__ = ["Image", "Material", "TextureUse", "image_type", "read_image", "read_material"]
 
 _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
@@ -93,19 +93,6 @@ class Material:
     double_sided: bool = False
     textures: dict[str, TextureUse] = field(default_factory=dict)
     extensions: tuple[str, ...] = ()
-
-
-def read_materials(document: Document) -> list[Material]:
-    """Read every material.
-
-    Raises
-    ------
-    AssetError
-        A member has the wrong type or an index is out of range.
-    """
-    return [
-        _material(document.root, item, f"materials[{i}]") for i, item in enumerate(objects(document.root, "materials"))
-    ]
 
 
 def read_material(document: Document, at: int) -> Material:

@@ -16,14 +16,12 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from meshdeform.errors import ModelError
@@ -37,7 +35,6 @@ __all__ = [
     "encoded",
     "read_judge",
     "vocabulary_hash",
-    "write_judge",
 ]
 
 _NOUN_NUMBER = {noun: number for number, noun in enumerate(NOUNS)}
@@ -147,21 +144,6 @@ def vocabulary_hash() -> str:
     """Hash the nouns and attributes in the order of their numbers."""
     words = [*NOUNS, *(f"{attribute.degree} {attribute.part}" for attribute in ATTRIBUTES)]
     return hashlib.sha256(",".join(words).encode()).hexdigest()[:16]
-
-
-def write_judge(path: Path, network: JudgeNetwork, provenance: Mapping[str, str]) -> None:
-    """Write the network as float16, atomically."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    metadata = {**provenance, "config": json.dumps(asdict(network.config)), "vocabulary": vocabulary_hash()}
-    state = {
-        name: tensor.detach().to(torch.float16).contiguous()
-        for name, tensor in network.state_dict().items()
-        if not name.endswith("num_batches_tracked")
-    }
-    part = path.with_suffix(".part")
-    save_file(state, part, metadata)
-    part.chmod(0o644)
-    part.replace(path)
 
 
 def read_judge(path: Path = WEIGHTS) -> tuple[JudgeNetwork, dict[str, str]]:

@@ -14,22 +14,24 @@ exposure with the uniform distribution), Guo et al. 2017 (temperature scaling on
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
-from safetensors.torch import load_file
+from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from meshdeform.judge.network import WEIGHTS, JudgeNetwork, Prompts, write_judge
+from meshdeform.judge.network import WEIGHTS, JudgeNetwork, Prompts, vocabulary_hash
 from meshdeform.priors.builtin.grammar import NOUNS
 from training.judge.augment import augmented
 from training.judge.members import CALIBRATION, ViewSet
 
-__all__ = ["TrainConfig", "Trainer", "calibrate"]
+__all__ = ["TrainConfig", "Trainer", "calibrate", "write_judge"]
 
 _log = logging.getLogger(__name__)
 
@@ -202,6 +204,21 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--threads", type=int, help="CPU threads")
     parser.add_argument("--output", type=Path, default=WEIGHTS, help="file for the weights (default: in the package)")
     return parser.parse_args()
+
+
+def write_judge(path: Path, network: JudgeNetwork, provenance: Mapping[str, str]) -> None:
+    """Write the network as float16, atomically."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    metadata = {**provenance, "config": json.dumps(asdict(network.config)), "vocabulary": vocabulary_hash()}
+    state = {
+        name: tensor.detach().to(torch.float16).contiguous()
+        for name, tensor in network.state_dict().items()
+        if not name.endswith("num_batches_tracked")
+    }
+    part = path.with_suffix(".part")
+    save_file(state, part, metadata)
+    part.chmod(0o644)
+    part.replace(path)
 
 
 def main() -> None:

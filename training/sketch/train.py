@@ -24,11 +24,11 @@ from meshdeform import __version__
 from meshdeform.assets.drawing import SIDE, prepared
 from meshdeform.deformation.optimizer import Adam
 from meshdeform.sketch.families import FAMILIES, Value
-from meshdeform.sketch.habits import Habits, drawn_lines
 from meshdeform.sketch.looking import WEIGHTS
-from meshdeform.sketch.network import Look, SketchNetwork, write_network
-from meshdeform.sketch.strangers import stranger_lines
-from meshdeform.sketch.strokes import draw
+from training.sketch.habits import Habits, drawn_lines
+from training.sketch.network import Look, SketchNetwork, write_network
+from training.sketch.strangers import stranger_lines
+from training.sketch.strokes import draw
 
 __all__ = ["Drawings", "draw_member", "losses", "main", "make_drawings", "make_strangers", "measured", "train"]
 

@@ -14,9 +14,9 @@ from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.build import Primitive
 from meshdeform.cli.app import app
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.lines import View, joined, visible_lines
-from meshdeform.sketch.strokes import draw
 from tests.cases import each_case
+from training.sketch.lines import View, joined, visible_lines
+from training.sketch.strokes import draw
 
 run = CliRunner().invoke
 

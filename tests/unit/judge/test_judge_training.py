@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.judge.network import JudgeNetwork, encoded, read_judge, write_judge
+from meshdeform.judge.network import JudgeNetwork, encoded, read_judge
 from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
 from training.judge.augment import augmented
 from training.judge.measure import prompts_of, variants
@@ -26,7 +26,7 @@ from training.judge.members import (
     seeded,
 )
 from training.judge.shapes.solids import ball, block, carved, drum, rod, surfaced
-from training.judge.train import TrainConfig, Trainer, _unknown, calibrate
+from training.judge.train import TrainConfig, Trainer, _unknown, calibrate, write_judge
 from training.prior.families import Part
 
 pytestmark = pytest.mark.training

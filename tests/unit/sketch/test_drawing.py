@@ -11,9 +11,9 @@ from PIL import Image, ImageDraw, ImageOps
 from meshdeform.assets.drawing import SIDE, read_drawing
 from meshdeform.errors import DrawingError
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.lines import View, joined, visible_lines
-from meshdeform.sketch.strokes import Hand, draw
 from tests.cases import each_case
+from training.sketch.lines import View, joined, visible_lines
+from training.sketch.strokes import Hand, draw
 
 EXACT = Hand(shake=0, shift=0, overshoot=0, gaps=0, again=0, lost=0, width=0.008)
 

@@ -7,8 +7,8 @@ import pytest
 
 from meshdeform.errors import ParameterError
 from meshdeform.sketch.families import FAMILIES, Family
-from meshdeform.sketch.lines import joined
 from tests.cases import each_case
+from training.sketch.lines import joined
 
 EVERY = each_case("family", FAMILIES.values(), ids=list(FAMILIES))
 

@@ -15,10 +15,10 @@ from meshdeform.assets.drawing import read_drawing
 from meshdeform.errors import ModelError, ParameterError
 from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.guesses import guess, is_unsure
-from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.looking import WEIGHTS, look, read_weights
-from meshdeform.sketch.network import Look, SketchNetwork, load_network, write_network
-from meshdeform.sketch.strokes import draw
+from training.sketch.lines import View, joined, visible_lines
+from training.sketch.network import Look, SketchNetwork, load_network, write_network
+from training.sketch.strokes import draw
 from training.sketch.train import losses, main, make_drawings, make_strangers, train
 
 
@@ -90,7 +90,7 @@ def test_weights_are_small_and_read_alike_with_and_without_torch(tmp_path: Path)
 
 def test_weights_of_other_families_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("meshdeform.sketch.network.parameters_hash", lambda: "another")
+        patch.setattr("training.sketch.network.parameters_hash", lambda: "another")
         write_network(tmp_path / "other.safetensors", SketchNetwork(), {})
     with pytest.raises(ModelError, match="other families"):
         read_weights(tmp_path / "other.safetensors")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.habits import Habits, drawn_lines
-from meshdeform.sketch.lines import View, joined, visible_lines
+from training.sketch.habits import Habits, drawn_lines
+from training.sketch.lines import View, joined, visible_lines
 
 FRONT = Habits(View(0, 12, 20))
 

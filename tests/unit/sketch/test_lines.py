@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.solids import Solid, box, lathe
-from meshdeform.sketch.suggestive import suggestive_contours
+from training.sketch.lines import View, joined, visible_lines
+from training.sketch.suggestive import suggestive_contours
 
 
 def length(lines: list[np.ndarray]) -> float:

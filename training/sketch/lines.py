@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.sketch.solids import Floats, Solid
-from meshdeform.sketch.suggestive import suggestive_contours
+from training.sketch.suggestive import suggestive_contours
 
 __all__ = ["View", "joined", "visible_lines"]
 

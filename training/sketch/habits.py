@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.lines import View, joined, visible_lines
 from meshdeform.sketch.solids import Floats, Solid, lathe
+from training.sketch.lines import View, joined, visible_lines
 
 __all__ = ["AZIMUTHS", "ELEVATIONS", "FIELDS", "Habits", "drawn_lines", "random_view"]
 

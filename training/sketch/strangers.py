@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.habits import random_view
-from meshdeform.sketch.lines import joined, visible_lines
 from meshdeform.sketch.solids import Floats, Solid
+from training.sketch.habits import random_view
+from training.sketch.lines import joined, visible_lines
 
 __all__ = ["stranger_lines"]
 
