@@ -30,7 +30,6 @@ __all__ = [
     "LocalShape",
     "Surface",
     "bind_placement",
-    "instance_matrices",
     "is_invertible",
     "local_matrix",
     "placement_matrix",
@@ -98,22 +97,6 @@ def bind_placement(document: Document, skin: Json, worlds: Sequence[Matrix]) -> 
         joints = joints @ inverse_binds.reshape(-1, 4, 4).transpose(0, 2, 1)
     distance = np.abs(joints - joints.mean(axis=0)).sum(axis=(1, 2))
     return np.asarray(joints[int(np.argmin(distance))])
-
-
-def instance_matrices(document: Document, node: int) -> list[Matrix]:
-    """Return the transform of each copy that EXT_mesh_gpu_instancing draws of a node's mesh, relative to the node.
-
-    Returns
-    -------
-    (4, 4) float64 each; the identity alone for a node without the extension.
-    """
-    count = instance_count(document.root, node)
-    if count is None:
-        return [np.eye(4)]
-    rows = _instance_rows(document, node)
-    return [
-        local_matrix({_INSTANCE_KEYS[name]: values[i].tolist() for name, values in rows.items()}) for i in range(count)
-    ]
 
 
 def _first_instance(document: Document, node: int) -> Matrix:
