@@ -14,20 +14,19 @@ from pydantic import ValidationError
 
 from meshdeform.requests.declaration import FORM
 from meshdeform.requests.parameters import CommonParams, Control, DeformParams, PromptGuidance
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.removed import grouped, plain_place
 
 __all__ = ["FROM_PRESET", "MORE", "inputs", "problem", "wanted"]
 
 FROM_PRESET = "preset"
 MORE = "more"
 _UNSET = -1.0
-_OF_THE_JOB = ("guidance", "preset", "seed")
 
 
 def inputs() -> dict[str, tuple[Any, ...]]:
     """Return the widgets of the node, in the form's order."""
     found = {name: _widget(member) for name, member in _form().items()}
-    help_more = 'Any other parameters, as a JSON object: {"symmetry": "auto", "falloff": 0.2}'
+    help_more = 'Any other parameters, as a JSON object: {"control": {"symmetry": "auto", "falloff": 0.2}}'
     return {**found, MORE: ("STRING", {"default": "", "multiline": True, "tooltip": help_more})}
 
 
@@ -40,21 +39,31 @@ def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
         Says which widget is wrong, and how.
     """
     form = _form()
-    params = {name: _value(form[name], value) for name, value in values.items() if name in form}
-    params = {name: value for name, value in params.items() if value is not None}
-    more = _object(str(values.get(MORE) or ""))
-    for name in more:
-        if name in params and name not in ("guidance", "control"):
-            raise ValueError(f"{MORE}: {name} is already set above.")
-        if name in _OF_THE_JOB:
-            raise ValueError(f"{MORE}: {name} is set in the node that starts the job.")
+    chosen = {name: _value(form[name], value) for name, value in values.items() if name in form}
+    params = grouped({name: value for name, value in chosen.items() if value is not None})
+    params = _with_more(params, grouped(_object(str(values.get(MORE) or ""))))
     try:
-        DeformParams.model_validate(grouped({**params, **more}))
+        DeformParams.model_validate(params)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ValueError(f"{where}: {first['msg']}" if where else first["msg"]) from error
-    return grouped({**params, **more})
+        where = ".".join(str(part) for part in plain_place(["params", *first["loc"]])[1:])
+        raise ValueError(f"{where}: {first['msg']}") from error
+    return params
+
+
+def _with_more(params: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters of the widgets with those of the text, which must be others."""
+    for name in ("preset", "seed", "kind"):
+        if name in more or name in more.get("guidance", {}):
+            raise ValueError(f"{MORE}: {name} is set in the node that starts the job.")
+    merged = dict(params)
+    for name, value in more.items():
+        if name in params and not isinstance(params[name], dict):
+            raise ValueError(f"{MORE}: {name} is already set above.")
+        if twice := sorted(set(params.get(name, ())) & set(value)) if name in params else ():
+            raise ValueError(f"{MORE}: {twice[0]} is already set above.")
+        merged[name] = {**params[name], **value} if name in params else value
+    return merged
 
 
 def problem(values: Mapping[str, Any]) -> str | None:
@@ -110,5 +119,5 @@ def _object(text: str) -> dict[str, Any]:
     except ValueError as error:
         raise ValueError(f"{MORE}: this is not JSON: {error}") from error
     if not isinstance(found, dict):
-        raise ValueError(f'{MORE}: write a JSON object, such as {{"symmetry": "auto"}}.')  # noqa: TRY004 - a value
+        raise ValueError(f'{MORE}: write a JSON object, such as {{"control": {{"symmetry": "auto"}}}}.')  # noqa: TRY004 - a value
     return found

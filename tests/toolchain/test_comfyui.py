@@ -68,7 +68,8 @@ def test_the_nodes_have_the_version_of_the_package_that_they_need() -> None:
 
 def test_the_parameters_are_those_of_the_page_with_the_bounds_of_the_service(repository: Path) -> None:
     api = json.loads((repository / "openapi/openapi.json").read_text())
-    declared = api["components"]["schemas"]["DeformParams"]["properties"]
+    schemas = (api["components"]["schemas"][name] for name in ("DeformParams", "PromptGuidance", "Control"))
+    declared = {name: member for schema in schemas for name, member in schema["properties"].items()}
     form = {name: member for name, member in declared.items() if "x-form" in member}
     widgets = kinds["MeshdeformParameters"].INPUT_TYPES()["required"]
     assert list(widgets) == [*form, "more"]
@@ -98,7 +99,11 @@ def test_the_parameters_are_those_of_the_page_with_the_bounds_of_the_service(rep
         ({"more": "[1]"}, "more: write a JSON object"),
         ({"more": '{"seed": 1}'}, "more: seed is set in the node that starts the job"),
         ({"steps": 3, "more": '{"steps": 4}'}, "more: steps is already set above"),
+        ({"steps": 3, "more": '{"guidance": {"kind": "target"}}'}, "more: kind is set in the node"),
+        ({"orientation": "90", "more": '{"guidance": {"orientation": 0}}'}, "more: orientation is already set above"),
         ({"more": '{"symmetri": "x"}'}, "symmetri"),
+        ({"more": '{"control": {"symmetry": "q"}}'}, "control.symmetry"),
+        ({"orientation": "400"}, "guidance.orientation"),
     ],
 )
 def test_a_wrong_parameter_is_refused_before_anything_runs(values: dict[str, Any], said: str) -> None:
@@ -107,10 +112,18 @@ def test_a_wrong_parameter_is_refused_before_anything_runs(values: dict[str, Any
         kinds["MeshdeformParameters"]().collect(**values)
 
 
-def test_what_the_widgets_say_is_what_is_sent() -> None:
-    values = {"steps": 5, "learning_rate": -1.0, "orientation": "90", "more": '{"symmetry": "auto"}', "carrier": None}
+@pytest.mark.parametrize(
+    "more",
+    [
+        '{"symmetry": "auto", "negative_prompt": "a"}',
+        '{"control": {"symmetry": "auto"}, "guidance": {"negative_prompt": "a"}}',
+    ],
+)
+def test_what_the_widgets_say_is_what_is_sent(more: str) -> None:
+    values = {"steps": 5, "learning_rate": -1.0, "orientation": "90", "more": more, "carrier": None}
     assert kinds["MeshdeformParameters"].VALIDATE_INPUTS(**values) is True
-    sent = {"steps": 5, "orientation": 90.0, "symmetry": "auto"}
+    guidance = {"orientation": 90.0, "negative_prompt": "a"}
+    sent = {"steps": 5, "guidance": guidance, "control": {"symmetry": "auto"}}
     assert kinds["MeshdeformParameters"]().collect(**values) == (sent,)
 
 
@@ -166,7 +179,8 @@ def test_the_example_workflow_runs(host: Host, service: Service, repository: Pat
     assert preview.dtype == torch.float32
     assert 0.0 <= float(preview.min()) < float(preview.max()) <= 1.0
     assert host.shown == sorted(host.shown)
-    assert service.job(job_id)["params"] == {"preset": "preview", "seed": 7, "steps": 2, "orientation": "keep"}
+    guidance = {"orientation": "keep"}
+    assert service.job(job_id)["params"] == {"preset": "preview", "seed": 7, "steps": 2, "guidance": guidance}
     # Half of the way, by the node after it.
     half = load_asset((host.output / "meshdeform/half_00001_.glb").read_bytes()).surface.positions
     source = load_asset((repository / "examples/sphere.glb").read_bytes()).surface.positions
@@ -186,7 +200,7 @@ def test_an_asset_is_fitted_to_a_mesh_and_names_are_never_reused(
     assert model_file == "fit_00002_.glb"
     assert Path(path).read_bytes() == service.artifact(job_id, "result.glb")
     assert (host.output / "fit_00001_.glb").read_bytes() == b"the one before"
-    assert service.job(job_id)["params"]["guidance"] == "target"
+    assert service.job(job_id)["params"]["guidance"] == {"kind": "target"}
 
 
 @pytest.mark.usefixtures("address")
@@ -203,7 +217,7 @@ def test_cancel_stops_the_job_on_the_service(host: Host, service: Service) -> No
         button = threading.Thread(target=press)
         button.start()
         with pytest.raises(InterruptProcessingException):
-            deform(prompt="a tall thin vase", parameters={"steps": 50, "orientation": "keep"})
+            deform(prompt="a tall thin vase", parameters={"steps": 50, "guidance": {"orientation": "keep"}})
         button.join()
     (job,) = service.http.get("/v1/jobs", params={"limit": 1}).json()["jobs"]
     assert service.finished(job["id"])["state"] == "canceled"
