@@ -22,6 +22,7 @@ import typer
 from meshdeform.cli.environment import command_line, connect
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.local import writing
 from meshdeform.cli.options import (
     ApiKeyFileOption,
     ApiKeyOption,
@@ -68,6 +69,7 @@ __all__ = [
 
 T = TypeVar("T")
 _PAGE = 100
+_FOLDER = "Choose another folder with -o."
 _ENDED = {"failed": "failed", "canceled": "was canceled", "expired": "expired"}
 _PATIENCE_S = 120.0
 """Seconds that a service may be unreachable once it has responded: longer than a restart takes."""
@@ -523,19 +525,11 @@ def _safe_name(filename: str) -> str:
 
 
 def _save_one(path: Path, download: Callable[[Path], Path]) -> dict[str, Any]:
-    try:
+    with writing(path.parent, _FOLDER):
         path.parent.mkdir(parents=True, exist_ok=True)
         download(path)
         data = path.read_bytes()
-    except OSError as error:
-        raise _not_writable(path.parent, error) from error
     return {"name": path.name, "path": str(path), "size": len(data), "sha256": hashlib.sha256(data).hexdigest()}
-
-
-def _not_writable(folder: Path, error: OSError) -> UnavailableError:
-    return UnavailableError(
-        f"{folder} cannot be written: {error.strerror or error}.", advice="Choose another folder with -o."
-    )
 
 
 def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] | None = None) -> list[dict[str, Any]]:
@@ -562,11 +556,9 @@ def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] |
         raise NotFoundError(f"The job {job_id} has no {', '.join(missing)}.", advice=has)
     if not known:
         raise NotFoundError(f"The job {job_id} has no artifacts.", advice="Only a job that succeeded has results.")
-    try:
+    with writing(folder, _FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         paths = client.fetch(job_id, folder, names)
-    except OSError as error:
-        raise _not_writable(folder, error) from error
     return [
         {"name": path.name, "path": str(path), "size": known[path.name].size, "sha256": known[path.name].sha256}
         for path in paths

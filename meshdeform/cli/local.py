@@ -16,11 +16,13 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
+
+import typer
 
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.errors import AlignmentError, ParameterError, UnavailableError
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FinishedRun",
     "LocalJob",
+    "check_free",
+    "check_glb",
     "check_locally",
     "check_outputs",
     "ctrl_c_between_steps",
@@ -49,6 +53,7 @@ _GRACE_S = 2.0
 """Seconds that the second Ctrl-C has to end the work by an exception."""
 _OVER = b"\0"
 _FORCE = "Choose another name with -o, or overwrite it with --force."
+_ELSEWHERE = "Choose another path with -o."
 _REPORT = "report.json"
 
 
@@ -200,7 +205,7 @@ class LocalJob:
             for path in self.outputs.values():
                 _try_folder(path)
         if self.checkpoint is not None:
-            with writing("The checkpoint", "--checkpoint"):
+            with _writing_checkpoint():
                 _try_folder(self.checkpoint)
         run = self.start()
         first = run.step
@@ -222,7 +227,7 @@ class LocalJob:
                 progress.step(report.step, report.total_steps, report.losses.get("total", math.nan))
                 stop = interrupted()
                 if path is not None and (stop or report.step % every == 0):
-                    with writing("The checkpoint", "--checkpoint"):
+                    with _writing_checkpoint():
                         _write({path: run.checkpoint()})
                     self._saved_step = report.step
                 if stop:
@@ -322,6 +327,27 @@ def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: 
             raise ParameterError(f"{path} exists and was not written by an earlier run.", advice=_FORCE)
 
 
+def check_free(paths: Sequence[Path], inputs: Sequence[Path | None] = (), *, force: bool) -> None:
+    """Refuse outputs that would replace an input, or without `force` any file.
+
+    Raises
+    ------
+    ParameterError
+        A file would be lost.
+    """
+    for path in paths:
+        if path.exists() and any(source is not None and path.samefile(source) for source in inputs):
+            raise ParameterError(f"{path} is an input of this command.", advice="Choose another name with -o.")
+        if path.exists() and not force:
+            raise ParameterError(f"{path} exists.", advice=_FORCE)
+
+
+def check_glb(path: Path) -> None:
+    """Refuse a name for the result that does not end in .glb, as a `typer.BadParameter`."""
+    if path.suffix.lower() != ".glb":
+        raise typer.BadParameter(f"the result is a GLB, but {path.name} does not end in .glb", param_hint="--output")
+
+
 def _read_report(path: Path, kind: str) -> dict[str, Any] | None:
     try:
         report = json.loads(path.read_bytes())
@@ -362,7 +388,13 @@ def _is_checkpoint(path: Path) -> bool:
         return False
 
 
-def write_all(files: Mapping[Path, bytes], *, what: str = "The result", remove: Sequence[Path] = ()) -> None:
+def write_all(
+    files: Mapping[Path, bytes],
+    *,
+    what: str | Path = "The result",
+    advice: str = _ELSEWHERE,
+    remove: Sequence[Path] = (),
+) -> None:
     """Write all files or none, and then remove others; a Ctrl-C that comes now is too late.
 
     Raises
@@ -370,7 +402,7 @@ def write_all(files: Mapping[Path, bytes], *, what: str = "The result", remove: 
     UnavailableError
         A file cannot be written.
     """
-    with ctrl_c_between_steps(), writing(what):
+    with ctrl_c_between_steps(), writing(what, advice):
         for path in files:
             path.parent.mkdir(parents=True, exist_ok=True)
         _write(files)
@@ -385,14 +417,17 @@ def _write(files: Mapping[Path, bytes]) -> None:
 
 
 @contextmanager
-def writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
-    """Turn errors of the file system into an `UnavailableError` that names `what` and the option for another place."""
+def writing(what: str | Path = "The result", advice: str = _ELSEWHERE) -> Iterator[None]:
+    """Turn errors of the file system into an `UnavailableError` that names `what`, a file by its path."""
     try:
         yield
     except OSError as error:
-        raise UnavailableError(
-            f"{what} cannot be written: {error}.", advice=f"Choose another path with {option}."
-        ) from error
+        reason = error.strerror if isinstance(what, Path) and error.strerror else error
+        raise UnavailableError(f"{what} cannot be written: {reason}.", advice=advice) from error
+
+
+def _writing_checkpoint() -> AbstractContextManager[None]:
+    return writing("The checkpoint", "Choose another path with --checkpoint.")
 
 
 def _try_folder(path: Path) -> None:

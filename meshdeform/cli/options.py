@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 __all__ = [
+    "MAX_STRENGTH",
     "AlsoOption",
     "ApiKeyFileOption",
     "ApiKeyOption",
@@ -38,6 +39,8 @@ __all__ = [
     "complete_states",
 ]
 
+MAX_STRENGTH = 1.5
+"""As `meshdeform.runs.strength` has it, which needs torch."""
 _SERVICE = "Service"
 _COMPLETION_TIMEOUT_S = 1.0
 

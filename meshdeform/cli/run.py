@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from meshdeform.cli.animate import check_animation, write_animation
+from meshdeform.cli.animate import check_animation, drawn_animation
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, of_request, overlaid, written
 from meshdeform.cli.jobs import run_on_service
+from meshdeform.cli.local import LocalJob, check_glb, write_all
 from meshdeform.cli.options import (
     AlsoOption,
     ApiKeyFileOption,
@@ -33,13 +34,14 @@ from meshdeform.cli.options import (
     TimeoutOption,
 )
 from meshdeform.cli.output import emit
+from meshdeform.cli.progress import show_progress
 from meshdeform.cli.report_lines import report_lines, report_summary
 from meshdeform.cli.request import make_request, merge_params, parse_files, parse_labels
 from meshdeform.cli.written import parse_also, parse_exclude, parse_handles, parse_pictures, parse_regions, parse_rigid
 from meshdeform.requests.choices import JobKind
 
 if TYPE_CHECKING:
-    from meshdeform.cli.local import FinishedRun, LocalJob
+    from meshdeform.cli.local import FinishedRun
     from meshdeform.requests.document import JobRequest
 
 __all__ = ["RunCommand", "run"]
@@ -195,19 +197,16 @@ def run(
         return
     require("torch", "deform")
     output = output or Path(f"{asset.stem}-deformed.glb")
-    if output.suffix.lower() != ".glb":
-        raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
+    check_glb(output)
     paths = _paths(request, output, report, preview)
-    from meshdeform.cli.local import LocalJob
-    from meshdeform.cli.progress import show_progress
-
     settings = load_settings(device=device, threads=threads)
     local = LocalJob(request, files, paths, settings, checkpoint=checkpoint, resume=resume)
     local.check(force=force, also=[animate] if animate else [])
     with show_progress(quiet=quiet) as progress:
         finished = local.run(progress)
         if animate is not None:
-            write_animation(asset, output, animate, settings)
+            data = drawn_animation(asset, output, animate.suffix, settings)
+            write_all({animate: data}, what=animate, advice="Choose another path with --animate.")
     _print(_summary(local, finished, animate), as_json=as_json, quiet=quiet)
 
 

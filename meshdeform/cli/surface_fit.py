@@ -10,6 +10,7 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.local import LocalJob, check_free, check_glb, write_all
 from meshdeform.cli.options import (
     CheckpointOption,
     JsonOption,
@@ -101,7 +102,6 @@ def surface_fit(
     request = make_request("", params, more={"kind": "surface_fit"})
     sources = {"asset": surface, "base": base, "scalars": scalars}
     level: int = request.params.level  # type: ignore[attr-defined]
-    from meshdeform.cli.local import LocalJob
     from meshdeform.cli.progress import show_progress
 
     files = {part: path for part, path in sources.items() if path is not None}
@@ -181,16 +181,8 @@ def unfold(
     """
     require("numpy", "asset")
     output = output or Path(f"{field.stem}.glb")
-    if output.suffix.lower() != ".glb":
-        raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
-    paths = [path for path in (output, intrinsic) if path is not None]
-    if not force:
-        for path in paths:
-            if path.exists():
-                raise ParameterError(
-                    f"{path} exists.", advice="Choose another name with -o, or overwrite it with --force."
-                )
-    from meshdeform.cli.local import write_all
+    check_glb(output)
+    check_free([path for path in (output, intrinsic) if path is not None], [field], force=force)
     from meshdeform.fields.level_files import intrinsic_npz, level_glb
     from meshdeform.fields.reader import read_field
 

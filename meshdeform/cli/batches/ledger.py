@@ -23,6 +23,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from meshdeform.cli.local import writing
 from meshdeform.errors import ParameterError, UnavailableError
 
 __all__ = ["Ledger"]
@@ -65,13 +66,9 @@ class Ledger:
         self.tries: dict[str, int] = {}
         self.batch_id = ""
         self._lock = threading.Lock()
-        try:
+        with writing(self.path, "Choose another folder with -o."):
             folder.mkdir(parents=True, exist_ok=True)
             self._fd = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-        except OSError as error:
-            raise UnavailableError(
-                f"{self.path} cannot be written: {error.strerror}.", advice="Choose another folder with -o."
-            ) from error
         try:
             self._lock_file()
             self._read()
@@ -142,15 +139,10 @@ class Ledger:
     def _write(self, document: dict[str, Any]) -> None:
         line = (json.dumps(document) + "\n").encode()
         with self._lock:
-            try:
+            with writing(self.path, "Free some space; the same command then resumes."):
                 while line:
                     line = line[os.write(self._fd, line) :]
                 os.fsync(self._fd)
-            except OSError as error:
-                raise UnavailableError(
-                    f"{self.path} cannot be written: {error.strerror}.",
-                    advice="Free some space; the same command then resumes.",
-                ) from error
             self._note(document)
 
 

@@ -15,6 +15,7 @@ from meshdeform.cli.batches.rows import ARTIFACTS, Row
 from meshdeform.cli.batches.runners import RowOutcome, Runner, Tick, do_rows
 from meshdeform.cli.batches.summary import count_states, record_of, write_summary
 from meshdeform.cli.exits import ExitCode, OutcomeError
+from meshdeform.cli.local import writing
 from meshdeform.cli.output import duration, emit, note, plain
 from meshdeform.cli.progress import LINE_EVERY_S, Pace, StepBars, is_terminal
 from meshdeform.errors import UnavailableError
@@ -198,12 +199,8 @@ class Session:
         """
         records = [record_of(row, self.ledger.last.get(row.key), self.folder) for row in rows]
         pictures = [row.path(self.folder, "preview.png") for row in rows]
-        try:
+        with writing("The summary", "Free some space, then run the same command again."):
             files = write_summary(self.folder, self.ledger.batch_id, records, pictures)
-        except OSError as error:
-            raise UnavailableError(
-                f"The summary cannot be written: {error}.", advice="Free some space, then run the same command again."
-            ) from error
         return count_states(records), files
 
     def _is_left(self, row: Row, *, retry_failed: bool) -> bool:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.cli.batches.rows import Row
-from meshdeform.errors import UnavailableError
+from meshdeform.cli.local import writing
 from meshdeform.support.files import write_files
 
 if TYPE_CHECKING:
@@ -249,12 +249,8 @@ def write_target_sets(folder: Path, rows: Sequence[Row], limits: Limits) -> list
         shapes = [(row.name, result.surface) for row, (_, result) in zip(own, pairs, strict=True)]
         targets = [MorphTarget(name, s.positions, s.normals, s.tangents) for name, s in shapes]
         files[path] = base.morph(targets, weights=[0.0] * len(targets))
-    try:
+    with writing("The morph targets", "Free some space, then run the same command again."):
         write_files(files)
-    except OSError as error:
-        raise UnavailableError(
-            f"The morph targets cannot be written: {error}.", advice="Free some space, then run the same command again."
-        ) from error
     return list(files)
 
 
