@@ -43,24 +43,13 @@ def animate(
 
 
 def check_animation(path: Path, option: str) -> None:
-    """Refuse a path whose suffix names no animated format.
-
-    Raises
-    ------
-    typer.BadParameter
-    """
+    """Refuse a path whose suffix names no animated format, as a `typer.BadParameter`."""
     if path.suffix.lower() not in _SUFFIXES:
         raise typer.BadParameter(f"{path.name} ends in neither .webp nor .gif", param_hint=option)
 
 
 def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Settings) -> bytes:
-    """Return a picture of a source that becomes its result, or of one turn of the source if there is no result.
-
-    Raises
-    ------
-    AssetError, ParameterError
-        A file cannot be read, or the result was not made from the source.
-    """
+    """Return a picture of a source that becomes its result, or of one turn of a source without one."""
     from meshdeform.assets import Limits, load_asset
     from meshdeform.assets.bundle import read_with_files
     from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation

@@ -89,13 +89,7 @@ def _made(result: Path, source: Path | None, strength: float, way: MorphPath, *,
 
 
 def _source(result: Path, report: dict[str, Any], source: Path | None, limits: Limits) -> Asset:
-    """Return the asset that was deformed.
-
-    Raises
-    ------
-    ParameterError
-        It was not given, and is not found.
-    """
+    """Return the asset that was deformed, or raise ParameterError if it was not given and is not found."""
     from meshdeform.assets import load_asset
     from meshdeform.assets.bundle import read_with_files
 

@@ -80,15 +80,7 @@ _KINDS: tuple[tuple[tuple[type[MeshdeformError], ...], ExitCode], ...] = (
 class OutcomeError(Exception):
     """The command worked, but its outcome is not a success.
 
-    Parameters
-    ----------
-    code : ExitCode
-    name : str
-        `code` of the problem document; stable.
-    detail, advice : str
-        What happened, and what to do about it.
-    **extra
-        Further members of the problem document.
+    `name` is the `code` of the problem document and stable; `extra` are further members of it.
     """
 
     def __init__(self, code: ExitCode, name: str, detail: str, advice: str, **extra: Any) -> None:

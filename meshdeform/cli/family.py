@@ -194,13 +194,7 @@ def _run(
 
 
 def packed(path: Path, most: int, labels: Path | None = None) -> bytes:
-    """Return the ZIP of a folder, or the given one, with the labels.
-
-    Raises
-    ------
-    AssetError
-        The folder holds no asset, or too many bytes; or the ZIP cannot be read.
-    """
+    """Return the ZIP of a folder, or the given one, with the labels; refuse none, or too many bytes, as AssetError."""
     if path.is_file() and labels is None:
         return path.read_bytes()
     buffer = io.BytesIO()
@@ -236,13 +230,7 @@ def _unpacked(path: Path, most: int) -> dict[str, bytes]:
 
 
 def _sources(family: Path, collection: Path | None) -> tuple[Path, Path]:
-    """Return the family's file and the collection.
-
-    Raises
-    ------
-    ParameterError
-        One of them is not there.
-    """
+    """Return the family's file and the collection, or raise ParameterError if one is not there."""
     source = family / _FILE if family.is_dir() else family
     if not source.is_file():
         raise ParameterError(

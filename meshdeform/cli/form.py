@@ -36,18 +36,8 @@ _SENTENCE = re.compile(r"(?<=[a-z0-9)])[.:] ")
 class Form:
     """Options for the members of one model.
 
-    Attributes
-    ----------
-    name : str
-        The member of the request that they write: `params`, `output`.
-    model : callable
-        Returns the model; imported only when the command is looked at.
-    panel : str
-        Their heading in the help.
-    only : collection of str, optional
-        The members that get an option; default: all.
-    hidden : collection of str
-        Members without an option, because the command has one of its own.
+    They write the member `name` of the request (`params`, `output`). The model is imported when the command is looked
+    at. Only the members in `only` get an option, and none of `hidden`, for which the command has one of its own.
     """
 
     name: str

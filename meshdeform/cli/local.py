@@ -59,21 +59,7 @@ _REPORT = "report.json"
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A run that has written its outputs.
-
-    Attributes
-    ----------
-    report : dict
-    artifacts : dict of str to bytes
-        The artifacts that were written, by name.
-    steps : int
-        Steps done, with those of the checkpoint.
-    resumed_from : int, optional
-        The step of the checkpoint.
-    losses : dict
-        Losses of the last step.
-    elapsed_s : float
-    """
+    """A run that has written its outputs: its artifacts by name, and the steps with those of the checkpoint."""
 
     report: dict[str, Any]
     artifacts: dict[str, bytes]
@@ -87,23 +73,9 @@ class FinishedRun:
 class LocalJob:
     """A job of any kind in this process.
 
-    Attributes
-    ----------
-    request : JobRequest
-    files : dict of str to Path or InputFile
-        By part.
-    outputs : dict of str to Path
-        Where artifacts go, by name: the main one first. Others are not written.
-    settings : Settings
-        Model, device, precision, threads and limits.
-    checkpoint : Path, optional
-        The file for the state.
-    resume : Path, optional
-        A checkpoint of the same request to continue from.
-    whole_folder : bool
-        Whether outputs of an earlier run that this one does not make are removed.
-    load : callable, optional
-        Loads the prior; a caching one saves time from job to job.
+    `outputs` says where artifacts go, by name, the main one first; others are not written. With `whole_folder`, outputs
+    of an earlier run that this one does not make are removed. `load` loads the prior: a caching one saves time from job
+    to job.
     """
 
     request: JobRequest
@@ -121,18 +93,7 @@ class LocalJob:
     def check(self, *, force: bool = False, also: Sequence[Path] = (), inputs: Sequence[Path] = ()) -> None:
         """Refuse, without torch, what could not run here, and unless with `force` to lose a file.
 
-        Parameters
-        ----------
-        force : bool
-        also : sequence of Path
-            Further files that the command writes.
-        inputs : sequence of Path
-            Further files that it reads.
-
-        Raises
-        ------
-        MeshdeformError
-            The request is not valid, or a file would be lost.
+        `also` are further files that the command writes, and `inputs` further ones that it reads.
         """
         if not force:
             read = [file for file in (*self.files.values(), *inputs, self.resume) if isinstance(file, Path)]
@@ -144,12 +105,7 @@ class LocalJob:
     def run(self, progress: ProgressView) -> FinishedRun:
         """Run the job to its end and write the outputs, all or none.
 
-        Raises
-        ------
-        MeshdeformError
-            The job cannot run, or an output cannot be written.
-        OutcomeError
-            Ctrl-C came (`interrupted`); the checkpoint is written if requested.
+        A Ctrl-C is an OutcomeError (`interrupted`); the checkpoint is written if requested.
         """
         try:
             with second_ctrl_c_ends():
@@ -158,13 +114,7 @@ class LocalJob:
             raise self._interruption() from None
 
     def start(self) -> JobRun:
-        """Read the files and start the run.
-
-        Raises
-        ------
-        MeshdeformError
-            The job cannot run.
-        """
+        """Read the files and start the run."""
         from meshdeform.assets import Limits
         from meshdeform.assets.bundle import read_with_files
         from meshdeform.runs import kind_of, start_run
@@ -267,13 +217,7 @@ class LocalJob:
 
 
 def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:
-    """Refuse a request that could not run on this machine, where any model may be named; without torch.
-
-    Raises
-    ------
-    MeshdeformError
-        The request is not valid, or its model is not here.
-    """
+    """Refuse a request that could not run on this machine, where any model may be named; without torch."""
     from meshdeform.runs import check_request
 
     request = find_taught(request, settings)
@@ -298,24 +242,11 @@ def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
 
 
 def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: Sequence[Path], kind: str) -> None:
-    """Refuse outputs that would replace an input or a file of the user.
+    """Refuse outputs that would replace an input or a file of the user, as a ParameterError.
 
     Files of an earlier run may be replaced, so that loops and Makefiles work: the report beside the result has the
     result's SHA-256, or that of a folder the kind of job. A result that was edited since then is a file of the user.
-
-    Parameters
-    ----------
-    outputs : mapping of str to Path
-        By artifact, the result first.
-    inputs : sequence of Path
-    also : sequence of Path
-        Further outputs, whose names are made from that of the result.
-    kind : str
-
-    Raises
-    ------
-    ParameterError
-        A file would be lost.
+    The outputs are by artifact, the result first; `also` are further ones whose names are made from that of the result.
     """
     paths = [*outputs.values(), *also]
     for path in paths:
@@ -328,13 +259,7 @@ def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: 
 
 
 def check_free(paths: Sequence[Path], inputs: Sequence[Path | None] = (), *, force: bool) -> None:
-    """Refuse outputs that would replace an input, or without `force` any file.
-
-    Raises
-    ------
-    ParameterError
-        A file would be lost.
-    """
+    """Refuse outputs that would replace an input, or without `force` any file, as a ParameterError."""
     for path in paths:
         if path.exists() and any(source is not None and path.samefile(source) for source in inputs):
             raise ParameterError(f"{path} is an input of this command.", advice="Choose another name with -o.")
@@ -395,13 +320,7 @@ def write_all(
     advice: str = _ELSEWHERE,
     remove: Sequence[Path] = (),
 ) -> None:
-    """Write all files or none, and then remove others; a Ctrl-C that comes now is too late.
-
-    Raises
-    ------
-    UnavailableError
-        A file cannot be written.
-    """
+    """Write all files or none, and then remove others; a Ctrl-C that comes now is too late."""
     with ctrl_c_between_steps(), writing(what, advice):
         for path in files:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -41,13 +41,7 @@ def is_terminal() -> bool:
 
 
 class Pace:
-    """Estimate the time left from the times of the steps so far; the newest weigh most.
-
-    Parameters
-    ----------
-    clock : callable
-        Seconds.
-    """
+    """Estimate the time left from the times of the steps so far, by a clock of seconds; the newest weigh most."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

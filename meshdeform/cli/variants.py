@@ -88,13 +88,7 @@ def _prompts(prompt: str, count: int, model: str | None) -> list[str]:
 
 
 def _numbers(text: str, option: str, *, whole: bool) -> list[float]:
-    """Parse distinct numbers separated by commas.
-
-    Raises
-    ------
-    typer.BadParameter
-        There are none, or one is not a number.
-    """
+    """Parse distinct numbers separated by commas."""
     try:
         found = [int(part) if whole else float(part) for part in text.split(",") if part.strip()]
     except ValueError:
