@@ -9,17 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from meshdeform.cli.environment import connect, load_settings, require
+from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.form import form_command, of_kind, of_request, overlaid, written
-from meshdeform.cli.options import (
-    ApiKeyFileOption,
-    ApiKeyOption,
-    JsonOption,
-    QuietOption,
-    SetOption,
-    UrlOption,
-)
+from meshdeform.cli.options import Place, Printed, SetOption
 from meshdeform.cli.output import emit, note, table
 from meshdeform.cli.request import merge_params
 
@@ -92,11 +85,9 @@ def batch(
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="Retry rows that failed before.", rich_help_panel=_HOW)
     ] = False,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    place: Place,
+    printed: Printed,
 ) -> None:
     """Deform many assets.
 
@@ -108,8 +99,9 @@ def batch(
     meshdeform batch rows.csv -o out --retry-failed
     """
     from meshdeform.cli.batches import runners
+    from meshdeform.cli.batches.ledger import Ledger
     from meshdeform.cli.batches.rows import make_rows
-    from meshdeform.cli.batches.session import Ledger, Session
+    from meshdeform.cli.batches.session import Session
     from meshdeform.cli.batches.summary import write_target_sets
 
     if as_morph_targets:
@@ -118,7 +110,7 @@ def batch(
     defaults = overlaid(merge_params(settings or []), written(ctx))
     first = int(defaults.get("seed", 0))
     with Ledger(output, flat=flat) as ledger:
-        session = Session(ledger, as_json=as_json, quiet=quiet)
+        session = Session(ledger, as_json=printed.as_json, quiet=printed.quiet)
         rows, repeated = make_rows(
             entries,
             defaults=defaults,
@@ -127,13 +119,12 @@ def batch(
             known_names=ledger.known_names(),
             flat=flat,
             occupied=(path.name for path in output.iterdir()),
-            check=(lambda _request, _has_target: None) if url else _checker(),
+            check=(lambda _request, _has_target: None) if place.url else _checker(),
         )
         if repeated:
-            note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=quiet)
-        if url:
-            client = connect(url, api_key, api_key_file)
-            runner: runners.Runner = runners.ServiceRunner(client, ledger, output)
+            note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=printed.quiet)
+        if place.url:
+            runner: runners.Runner = runners.ServiceRunner(place.connect(), ledger, output)
             concurrent = parallel or _ROWS_AT_SERVICE
         else:
             concurrent = min(parallel or 1, len(rows))
@@ -143,9 +134,9 @@ def batch(
         counts, files = session.finish(rows)
         if as_morph_targets:
             files |= write_target_sets(output, rows, load_settings())
-    if as_json:
+    if printed.as_json:
         emit({"event": "summary", "folder": str(output), "files": files, **counts})
-    elif not quiet:
+    elif not printed.quiet:
         typer.echo(table(tuple(counts), [tuple(str(number) for number in counts.values())]))
         typer.echo("\n".join(files.values()))
     if counts["failed"]:

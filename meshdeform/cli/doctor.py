@@ -15,7 +15,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, read_key, service_url
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
-from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
+from meshdeform.cli.options import JsonOption, Place
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import MeshdeformError
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
@@ -36,9 +36,8 @@ def doctor(
     host: Annotated[str, typer.Option(help="Address that `serve` would listen on.")] = DEFAULT_HOST,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port that `serve` would listen on.")] = DEFAULT_PORT,
     timeout: Annotated[float, typer.Option(min=0.1, help="Seconds that one server may take to respond.")] = 5.0,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
+    *,
+    place: Place,
     as_json: JsonOption = False,
 ) -> None:
     """Check the installation.
@@ -56,8 +55,8 @@ def doctor(
         settings=load_settings(data_dir=data_dir),
         host=host,
         port=port,
-        url=service_url(url) if url else None,
-        api_key=read_key(api_key, api_key_file),
+        url=service_url(place.url) if place.url else None,
+        api_key=read_key(place.api_key, place.api_key_file),
         timeout_s=timeout,
     )
     findings = _findings(subject, (lambda _: None) if as_json else _print)

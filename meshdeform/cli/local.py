@@ -24,12 +24,14 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from meshdeform.cli.environment import load_settings
 from meshdeform.cli.exits import ExitCode, OutcomeError
+from meshdeform.cli.progress import ProgressView, show_progress
 from meshdeform.errors import AlignmentError, ParameterError, UnavailableError
 from meshdeform.support.collector import collection_paused
 
 if TYPE_CHECKING:
-    from meshdeform.cli.progress import ProgressView
+    from meshdeform.cli.options import Here
     from meshdeform.priors.base import Prior
     from meshdeform.requests.document import JobRequest
     from meshdeform.runs.base import InputFile, JobRun
@@ -44,6 +46,7 @@ __all__ = [
     "check_outputs",
     "ctrl_c_between_steps",
     "find_taught",
+    "run_here",
     "second_ctrl_c_ends",
     "write_all",
     "writing",
@@ -214,6 +217,26 @@ class LocalJob:
             elif path is None:
                 advice += " With --checkpoint FILE it could be resumed."
         return OutcomeError(ExitCode.INTERRUPTED, "interrupted", f"Interrupted {where}. {detail}", advice, **extra)
+
+
+def run_here(
+    request: JobRequest,
+    files: Mapping[str, Path | InputFile],
+    outputs: Mapping[str, Path],
+    here: Here,
+    *,
+    quiet: bool,
+    device: str | None = None,
+    whole_folder: bool = False,
+    also: Sequence[Path] = (),
+    inputs: Sequence[Path] = (),
+) -> FinishedRun:
+    """Check and run a job of any kind and show its progress; the arguments are those of `LocalJob` and its check."""
+    settings = load_settings(device=device, threads=here.threads)
+    job = LocalJob(request, files, outputs, settings, here.checkpoint, here.resume, whole_folder)
+    job.check(force=here.force, also=also, inputs=inputs)
+    with show_progress(quiet=quiet) as progress:
+        return job.run(progress)
 
 
 def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:

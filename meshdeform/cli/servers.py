@@ -13,7 +13,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, read_key, require, service_url
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
+from meshdeform.cli.options import JsonOption, Place
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import ParameterError
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
@@ -315,9 +315,8 @@ def mcp(
         list[str] | None,
         typer.Option(help="With --http: a host name by which agents reach this server, with its port; repeatable."),
     ] = None,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
+    *,
+    place: Place,
 ) -> None:
     """Offer a service to agents as tools (Model Context Protocol).
 
@@ -327,11 +326,11 @@ def mcp(
     meshdeform mcp --folder assets
     """
     require("mcp", "mcp")
-    address = service_url(url)
+    address = service_url(place.url)
     if not http:
         from meshdeform.mcp.server import local_server
 
-        local_server(address, read_key(api_key, api_key_file), folder or [Path.cwd()]).run("stdio")
+        local_server(address, read_key(place.api_key, place.api_key_file), folder or [Path.cwd()]).run("stdio")
         return
     if folder:
         raise typer.BadParameter("With --http, no folder of this machine is used.", param_hint="--folder")

@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
+from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Row
 from meshdeform.cli.jobs import Deadline, follow, outcome_failure, save_artifacts, show_event
 from meshdeform.cli.progress import ProgressView
@@ -42,7 +43,6 @@ from meshdeform.serving.processes import python_command
 
 if TYPE_CHECKING:
     from meshdeform.api.jobs import JobView
-    from meshdeform.cli.batches.session import Ledger
     from meshdeform.cli.local import FinishedRun
     from meshdeform.client import Client
 

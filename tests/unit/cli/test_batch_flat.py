@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Entry, Row, make_rows
 from meshdeform.cli.batches.runners import RowOutcome
-from meshdeform.cli.batches.session import Ledger, Session
+from meshdeform.cli.batches.session import Session
 from meshdeform.cli.progress import ProgressView
 from meshdeform.errors import ParameterError, UnavailableError
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.cli.batches.session import Ledger
+from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.errors import ParameterError, UnavailableError
 from tests.cases import each_case
 
