@@ -9,7 +9,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from meshdeform.cli.output import duration, note, plain
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-__all__ = ["BatchView", "ProgressView", "show_batch", "show_progress"]
+__all__ = ["BatchView", "Pace", "ProgressView", "show_batch", "show_progress"]
 
 _LINE_EVERY_S = 5.0
 
@@ -38,16 +38,17 @@ def _is_terminal() -> bool:
     return sys.stderr.isatty() and os.environ.get("TERM", "") != "dumb"
 
 
-class _Pace:
-    """Estimate the time left from the times of the steps so far; the newest weigh most."""
+class Pace:
+    """Estimate the time left from the times of the steps so far, by a clock of seconds; the newest weigh most."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self._last: tuple[int, float] | None = None
         self._step_s: float | None = None
 
     def eta_s(self, step: int, total_steps: int) -> float | None:
         """Return the seconds left after `step`; None for the first one."""
-        now = time.monotonic()
+        now = self._clock()
         if self._last is not None and step > self._last[0]:
             step_s = (now - self._last[1]) / (step - self._last[0])
             self._step_s = step_s if self._step_s is None else 0.9 * self._step_s + 0.1 * step_s
@@ -81,7 +82,7 @@ class _Bars:
 class _JobProgress(ProgressView):
     def __init__(self, bars: _Bars | None) -> None:
         self._bars, self._task = bars, bars.add("starting") if bars else None
-        self._pace, self._phase, self._last = _Pace(), "", time.monotonic()
+        self._pace, self._phase, self._last = Pace(), "", time.monotonic()
 
     def phase(self, name: str) -> None:
         if self._bars is not None and self._task is not None:
@@ -106,7 +107,7 @@ class BatchView:
         self._total, self._done, self._failed, self._quiet = total, done, 0, quiet
         self._bars = bars
         self._tasks: dict[str, TaskID] = {}
-        self._pace, self._last = _Pace(), time.monotonic()
+        self._pace, self._last = Pace(), time.monotonic()
         if bars is not None:
             self._whole = bars.add("rows")
             self._show(bars)
