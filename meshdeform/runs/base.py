@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -29,6 +29,7 @@ __all__ = [
     "RunInput",
     "StartRun",
     "StepReport",
+    "job_input",
     "start_of",
 ]
 
@@ -160,6 +161,45 @@ class RunInput:
     limits: Limits | None = None
     device: str = "cpu"
     on_wait: Callable[[], None] = lambda: None
+
+
+def job_input(
+    asset: bytes,
+    filename: str,
+    request: JobRequest,
+    *,
+    prior: Prior | None = None,
+    target: bytes | None = None,
+    target_filename: str = "target.glb",
+    pictures: Sequence[bytes] = (),
+    resolved: BaseModel | None = None,
+    **more: Any,
+) -> RunInput:
+    """Return what starts a deformation whose files are at hand, as scripts and tests have them.
+
+    Parameters
+    ----------
+    asset, target : bytes
+        A GLB, OBJ, PLY, STL or ZIP.
+    filename, target_filename : str
+    request : JobRequest
+    prior : Prior, optional
+        Used whatever model the request names.
+    pictures : sequence of bytes
+        One PNG, JPEG or WebP for each of the guidance's `silhouettes`.
+    resolved : ResolvedParams, optional
+        The values of all parameters; default: resolved from the request.
+    **more
+        Further attributes of `RunInput`.
+    """
+    files = {"asset": InputFile(asset, filename)}
+    if target is not None:
+        files["target"] = InputFile(target, target_filename)
+    files |= {f"silhouette_{n}": InputFile(picture, f"{n}.png") for n, picture in enumerate(pictures, 1)}
+    if prior is not None:
+        more["load_prior"] = lambda _model: prior
+    values = None if resolved is None else resolved.model_dump(mode="json")
+    return RunInput(request=request, files=files, resolved=values, **more)
 
 
 @dataclass(frozen=True)

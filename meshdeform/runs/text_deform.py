@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.assets import Asset, load_asset
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Orientation
@@ -22,12 +22,12 @@ from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import preview_png
-from meshdeform.requests.choices import RigMode
-from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams, resolve
-from meshdeform.runs.base import ArtifactData, InputFile, StepReport
+from meshdeform.requests.choices import GuidanceKind, RigMode
+from meshdeform.requests.document import BUILTIN_MODEL
+from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+from meshdeform.runs.base import ArtifactData, RunInput, StepReport
 from meshdeform.runs.control import Control, control_report, read_control
 from meshdeform.runs.goals import Goal, GoalSource, read_goal
 from meshdeform.runs.likeness import likeness, likeness_and_before
@@ -38,10 +38,12 @@ from meshdeform.runs.prompts import Prompts, prompt_reports, read_prompts
 from meshdeform.runs.recognition import front_of, known_source
 from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
+from meshdeform.runs.sent_weights import load_sent
 from meshdeform.runs.shown import Shown, pose_in_frame
 from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
+from meshdeform.runs.text_deform_kind import read_target, resolved_params
 from meshdeform.runs.text_report import (
     RunFacts,
     appearance_report,
@@ -58,48 +60,8 @@ _ON_ORIGIN = 0.01
 """Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""
 
 
-def start(
-    *,
-    asset: bytes,
-    filename: str,
-    request: JobRequest,
-    prior: Prior | None = None,
-    target: bytes | None = None,
-    target_filename: str = "",
-    pictures: Sequence[bytes] = (),
-    checkpoint: bytes | None = None,
-    initial: bytes | None = None,
-    default_model: str = BUILTIN_MODEL,
-    limits: Limits | None = None,
-    device: str = "cpu",
-    asset_sha256: str | None = None,
-    resolved: ResolvedParams | None = None,
-) -> TextDeformRun:
-    """Read the asset and prepare the run.
-
-    Parameters
-    ----------
-    asset, target : bytes
-        A GLB, OBJ, PLY, STL or ZIP; `target` is required by `params.guidance = target`.
-    filename, target_filename : str
-    pictures : sequence of bytes
-        One PNG, JPEG or WebP for each of `params.guidance.silhouettes`.
-    request : JobRequest
-    prior : Prior, optional
-        Required by `params.guidance = sds`; loaded by the caller so that it can be kept between jobs.
-    checkpoint : bytes, optional
-        A checkpoint of the same request at which to resume.
-    initial : bytes, optional
-        A checkpoint of any request with the same asset, with whose shape the run starts at step 0.
-    default_model : str
-        The model used if the request names none.
-    limits : Limits, optional
-    device : str
-        The device that renders views and runs the prior.
-    asset_sha256 : str, optional
-        SHA-256 of the asset, if known.
-    resolved : ResolvedParams, optional
-        The values of all parameters from when the request was accepted. Default: resolved here.
+def start(given: RunInput) -> TextDeformRun:
+    """Read the files and prepare the run.
 
     Raises
     ------
@@ -107,10 +69,12 @@ def start(
         The input cannot be run; the error says what to do.
     """
     clock = PhaseClock()
-    params = resolved or resolve(request.params, default_model=default_model)
-    asset_sha256 = asset_sha256 or sha256_hex(asset)
+    request, asset, limits, device = given.request, given.files["asset"], given.limits, given.device
+    params = resolved_params(request, given.default_model, given.resolved)
+    prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS else None
+    asset_sha256 = asset.sha256 or sha256_hex(asset.data)
     with clock.phase("read"):
-        loaded, division = prepared(load_asset(asset, filename, limits), params, request.output, limits)
+        loaded, division = prepared(load_asset(asset.data, asset.filename, limits), params, request.output, limits)
         welded = welded_surface(loaded, params.backdrop)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
@@ -119,10 +83,11 @@ def start(
         surface = SelectableSurface(loaded, welded)
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
-        mesh_file = None if target is None else InputFile(target, target_filename)
+        pictures = [given.files[name].data for name in SILHOUETTE_PARTS if name in given.files]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
-        given = GoalSource(loaded, welded.mesh, mesh, prior, mesh_file, silhouettes, limits, device, prompts)
-        goal = read_goal(request, params, given)
+        target = read_target(params, given)
+        source = GoalSource(loaded, welded.mesh, mesh, prior, target, silhouettes, limits, device, prompts)
+        goal = read_goal(request, params, source)
         run = fingerprint(
             params=params.model_dump(mode="json"),
             prompt=request.prompt,
@@ -130,8 +95,8 @@ def start(
             guidance=goal.guidance.identity,
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
-        state = load_checkpoint(checkpoint, run) if checkpoint is not None else None
-        start_shape = load_shape(initial, shape) if initial is not None else None
+        state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
+        start_shape = load_shape(given.initial, shape) if given.initial is not None else None
         look = welded_appearance(loaded.appearance(), welded) if sees_colours(params) else None
         known = known_source(welded.mesh, prior, params)
         front = front_of(known, prior, params, request.prompt)
@@ -150,7 +115,7 @@ def start(
             front=front,
             pose=pose,
         )
-    given_as, guided_by = (asset_sha256, len(asset), filename), goal.guidance.identity
+    given_as, guided_by = (asset_sha256, len(asset.data), asset.filename), goal.guidance.identity
     where = device, precision_of(prior, state)
     facts = RunFacts(request, params, *given_as, guided_by, run, *where, shape, division, known)
     return TextDeformRun(loaded, welded, frame, deformation, facts, clock, control, goal, silhouettes, prompts)

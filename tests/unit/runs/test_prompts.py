@@ -21,6 +21,7 @@ from meshdeform.record.search import searched_text
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.prompts import prompt_reports
 from meshdeform.runs.text_deform_checks import check
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
@@ -48,11 +49,13 @@ def request_of(prompt: str, *prompts: dict[str, Any], **params: Any) -> JobReque
 
 def start(prompt: str, *prompts: dict[str, Any], checkpoint: bytes | None = None, **params: Any) -> Any:
     return text_deform.start(
-        asset=build_glb(BALL.verts.numpy(), BALL.faces.numpy()),
-        filename="a.glb",
-        request=request_of(prompt, *prompts, **params),
-        prior=prior(),
-        checkpoint=checkpoint,
+        job_input(
+            asset=build_glb(BALL.verts.numpy(), BALL.faces.numpy()),
+            filename="a.glb",
+            request=request_of(prompt, *prompts, **params),
+            prior=prior(),
+            checkpoint=checkpoint,
+        )
     )
 
 

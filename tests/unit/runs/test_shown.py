@@ -17,6 +17,7 @@ from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.likeness import likeness_and_before
 from meshdeform.runs.preparation import welded_surface
 from meshdeform.runs.shown import Shown, pose_in_frame
@@ -36,7 +37,9 @@ def run(asset: bytes) -> tuple[bytes, bytes, dict[str, Any]]:
     """Return result, preview and report of two steps."""
     params = {"preset": "preview", "steps": 2}
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
-    job = text_deform.start(asset=asset, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
+    job = text_deform.start(
+        job_input(asset=asset, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
+    )
     list(job)
     made = job.finish()
     return made["result.glb"].data, made["preview.png"].data, json.loads(made["report.json"].data)
