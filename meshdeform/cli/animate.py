@@ -64,8 +64,7 @@ def write_animation(source: Path, result: Path | None, path: Path, settings: Set
     from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
     from meshdeform.rendering.studio import Pose
     from meshdeform.runs.devices import use_threads
-    from meshdeform.runs.preparation import subdivided
-    from meshdeform.runs.text_report import read_result
+    from meshdeform.runs.preparation import read_result, subdivided
     from meshdeform.support.files import write_files
 
     use_threads(settings.threads)
