@@ -31,8 +31,8 @@ from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.likeness import likeness
 from meshdeform.runs.strength import AssetPath
+from meshdeform.runs.verdict import likeness
 from training.evaluation.retrieval import ShapeJudge, judgement, load_judge
 from training.evaluation.sources import source_mesh
 from training.evaluation.suite import SUITES

@@ -29,8 +29,8 @@ from meshdeform.priors.builtin.teaching.teacher import TeachConfig
 from meshdeform.priors.builtin.weights_file import read_network
 from meshdeform.priors.builtin.words import ParsedPrompt
 from meshdeform.runs.devices import use_threads
-from meshdeform.runs.lesson_files import MeshFile
 from meshdeform.runs.prior_teach import TeachRequest, start_lesson
+from meshdeform.runs.prior_teach_kind import MeshFile
 from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
 from meshdeform.support.files import write_files
 

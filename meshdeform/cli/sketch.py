@@ -123,7 +123,7 @@ def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> No
     """Write the meshes and the picture of them, all or none."""
     from meshdeform.assets import Limits, load_asset
     from meshdeform.cli.local import write_all
-    from meshdeform.runs.family_picture import assets_png
+    from meshdeform.runs.family_results import assets_png
 
     files = {path: each.glb() for each, path in zip(guesses, paths, strict=True)}
     assets = [load_asset(data, "shape.glb", Limits.unlimited()) for data in files.values()]

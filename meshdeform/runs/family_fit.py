@@ -31,8 +31,7 @@ from meshdeform.families.state import (
 from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput
 from meshdeform.runs.family_fit_kind import READ_STEPS, params_of, total_steps
-from meshdeform.runs.family_labels import labels_of
-from meshdeform.runs.family_results import FamilyResults
+from meshdeform.runs.family_results import FamilyResults, labels_of
 from meshdeform.runs.report import sha256_hex
 
 __all__ = ["FamilyFitRun", "start"]

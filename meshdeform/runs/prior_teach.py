@@ -43,8 +43,15 @@ from meshdeform.requests.teaching import TeachParams
 from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs import family_synthesize
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
-from meshdeform.runs.lesson_files import MeshFile, check_count, packed_meshes
-from meshdeform.runs.prior_teach_kind import FAMILY_PART, MESHES_PART, noun_of_request, params_of
+from meshdeform.runs.prior_teach_kind import (
+    FAMILY_PART,
+    MESHES_PART,
+    MeshFile,
+    check_count,
+    noun_of_request,
+    packed_meshes,
+    params_of,
+)
 from meshdeform.runs.report import sha256_hex, versions
 from meshdeform.runs.sent_weights import TAUGHT_WEIGHTS, WEIGHTS_ARTIFACT, weights_on_disk
 

@@ -26,17 +26,15 @@ from meshdeform.requests.choices import GuidanceKind, RigMode
 from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput
 from meshdeform.runs.control import read_control
-from meshdeform.runs.goals import GoalSource, read_goal
+from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
 from meshdeform.runs.preparation import drawn_triangles, prepared, read_result, shape_id, welded_surface
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.recognition import front_of, known_source
 from meshdeform.runs.report import RunLog, sha256_hex
 from meshdeform.runs.selection import SelectableSurface
 from meshdeform.runs.sent_weights import load_sent
-from meshdeform.runs.shown import Shown, pose_in_frame
-from meshdeform.runs.silhouette_fit import SilhouetteFit
 from meshdeform.runs.strength import AssetPath, write_morph
-from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
+from meshdeform.runs.surfaces import DeformedSurface, Shown, deformed_surface, pose_in_frame, vertex_jacobians
 from meshdeform.runs.text_deform_kind import read_target, resolved_params
 from meshdeform.runs.text_report import Outcome, RunFacts, build_report, precision_of, provenance, sees_colours
 

@@ -30,14 +30,12 @@ from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
 from meshdeform.runs.base import InputFile
 from meshdeform.runs.control import Control, control_report
-from meshdeform.runs.goals import Goal
-from meshdeform.runs.likeness import likeness, likeness_and_before
-from meshdeform.runs.prompts import Prompts, prompt_reports
+from meshdeform.runs.goals import Goal, SilhouetteFit
+from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.report import RunLog, sha256_hex, versions
-from meshdeform.runs.shown import Shown
-from meshdeform.runs.silhouette_fit import SilhouetteFit
-from meshdeform.runs.verdict import kept_structure, verdict
+from meshdeform.runs.surfaces import Shown
+from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports, verdict
 
 __all__ = [
     "Movement",

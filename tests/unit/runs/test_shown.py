@@ -18,9 +18,9 @@ from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.likeness import likeness_and_before
 from meshdeform.runs.preparation import welded_surface
-from meshdeform.runs.shown import Shown, pose_in_frame
+from meshdeform.runs.surfaces import Shown, pose_in_frame
+from meshdeform.runs.verdict import likeness_and_before
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import TURN, arm
