@@ -55,8 +55,7 @@ def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Se
     from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
     from meshdeform.rendering.studio import Pose
     from meshdeform.runs.devices import use_threads
-    from meshdeform.runs.preparation import subdivided
-    from meshdeform.runs.text_report import read_result
+    from meshdeform.runs.preparation import read_result, subdivided
 
     use_threads(settings.threads)
     limits = Limits.from_settings(settings)

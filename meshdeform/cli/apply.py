@@ -71,8 +71,8 @@ def apply(
 def _made(result: Path, source: Path | None, strength: float, way: MorphPath, *, morph: bool, compact: bool) -> bytes:
     from meshdeform.assets import Limits
     from meshdeform.runs.devices import use_threads
+    from meshdeform.runs.preparation import read_result
     from meshdeform.runs.strength import AssetPath, matched, with_strength, write_morph
-    from meshdeform.runs.text_report import read_result
 
     settings = load_settings()
     use_threads(settings.threads)
