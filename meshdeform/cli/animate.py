@@ -25,7 +25,7 @@ _SUFFIXES = (".webp", ".gif")
 @clean_errors
 def animate(
     source: Annotated[Path, typer.Argument(help="The asset before; alone: the asset to turn.", exists=True)],
-    result: Annotated[Path | None, typer.Argument(help="Its deformed GLB.", exists=True, show_default=False)] = None,
+    result: Annotated[Path | None, typer.Argument(help="Its deformed GLB.", exists=True)] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="The .webp or .gif to write.")] = _DEFAULT,
     force: ForceOption = False,
 ) -> None:

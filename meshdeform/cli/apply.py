@@ -31,8 +31,7 @@ def apply(
     ctx: typer.Context,
     result: Annotated[Path, typer.Argument(help="The deformed GLB.", exists=True, dir_okay=False)],
     strength: Annotated[
-        float,
-        typer.Option(help="0: the source; 1: the result; more: exaggerated.", min=0.0, max=MAX_STRENGTH),
+        float, typer.Option(help="0: the source; 1: the result; more: exaggerated.", min=0.0, max=MAX_STRENGTH)
     ] = 1.0,
     source: Annotated[
         Path | None,
@@ -40,12 +39,10 @@ def apply(
             help="The asset that was deformed. Default: the one that the report beside RESULT names.",
             exists=True,
             dir_okay=False,
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="The GLB to write. Default: RESULT-60.glb.", show_default=False),
+        Path | None, typer.Option("-o", "--output", help="The GLB to write. Default: RESULT-60.glb.")
     ] = None,
     morph: Annotated[bool, typer.Option("--morph", help="Instead: the whole way, as an animation.")] = False,
     compact: Annotated[bool, typer.Option("--compact", help="Drop data that the new shape made unused.")] = False,

@@ -39,9 +39,7 @@ def batch(
             metavar="MANIFEST|FOLDER", help="A .csv, .tsv or .jsonl of rows, or a folder of assets.", exists=True
         ),
     ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="The folder of the batch.", file_okay=False, show_default=False)
-    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder of the batch.", file_okay=False)],
     prompt: Annotated[
         list[str] | None,
         typer.Option(help="With a folder: what each asset should become; repeatable.", rich_help_panel=_WHAT),

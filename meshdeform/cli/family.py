@@ -44,12 +44,10 @@ def family_fit(
             help="Parts of some of the assets (docs/families.md). Default: labels.json in the folder or ZIP.",
             exists=True,
             dir_okay=False,
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="The folder to write. Default: NAME-family.", show_default=False),
+        Path | None, typer.Option("-o", "--output", help="The folder to write. Default: NAME-family.")
     ] = None,
     param: SetOption = None,
     *,
@@ -77,16 +75,13 @@ def family_synthesize(
         typer.Argument(
             help="The folder or ZIP that was fitted. Default: labelled.zip beside the family, if it is there.",
             exists=True,
-            show_default=False,
         ),
     ] = None,
     member: Annotated[
-        list[str] | None,
-        typer.Option(help="A member: two for interpolate, one for complete and search.", show_default=False),
+        list[str] | None, typer.Option(help="A member: two for interpolate, one for complete and search.")
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="The folder to write. Default: NAME-shapes.", show_default=False),
+        Path | None, typer.Option("-o", "--output", help="The folder to write. Default: NAME-shapes.")
     ] = None,
     param: SetOption = None,
     *,

@@ -183,9 +183,7 @@ def _leaves_of(form: Form, taken: set[str]) -> list[_Leaf]:
 
 
 def _short_option(short: ShortForm) -> Any:
-    return typer.Option(
-        None, short.option, metavar=short.metavar, help=short.help, rich_help_panel=short.panel, show_default=False
-    )
+    return typer.Option(None, short.option, metavar=short.metavar, help=short.help, rich_help_panel=short.panel)
 
 
 def _click_options(infos: Sequence[Parameter]) -> dict[str, Any]:
@@ -270,7 +268,6 @@ def _option(form: Form, path: tuple[str, ...], field: FieldInfo, kind: Any, name
         *flags,
         help=_help(field),
         rich_help_panel=form.panel,
-        show_default=False,
         # What only presets set, and no form shows, is for experts.
         hidden="x-of-preset" in extra and "x-form" not in extra,
         autocompletion=complete_models if path[-1] == "model" else None,

@@ -151,18 +151,13 @@ def _submitted(
 @clean_errors
 def jobs(
     state: Annotated[
-        str | None,
-        typer.Option(help="Only jobs in this state, e.g. running.", autocompletion=complete_states, show_default=False),
+        str | None, typer.Option(help="Only jobs in this state, e.g. running.", autocompletion=complete_states)
     ] = None,
     label: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=TEXT", help="Only jobs with this label; repeatable.", show_default=False),
+        list[str] | None, typer.Option(metavar="NAME=TEXT", help="Only jobs with this label; repeatable.")
     ] = None,
     search: Annotated[
-        str,
-        typer.Option(
-            metavar="WORDS", help="Only jobs whose prompt, file names or labels have these words.", show_default=False
-        ),
+        str, typer.Option(metavar="WORDS", help="Only jobs whose prompt, file names or labels have these words.")
     ] = "",
     limit: Annotated[int, typer.Option(min=1, help="At most this many.")] = 20,
     *,
@@ -389,22 +384,17 @@ def _complete_names(incomplete: str) -> list[str]:
 def fetch(
     job_id: JobIdArgument,
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", help="The folder; default: named after the job.", file_okay=False, show_default=False
-        ),
+        Path | None, typer.Option("-o", "--output", help="The folder; default: named after the job.", file_okay=False)
     ] = None,
     name: Annotated[
         list[str] | None,
         typer.Option(
             help="Only this artifact; repeatable. Default: all. morph.glb and result.stl are made if needed.",
             autocompletion=_complete_names,
-            show_default=False,
         ),
     ] = None,
     step: Annotated[
-        int | None,
-        typer.Option(min=0, help="Instead: the shape at this checkpoint, as step-N.glb.", show_default=False),
+        int | None, typer.Option(min=0, help="Instead: the shape at this checkpoint, as step-N.glb.")
     ] = None,
     asset: Annotated[bool, typer.Option("--asset", help="Instead: the asset as it was submitted.")] = False,
     *,
@@ -542,9 +532,7 @@ def branch(
     ctx: typer.Context,
     job_id: JobIdArgument,
     prompt: Annotated[str, typer.Argument(help='What it should become from there, e.g. "a vase".')],
-    step: Annotated[
-        int | None, typer.Option(min=0, help="Step of the checkpoint; default: the last one.", show_default=False)
-    ] = None,
+    step: Annotated[int | None, typer.Option(min=0, help="Step of the checkpoint; default: the last one.")] = None,
     settings: SetOption = None,
     *,
     place: Place,

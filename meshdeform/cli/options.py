@@ -85,18 +85,14 @@ SetOption = Annotated[
         help="Any other parameter (docs/parameters.md); repeatable.",
         autocompletion=complete_parameters,
         rich_help_panel="Method",
-        show_default=False,
     ),
 ]
 TimeoutOption = Annotated[
     float | None, typer.Option(min=0.0, help="Wait at most this many seconds.", rich_help_panel=_SERVICE)
 ]
-JobIdArgument = Annotated[
-    str, typer.Argument(metavar="ID", help="The job: job_...", autocompletion=complete_job_ids, show_default=False)
-]
+JobIdArgument = Annotated[str, typer.Argument(metavar="ID", help="The job: job_...", autocompletion=complete_job_ids)]
 JobIdsArgument = Annotated[
-    list[str],
-    typer.Argument(metavar="ID...", help="The jobs: job_...", autocompletion=complete_job_ids, show_default=False),
+    list[str], typer.Argument(metavar="ID...", help="The jobs: job_...", autocompletion=complete_job_ids)
 ]
 
 
@@ -124,7 +120,6 @@ class Place:
             metavar="URL",
             help="Address of the service; default: http://127.0.0.1:8765.",
             rich_help_panel=_SERVICE,
-            show_default=False,
         ),
     ] = None
     api_key: Annotated[
@@ -132,8 +127,8 @@ class Place:
         typer.Option(
             envvar="MESHDEFORM_API_KEY",
             # Otherwise --help would print the key of whoever has set the variable.
-            show_envvar=True,
             show_default=False,
+            show_envvar=True,
             metavar="KEY",
             help="API key, if the service requires one. Other users of this machine can read it here: "
             "prefer the variable or a file.",
@@ -142,9 +137,7 @@ class Place:
     ] = None
     api_key_file: Annotated[
         Path | None,
-        typer.Option(
-            exists=True, dir_okay=False, help="A file with the API key.", rich_help_panel=_SERVICE, show_default=False
-        ),
+        typer.Option(exists=True, dir_okay=False, help="A file with the API key.", rich_help_panel=_SERVICE),
     ] = None
 
     def connect(self) -> Client:
@@ -163,7 +156,6 @@ class JobPlace(Place):
             metavar="URL",
             help="Run the job on this service: submit it, follow it, and save its artifacts.",
             rich_help_panel=_SERVICE,
-            show_default=False,
         ),
     ] = None
     detach: Annotated[
@@ -188,7 +180,6 @@ class Here:
             help="Save the state to this file regularly and at Ctrl-C.",
             dir_okay=False,
             rich_help_panel="Interrupt and resume",
-            show_default=False,
         ),
     ] = None
     resume: Annotated[
@@ -198,7 +189,6 @@ class Here:
             exists=True,
             dir_okay=False,
             rich_help_panel="Interrupt and resume",
-            show_default=False,
         ),
     ] = None
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that no earlier run wrote.")] = False

@@ -33,7 +33,7 @@ RunCommand = form_command(
 
 
 def _file(text: str) -> Any:
-    return typer.Option(help=text, rich_help_panel=_OUTPUTS, dir_okay=False, show_default=False)
+    return typer.Option(help=text, rich_help_panel=_OUTPUTS, dir_okay=False)
 
 
 @clean_errors
@@ -46,16 +46,12 @@ def run(
         ),
     ],
     prompt: Annotated[
-        str,
-        typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.'),
+        str, typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.')
     ] = "",
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o",
-            "--output",
-            help="The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder.",
-            show_default=False,
+            "-o", "--output", help="The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder."
         ),
     ] = None,
     report: Annotated[Path | None, _file("Where the report goes (default: beside the GLB).")] = None,
@@ -64,11 +60,7 @@ def run(
     target: Annotated[
         Path | None,
         typer.Option(
-            help="A mesh to deform towards, instead of a prompt.",
-            exists=True,
-            dir_okay=False,
-            rich_help_panel="Method",
-            show_default=False,
+            help="A mesh to deform towards, instead of a prompt.", exists=True, dir_okay=False, rich_help_panel="Method"
         ),
     ] = None,
     silhouette: Annotated[
@@ -78,7 +70,6 @@ def run(
             help="A picture whose silhouette the result should have, seen from an azimuth in degrees: 0 from +Z, 90 "
             "from +X; a mask, or an object in front of a plain background; up to four. With a prompt, both guide.",
             rich_help_panel="Method",
-            show_default=False,
         ),
     ] = None,
     param: SetOption = None,
@@ -94,10 +85,7 @@ def run(
         typer.Option(metavar="NAME=TEXT", help="A label of the job; repeatable.", rich_help_panel="Service"),
     ] = None,
     idempotency_key: Annotated[
-        str | None,
-        typer.Option(
-            help="The same key within a day returns the same job.", rich_help_panel="Service", show_default=False
-        ),
+        str | None, typer.Option(help="The same key within a day returns the same job.", rich_help_panel="Service")
     ] = None,
     *,
     here: Here,

@@ -26,26 +26,17 @@ def sketch(
     drawing: Annotated[
         Path | None,
         typer.Argument(
-            help="The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.",
-            exists=True,
-            dir_okay=False,
-            show_default=False,
+            help="The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.", exists=True, dir_okay=False
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", help="The GLB of the first guess. Default: DRAWING.glb here.", show_default=False
-        ),
+        Path | None, typer.Option("-o", "--output", help="The GLB of the first guess. Default: DRAWING.glb here.")
     ] = None,
     family: Annotated[
         str, typer.Option(help="What the drawing shows, such as chair: no other family is considered.")
     ] = "",
     change: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", help="A parameter of the first guess as NAME=VALUE; may be repeated.", show_default=False
-        ),
+        list[str] | None, typer.Option("--set", help="A parameter of the first guess as NAME=VALUE; may be repeated.")
     ] = None,
     parameters: Annotated[
         bool, typer.Option("--parameters", help="List the families with their parameters, and end.")

@@ -26,7 +26,7 @@ SurfaceFitCommand = form_command(of_kind("surface_fit", _FIT, short=ANCHOR))
 
 
 def _file(text: str) -> Any:
-    return typer.Option(help=text, exists=True, dir_okay=False, rich_help_panel=_FIT, show_default=False)
+    return typer.Option(help=text, exists=True, dir_okay=False, rich_help_panel=_FIT)
 
 
 @clean_errors
@@ -47,7 +47,6 @@ def surface_fit(
             "-o",
             "--output",
             help="The .ndf to write, or a .glb of the finest level with the .ndf beside it. Default: SURFACE.ndf here.",
-            show_default=False,
         ),
     ] = None,
     meshes: Annotated[
@@ -106,15 +105,13 @@ def _paths(output: Path, level: int | None) -> dict[str, Path]:
 def unfold(
     field: Annotated[Path, typer.Argument(help="The .ndf.", exists=True, dir_okay=False, readable=True)],
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="The GLB to write. Default: FIELD.glb here.", show_default=False),
+        Path | None, typer.Option("-o", "--output", help="The GLB to write. Default: FIELD.glb here.")
     ] = None,
     level: Annotated[
         int, typer.Option(min=0, max=8, help="Each level has four times the faces of the one before.")
     ] = 2,
     intrinsic: Annotated[
-        Path | None,
-        typer.Option(help="Also write the intrinsic Delaunay triangulation to this .npz.", show_default=False),
+        Path | None, typer.Option(help="Also write the intrinsic Delaunay triangulation to this .npz.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
 ) -> None:

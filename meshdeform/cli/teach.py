@@ -49,7 +49,6 @@ def teach(
             help="The family.safetensors that family-fit found in the meshes: members are new shapes of it.",
             exists=True,
             dir_okay=False,
-            show_default=False,
         ),
     ] = None,
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None,

@@ -40,10 +40,7 @@ def variants(
         Path, typer.Option("-o", "--output", help="The folder for the results and the sheet.", file_okay=False)
     ] = Path("variants"),
     target: Annotated[
-        Path | None,
-        typer.Option(
-            help="A mesh to deform towards, instead of a prompt.", exists=True, dir_okay=False, show_default=False
-        ),
+        Path | None, typer.Option(help="A mesh to deform towards, instead of a prompt.", exists=True, dir_okay=False)
     ] = None,
     param: SetOption = None,
     force: ForceOption = False,
