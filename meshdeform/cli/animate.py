@@ -9,7 +9,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.local import check_free, write_all
+from meshdeform.cli.local import check_free, read_asset, write_all
 from meshdeform.cli.options import ForceOption
 from meshdeform.errors import ParameterError
 
@@ -50,8 +50,7 @@ def check_animation(path: Path, option: str) -> None:
 
 def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Settings) -> bytes:
     """Return a picture of a source that becomes its result, or of one turn of a source without one."""
-    from meshdeform.assets import Limits, load_asset
-    from meshdeform.assets.bundle import read_with_files
+    from meshdeform.assets import Limits
     from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
     from meshdeform.rendering.studio import Pose
     from meshdeform.runs.devices import use_threads
@@ -59,7 +58,7 @@ def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Se
 
     use_threads(settings.threads)
     limits = Limits.from_settings(settings)
-    asset = load_asset(read_with_files(source, limits), source.name, limits)
+    asset = read_asset(source, limits)
     before, kind = Pose(asset.surface.positions, asset.surface.normals), FORMATS[suffix.lower()]
     if result is None:
         return turntable_animation(asset.appearance(), before, kind=kind)

@@ -12,7 +12,7 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_request, written
-from meshdeform.cli.local import check_free, write_all
+from meshdeform.cli.local import check_free, read_asset, write_all
 from meshdeform.cli.options import MAX_STRENGTH, ForceOption
 from meshdeform.cli.request import make_request
 from meshdeform.errors import ParameterError
@@ -91,7 +91,7 @@ def _source(result: Path, report: dict[str, Any], source: Path | None, limits: L
     from meshdeform.assets.bundle import read_with_files
 
     if source is not None:
-        return load_asset(read_with_files(source, limits), source.name, limits)
+        return read_asset(source, limits)
     wanted = report["input"]
     if not wanted:
         raise ParameterError(

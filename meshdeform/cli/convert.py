@@ -9,7 +9,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.local import check_free, write_all
+from meshdeform.cli.local import check_free, read_asset, write_all
 from meshdeform.cli.options import ForceOption, JsonOption
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import ParameterError
@@ -62,11 +62,9 @@ def _converted(
     source: Path, ending: str, up: Literal["y", "z"], unit: Literal["m", "cm", "mm"]
 ) -> tuple[bytes, dict[str, Any], str]:
     """Return the file, and what is known of it as JSON and in words."""
-    from meshdeform.assets import Limits, load_asset
-    from meshdeform.assets.bundle import read_with_files
+    from meshdeform.assets import Limits
 
-    limits = Limits.from_settings(load_settings())
-    asset = load_asset(read_with_files(source, limits), source.name, limits)
+    asset = read_asset(source, Limits.from_settings(load_settings()))
     if ending == ".glb":
         warnings = list(asset.summary.warnings)
         triangles = len(asset.surface.triangles)

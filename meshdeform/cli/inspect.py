@@ -10,6 +10,7 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.local import LocalJob, read_asset
 from meshdeform.cli.options import JsonOption, SetOption
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.report_lines import orientation_line
@@ -46,11 +47,10 @@ def inspect(
     meshdeform inspect truck.glb --prompt "a car"
     """
     require("torch", "deform")
-    from meshdeform.assets import Limits, load_asset
+    from meshdeform.assets import Limits
     from meshdeform.runs.inspection import inspect_parts
 
-    limits = Limits.from_settings(load_settings())
-    found = inspect_parts(load_asset(asset.read_bytes(), asset.name, limits))
+    found = inspect_parts(read_asset(asset, Limits.from_settings(load_settings())))
     overrides = written(ctx)
     prompted = bool(prompt or overrides.get("guidance", {}).get("prompts"))
     if prompted:
@@ -70,7 +70,6 @@ def inspect(
 
 def _front(asset: Path, request: JobRequest) -> dict[str, Any]:
     """Return the orientation that a job would have, as its report would describe it."""
-    from meshdeform.cli.local import LocalJob
     from meshdeform.runs.text_deform import TextDeformRun
 
     job = LocalJob(request, {"asset": asset}, {}, load_settings())

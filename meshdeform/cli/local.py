@@ -31,6 +31,7 @@ from meshdeform.errors import AlignmentError, ParameterError, UnavailableError
 from meshdeform.support.collector import collection_paused
 
 if TYPE_CHECKING:
+    from meshdeform.assets import Asset, Limits
     from meshdeform.cli.options import Here
     from meshdeform.priors.base import Prior
     from meshdeform.requests.document import JobRequest
@@ -46,6 +47,7 @@ __all__ = [
     "check_outputs",
     "ctrl_c_between_steps",
     "find_taught",
+    "read_asset",
     "run_here",
     "second_ctrl_c_ends",
     "write_all",
@@ -237,6 +239,14 @@ def run_here(
     job.check(force=here.force, also=also, inputs=inputs)
     with show_progress(quiet=quiet) as progress:
         return job.run(progress)
+
+
+def read_asset(path: Path, limits: Limits) -> Asset:
+    """Return the asset in a file, with the files beside it that it names."""
+    from meshdeform.assets import load_asset
+    from meshdeform.assets.bundle import read_with_files
+
+    return load_asset(read_with_files(path, limits), path.name, limits)
 
 
 def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,16 +16,22 @@ from meshdeform.requests.choices import JobKind
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["make_request", "make_settings", "merge_params", "parse_files", "parse_labels"]
+__all__ = ["make_request", "make_settings", "merge_params", "parse_files", "parse_labels", "split_pairs"]
+
+
+def split_pairs(pairs: Sequence[str], option: str, form: str = "NAME=VALUE") -> Iterator[tuple[str, str]]:
+    """Yield the names and values of texts of the form NAME=VALUE."""
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals:
+            raise typer.BadParameter(f"{pair!r} is not {form}", param_hint=option)
+        yield name.strip(), value
 
 
 def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
     """Parse parameters written as NAME=VALUE, or GROUP.NAME=VALUE; a value that is not JSON is text."""
     parameters: dict[str, Any] = {}
-    for pair in pairs:
-        name, equals, value = pair.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{pair!r} is not NAME=VALUE", param_hint=option)
+    for name, value in split_pairs(pairs, option):
         try:
             read = json.loads(value)
         except ValueError:
@@ -49,13 +55,7 @@ def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
     """Parse labels written as NAME=TEXT."""
-    labels = {}
-    for pair in pairs:
-        name, equals, text = pair.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{pair!r} is not NAME=TEXT", param_hint="--label")
-        labels[name.strip()] = text
-    return labels
+    return dict(split_pairs(pairs, "--label", "NAME=TEXT"))
 
 
 def parse_files(pairs: Sequence[str] | None, kind: JobKind, first: Path) -> dict[str, Path]:

@@ -13,6 +13,7 @@ from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, check_glb, write_all
 from meshdeform.cli.options import ForceOption, JsonOption
 from meshdeform.cli.output import emit
+from meshdeform.cli.request import split_pairs
 from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def sketch(
     if parameters:
         _list(as_json=as_json)
         return
-    found = _guesses(drawing, family, _changes(change or []))
+    found = _guesses(drawing, family, {name: text.strip() for name, text in split_pairs(change or [], "--set")})
     output = output or Path(f"{drawing.stem if drawing else family}.glb")
     check_glb(output)
     paths = [output, *(output.with_suffix(f".{number}.glb") for number in range(2, len(found) + 1))]
@@ -95,17 +96,6 @@ def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list
         return [Guess.of(family, 1.0, changes)]
     first, *others = guess(drawing.read_bytes(), family=family)
     return [Guess.of(first.family, first.probability, {**first.values, **changes}), *others]
-
-
-def _changes(texts: Sequence[str]) -> dict[str, str]:
-    """Return NAME=VALUE texts as a dict."""
-    found = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--set")
-        found[name.strip()] = value.strip()
-    return found
 
 
 def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> None:

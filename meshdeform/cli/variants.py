@@ -11,8 +11,10 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.local import LocalJob, read_asset, write_all
 from meshdeform.cli.options import MAX_STRENGTH, ForceOption, QuietOption, SetOption
 from meshdeform.cli.output import note
+from meshdeform.cli.progress import show_progress
 from meshdeform.cli.request import make_request, merge_params
 from meshdeform.errors import ParameterError
 
@@ -106,14 +108,10 @@ def _made(
     quiet: bool,
 ) -> list[Path]:
     """Run each seed, write its strengths and the sheet, and return the paths."""
-    from meshdeform.assets import Limits, load_asset
-    from meshdeform.assets.bundle import read_with_files
-    from meshdeform.cli.local import LocalJob, write_all
-    from meshdeform.cli.progress import show_progress
+    from meshdeform.assets import Limits
     from meshdeform.rendering.variants import variant_sheet
 
-    limits = Limits.from_settings(settings)
-    source = load_asset(read_with_files(asset, limits), asset.name, limits)
+    source = read_asset(asset, Limits.from_settings(settings))
     paths, rows = [], []
     for seed, request in requests.items():
         note(f"Seed {seed}: {request.prompt}" if request.prompt else f"Seed {seed}", quiet=quiet)
