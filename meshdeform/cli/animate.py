@@ -10,7 +10,7 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, read_asset, write_all
-from meshdeform.cli.options import ForceOption
+from meshdeform.cli.options import ForceOption, output_option
 from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _SUFFIXES = (".webp", ".gif")
 def animate(
     source: Annotated[Path, typer.Argument(help="The asset before; alone: the asset to turn.", exists=True)],
     result: Annotated[Path | None, typer.Argument(help="Its deformed GLB.", exists=True)] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The .webp or .gif to write.")] = _DEFAULT,
+    output: Annotated[Path, output_option("The .webp or .gif to write.")] = _DEFAULT,
     force: ForceOption = False,
 ) -> None:
     """Draw SOURCE becoming RESULT and back, or one turn of SOURCE.

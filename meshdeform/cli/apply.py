@@ -11,9 +11,9 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import form_command, of_request, written
+from meshdeform.cli.form import of_request, with_options, written
 from meshdeform.cli.local import check_free, read_asset, write_all
-from meshdeform.cli.options import MAX_STRENGTH, ForceOption
+from meshdeform.cli.options import MAX_STRENGTH, ForceOption, file_argument, file_option, output_option
 from meshdeform.cli.request import make_request
 from meshdeform.errors import ParameterError
 
@@ -21,29 +21,21 @@ if TYPE_CHECKING:
     from meshdeform.assets import Asset, Limits
     from meshdeform.requests.morph import MorphPath
 
-__all__ = ["ApplyCommand", "apply"]
-
-ApplyCommand = form_command(of_request("output", "Morph", only=("morph_path",)))
+__all__ = ["apply"]
 
 
 @clean_errors
+@with_options(of_request("output", "Morph", only=("morph_path",)))
 def apply(
     ctx: typer.Context,
-    result: Annotated[Path, typer.Argument(help="The deformed GLB.", exists=True, dir_okay=False)],
+    result: Annotated[Path, file_argument("The deformed GLB.")],
     strength: Annotated[
         float, typer.Option(help="0: the source; 1: the result; more: exaggerated.", min=0.0, max=MAX_STRENGTH)
     ] = 1.0,
     source: Annotated[
-        Path | None,
-        typer.Option(
-            help="The asset that was deformed. Default: the one that the report beside RESULT names.",
-            exists=True,
-            dir_okay=False,
-        ),
+        Path | None, file_option("The asset that was deformed. Default: the one that the report beside RESULT names.")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="The GLB to write. Default: RESULT-60.glb.")
-    ] = None,
+    output: Annotated[Path | None, output_option("The GLB to write. Default: RESULT-60.glb.")] = None,
     morph: Annotated[bool, typer.Option("--morph", help="Instead: the whole way, as an animation.")] = False,
     compact: Annotated[bool, typer.Option("--compact", help="Drop data that the new shape made unused.")] = False,
     force: ForceOption = False,

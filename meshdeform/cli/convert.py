@@ -10,7 +10,7 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, read_asset, write_all
-from meshdeform.cli.options import ForceOption, JsonOption
+from meshdeform.cli.options import ForceOption, JsonOption, file_argument, output_option
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import ParameterError
 
@@ -25,10 +25,8 @@ _OBJ = (
 
 @clean_errors
 def convert(
-    asset: Annotated[Path, typer.Argument(help="A GLB; or a glTF, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="The file to write; its ending says the format: .glb or .stl.")
-    ],
+    asset: Annotated[Path, file_argument("A GLB; or a glTF, OBJ, PLY, STL or ZIP.")],
+    output: Annotated[Path, output_option("The file to write; its ending says the format: .glb or .stl.")],
     up: Annotated[Literal["y", "z"], typer.Option(help="Of an STL: the axis that points up. Slicers expect z.")] = "y",
     unit: Annotated[
         Literal["m", "cm", "mm"], typer.Option(help="Of an STL: the unit of lengths. Slicers expect mm.")

@@ -16,7 +16,7 @@ from enum import Enum
 from functools import partial
 from inspect import Parameter, Signature
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
 import typer
 from typer.core import TyperCommand
@@ -27,8 +27,19 @@ if TYPE_CHECKING:
 
 from meshdeform.cli.environment import complete_models
 
-__all__ = ["Form", "ShortForm", "form_command", "of_kind", "of_request", "overlaid", "parameter_choices", "written"]
+__all__ = [
+    "Form",
+    "ShortForm",
+    "form_command",
+    "of_kind",
+    "of_request",
+    "overlaid",
+    "parameter_choices",
+    "with_options",
+    "written",
+]
 
+_F = TypeVar("_F", bound=Callable[..., None])
 _META = "meshdeform.forms"
 _SENTENCE = re.compile(r"(?<=[a-z0-9)])[.:] ")
 
@@ -100,6 +111,16 @@ def form_command(*forms: Form) -> type[TyperCommand]:
         FORMS = forms
 
     return Command
+
+
+def with_options(*forms: Form) -> Callable[[_F], _F]:
+    """Give a command the options of these forms beside its own; the app makes them of `forms`."""
+
+    def add(command: _F) -> _F:
+        command.forms = forms  # type: ignore[attr-defined]
+        return command
+
+    return add
 
 
 def written(ctx: typer.Context, name: str = "params") -> dict[str, Any]:

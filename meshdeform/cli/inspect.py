@@ -9,9 +9,9 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.form import of_kind, overlaid, with_options, written
 from meshdeform.cli.local import LocalJob, read_asset
-from meshdeform.cli.options import JsonOption, SetOption
+from meshdeform.cli.options import JsonOption, SetOption, file_argument
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.report_lines import orientation_line
 from meshdeform.cli.request import make_request, merge_params
@@ -20,18 +20,17 @@ from meshdeform.cli.written import ALSO
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["InspectCommand", "inspect"]
+__all__ = ["inspect"]
 
 _SHOWN = 40
 _READ = ("guidance.model", "guidance.source_noun", "guidance.prompts")
 
-InspectCommand = form_command(of_kind("text_deform", short=ALSO, only=_READ))
-
 
 @clean_errors
+@with_options(of_kind("text_deform", short=ALSO, only=_READ))
 def inspect(
     ctx: typer.Context,
-    asset: Annotated[Path, typer.Argument(help="A GLB, OBJ, PLY or STL.", exists=True, dir_okay=False, readable=True)],
+    asset: Annotated[Path, file_argument("A GLB, OBJ, PLY or STL.")],
     prompt: Annotated[
         str, typer.Option(help="Also find the side that a job with this prompt would make the front.")
     ] = "",

@@ -21,7 +21,7 @@ import typer
 
 from meshdeform.cli.environment import command_line
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
-from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.form import of_kind, overlaid, with_options, written
 from meshdeform.cli.local import writing
 from meshdeform.cli.options import (
     JobIdArgument,
@@ -33,6 +33,7 @@ from meshdeform.cli.options import (
     SetOption,
     TimeoutOption,
     complete_states,
+    output_option,
 )
 from meshdeform.cli.output import ago, duration, emit, note, plain, table
 from meshdeform.cli.progress import show_progress
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
 __all__ = [
-    "BranchCommand",
     "Deadline",
     "branch",
     "cancel",
@@ -74,8 +74,6 @@ _ENDED = {
 }
 _PATIENCE_S = 120.0
 """Seconds that a service may be unreachable once it has responded: longer than a restart takes."""
-
-BranchCommand = form_command(of_kind("text_deform"))
 
 
 def refuse_other_place(place: JobPlace, *, here: Mapping[str, Any], there: Mapping[str, Any]) -> None:
@@ -383,9 +381,7 @@ def _complete_names(incomplete: str) -> list[str]:
 @clean_errors
 def fetch(
     job_id: JobIdArgument,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="The folder; default: named after the job.", file_okay=False)
-    ] = None,
+    output: Annotated[Path | None, output_option("The folder; default: named after the job.", file_okay=False)] = None,
     name: Annotated[
         list[str] | None,
         typer.Option(
@@ -528,6 +524,7 @@ def retry(job_id: JobIdArgument, *, place: Place, printed: Printed) -> None:
 
 
 @clean_errors
+@with_options(of_kind("text_deform"))
 def branch(
     ctx: typer.Context,
     job_id: JobIdArgument,

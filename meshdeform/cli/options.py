@@ -31,6 +31,9 @@ __all__ = [
     "complete_job_ids",
     "complete_parameters",
     "complete_states",
+    "file_argument",
+    "file_option",
+    "output_option",
 ]
 
 MAX_STRENGTH = 1.5
@@ -71,6 +74,21 @@ def complete_job_ids(ctx: typer.Context, incomplete: str) -> list[tuple[str, str
             jobs = list(islice(client.jobs(limit=50), 50))
         return [(job.id, plain(f"{job.state} {job.prompt}")) for job in jobs if job.id.startswith(incomplete)]
     return []
+
+
+def output_option(text: str, **more: Any) -> Any:
+    """Return the option for where the result goes."""
+    return typer.Option("-o", "--output", help=text, **more)
+
+
+def file_option(text: str, panel: str | None = None) -> Any:
+    """Return an option that is a file that exists."""
+    return typer.Option(help=text, exists=True, dir_okay=False, rich_help_panel=panel)
+
+
+def file_argument(text: str) -> Any:
+    """Return an argument that is a file that exists."""
+    return typer.Argument(help=text, exists=True, dir_okay=False)
 
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and errors as JSON on standard error.")]

@@ -11,25 +11,19 @@ import typer
 from meshdeform.cli.animate import check_animation, drawn_animation
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import form_command, of_kind, of_request, overlaid, written
+from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
 from meshdeform.cli.jobs import refuse_other_place, run_on_service
 from meshdeform.cli.local import check_glb, run_here, write_all
-from meshdeform.cli.options import Here, JobPlace, Printed, SetOption
+from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, output_option
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import make_request, merge_params, parse_files, parse_labels
 from meshdeform.cli.written import DEFORMATION, parse_pictures
 from meshdeform.requests.choices import JobKind
 
-__all__ = ["RunCommand", "run"]
+__all__ = ["run"]
 
 _OUTPUTS = "Outputs"
 _LOCAL = {JobKind.SURFACE_FIT: "surface-fit", JobKind.PRIOR_TEACH: "teach"}
-
-RunCommand = form_command(
-    of_kind("text_deform", short=DEFORMATION),
-    of_request("output", _OUTPUTS),
-    of_request("job", "Service", only=("kind", "priority", "deadline_s", "retention_s")),
-)
 
 
 def _file(text: str) -> Any:
@@ -37,32 +31,24 @@ def _file(text: str) -> Any:
 
 
 @clean_errors
+@with_options(
+    of_kind("text_deform", short=DEFORMATION),
+    of_request("output", _OUTPUTS),
+    of_request("job", "Service", only=("kind", "priority", "deadline_s", "retention_s")),
+)
 def run(
     ctx: typer.Context,
-    asset: Annotated[
-        Path,
-        typer.Argument(
-            help="The GLB, OBJ, PLY, STL or ZIP, or what else jobs of --kind read.", exists=True, dir_okay=False
-        ),
-    ],
+    asset: Annotated[Path, file_argument("The GLB, OBJ, PLY, STL or ZIP, or what else jobs of --kind read.")],
     prompt: Annotated[
         str, typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.')
     ] = "",
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", help="The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder."
-        ),
+        Path | None, output_option("The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder.")
     ] = None,
     report: Annotated[Path | None, _file("Where the report goes (default: beside the GLB).")] = None,
     preview: Annotated[Path | None, _file("Where the picture goes (default: beside the GLB).")] = None,
     animate: Annotated[Path | None, _file("Also draw source to result and back, as this .webp or .gif.")] = None,
-    target: Annotated[
-        Path | None,
-        typer.Option(
-            help="A mesh to deform towards, instead of a prompt.", exists=True, dir_okay=False, rich_help_panel="Method"
-        ),
-    ] = None,
+    target: Annotated[Path | None, file_option("A mesh to deform towards, instead of a prompt.", "Method")] = None,
     silhouette: Annotated[
         list[str] | None,
         typer.Option(

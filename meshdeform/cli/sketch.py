@@ -11,7 +11,7 @@ import typer
 from meshdeform.cli.environment import require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, check_glb, write_all
-from meshdeform.cli.options import ForceOption, JsonOption
+from meshdeform.cli.options import ForceOption, JsonOption, file_argument, output_option
 from meshdeform.cli.output import emit
 from meshdeform.cli.request import split_pairs
 from meshdeform.errors import ParameterError
@@ -25,14 +25,9 @@ __all__ = ["sketch"]
 @clean_errors
 def sketch(
     drawing: Annotated[
-        Path | None,
-        typer.Argument(
-            help="The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.", exists=True, dir_okay=False
-        ),
+        Path | None, file_argument("The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="The GLB of the first guess. Default: DRAWING.glb here.")
-    ] = None,
+    output: Annotated[Path | None, output_option("The GLB of the first guess. Default: DRAWING.glb here.")] = None,
     family: Annotated[
         str, typer.Option(help="What the drawing shows, such as chair: no other family is considered.")
     ] = "",
