@@ -56,10 +56,7 @@ export function defaultDirection() {
 
 /** Steers a camera around a box: pointer, touch and the commands of the keyboard. */
 export class CameraRig {
-  /**
-   * @param {HTMLElement} surface takes the pointer
-   * @param {() => void} changed the picture is old
-   */
+  /** @param {HTMLElement} surface takes the pointer @param {() => void} changed the picture is old */
   constructor(surface, changed) {
     this.camera = makeCamera();
     this.box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));

@@ -74,11 +74,7 @@ class Blend {
     }
   }
 
-  /**
-   * Let the way lead through a shape.
-   * @param {number} t the share at which it does
-   * @param {Pair} pair
-   */
+  /** Let the way lead through a shape. @param {number} t the share at which it does @param {Pair} pair */
   pass(t, { after, normals, tangents }) {
     const values = { position: after, normal: normals ?? normalsOf(after, this.original.index), tangent: tangents };
     for (const { name, knots } of this.tracks) {
@@ -138,11 +134,7 @@ export class Deformation {
     this.furthest = Math.max(this.furthest, t);
   }
 
-  /**
-   * Measure the whole deformation, whatever is shown at the moment.
-   * @param {Measure} kind
-   * @returns {Measured}
-   */
+  /** Measure the whole deformation, whatever is shown at the moment. @param {Measure} kind @returns {Measured} */
   measure(kind) {
     const known = this.measured.get(kind);
     if (known) return known;

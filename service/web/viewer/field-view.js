@@ -87,7 +87,6 @@ export class FieldView {
 
   /**
    * Colour the surface.
-   *
    * @param {Float32Array | null} values of its vertices, 0 to `most`; null: as it is
    * @param {number} most
    */
@@ -128,7 +127,6 @@ export class FieldView {
 
   /**
    * What the colours mean.
-   *
    * @param {string} label
    * @param {{ least: number, most: number }} values
    * @param {string} [unit]

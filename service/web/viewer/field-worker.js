@@ -56,7 +56,6 @@ const tasks = {
 
   /**
    * Distances from a place on the surface, or from the vertex that is farthest from it.
-   *
    * @param {{ level: number, place: number[] }} given
    * @returns {Heat}
    */
@@ -84,7 +83,6 @@ const tasks = {
 
   /**
    * An eigenfunction of the Laplacian, by its number from 1.
-   *
    * @param {{ level: number, number: number }} given
    * @returns {Mode}
    */
@@ -102,7 +100,6 @@ const tasks = {
 
   /**
    * What the field holds beside its surface, by its place among them.
-   *
    * @param {{ level: number, scalars: number, output: number }} given
    * @returns {Learned}
    */

@@ -5,10 +5,7 @@ const MAGIC = 0x46546c67; // "glTF"
 const JSON_CHUNK = 0x4e4f534a;
 const BINARY_CHUNK = 0x004e4942;
 
-/**
- * @param {ArrayBuffer} buffer
- * @returns {boolean} whether it begins as a GLB
- */
+/** @param {ArrayBuffer} buffer @returns {boolean} whether it begins as a GLB */
 export function isGlb(buffer) {
   return buffer.byteLength >= 20 && new DataView(buffer).getUint32(0, true) === MAGIC;
 }
@@ -55,10 +52,7 @@ export function withJson(buffer, json) {
   return out.buffer;
 }
 
-/**
- * @param {ArrayBuffer} glb
- * @returns {Uint8Array | null} the binary chunk; null if there is none
- */
+/** @param {ArrayBuffer} glb @returns {Uint8Array | null} the binary chunk; null if there is none */
 export function binaryChunk(glb) {
   const view = new DataView(glb);
   const at = 20 + view.getUint32(12, true);

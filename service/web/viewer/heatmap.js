@@ -42,11 +42,7 @@ const ISOLINES = `float level = vHeat * COUNT;
           float band = smoothstep(0.25 - fwidth(level), 0.25 + fwidth(level), abs(fract(level) - 0.5));
           if (vHeat >= 0.0) heatColor *= stripes > 0.5 ? mix(0.4, 1.0, band) : mix(0.25, 1.0, smoothstep(0.6, 1.4, beside));`;
 
-/**
- * @param {Measure} kind
- * @param {Measured} measured
- * @returns {Legend}
- */
+/** @param {Measure} kind @param {Measured} measured @returns {Legend} */
 export function makeLegend(kind, measured) {
   const { map, label, unit, scale } = KINDS[kind];
   const { min, max, p99, collapsed, diagonal } = measured;
@@ -127,10 +123,7 @@ export class HeatMaterial extends MeshStandardMaterial {
 
 /** Colours on the meshes of a deformation; `dispose` puts their materials back. */
 export class Heatmap {
-  /**
-   * @param {import("./deformation.js").Deformation} deformation
-   * @param {Measure} kind
-   */
+  /** @param {import("./deformation.js").Deformation} deformation @param {Measure} kind */
   constructor(deformation, kind) {
     const measured = deformation.measure(kind);
     this.legend = makeLegend(kind, measured);

@@ -78,7 +78,6 @@ function cotangent(sides, e) {
 
 /**
  * Flip until every inner edge is Delaunay.
- *
  * @param {Uint32Array} faces @param {Float64Array} sides @param {Int32Array} twin
  * @returns {number} of flips
  */

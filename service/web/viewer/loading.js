@@ -127,10 +127,7 @@ function localManager() {
   return manager;
 }
 
-/**
- * What a mesh without a material looks like.
- * @param {import("three").BufferGeometry} geometry
- */
+/** What a mesh without a material looks like. @param {import("three").BufferGeometry} geometry */
 export function clay(geometry) {
   const colored = geometry.hasAttribute("color");
   return new MeshStandardMaterial({
@@ -169,10 +166,7 @@ function reason(error) {
   return (error instanceof Error ? error.message : String(error)).replace(/^THREE\.\w+: /, "");
 }
 
-/**
- * Free everything that an asset keeps on the GPU.
- * @param {import("three").Object3D} root
- */
+/** Free everything that an asset keeps on the GPU. @param {import("three").Object3D} root */
 export function disposeAsset(root) {
   root.traverse((object) => {
     if (!(/** @type {any} */ (object).geometry)) return;

@@ -135,7 +135,6 @@ function decodeBase(symbols, steps, vertices, count, bits) {
 
 /**
  * Unpacks a section of 16-bit numbers, whose low bytes come first, then the high ones.
- *
  * @param {Uint8Array} data @param {number} size
  */
 async function numbers(data, size) {

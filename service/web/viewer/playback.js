@@ -9,10 +9,7 @@ export class Playback {
   #playing = false;
   #last = 0;
 
-  /**
-   * @param {import("three").Object3D} root
-   * @param {import("three").AnimationClip[]} clips
-   */
+  /** @param {import("three").Object3D} root @param {import("three").AnimationClip[]} clips */
   constructor(root, clips) {
     this.root = root;
     this.clips = clips;
@@ -23,10 +20,7 @@ export class Playback {
     return this.clips.map(({ name }, i) => name || `Animation ${i + 1}`);
   }
 
-  /**
-   * Play an animation from its start instead of any other, or none.
-   * @param {number | null} index
-   */
+  /** Play an animation from its start instead of any other, or none. @param {number | null} index */
   play(index) {
     this.#mixer?.stopAllAction();
     const clip = index === null ? undefined : this.clips[index];

@@ -7,12 +7,7 @@ let count = 0;
 /** @typedef {{ resized: (aspect: number) => void, changed: () => void, themed: (dark: boolean) => void }} Listeners */
 
 export class Surface {
-  /**
-   * @param {HTMLElement} container
-   * @param {string} label
-   * @param {string} instructions
-   * @param {Listeners} listeners
-   */
+  /** @param {HTMLElement} container @param {string} label @param {string} instructions @param {Listeners} listeners */
   constructor(container, label, instructions, listeners) {
     this.container = container;
     this.listeners = listeners;

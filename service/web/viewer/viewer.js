@@ -208,10 +208,7 @@ export class MeshViewer extends EventTarget {
     this.invalidate();
   }
 
-  /**
-   * Play an animation of the file, or none. Nothing plays by itself.
-   * @param {number | null} index
-   */
+  /** Play an animation of the file, or none. Nothing plays by itself. @param {number | null} index */
   playAnimation(index) {
     this.#playback?.play(index);
     this.stage.refreshShadow();

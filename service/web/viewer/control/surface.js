@@ -77,11 +77,7 @@ export function numberedSurface(root, excluded = []) {
   return ofFaces(floats(mesh.geometry.attributes.position, 3, null), cornersOf(mesh, 4), [triangleCount(mesh)]);
 }
 
-/**
- * @param {Float32Array} positions
- * @param {Uint32Array} corners
- * @param {number[]} counts
- */
+/** @param {Float32Array} positions @param {Uint32Array} corners @param {number[]} counts */
 function ofFaces(positions, corners, counts) {
   let first = 0;
   const parts = counts.map((count, node) => ({ node, mesh: node, material: null, first: (first += count) - count, count }));

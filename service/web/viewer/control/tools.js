@@ -226,7 +226,6 @@ export class ControlTools {
 
   /**
    * Let the camera have the fingers that a tool has held; the one that came last is on its way there.
-   *
    * @param {PointerEvent[]} fingers
    */
   #handOver(fingers) {
