@@ -40,10 +40,7 @@ export class LossChart {
     this._draw();
   }
 
-  /**
-   * @param {import("./history.js").Point[]} points
-   * @param {number} total Steps in all; 0 where not known.
-   */
+  /** @param {import("./history.js").Point[]} points @param {number} total Steps in all; 0 where not known. */
   show(points, total) {
     if (points === this.points && total === this.total) return;
     this.points = points;

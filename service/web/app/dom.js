@@ -28,10 +28,7 @@ export function h(tag, props, ...children) {
   return element;
 }
 
-/**
- * @param {Element} parent
- * @param {(Child | Child[])[]} children
- */
+/** @param {Element} parent @param {(Child | Child[])[]} children */
 export function append(parent, children) {
   for (const child of children.flat()) {
     if (child === null || child === undefined || child === false) continue;
@@ -107,7 +104,6 @@ export function icon(name) {
 
 /**
  * A button with an icon and a label; with `quiet`, the label is for screen readers and the tooltip.
- *
  * @param {string} label
  * @param {() => void} act
  * @param {{icon?: string, class?: string, quiet?: boolean, title?: string}} [options]

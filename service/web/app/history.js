@@ -47,7 +47,6 @@ export function emptyHistory() {
 
 /**
  * Return the history after one more event. An event that is known already changes nothing.
- *
  * @param {History} history
  * @param {JobEvent} event
  * @returns {History}
@@ -97,7 +96,6 @@ export function withEvent(history, event) {
 
 /**
  * The share of the steps that is done. The API's `fraction` never goes back; the steps of a recovered job do.
- *
  * @param {Record<string, any>} progress As in events and jobs.
  */
 export function shareDone(progress) {
@@ -105,10 +103,7 @@ export function shareDone(progress) {
   return total ? (Number(progress.step) || 0) / total : Number(progress.fraction) || 0;
 }
 
-/**
- * @param {Record<string, any>} data
- * @returns {Progress}
- */
+/** @param {Record<string, any>} data @returns {Progress} */
 function readProgress(data) {
   return {
     step: Number(data.step) || 0,
@@ -121,7 +116,6 @@ function readProgress(data) {
 
 /**
  * Add a point. A later attempt repeats steps: its points replace the earlier ones.
- *
  * @param {Point[]} points
  * @param {Record<string, any>} data
  * @returns {Point[]}

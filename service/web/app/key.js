@@ -28,10 +28,7 @@ export function forgetKey() {
   document.dispatchEvent(new Event("keychange"));
 }
 
-/**
- * @param {string} key
- * @param {boolean} remember
- */
+/** @param {string} key @param {boolean} remember */
 function keep(key, remember) {
   forgetKey();
   held = key;
@@ -45,7 +42,6 @@ function keep(key, remember) {
 
 /**
  * Ask the user for a key, once for all requests that want one.
- *
  * @param {string} refused The key that the server did not take; empty where none was sent.
  * @param {AbortSignal} [signal]
  * @returns {Promise<boolean>} Whether there is another key to try.
@@ -58,10 +54,7 @@ export function askForKey(refused, signal) {
   return asking;
 }
 
-/**
- * @param {boolean} wrong
- * @returns {Promise<boolean>}
- */
+/** @param {boolean} wrong @returns {Promise<boolean>} */
 function ask(wrong) {
   return new Promise((resolve) => {
     const field = h("input", {

@@ -21,7 +21,6 @@ export function credential() {
 
 /**
  * Ask for a key, but not those who came by a link, which no key mends.
- *
  * @param {string} refused
  * @param {AbortSignal} [signal]
  */

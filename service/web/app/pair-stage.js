@@ -43,7 +43,7 @@ export class PairStage {
     both.hidden = always;
     both.setAttribute("aria-pressed", String(wide));
     const reset = button("Reset view", () => this.views.forEach((view) => view.resetView()), { icon: "reset", quiet: true, class: "button-quiet" });
-    this.tools = h("div", { class: "stage-tools" }, this.colours, wireframe, both, reset);
+    this.tools = h("div", { class: "row stage-tools" }, this.colours, wireframe, both, reset);
     return h(
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": label },
@@ -54,7 +54,6 @@ export class PairStage {
 
   /**
    * Show a GLB, and another one, which may be the first in another shape.
-   *
    * @param {ArrayBuffer} first
    * @param {ArrayBuffer} second
    * @param {{apart?: boolean}} [options] `apart`: the second may have other materials than the first.

@@ -10,11 +10,7 @@ export function isAboutPrompt(error) {
   return error instanceof MeshdeformError && error.code.startsWith("prompt_");
 }
 
-/**
- * What was not understood, in one line.
- *
- * @param {MeshdeformError} error
- */
+/** What was not understood, in one line. @param {MeshdeformError} error */
 export function refusalText(error) {
   const unknown = unknownWords(error);
   if (unknown.length) return `Not understood: ${unknown.map((word) => `“${word}”`).join(", ")}.`;
@@ -29,7 +25,6 @@ function unknownWords(error) {
 
 /**
  * Prompts that would be understood: those that the server names, or those that the page finds.
- *
  * @param {MeshdeformError} error
  * @param {string} prompt
  * @param {import("./vocabulary.js").Vocabulary | null} known
@@ -45,7 +40,6 @@ export function repairs(error, prompt, known) {
 
 /**
  * Whether the server's prompts are near the one that was refused, and not merely examples.
- *
  * @param {MeshdeformError} error
  */
 function isNear(error) {
@@ -55,7 +49,6 @@ function isNear(error) {
 
 /**
  * Say what is wrong with a prompt, with buttons that repair it.
- *
  * @param {HTMLElement} place
  * @param {unknown} error A problem of the server, or a sentence.
  * @param {string} prompt
@@ -80,7 +73,6 @@ export function showRefusal(place, error, prompt, known, use) {
 
 /**
  * Return whether it is the negative prompt that is refused: the unknown words are not in the prompt.
- *
  * @param {MeshdeformError} error
  * @param {string} prompt
  */

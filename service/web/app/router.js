@@ -25,12 +25,7 @@ const TAUGHT = /^job:job_[0-9a-z]{1,64}$/;
 const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP_ID = /^[\w-]{1,64}$/;
 
-/**
- * The view that an address means.
- *
- * @param {string} hash With or without its `#`.
- * @returns {Route}
- */
+/** The view that an address means. @param {string} hash With or without its `#`. @returns {Route} */
 export function parseRoute(hash) {
   const [path, query = ""] = hash.replace(/^#/, "").split("?", 2);
   const parts = path.split("/").filter(Boolean);
@@ -68,11 +63,7 @@ export function parseRoute(hash) {
   return { name: "unknown", path: "/" + parts.join("/") };
 }
 
-/**
- * The address of a view, with its `#`.
- *
- * @param {Route} route
- */
+/** The address of a view, with its `#`. @param {Route} route */
 export function routeHash(route) {
   switch (route.name) {
     case "create":
@@ -110,7 +101,6 @@ function queryOf(values) {
 
 /**
  * Where `?job=ID`, which other programs can build more easily, leads; null where it says nothing.
- *
  * @param {string} search The query of the page's own address.
  */
 export function permalinkHash(search) {

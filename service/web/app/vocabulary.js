@@ -9,7 +9,6 @@
 
 /**
  * What `GET /v1/models` says, or what little is known where it says nothing.
- *
  * @param {any} document
  * @returns {Catalogue}
  */
@@ -28,10 +27,7 @@ export function catalogue(document) {
   return { default: typeof document?.default === "string" ? document.default : (models[0]?.id ?? ""), models };
 }
 
-/**
- * @param {any} document
- * @returns {Vocabulary}
- */
+/** @param {any} document @returns {Vocabulary} */
 function vocabulary(document) {
   const words = (/** @type {unknown} */ list) => (Array.isArray(list) ? list.map(String) : []);
   const nouns = words(document.nouns);
@@ -58,7 +54,6 @@ export function withArticle(word) {
 
 /**
  * The prompt with another noun, its adjectives kept: "a tall vase" becomes "a tall lamp".
- *
  * @param {string} prompt
  * @param {string} noun
  * @param {Vocabulary} known
@@ -70,7 +65,6 @@ export function withNoun(prompt, noun, known) {
 
 /**
  * The prompt with an adjective more, or without it where it has it.
- *
  * @param {string} prompt
  * @param {string} adjective
  * @param {Vocabulary} known
@@ -88,7 +82,6 @@ export function withAdjective(prompt, adjective, known) {
 /**
  * Prompts of different members of what a prompt allows: itself, then each time with one attribute more. Another seed
  * alone hardly changes a result. Beyond the last attribute the prompt itself is repeated.
- *
  * @param {string} prompt
  * @param {number} count
  * @param {Vocabulary | null} known
@@ -124,7 +117,6 @@ function used(prompt, known) {
 /**
  * Three prompts of known words, close to one with unknown words: "a red mushrom" gives "a mushroom". A noun that it
  * has is kept with its adjectives; else come the nouns that are spelled most alike.
- *
  * @param {string} prompt
  * @param {Record<string, string>} meant Known words that the server takes for unknown ones.
  * @param {Vocabulary} known
@@ -141,12 +133,7 @@ export function nearby(prompt, meant, known) {
   return closest.slice(0, 3).map(({ noun }) => withArticle([...kept, noun].join(" ")));
 }
 
-/**
- * How many letters must be put in, taken out or changed.
- *
- * @param {string} a
- * @param {string} b
- */
+/** How many letters must be put in, taken out or changed. @param {string} a @param {string} b */
 function edits(a, b) {
   let row = Array.from({ length: b.length + 1 }, (_, index) => index);
   for (let i = 1; i <= a.length; i += 1) {
@@ -161,7 +148,6 @@ function edits(a, b) {
 
 /**
  * A prompt by chance, of a noun and now and then an adjective.
- *
  * @param {Vocabulary} known
  * @param {() => number} [random]
  */

@@ -19,10 +19,7 @@ const ADVICE =
   "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files; or points with normals (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).";
 
 export class AssetPanel {
-  /**
-   * @param {import("../scope.js").Scope} scope
-   * @param {(asset: Asset | null) => void} onChange
-   */
+  /** @param {import("../scope.js").Scope} scope @param {(asset: Asset | null) => void} onChange */
   constructor(scope, onChange) {
     this.scope = scope;
     this.onChange = onChange;
@@ -72,7 +69,7 @@ export class AssetPanel {
         h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, `Or drop a ${WORDS} anywhere on this page.`), h("span", { class: "without-mouse" }, WORDS))),
         h("div", { class: "row" }, choose, this.input),
       ),
-      h("div", { class: "example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
+      h("div", { class: "row example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
     );
   }
 
@@ -185,10 +182,7 @@ export class AssetPanel {
     fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, parts.join(" · ")), ...warnings.map((text) => h("span", null, text)));
   }
 
-  /**
-   * @param {string} text Empty: all is well.
-   * @param {string} [advice]
-   */
+  /** @param {string} text Empty: all is well. @param {string} [advice] */
   refuse(text, advice = "") {
     this.problem.hidden = !text;
     fill(this.problem, text ? h("strong", null, text) : null, advice ? h("span", null, " ", advice) : null);

@@ -34,7 +34,6 @@ export function fieldRow(field, [unchosen, untyped], onInput) {
 
 /**
  * Show what is wrong with a field; empty: nothing.
- *
  * @param {{input: HTMLElement, problem: HTMLElement}} field
  * @param {string} text
  */

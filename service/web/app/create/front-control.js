@@ -9,7 +9,6 @@ const STEP = 5;
 
 /**
  * The angle that a value of the parameter `orientation` means.
- *
  * @param {string} value "auto", "keep", an angle in degrees, or empty
  * @returns {number | null} 0 to 359; null where the model decides
  */

@@ -6,11 +6,7 @@ import { fieldProblem, numbersOf } from "../params.js";
 import { fieldRow, markField } from "./field-rows.js";
 
 export class NumberRows {
-  /**
-   * @param {string} kind
-   * @param {string[]} first Names of the usual ones.
-   * @param {() => void} onInput
-   */
+  /** @param {string} kind @param {string[]} first Names of the usual ones. @param {() => void} onInput */
   constructor(kind, first, onInput) {
     this.kind = kind;
     this.names = first;

@@ -7,10 +7,7 @@ import { isUnused } from "../groups.js";
 import { fieldProblem, formOf, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
 
 export class SettingsPanel {
-  /**
-   * @param {() => void} onChange
-   * @param {(model: import("../vocabulary.js").Model | null) => void} onModel
-   */
+  /** @param {() => void} onChange @param {(model: import("../vocabulary.js").Model | null) => void} onModel */
   constructor(onChange, onModel) {
     this.onChange = onChange;
     this.onModel = onModel;
@@ -111,7 +108,6 @@ export class SettingsPanel {
 
   /**
    * Show what the server says of a parameter beside it.
-   *
    * @param {any[]} errors Of a problem document.
    * @returns {boolean} Whether each of them has found its place.
    */
@@ -190,10 +186,7 @@ export class SettingsPanel {
     return Math.min(MAX_VARIATIONS, Math.max(1, Math.round(Number(this.variations.input.value)) || 1));
   }
 
-  /**
-   * @param {string} prompt
-   * @returns {import("../params.js").Wish}
-   */
+  /** @param {string} prompt @returns {import("../params.js").Wish} */
   wish(prompt) {
     return {
       prompt,
@@ -253,7 +246,6 @@ export class SettingsPanel {
 
 /**
  * A field for a whole number, and what is wrong with what is in it.
- *
  * @param {string} id
  * @param {number} min
  * @param {number} max

@@ -17,7 +17,6 @@ const MOST_ANCHORS = 256;
 
 /**
  * Pairs of points, one in each line: `1,0,0 : 0,0,1`, or as `--anchor` has them.
- *
  * @param {string} text
  * @returns {{ anchors: Anchor[], problem: string }}
  */

@@ -169,7 +169,6 @@ export class CreateView {
 
   /**
    * Use the asset of a job, or of an example.
-   *
    * @param {string} from
    * @returns {Promise<import("../params.js").Wish | null>} Its settings.
    */
@@ -275,10 +274,7 @@ export class CreateView {
     }
   }
 
-  /**
-   * @param {any} found
-   * @param {import("../params.js").Wish} wish
-   */
+  /** @param {any} found @param {import("../params.js").Wish} wish */
   _good(found, wish) {
     this.steps = found.params.steps;
     this.prompt.refuse(null);

@@ -34,17 +34,14 @@ export class JobActions {
     this.scope = scope;
     this.onChange = onChange;
     this.chosenStep = chosenStep;
-    this.element = h("div", { class: "actions", role: "group", "aria-label": "Actions" });
+    this.element = h("div", { class: "row", role: "group", "aria-label": "Actions" });
     this.key = "";
     this.busy = false;
     /** What was typed for a new version, for whoever closes the dialog by mistake. */
     this.typed = "";
   }
 
-  /**
-   * @param {string} state
-   * @param {number[]} checkpoints
-   */
+  /** @param {string} state @param {number[]} checkpoints */
   show(state, checkpoints) {
     const key = `${state} ${checkpoints.length > 0}`;
     this.checkpoints = checkpoints;
@@ -108,11 +105,7 @@ export class JobActions {
     }
   }
 
-  /**
-   * The same variation at the next quality.
-   *
-   * @param {{title: string, document: any}} better
-   */
+  /** The same variation at the next quality. @param {{title: string, document: any}} better */
   async _refine({ title, document }) {
     if (this.busy) return;
     this.busy = true;

@@ -30,7 +30,6 @@ function guideWords({ files = {}, ...job }) {
 
 /**
  * A button that shows over a view what is kept, and where handles lead; null where nothing was asked.
- *
  * @param {any} job
  * @param {import("../viewer-box.js").ViewerBox} box Shows the asset.
  * @param {import("../scope.js").Scope} scope

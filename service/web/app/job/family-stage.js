@@ -14,10 +14,7 @@ import { slider } from "./stage-controls.js";
 import { WallView } from "./wall-view.js";
 
 export class FamilyStage extends PictureStage {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   */
+  /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
     super(job, scope);
     this.flat = false; // nothing can be drawn here
@@ -39,12 +36,7 @@ export class FamilyStage extends PictureStage {
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
   }
 
-  /**
-   * Show what the job made.
-   *
-   * @param {any} report
-   * @param {string[]} names Of its artifacts.
-   */
+  /** Show what the job made. @param {any} report @param {string[]} names Of its artifacts. */
   async finished(report, names) {
     this.report = report;
     const read = (/** @type {string} */ name) => client.bytes(`v1/jobs/${this.job.id}/artifacts/${name}`, { signal: this.scope.signal });

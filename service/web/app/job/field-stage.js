@@ -20,10 +20,7 @@ const SAMPLES = 2000;
 const FIRST_FACES = 40_000; // levels come by themselves up to about as many
 
 export class FieldStage {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   */
+  /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
     this.job = job;
     this.scope = scope;
@@ -45,7 +42,7 @@ export class FieldStage {
     this.modes.input.value = "0";
     this.scalars = chooser("field-scalars", "Scalars", () => this._scalar(Number(this.scalars.input.value)));
     const stripes = toggle("Stripes", (on) => this.view.stripe(on));
-    this.tools = h("div", { class: "stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, stripes, this.wires, reset);
+    this.tools = h("div", { class: "row stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, stripes, this.wires, reset);
     const save = button("Download this level", () => this._download(), { icon: "download" });
     const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
     this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture, handOnButtons(async () => this._mesh()));
@@ -106,10 +103,7 @@ export class FieldStage {
     });
   }
 
-  /**
-   * @param {number[]} checkpoints Steps whose mesh is kept.
-   * @param {boolean} finished
-   */
+  /** @param {number[]} checkpoints Steps whose mesh is kept. @param {boolean} finished */
   async offer(checkpoints, finished) {
     if (finished) {
       if (!this.opened && !this.opening) this.ready = this._open();

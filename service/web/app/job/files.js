@@ -13,7 +13,6 @@ const NAMED_BYTES = 256 << 20;
 
 /**
  * Save a file of the server.
- *
  * @param {string} path
  * @param {string} name
  * @param {number} size
@@ -36,7 +35,6 @@ export async function download(path, name, size, signable, scope) {
 
 /**
  * Let the service make an artifact of a finished job, and save it.
- *
  * @param {any} job
  * @param {string} name
  * @param {import("../scope.js").Scope} scope
@@ -54,7 +52,6 @@ export async function downloadMade(job, name, scope) {
 
 /**
  * Copy an address of an artifact or a job that needs no key, and say how long it works.
- *
  * @param {string} path
  * @param {import("../scope.js").Scope} scope
  * @param {string} [opens] What it opens, where that is more than what was asked for.
@@ -69,20 +66,14 @@ export async function copyLink(path, scope, opens = "") {
   }
 }
 
-/**
- * @param {Blob} blob
- * @param {string} name
- */
+/** @param {Blob} blob @param {string} name */
 export function saveBytes(blob, name) {
   const url = URL.createObjectURL(blob);
   save(url, name);
   setTimeout(() => URL.revokeObjectURL(url), 10000);
 }
 
-/**
- * @param {string} url
- * @param {string} name
- */
+/** @param {string} url @param {string} name */
 function save(url, name) {
   const link = h("a", { href: url, download: name });
   document.body.append(link);
@@ -90,10 +81,7 @@ function save(url, name) {
   link.remove();
 }
 
-/**
- * @param {string} path
- * @param {string} name
- */
+/** @param {string} path @param {string} name */
 export function copyCurl(path, name) {
   // A shell reads nothing in single quotes; the key stays where it is.
   const quoted = (/** @type {string} */ text) => `'${text.replaceAll("'", "'\\''")}'`;
@@ -101,10 +89,7 @@ export function copyCurl(path, name) {
   return copyText(`curl ${key}-o ${quoted(name)} ${quoted(client.url(path))}`, "Command copied");
 }
 
-/**
- * @param {string} text
- * @param {string} done
- */
+/** @param {string} text @param {string} done */
 export async function copyText(text, done) {
   try {
     await navigator.clipboard.writeText(text);

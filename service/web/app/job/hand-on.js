@@ -8,7 +8,6 @@ import { routeHash } from "../router.js";
 
 /**
  * Two buttons; none for who looks by a link, who may start nothing.
- *
  * @param {() => Promise<{bytes: ArrayBuffer, name: string} | null>} mesh Returns a GLB; null while there is none.
  */
 export function handOnButtons(mesh) {

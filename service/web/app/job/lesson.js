@@ -11,12 +11,7 @@ export function isLesson(job) {
   return job.kind === "prior_teach";
 }
 
-/**
- * What the report of a lesson says, in sentences.
- *
- * @param {any} report
- * @returns {import("../quality.js").Finding[]}
- */
+/** What the report of a lesson says, in sentences. @param {any} report @returns {import("../quality.js").Finding[]} */
 export function lessonFindings(report) {
   const { new: learned, old_before: before, old_after: after } = report.retrieval;
   const word = withArticle(report.noun);
@@ -28,10 +23,7 @@ export function lessonFindings(report) {
   ];
 }
 
-/**
- * @param {any} job
- * @param {any} report
- */
+/** @param {any} job @param {any} report */
 export function lessonPanel(job, report) {
   const prompt = withArticle(report.noun);
   return h(

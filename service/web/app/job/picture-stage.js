@@ -3,10 +3,7 @@
 import { fill, h } from "../dom.js";
 
 export class PictureStage {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   */
+  /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
     this.job = job;
     this.scope = scope;

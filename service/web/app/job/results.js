@@ -59,11 +59,7 @@ export function qualityPanel(report) {
   );
 }
 
-/**
- * @param {any} job
- * @param {any[]} artifacts
- * @param {import("../scope.js").Scope} scope
- */
+/** @param {any} job @param {any[]} artifacts @param {import("../scope.js").Scope} scope */
 export function filesPanel(job, artifacts, scope) {
   const order = Object.keys(FILES);
   // Who came by a link reads what there is.
@@ -107,10 +103,7 @@ export function filesPanel(job, artifacts, scope) {
   );
 }
 
-/**
- * @param {string[]} order
- * @param {string} name
- */
+/** @param {string[]} order @param {string} name */
 function rank(order, name) {
   const found = order.indexOf(name);
   return found < 0 ? order.length : found;

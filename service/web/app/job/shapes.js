@@ -50,17 +50,13 @@ export class ShapeCache {
     scope.add(() => this.known.clear());
   }
 
-  /**
-   * @param {string} path
-   * @returns {Promise<ArrayBuffer>} Not to be changed: others read it too.
-   */
+  /** @param {string} path @returns {Promise<ArrayBuffer>} Not to be changed: others read it too. */
   async get(path) {
     return this.known.get(path) ?? this._keep(path, await client.bytes(path, { signal: this.scope.signal }));
   }
 
   /**
    * A shape to be shown: of a large one only its vertices are fetched.
-   *
    * @param {string} path Of a file, not of a shape that the server makes for each request.
    * @param {ArrayBuffer} source What the shape was made of.
    * @returns {Promise<ArrayBuffer>} Not to be changed: others read it too. It has the materials of the source.

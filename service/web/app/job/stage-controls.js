@@ -21,10 +21,7 @@ export function segmented(label, options, chosen, onChange) {
   );
 }
 
-/**
- * @param {string} label
- * @param {(on: boolean) => void} onChange
- */
+/** @param {string} label @param {(on: boolean) => void} onChange */
 export function toggle(label, onChange) {
   const element = h("button", { type: "button", class: "button button-toggle", "aria-pressed": "false" }, label);
   element.addEventListener("click", () => {
@@ -37,7 +34,6 @@ export function toggle(label, onChange) {
 
 /**
  * A slider with its label and its value.
- *
  * @param {string} id
  * @param {string} label
  * @param {number} max
@@ -53,7 +49,6 @@ export function slider(id, label, max, onInput, between = null) {
 
 /**
  * A list with its label, of which one thing is chosen.
- *
  * @param {string} id
  * @param {string} label
  * @param {() => void} onChange
@@ -66,7 +61,6 @@ export function chooser(id, label, onChange) {
 
 /**
  * Explain the colours of a heat map.
- *
  * @param {HTMLElement} legend
  * @param {import("../viewer-box.js").Scale | null} scale
  */

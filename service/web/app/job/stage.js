@@ -28,10 +28,7 @@ const HEATMAPS = /** @type {[("none" | "displacement" | "stretch" | "texture"), 
 ]);
 
 export class JobStage {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   */
+  /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
     this.job = job;
     this.scope = scope;
@@ -91,7 +88,7 @@ export class JobStage {
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": "Before and after" },
       h("div", { class: "stage pair-stage" }, this.before.element, this.after.element, this.legend),
-      h("div", { class: "stage-tools" }, this.heatmaps, wireframe, askedToggle(this.job, this.before, this.scope), compare, reset),
+      h("div", { class: "row stage-tools" }, this.heatmaps, wireframe, askedToggle(this.job, this.before, this.scope), compare, reset),
       this.step.row,
       this.morph.row,
       this.keep,
@@ -121,7 +118,6 @@ export class JobStage {
 
   /**
    * Say which shapes there are; the newest is shown, unless the user looks at another.
-   *
    * @param {number[]} checkpoints Steps whose mesh is kept.
    * @param {boolean} finished Whether there is a result.
    * @param {number} lastStep
@@ -254,10 +250,7 @@ export class JobStage {
     }
   }
 
-  /**
-   * @param {Shape} shape
-   * @param {unknown} error
-   */
+  /** @param {Shape} shape @param {unknown} error */
   async _missing(shape, error) {
     // A checkpoint gives way to newer ones: the next one will do.
     if (error instanceof MeshdeformError && error.status === 404) {

@@ -36,11 +36,7 @@ const SAID = /** @type {Record<string, string>} */ ({
 });
 
 export class JobView {
-  /**
-   * @param {HTMLElement} root
-   * @param {import("../scope.js").Scope} scope
-   * @param {string} id
-   */
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {string} id */
   constructor(root, scope, id) {
     this.root = root;
     this.scope = scope;
@@ -93,7 +89,7 @@ export class JobView {
           ? h("p", { class: "small muted" }, "You see this job by a link. It shows no other job, and changes nothing.")
           : h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
         h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
-        h("p", { class: "meta" }, this.badge, meta(job)),
+        h("p", { class: "row meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
       h(

@@ -31,10 +31,7 @@ export class Way {
     this.beyond = false;
   }
 
-  /**
-   * Load what the view needs on the way to a share, once.
-   * @param {number} share in percent
-   */
+  /** Load what the view needs on the way to a share, once. @param {number} share in percent */
   async open(share) {
     // First what is missing most.
     const wanted = [...(share > 100 && !this.beyond ? BEYOND : []), ...(this.along ? [] : ALONG)];

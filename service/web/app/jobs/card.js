@@ -30,7 +30,7 @@ export class JobCard {
     this.meta = h("span", { class: "small muted" });
     this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, this.heading || jobTitle(job));
     this.box = h("input", { type: "checkbox", "aria-label": `Select ${this.heading || jobTitle(job)}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
-    this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "card-meta" }, this.badge, this.meta)));
+    this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "row card-meta" }, this.badge, this.meta)));
     this.state = "";
     this.show(job);
   }

@@ -11,7 +11,6 @@ const MOST_STRENGTHS = 6;
 
 /**
  * Strengths in percent from what was typed; null where it is no list of them.
- *
  * @param {string} text Such as "50, 100, 130".
  */
 export function strengthsOf(text) {
@@ -21,10 +20,7 @@ export function strengthsOf(text) {
 }
 
 export class SheetPanel {
-  /**
-   * @param {import("../scope.js").Scope} scope
-   * @param {() => any[]} jobs The finished ones, in order.
-   */
+  /** @param {import("../scope.js").Scope} scope @param {() => any[]} jobs The finished ones, in order. */
   constructor(scope, jobs) {
     this.scope = scope;
     this.jobs = jobs;

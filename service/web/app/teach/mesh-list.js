@@ -34,7 +34,6 @@ export class MeshList {
 
   /**
    * What to send: the file itself, or a ZIP in which folders name the labels.
-   *
    * @param {string} name Of the ZIP.
    * @param {boolean} [alone] Whether a single mesh may be sent by itself.
    * @returns {Promise<File>}

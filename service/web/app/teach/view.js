@@ -11,10 +11,7 @@ import { adjectives, catalogue } from "../vocabulary.js";
 const STEPS = 600;
 
 export class TeachView {
-  /**
-   * @param {HTMLElement} root
-   * @param {import("../scope.js").Scope} scope
-   */
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope */
   constructor(root, scope) {
     this.scope = scope;
     this.zone = new MeshZone(scope, {
@@ -102,11 +99,7 @@ export class TeachView {
   }
 }
 
-/**
- * @param {string} label
- * @param {string} placeholder
- * @param {string} help
- */
+/** @param {string} label @param {string} placeholder @param {string} help */
 function textField(label, placeholder, help) {
   const id = uniqueId("teach");
   const input = h("input", { id, type: "text", placeholder, autocomplete: "off", autocapitalize: "none", "aria-describedby": `${id}-help ${id}-problem` });

@@ -21,10 +21,7 @@ const NO_PARTS = { nodes: [], materials: [], mesh_names: [] };
 const MOST_REGIONS = 64;
 
 export class ControlPanel {
-  /**
-   * @param {import("../../viewer-box.js").ViewerBox} box
-   * @param {() => void} onChange
-   */
+  /** @param {import("../../viewer-box.js").ViewerBox} box @param {() => void} onChange */
   constructor(box, onChange) {
     this.onChange = onChange;
     this.control = noControl();

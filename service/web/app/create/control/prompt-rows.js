@@ -62,12 +62,7 @@ export class PromptRows {
     for (const each of this.prompts) if (each.where === "all" && regionsOf(this.panel.control.regions, each.id).length) each.where = "in";
   }
 
-  /**
-   * Take a tool in hand for the regions of a prompt.
-   *
-   * @param {Further} each
-   * @param {"paint" | "box" | "part"} tool
-   */
+  /** Take a tool in hand for the regions of a prompt. @param {Further} each @param {"paint" | "box" | "part"} tool */
   _pick(each, tool) {
     const { panel } = this;
     if (each.where === "all") each.where = "in";
@@ -175,7 +170,6 @@ export class PromptRows {
 
   /**
    * Say which of the prompts the model does not understand, with what it would.
-   *
    * @param {import("../../client.js").MeshdeformError} error
    * @param {boolean} alone Whether the request has no prompt of its own.
    * @param {import("../../vocabulary.js").Vocabulary | null} known

@@ -12,7 +12,6 @@ import { AXES, facesOf, facesText, regionWords } from "./model.js";
 
 /**
  * A field for a number.
- *
  * @param {string} label For screen readers.
  * @param {() => number | null | undefined} get
  * @param {(value: number) => void} set
@@ -36,11 +35,7 @@ export function numberField(label, get, set) {
   return { input, show };
 }
 
-/**
- * @param {string} name
- * @param {() => number[]} get
- * @param {(place: number[]) => void} set
- */
+/** @param {string} name @param {() => number[]} get @param {(place: number[]) => void} set */
 export function placeFields(name, get, set) {
   const fields = AXES.map((axis, i) =>
     numberField(`${name} ${axis}`, () => get()[i], (value) => set(get().map((old, at) => (at === i ? value : old)))),

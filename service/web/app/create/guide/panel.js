@@ -49,11 +49,7 @@ export class GuidePanel {
     this._show();
   }
 
-  /**
-   * Take files that were chosen or dropped.
-   *
-   * @param {File[]} files
-   */
+  /** Take files that were chosen or dropped. @param {File[]} files */
   take(files) {
     const pictures = files.filter(({ name }) => PICTURES.test(name));
     if (pictures.length) return this._takePictures(pictures);
@@ -180,7 +176,7 @@ export class GuidePanel {
     pairs.hidden = !this.targets.possible;
     const add = button("Add a pair", () => this.addPair(this.targets.places), { class: "chip" });
     return [
-      h("div", { class: "guide-head" }, h("strong", null, "Target mesh"), h("span", { class: "muted" }, `${target.name} · ${bytes(target.size)}`), button("Remove the target", () => this.remove(), { icon: "trash", quiet: true, class: "button-quiet" })),
+      h("div", { class: "row guide-head" }, h("strong", null, "Target mesh"), h("span", { class: "muted" }, `${target.name} · ${bytes(target.size)}`), button("Remove the target", () => this.remove(), { icon: "trash", quiet: true, class: "button-quiet" })),
       h("label", { class: "field-label", for: "target-align" }, "Alignment"),
       align,
       h("div", { class: "chips" }, pairs, add),
