@@ -124,6 +124,28 @@ export function button(label, act, options = {}) {
   );
 }
 
+/** A panel with a title. @param {string} id Of the title. @param {string} title @param {...(Child | Child[])} children */
+export function panel(id, title, ...children) {
+  return h("section", { class: "panel", "aria-labelledby": id }, h("div", { class: "panel-head" }, h("h2", { id }, title)), ...children);
+}
+
+/** A field with its label. @param {string} id Of the input. @param {string} label @param {...(Child | Child[])} children */
+export function labelled(id, label, ...children) {
+  return h("div", { class: "field" }, h("label", { class: "field-label", for: id }, label), ...children);
+}
+
+/** Say something in a place that is hidden while there is nothing to say. @param {HTMLElement} place @param {string} text */
+export function say(place, text) {
+  place.hidden = !text;
+  place.textContent = text;
+}
+
+/** Mark what was typed as wrong, or as right again. @param {Element} input @param {boolean} wrong */
+export function invalid(input, wrong) {
+  if (wrong) input.setAttribute("aria-invalid", "true");
+  else input.removeAttribute("aria-invalid");
+}
+
 let ids = 0;
 
 /** An id that no other element of the page has. @param {string} prefix */

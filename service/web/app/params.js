@@ -13,6 +13,7 @@
  * @property {number} [max]
  * @property {[string, string][]} [choices] Value and label.
  * @property {boolean} [numbers] Whether some of the choices are numbers.
+ * @property {number} [standard] Its default, where the page shows it.
  *
  * @typedef {{fields: Field[], groups: import("./groups.js").Groups}} Form What a form offers, and the groups in which a request has it.
  *
@@ -71,7 +72,7 @@ export function formOf(schema) {
 /**
  * All parameters of a kind of job that are numbers, as `GET /v1/limits` declares them, each with its default.
  * @param {any} schema The JSON schema of the kind's parameters.
- * @returns {(Field & {standard: number})[]}
+ * @returns {Field[]}
  */
 export function numbersOf(schema) {
   const numbers = Object.entries(schema?.properties ?? {}).filter(([, member]) => member.type === "integer" || member.type === "number");

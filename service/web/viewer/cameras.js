@@ -172,15 +172,9 @@ export class CameraRig {
   }
 }
 
-/**
- * @typedef {EventTarget & { rig: CameraRig, ready: boolean, ownBox: Box3 }} Linkable
- */
+/** @typedef {EventTarget & { rig: CameraRig, ready: boolean, ownBox: Box3 }} Linkable */
 
-/**
- * Let viewers move together. All frame the box around all of them, so that sizes can be compared.
- * @param {...Linkable} viewers
- * @returns {() => void} undo it
- */
+/** Let viewers move together. All frame the box around all of them, so that sizes can be compared. @param {...Linkable} viewers */
 export function linkCameras(...viewers) {
   let busy = false;
   const follow = (/** @type {Event} */ event) => {
@@ -215,12 +209,4 @@ export function linkCameras(...viewers) {
     viewer.addEventListener("ready", settle);
   }
   if (viewers.some((viewer) => viewer.ready)) settle();
-  return () => {
-    for (const viewer of viewers) {
-      viewer.removeEventListener("camerachange", follow);
-      viewer.removeEventListener("camerareset", reset);
-      viewer.removeEventListener("ready", settle);
-      viewer.rig.setBox(viewer.ownBox);
-    }
-  };
 }

@@ -158,23 +158,20 @@ export class FieldView {
   }
 
   /** @param {{ clientX: number, clientY: number }} event @returns {number[] | null} the place on the surface below the pointer */
-  placeAt({ clientX, clientY }) {
+  placeAt(event) {
     const { mesh } = this;
     if (!mesh) return null;
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
     this.viewer.rig.camera.updateMatrixWorld();
-    this.caster.setFromCamera(new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height), this.viewer.rig.camera);
+    this.caster.setFromCamera(new Vector2(...this.viewer.surface.place(event)), this.viewer.rig.camera);
     return this.caster.intersectObject(mesh, false)[0]?.point.toArray() ?? null;
   }
 
   /** @param {PointerEvent} event @returns {boolean} whether the pointer is on the source */
   #grips(event) {
     if (!this.marker.visible) return false;
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
     this.viewer.rig.camera.updateMatrixWorld();
     const seen = this.marker.position.clone().project(this.viewer.rig.camera);
-    const apart = Math.hypot(((seen.x + 1) / 2) * width + left - event.clientX, ((1 - seen.y) / 2) * height + top - event.clientY);
-    return apart < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other);
+    return this.viewer.surface.apart(event, seen) < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other);
   }
 
   /** A click puts the source somewhere; from where it is, it is dragged. What begins elsewhere turns the camera. @param {PointerEvent} event */

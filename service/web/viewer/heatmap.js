@@ -20,9 +20,7 @@ import { colorRow, cssGradient, pieceColors, positionOf, ticks } from "./colorma
  * @property {number} min
  * @property {number} max
  * @property {number} p99 99 % of the vertices (displacement) or faces (others) are below
- * @property {{ min: number, max: number, p99: number } | null} percent of the source's bounding-box diagonal
  * @property {string} problem why there is nothing to see, or empty
- * @property {number} collapsed faces without area in the result, not counted elsewhere
  * @property {"linear" | "log"} scale
  * @property {[number, number]} range values at the ends of the colours; what is above has the last one
  * @property {string} gradient the colours as a CSS image, from left to right
@@ -45,8 +43,7 @@ const ISOLINES = `float level = vHeat * COUNT;
 /** @param {Measure} kind @param {Measured} measured @returns {Legend} */
 export function makeLegend(kind, measured) {
   const { map, label, unit, scale } = KINDS[kind];
-  const { min, max, p99, collapsed, diagonal } = measured;
-  const percentOf = (/** @type {number} */ value) => (100 * value) / diagonal;
+  const { min, max, p99 } = measured;
   /** @type {[number, number]} */
   const range = kind !== "displacement" ? [1, Math.max(p99, 1.05)] : [0, p99 > 0 ? p99 : max];
   const legend = { range, scale };
@@ -57,12 +54,7 @@ export function makeLegend(kind, measured) {
     min,
     max,
     p99,
-    percent:
-      kind === "displacement" && diagonal > 0
-        ? { min: percentOf(min), max: percentOf(max), p99: percentOf(p99) }
-        : null,
     problem: measured.count > 0 ? "" : "Nothing here has a texture.",
-    collapsed,
     ...legend,
     gradient: cssGradient(map),
     ticks: ticks(legend),

@@ -74,6 +74,18 @@ export class Surface {
     return clientWidth && clientHeight ? clientWidth / clientHeight : 1;
   }
 
+  /** @param {{ clientX: number, clientY: number }} event @returns {[number, number]} in the picture, each from -1 to 1, up being positive */
+  place({ clientX, clientY }) {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    return [(2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height];
+  }
+
+  /** @param {{ clientX: number, clientY: number }} event @param {{ x: number, y: number }} seen a place as `place` returns it @returns {number} pixels between the two */
+  apart(event, seen) {
+    const [x, y] = this.place(event);
+    return Math.hypot(((seen.x - x) * this.canvas.clientWidth) / 2, ((seen.y - y) * this.canvas.clientHeight) / 2);
+  }
+
   /** @returns {boolean} whether the background is dark */
   get dark() {
     const channels = getComputedStyle(this.container).backgroundColor.match(/[\d.]+/g)?.map(Number) ?? [255, 255, 255];

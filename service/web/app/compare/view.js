@@ -3,7 +3,7 @@
 import { announce } from "../announce.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { CHANGED, isDeleted } from "../deletions.js";
-import { button, fill, h, icon } from "../dom.js";
+import { button, fill, h, icon, panel } from "../dom.js";
 import { ago, jobTitle } from "../format.js";
 import { isTerminal } from "../history.js";
 import { copyText } from "../job/files.js";
@@ -155,10 +155,9 @@ export class CompareView {
 function table(title, rows) {
   const id = `compare-${title.toLowerCase()}`;
   const cell = (/** @type {string} */ text) => h("td", null, text || "–");
-  return h(
-    "section",
-    { class: "panel", "aria-labelledby": id },
-    h("div", { class: "panel-head" }, h("h2", { id }, title)),
+  return panel(
+    id,
+    title,
     h(
       "table",
       { class: "compare-table", "aria-labelledby": id },

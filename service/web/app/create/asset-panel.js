@@ -5,6 +5,7 @@ import { Asset, exampleAsset, formatOf, SURFACE_FORMATS } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
+import { fileInput, takeDrops } from "../picking.js";
 import { ViewerBox } from "../viewer-box.js";
 
 export const EXAMPLES = [
@@ -31,10 +32,8 @@ export class AssetPanel {
     this.guide = null;
     this.box = new ViewerBox("Asset", scope);
     this.box.tag.hidden = true;
-    this.input = h("input", {
-      type: "file", class: "visually-hidden", id: "asset-file", tabindex: "-1", "aria-label": "Asset file",
-      accept: [...SURFACE_FORMATS.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(","),
-    });
+    const accept = [...SURFACE_FORMATS.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(",");
+    this.input = fileInput("asset-file", "Asset file", accept, ([file]) => this.take(file));
     this.facts = h("p", { class: "facts", id: "asset-facts" });
     this.large = h("p", { class: "small muted", hidden: true }, `Over ${bytes(LARGEST_BYTES)}: after a reload, choose it again.`);
     this.problem = h("div", { class: "field-problem", role: "alert", hidden: true });
@@ -42,7 +41,11 @@ export class AssetPanel {
     this.examples = h("div", { class: "chips", role: "group", "aria-label": "Example assets" });
     this.stage = h("div", { class: "stage" });
     this.element = this._build();
-    this._wire();
+    takeDrops(scope, this.element, (files, target) => {
+      const place = target instanceof Element && target.closest("[data-drop='guide']");
+      if (this.guide && (place || files[0].type.startsWith("image/"))) this.guide(files);
+      else this.take(files[0]);
+    });
   }
 
   _build() {
@@ -71,37 +74,6 @@ export class AssetPanel {
       ),
       h("div", { class: "row example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
     );
-  }
-
-  _wire() {
-    const { scope, element, input } = this;
-    scope.listen(input, "change", () => {
-      const file = input.files?.[0];
-      if (file) this.take(file);
-      input.value = "";
-    });
-    let depth = 0;
-    const veil = (/** @type {boolean} */ on) => element.classList.toggle("dropping", on);
-    scope.listen(document, "dragenter", (event) => {
-      if (!carriesFile(event)) return;
-      depth += 1;
-      veil(true);
-    });
-    scope.listen(document, "dragleave", () => {
-      depth = Math.max(0, depth - 1);
-      if (!depth) veil(false);
-    });
-    scope.listen(document, "dragover", (event) => carriesFile(event) && event.preventDefault());
-    scope.listen(document, "drop", (event) => {
-      depth = 0;
-      veil(false);
-      const files = [...(event.dataTransfer?.files ?? [])];
-      if (!files.length) return;
-      event.preventDefault();
-      const place = event.target instanceof Element && event.target.closest("[data-drop='guide']");
-      if (this.guide && (place || files[0].type.startsWith("image/"))) this.guide(files);
-      else this.take(files[0]);
-    });
   }
 
   /** Show another view beside that of the asset. @param {ViewerBox} box */
@@ -187,9 +159,4 @@ export class AssetPanel {
     this.problem.hidden = !text;
     fill(this.problem, text ? h("strong", null, text) : null, advice ? h("span", null, " ", advice) : null);
   }
-}
-
-/** @param {DragEvent} event */
-function carriesFile(event) {
-  return event.dataTransfer?.types.includes("Files") ?? false;
 }

@@ -2,7 +2,7 @@
 /** Which side of the asset is its front: an arrow in the view, a slider, a search, and a way back to "automatic". */
 import { announce } from "../announce.js";
 import { isAbort } from "../client.js";
-import { button, h } from "../dom.js";
+import { button, h, say } from "../dom.js";
 import { slider } from "../job/stage-controls.js";
 
 const STEP = 5;
@@ -97,8 +97,7 @@ export class FrontControl {
 
   /** @param {string} text */
   _say(text) {
-    this.note.textContent = text;
-    this.note.hidden = text === "";
+    say(this.note, text);
   }
 
   /** @param {string} value */

@@ -1,6 +1,6 @@
 // @ts-check
 /** The prompt, the words that the model knows, and what is wrong with the prompt. */
-import { button, fill, h, icon } from "../dom.js";
+import { button, fill, h, icon, invalid, labelled } from "../dom.js";
 import { count } from "../format.js";
 import { showRefusal } from "../refusal.js";
 import { adjectives, surprise, withAdjective, withNoun } from "../vocabulary.js";
@@ -23,17 +23,7 @@ export class PromptField {
     this.note = h("p", { class: "prior-note", id: "prompt-note" });
     this.chips = h("div", { class: "chips", role: "group", "aria-label": "Suggested prompts" });
     this.words = h("div", null);
-    this.element = h(
-      "div",
-      { class: "field" },
-      h("label", { class: "field-label", for: "prompt" }, "Prompt"),
-      this.input,
-      this.length,
-      this.problem,
-      this.chips,
-      this.words,
-      this.note,
-    );
+    this.element = labelled("prompt", "Prompt", this.input, this.length, this.problem, this.chips, this.words, this.note);
     this.input.addEventListener("input", () => this._changed());
     this.input.addEventListener("keydown", (event) => {
       // A prompt has no lines: Enter starts.
@@ -130,8 +120,7 @@ export class PromptField {
   refuse(error) {
     this.problem.hidden = !error;
     this.chips.classList.toggle("replaced", Boolean(error));
-    if (error) this.input.setAttribute("aria-invalid", "true");
-    else this.input.removeAttribute("aria-invalid");
+    invalid(this.input, Boolean(error));
     if (!error) return void fill(this.problem);
     showRefusal(this.problem, error, this.value, this.model?.vocabulary ?? null, (text) => {
       this.set(text);

@@ -11,7 +11,7 @@ import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
-import { NumberRows } from "./number-rows.js";
+import { NumberRows } from "./field-rows.js";
 import { SurfaceFiles } from "./surface-files.js";
 
 const KIND = "surface_fit";
@@ -140,7 +140,7 @@ export class SurfaceView {
     }
     if (found?.status === 404) for (const file of [this.assets.asset, ...Object.values(this.files.parts)]) file?.forgetUpload();
     const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
-    fill(this.problem, this.numbers.blame(errors) ? null : problemBox(error));
+    fill(this.problem, this.numbers.refuse(errors) ? null : problemBox(error));
   }
 
   _ready() {

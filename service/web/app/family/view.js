@@ -2,7 +2,7 @@
 /** The form for a family: a collection of assets, of which a job finds the parts, the correspondences and a model. */
 import { client, isAbort, MeshdeformError } from "../client.js";
 import { intro, JobForm, kindsNav } from "../create/form.js";
-import { NumberRows } from "../create/number-rows.js";
+import { NumberRows } from "../create/field-rows.js";
 import { fill, h } from "../dom.js";
 import { recentJobs } from "../jobs/recent.js";
 import { MeshZone } from "../mesh-zone.js";
@@ -88,6 +88,6 @@ export class FamilyView {
     const found = error instanceof MeshdeformError ? error : null;
     if (found?.code.startsWith("asset_")) return this.zone.refuse([found.message, found.advice].filter(Boolean).join(" "));
     const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
-    if (!this.numbers.blame(errors)) fill(this.problem, problemBox(error));
+    if (!this.numbers.refuse(errors)) fill(this.problem, problemBox(error));
   }
 }

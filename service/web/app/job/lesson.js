@@ -1,6 +1,6 @@
 // @ts-check
 /** What a lesson has taught, in words, and the way to use it. */
-import { h } from "../dom.js";
+import { h, panel } from "../dom.js";
 import { currentLink } from "../link.js";
 import { routeHash } from "../router.js";
 import { withArticle } from "../vocabulary.js";
@@ -26,10 +26,9 @@ export function lessonFindings(report) {
 /** @param {any} job @param {any} report */
 export function lessonPanel(job, report) {
   const prompt = withArticle(report.noun);
-  return h(
-    "section",
-    { class: "panel", "aria-labelledby": "lesson-title" },
-    h("div", { class: "panel-head" }, h("h2", { id: "lesson-title" }, "What it learned")),
+  return panel(
+    "lesson-title",
+    "What it learned",
     findingList(lessonFindings(report)),
     // Who came by a link makes no jobs.
     currentLink() ? null : h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),

@@ -1,6 +1,6 @@
 // @ts-check
 /** What a job produced: its quality in words, its files, its settings, its log. */
-import { button, h, icon } from "../dom.js";
+import { button, h, icon, panel } from "../dom.js";
 import { bytes, count, counted } from "../format.js";
 import { plainParams } from "../groups.js";
 import { currentLink } from "../link.js";
@@ -50,13 +50,7 @@ const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
 /** @param {any} report */
 export function qualityPanel(report) {
   const left = skipped(report);
-  return h(
-    "section",
-    { class: "panel", "aria-labelledby": "quality-title" },
-    h("div", { class: "panel-head" }, h("h2", { id: "quality-title" }, "Quality")),
-    findingList(findings(report)),
-    left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null,
-  );
+  return panel("quality-title", "Quality", findingList(findings(report)), left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null);
 }
 
 /** @param {any} job @param {any[]} artifacts @param {import("../scope.js").Scope} scope */
@@ -87,10 +81,9 @@ export function filesPanel(job, artifacts, scope) {
     const words = h("div", null, h("strong", null, name), h("span", { class: "small muted" }, `${FILES[name]} · made when you download it`));
     return h("li", { class: "file" }, words, h("div", { class: "row" }, make));
   };
-  return h(
-    "section",
-    { class: "panel", "aria-labelledby": "files-title" },
-    h("div", { class: "panel-head" }, h("h2", { id: "files-title" }, "Files")),
+  return panel(
+    "files-title",
+    "Files",
     h(
       "ul",
       { class: "files" },

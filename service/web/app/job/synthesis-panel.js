@@ -1,8 +1,8 @@
 // @ts-check
 /** New shapes of a family that was found: what kind, of which members, and the job that makes them. */
 import { client, isAbort, MeshdeformError } from "../client.js";
-import { NumberRows } from "../create/number-rows.js";
-import { fill, h, uniqueId } from "../dom.js";
+import { NumberRows } from "../create/field-rows.js";
+import { fill, h, panel, uniqueId } from "../dom.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { segmented } from "./stage-controls.js";
@@ -52,7 +52,7 @@ export class SynthesisPanel {
       h("div", { class: "row" }, this.start),
     );
     this.hint = /** @type {HTMLElement} */ (this.form.querySelector("p"));
-    this.element = h("section", { class: "panel", "aria-labelledby": "synthesis-title" }, h("div", { class: "panel-head" }, h("h2", { id: "synthesis-title" }, "New shapes")), this.form);
+    this.element = panel("synthesis-title", "New shapes", this.form);
     this._choose(this.mode);
     this.numbers.load(scope.signal).catch((error) => !isAbort(error) && fill(this.problem, problemBox(error)));
   }
@@ -130,7 +130,7 @@ export class SynthesisPanel {
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
       const errors = error instanceof MeshdeformError && Array.isArray(error.problem?.errors) ? error.problem.errors : [];
-      if (!this.numbers.blame(errors)) fill(this.problem, problemBox(error));
+      if (!this.numbers.refuse(errors)) fill(this.problem, problemBox(error));
     } finally {
       this.busy = false;
       this.start.removeAttribute("aria-disabled");

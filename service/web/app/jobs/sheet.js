@@ -2,7 +2,7 @@
 /** The contact sheet of a group: a row for each finished variation, a column for each strength. */
 import { announce } from "../announce.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
-import { button, fill, h } from "../dom.js";
+import { button, fill, h, invalid, labelled, say } from "../dom.js";
 import { saveBytes } from "../job/files.js";
 import { stemOf } from "../names.js";
 import { described } from "../problem-box.js";
@@ -36,7 +36,7 @@ export class SheetPanel {
       h(
         "div",
         { class: "sheet-form" },
-        h("div", { class: "field" }, h("label", { class: "field-label", for: "sheet-strengths" }, "Strengths in percent"), this.input, h("p", { class: "small muted", id: "sheet-help" }, "100 is the result, 0 the asset, up to 150.")),
+        labelled("sheet-strengths", "Strengths in percent", this.input, h("p", { class: "small muted", id: "sheet-help" }, "100 is the result, 0 the asset, up to 150.")),
         this.make,
       ),
       this.problem,
@@ -96,9 +96,7 @@ export class SheetPanel {
 
   /** @param {string} text */
   _refuse(text) {
-    this.problem.hidden = !text;
-    this.problem.textContent = text;
-    if (text) this.input.setAttribute("aria-invalid", "true");
-    else this.input.removeAttribute("aria-invalid");
+    say(this.problem, text);
+    invalid(this.input, text !== "");
   }
 }

@@ -1,7 +1,7 @@
 // @ts-check
 /** Further prompts below the first: their words, their weights, and where each pulls. */
 import { announce } from "../../announce.js";
-import { button, fill, h } from "../../dom.js";
+import { button, fill, h, invalid, say } from "../../dom.js";
 import { placeOf } from "../../groups.js";
 import { showRefusal } from "../../refusal.js";
 import { furtherProblem, MOST_PROMPTS, promptAction, promptName, regionsOf, written } from "./further.js";
@@ -146,8 +146,7 @@ export class PromptRows {
 
   /** @param {string} text What cannot be sent; empty: all is well. */
   say(text) {
-    this.problem.hidden = !text;
-    this.problem.textContent = text;
+    say(this.problem, text);
   }
 
   /** Return whether the prompts can be sent; what cannot is said. */
@@ -194,11 +193,8 @@ export class PromptRows {
     const found = this.refused.get(id);
     if (!field) return;
     field.place.hidden = !found;
-    if (!found) {
-      field.input.removeAttribute("aria-invalid");
-      return void fill(field.place);
-    }
-    field.input.setAttribute("aria-invalid", "true");
+    invalid(field.input, found !== undefined);
+    if (!found) return void fill(field.place);
     showRefusal(field.place, found.error, field.input.value, found.known, (text) => {
       field.input.value = text;
       field.input.dispatchEvent(new Event("input"));

@@ -1,6 +1,6 @@
 // @ts-check
 /** The lists of the control panel: a row with its fields for each region and each handle. */
-import { button, h, uniqueId } from "../../dom.js";
+import { button, h, invalid, uniqueId } from "../../dom.js";
 import { counted } from "../../format.js";
 import { AXES, facesOf, facesText, regionWords } from "./model.js";
 
@@ -27,8 +27,7 @@ export function numberField(label, get, set) {
   input.addEventListener("input", () => {
     const text = input.value.trim().replace(",", ".");
     const wrong = text === "" || !Number.isFinite(Number(text));
-    if (wrong) input.setAttribute("aria-invalid", "true");
-    else input.removeAttribute("aria-invalid");
+    invalid(input, wrong);
     set(wrong ? /** @type {any} */ (get()) : Number(text));
   });
   show();
@@ -93,8 +92,8 @@ export function regionRow(region, number, { changed, moved, purposes, remove, ed
     const input = h("input", { type: "text", id, autocomplete: "off", placeholder: "0-12, 40" });
     input.addEventListener("input", () => {
       const faces = facesOf(input.value);
-      if (!faces) return void input.setAttribute("aria-invalid", "true");
-      input.removeAttribute("aria-invalid");
+      invalid(input, !faces);
+      if (!faces) return;
       region.faces = faces;
       changed();
     });

@@ -2,9 +2,10 @@
 /** A target mesh in place of the prompt, or pictures from one to four sides: alone, or beside it. */
 import { announce } from "../../announce.js";
 import { Asset, formatOf } from "../../assets.js";
-import { button, fill, h } from "../../dom.js";
+import { button, fill, h, say } from "../../dom.js";
 import { bytes } from "../../format.js";
 import { placeOf } from "../../groups.js";
+import { fileInput } from "../../picking.js";
 import { numberField, placeFields } from "../control/rows.js";
 import { guideFiles, guideProblem, MOST_PICTURES, noGuide, GUIDE_PARAMS } from "./model.js";
 import { PictureView } from "./picture-view.js";
@@ -32,14 +33,8 @@ export class GuidePanel {
     this.pictures = new PictureView(assets, scope, this);
     /** @type {(() => void)[]} */
     this.shows = [];
-    this.input = h("input", { type: "file", class: "visually-hidden", id: "target-file", tabindex: "-1", "aria-label": "Target mesh file", accept: ".glb,.obj,.ply,.stl,.zip" });
-    this.pictureInput = h("input", { type: "file", class: "visually-hidden", id: "picture-file", tabindex: "-1", "aria-label": "Picture file", multiple: true, accept: "image/png,image/jpeg,image/webp" });
-    for (const input of [this.input, this.pictureInput]) {
-      input.addEventListener("change", () => {
-        this.take([...(input.files ?? [])]);
-        input.value = "";
-      });
-    }
+    this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files));
+    this.pictureInput = fileInput("picture-file", "Picture file", "image/png,image/jpeg,image/webp", (files) => this.take(files), true);
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
     this.draw = button("Draw it", () => askForSketch((mesh, part) => void (part === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target, or as the asset" });
     this.choosePicture = button("Add a picture", () => this.pictureInput.click(), { class: "chip", title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
@@ -240,8 +235,7 @@ export class GuidePanel {
 
   /** @param {string} text Empty: all is well. */
   _refuse(text) {
-    this.problem.hidden = !text;
-    this.problem.textContent = text;
+    say(this.problem, text);
   }
 
   /** Return whether it can be sent; what cannot is said. */

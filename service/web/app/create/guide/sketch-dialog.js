@@ -3,6 +3,7 @@
 import { announce } from "../../announce.js";
 import { client, isAbort } from "../../client.js";
 import { button, fill, h } from "../../dom.js";
+import { fileInput } from "../../picking.js";
 import { problemBox } from "../../problem-box.js";
 import { Scope } from "../../scope.js";
 import { ViewerBox } from "../../viewer-box.js";
@@ -39,11 +40,7 @@ class SketchDialog {
     this.guesses = h("div", { class: "sketch-guesses", role: "radiogroup", "aria-label": "Guesses" });
     this.fields = h("div", { class: "sketch-fields", role: "group", "aria-label": "Parameters" });
     this.place = h("div", { class: "sketch-view" });
-    this.input = h("input", { type: "file", class: "visually-hidden", id: "sketch-file", tabindex: "-1", "aria-label": "Drawing file", accept: "image/png,image/jpeg,image/webp" });
-    this.input.addEventListener("change", () => {
-      this._take(this.input.files?.[0]);
-      this.input.value = "";
-    });
+    this.input = fileInput("sketch-file", "Drawing file", "image/png,image/jpeg,image/webp", ([file]) => this._take(file));
     this.undo = button("Undo", () => this.pad.undo(), { class: "chip" });
     this.clear = button("Clear", () => this.pad.clear(), { class: "chip" });
     this.guess = button("Guess what it is", () => this._guess(), { class: "button" });
