@@ -43,7 +43,7 @@ function show() {
     else link.removeAttribute("aria-current");
   }
   if (route.name === "create") new CreateView(root, scope, route.from ?? (route.example ? exampleOrigin(route.example) : null), route);
-  else if (route.name === "surface") new SurfaceView(root, scope, route.from);
+  else if (route.name === "surface") new SurfaceView(root, scope, route.from, route.quick);
   else if (route.name === "family") new FamilyView(root, scope, route.from);
   else if (route.name === "examples") showExamples(root, scope);
   else if (route.name === "compare") new CompareView(root, scope, route.ids);

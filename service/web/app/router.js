@@ -3,7 +3,7 @@
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
  * @typedef {{name: "create", from: string | null, example?: string, model?: string, prompt?: string}
- *   | {name: "surface", from: string | null}
+ *   | {name: "surface", from: string | null, quick?: boolean}
  *   | {name: "family", from: string | null}
  *   | {name: "teach"}
  *   | {name: "jobs", state: string | null, search?: string}
@@ -39,7 +39,8 @@ export function parseRoute(hash) {
   }
   if ((parts[0] === "surface" || parts[0] === "family") && parts.length === 1) {
     const from = params.get("from");
-    return { name: parts[0], from: from !== null && JOB_ID.test(from) ? from : null };
+    const quick = parts[0] === "surface" && params.has("quick") ? { quick: true } : {};
+    return { name: parts[0], from: from !== null && JOB_ID.test(from) ? from : null, ...quick };
   }
   if (parts[0] === "teach" && parts.length === 1) return { name: "teach" };
   if (parts[0] === "jobs" && parts.length === 1) {
@@ -69,8 +70,9 @@ export function routeHash(route) {
     case "create":
       return `#/${queryOf({ from: route.from, example: route.example, model: route.model, prompt: route.prompt })}`;
     case "surface":
+      return `#/surface${queryOf({ from: route.from, quick: route.quick ? "1" : null })}`;
     case "family":
-      return `#/${route.name}${queryOf({ from: route.from })}`;
+      return `#/family${queryOf({ from: route.from })}`;
     case "teach":
       return "#/teach";
     case "jobs":

@@ -49,9 +49,9 @@ export class FrontControl {
     });
   }
 
-  /** Offer the choice: the server has the parameter. */
-  offer() {
-    this.element.hidden = false;
+  /** Offer the choice, or no more: a target mesh leaves no front to find. @param {boolean} on */
+  offer(on) {
+    this.element.hidden = !on;
     this._draw();
   }
 
@@ -115,6 +115,6 @@ export class FrontControl {
     this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: found by what the asset is" : `${angle} degrees from +Z towards +X`);
     this.reset.hidden = this.value === "";
     this.find.hidden = chosen !== null;
-    if (!this.element.hidden) this.box.front(angle ?? 0, angle === null);
+    this.box.front(this.element.hidden ? null : (angle ?? 0), angle === null);
   }
 }

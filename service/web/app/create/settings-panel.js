@@ -167,6 +167,11 @@ export class SettingsPanel {
     };
   }
 
+  /** Whether a parameter can be set, as the form is now. @param {string} name */
+  offers(name) {
+    return this.fields.rows.get(name)?.row.hidden === false;
+  }
+
   /** What was typed for a parameter; empty where the quality decides. @param {string} name */
   value(name) {
     return this.fields.rows.get(name)?.input.value ?? "";

@@ -17,6 +17,8 @@ import { SurfaceFiles } from "./surface-files.js";
 const KIND = "surface_fit";
 /** What most fits need; the others stand under Advanced. */
 const FIRST = ["base_faces", "steps", "level", "seed"];
+/** Enough for a mesh to deform: a quarter of the time of the defaults, off by 0.06 % of the diagonal on average in place of 0.03 %. */
+const QUICK = { base_faces: 500, steps: 300 };
 const CHECKPOINTS = "checkpoint_every_steps"; // ten on the way, if nobody says otherwise
 
 export class SurfaceView {
@@ -24,8 +26,9 @@ export class SurfaceView {
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
    * @param {string | null} from A job to begin with.
+   * @param {boolean} [quick] Whether the surface is to become an asset: the numbers are then those of a quick fit.
    */
-  constructor(root, scope, from) {
+  constructor(root, scope, from, quick = false) {
     this.scope = scope;
     this.turn = 0; // of the last check: an answer to an earlier one is out of date
     this.check = debounced(() => this._check(), 450, scope);
@@ -37,7 +40,9 @@ export class SurfaceView {
     this.estimate = h("p", { class: "estimate", id: "estimate" });
     this.form = new JobForm(scope, "New surface fit", "Fit", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._bad(error) });
     this.form.button.setAttribute("aria-describedby", "estimate");
+    const hint = "A quick fit, which is enough for a mesh to deform. With both numbers empty, the fit takes four times as long and is twice as precise.";
     this.form.element.append(
+      ...(quick ? [h("p", { class: "small muted" }, hint)] : []),
       this.numbers.first,
       this.problem,
       this.numbers.advanced,
@@ -50,11 +55,11 @@ export class SurfaceView {
       h("div", { class: "create" }, this.assets.element, this.form.element),
       recentJobs(scope),
     );
-    this._begin(from);
+    this._begin(from, quick);
   }
 
-  /** @param {string | null} from */
-  async _begin(from) {
+  /** @param {string | null} from @param {boolean} quick */
+  async _begin(from, quick) {
     const asset = from ? this._again(from) : this._firstAsset();
     try {
       await this.numbers.load(this.scope.signal);
@@ -62,7 +67,7 @@ export class SurfaceView {
       if (!this.scope.over && !isAbort(error)) fill(this.problem, problemBox(error));
     }
     if (this.scope.over) return;
-    this.numbers.fill((await asset) ?? {});
+    this.numbers.fill((await asset) ?? (quick ? QUICK : {}));
     this.check();
   }
 

@@ -163,7 +163,7 @@ export class CreateView {
     const form = formOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
     this.settings.offerFields(form);
-    if (form.fields.some((field) => field.name === "orientation")) this.front.offer();
+    this.front.offer(this.settings.offers("orientation"));
     return form.fields;
   }
 
@@ -204,6 +204,7 @@ export class CreateView {
     if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
     this.settings.suit(this.guide.target ? "target" : this.guide.isEmpty || this.prompt.value || this.control.further.any ? "sds" : "silhouettes");
+    this.front.offer(this.settings.offers("orientation"));
     const { variationCount } = this.settings;
     this.form.rename(variationCount > 1 ? `Deform, ${variationCount} variations` : "Deform");
     this.check();
@@ -304,7 +305,7 @@ export class CreateView {
     this.prompt.refuse(about && !further ? error : null);
     if (about) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof MeshdeformError) {
-      const fit = h("a", { class: "chip", href: routeHash({ name: "surface", from: null }) }, "Fit a surface to it");
+      const fit = h("a", { class: "chip", href: routeHash({ name: "surface", from: null, quick: true }) }, "Fit a surface to it");
       const { surface } = error.problem; // points, a grid or a network
       this.assets.refuse(error.message, surface ? "Fit one first, and deform the mesh that it becomes." : error.advice);
       return void fill(this.problem, surface ? fit : null);
