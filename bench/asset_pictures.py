@@ -20,6 +20,7 @@ from meshdeform.rendering.studio import Pose
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = {
@@ -48,7 +49,7 @@ def main() -> None:
         filename, prompt = PICTURES[name]
         data = (arguments.assets / filename).read_bytes()
         request = JobRequest.model_validate({"prompt": prompt, "params": params})
-        run = text_deform.start(asset=data, filename=filename, request=request, prior=prior)
+        run = text_deform.start(job_input(asset=data, filename=filename, request=request, prior=prior))
         for _ in run:
             pass
         artifacts = run.finish()

@@ -30,8 +30,9 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
-from meshdeform.runs.likeness import likeness
+from meshdeform.runs.base import job_input
 from meshdeform.runs.strength import AssetPath
+from meshdeform.runs.verdict import likeness
 from training.evaluation.retrieval import ShapeJudge, judgement, load_judge
 from training.evaluation.sources import source_mesh
 from training.evaluation.suite import SUITES
@@ -76,7 +77,7 @@ def run(source: str, prompt: str, arguments: argparse.Namespace, **params: Any) 
     asset = build_glb(mesh.verts.numpy(), mesh.faces.numpy())
     given = {"preset": arguments.preset, "seed": arguments.seed, **params}
     request = JobRequest.model_validate({"prompt": prompt, "params": given})
-    job = text_deform.start(asset=asset, filename=f"{source}.glb", request=request, prior=prior())
+    job = text_deform.start(job_input(asset=asset, filename=f"{source}.glb", request=request, prior=prior()))
     for _ in job:
         pass
     made = job.finish()

@@ -27,7 +27,7 @@ from meshdeform.assets import load_asset
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, RunInput
-from meshdeform.runs.family_picture import Shown, family_png
+from meshdeform.runs.family_results import Shown, family_png
 
 _MEMBERS = 24
 _BETWEEN = {"chairs": (0, 1), "airplanes": (0, 2), "bicycles": (0, 2)}

@@ -17,6 +17,7 @@ from PIL import Image, ImageDraw
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 
 ROOT = Path(__file__).resolve().parents[1]
 PROMPTS = [
@@ -47,7 +48,7 @@ def main() -> None:
         params = {"preset": arguments.preset, "seed": arguments.seed}
         request = JobRequest.model_validate({"prompt": prompt, "params": params})
         run = text_deform.start(
-            asset=arguments.asset.read_bytes(), filename=arguments.asset.name, request=request, prior=prior
+            job_input(asset=arguments.asset.read_bytes(), filename=arguments.asset.name, request=request, prior=prior)
         )
         for _ in run:
             pass

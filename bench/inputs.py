@@ -42,6 +42,7 @@ from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 
 __all__ = ["Outcome", "glb", "outcome"]
 
@@ -99,7 +100,7 @@ def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome
     params = grouped({"preset": "preview", "steps": steps, "seed": 0, "safeguard": "intersections", **changes})
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
     start = time.process_time()
-    run = text_deform.start(asset=asset, filename="input", request=request, prior=prior)
+    run = text_deform.start(job_input(asset=asset, filename="input", request=request, prior=prior))
     prepared = time.process_time()
     plain: list[float] = []
     checked: list[float] = []

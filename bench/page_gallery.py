@@ -27,6 +27,7 @@ from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "service" / "web" / "examples"
@@ -83,7 +84,7 @@ def make(example: Example, prior: Any) -> dict[str, Any]:
     source = (FOLDER / example.asset).read_bytes()
     document = example.document()
     run = text_deform.start(
-        asset=source, filename=example.asset, request=JobRequest.model_validate(document), prior=prior
+        job_input(asset=source, filename=example.asset, request=JobRequest.model_validate(document), prior=prior)
     )
     for _ in run:
         pass

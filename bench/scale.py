@@ -34,6 +34,7 @@ from meshdeform.geometry.shapes import box, join
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 
 
 def bumpy_sphere(faces: int) -> TriangleMesh:
@@ -66,7 +67,9 @@ def measure(path: Path, steps: int) -> dict[str, float]:
         found[name], last = time.process_time() - last, time.process_time()
 
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "balanced", "steps": steps}})
-    run = text_deform.start(asset=path.read_bytes(), filename=path.name, request=request, prior=prior, limits=limits)
+    run = text_deform.start(
+        job_input(asset=path.read_bytes(), filename=path.name, request=request, prior=prior, limits=limits)
+    )
     lap("prepare")
     ran = iter(run)
     for _ in range(5):

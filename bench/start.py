@@ -11,6 +11,7 @@ from pathlib import Path
 from time import process_time
 
 from meshdeform.requests.document import JobRequest
+from meshdeform.runs.base import job_input
 from meshdeform.settings import Settings
 from worker.process import torch_engine
 
@@ -28,7 +29,9 @@ def main() -> None:
     for name in ("first", "second"):
         times = [process_time()]
         run = text_deform.start(
-            asset=SPHERE.read_bytes(), filename=SPHERE.name, request=request, prior=engine.load_prior("builtin")
+            job_input(
+                asset=SPHERE.read_bytes(), filename=SPHERE.name, request=request, prior=engine.load_prior("builtin")
+            )
         )
         times.append(process_time())
         times += [process_time() for _ in run]

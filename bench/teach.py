@@ -29,8 +29,9 @@ from meshdeform.priors.builtin.teaching.teacher import TeachConfig
 from meshdeform.priors.builtin.weights_file import read_network
 from meshdeform.priors.builtin.words import ParsedPrompt
 from meshdeform.runs.devices import use_threads
-from meshdeform.runs.lesson_files import MeshFile
-from meshdeform.runs.teaching import TeachRequest, start
+from meshdeform.runs.prior_teach import TeachRequest, start_lesson
+from meshdeform.runs.prior_teach_kind import MeshFile
+from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
 from meshdeform.support.files import write_files
 
 
@@ -72,27 +73,27 @@ def main() -> None:
     request = TeachRequest(options.noun, front_deg=options.front, config=config)
     marks = [time.process_time()]
     family = options.family.read_bytes() if options.family else None
-    run = start(request, [MeshFile(path.name, path.read_bytes()) for path in options.meshes], family=family)
+    run = start_lesson(request, [MeshFile(path.name, path.read_bytes()) for path in options.meshes], family=family)
     marks.append(time.process_time())
     for _ in run:
         pass
     marks.append(time.process_time())
-    made = {"result": run.weights()} if options.only_test else run.finish()
+    made = {WEIGHTS_ARTIFACT: run.weights()} if options.only_test else {n: a.data for n, a in run.finish().items()}
     marks.append(time.process_time())
     if not options.only_test:
-        report = json.loads(made["report"])
+        report = json.loads(made["report.json"])
         for entry in report["held_out_loss"]:
             print(f"step {entry['step']:5}  held-out loss: new {entry['new']:.4f}, old {entry['old']:.4f}")
         for name, found in report["retrieval"].items():
             print(f"{name:12} {found}")
     if options.test:
-        print("test        ", tested(made["result"], run.noun, options.test))
+        print("test        ", tested(made[WEIGHTS_ARTIFACT], run.noun, options.test))
     spent = [after - before for before, after in itertools.pairwise(marks)]
     parts = dict(zip(("drawing", "training", "measuring"), spent, strict=True))
     print("CPU time:", ", ".join(f"{name} {part / sum(parts.values()):.0%}" for name, part in parts.items()))
     if options.output:
-        previews = {options.output.with_suffix(".preview.png"): made[name] for name in ("preview",) if name in made}
-        write_files({options.output: made["result"], **previews})
+        previews = {options.output.with_suffix(".preview.png"): made[name] for name in ("preview.png",) if name in made}
+        write_files({options.output: made[WEIGHTS_ARTIFACT], **previews})
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from meshdeform.priors.builtin.teaching import pictures, sheet
 from meshdeform.priors.builtin.teaching.pictures import LessonSize, draw_lesson
 from meshdeform.priors.builtin.weights_file import pack_weights
 from meshdeform.priors.builtin.words import BUILTIN_WORDS, Words
-from meshdeform.runs import teaching
+from meshdeform.runs import prior_teach
 
 __all__ = ["SMALL", "THREE_NOUNS", "shorten_lessons", "write_small_weights"]
 
@@ -41,6 +41,6 @@ def shorten_lessons(patch: pytest.MonkeyPatch) -> None:
     def short(new: object, shapes: object, replayed: object, _size: LessonSize, seed: int, **more: object) -> object:
         return draw_lesson(new, shapes, replayed, LessonSize(members=2, each=1, grids=1), seed, **more)  # type: ignore[arg-type]
 
-    patch.setattr(teaching, "draw_lesson", short)
+    patch.setattr(prior_teach, "draw_lesson", short)
     patch.setattr(pictures, "_HELD_MEMBERS", 1)
     patch.setattr(sheet, "_STEPS", 2)

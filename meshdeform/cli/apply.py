@@ -12,7 +12,8 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_request, written
-from meshdeform.cli.options import ForceOption
+from meshdeform.cli.local import check_free, write_all
+from meshdeform.cli.options import MAX_STRENGTH, ForceOption
 from meshdeform.cli.request import make_request
 from meshdeform.errors import ParameterError
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from meshdeform.requests.morph import MorphPath
 
 __all__ = ["ApplyCommand", "apply"]
-
-_MAX_STRENGTH = 1.5
 
 ApplyCommand = form_command(of_request("output", "Morph", only=("morph_path",)))
 
@@ -33,7 +32,7 @@ def apply(
     result: Annotated[Path, typer.Argument(help="The deformed GLB.", exists=True, dir_okay=False)],
     strength: Annotated[
         float,
-        typer.Option(help="0: the source; 1: the result; more: exaggerated.", min=0.0, max=_MAX_STRENGTH),
+        typer.Option(help="0: the source; 1: the result; more: exaggerated.", min=0.0, max=MAX_STRENGTH),
     ] = 1.0,
     source: Annotated[
         Path | None,
@@ -64,22 +63,16 @@ def apply(
     way = make_request("", {}, output=output_options).output.morph_path
     ending = "morph" if morph else f"{100 * strength:g}"
     path = output or result.with_name(f"{result.stem}{'.' if morph else '-'}{ending}.glb")
-    for used in (result, source):
-        if used is not None and path.exists() and path.samefile(used):
-            raise ParameterError(f"{path} is an input of this command.", advice="Choose another name with -o.")
-    if path.exists() and not force:
-        raise ParameterError(f"{path} exists.", advice="Choose another name with -o, or overwrite it with --force.")
-    from meshdeform.cli.local import write_all
-
-    write_all({path: _made(result, source, strength, way, morph=morph, compact=compact)}, what=str(path))
+    check_free([path], [result, source], force=force)
+    write_all({path: _made(result, source, strength, way, morph=morph, compact=compact)}, what=path)
     typer.echo(path)
 
 
 def _made(result: Path, source: Path | None, strength: float, way: MorphPath, *, morph: bool, compact: bool) -> bytes:
     from meshdeform.assets import Limits
     from meshdeform.runs.devices import use_threads
+    from meshdeform.runs.preparation import read_result
     from meshdeform.runs.strength import AssetPath, matched, with_strength, write_morph
-    from meshdeform.runs.text_report import read_result
 
     settings = load_settings()
     use_threads(settings.threads)
@@ -96,13 +89,7 @@ def _made(result: Path, source: Path | None, strength: float, way: MorphPath, *,
 
 
 def _source(result: Path, report: dict[str, Any], source: Path | None, limits: Limits) -> Asset:
-    """Return the asset that was deformed.
-
-    Raises
-    ------
-    ParameterError
-        It was not given, and is not found.
-    """
+    """Return the asset that was deformed, or raise ParameterError if it was not given and is not found."""
     from meshdeform.assets import load_asset
     from meshdeform.assets.bundle import read_with_files
 

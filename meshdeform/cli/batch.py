@@ -12,19 +12,12 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.form import form_command, of_kind, of_request, overlaid, written
-from meshdeform.cli.options import (
-    ApiKeyFileOption,
-    ApiKeyOption,
-    JsonOption,
-    QuietOption,
-    SetOption,
-    UrlOption,
-)
+from meshdeform.cli.options import Place, Printed, SetOption
 from meshdeform.cli.output import emit, note, table
 from meshdeform.cli.request import merge_params
 
 if TYPE_CHECKING:
-    from meshdeform.cli.batches.rows import Entry, Row
+    from meshdeform.cli.batches.rows import Entry
     from meshdeform.requests.document import JobRequest
 
 __all__ = ["BatchCommand", "batch"]
@@ -92,11 +85,9 @@ def batch(
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="Retry rows that failed before.", rich_help_panel=_HOW)
     ] = False,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    place: Place,
+    printed: Printed,
 ) -> None:
     """Deform many assets.
 
@@ -107,46 +98,45 @@ def batch(
 
     meshdeform batch rows.csv -o out --retry-failed
     """
+    from meshdeform.cli.batches import runners
+    from meshdeform.cli.batches.ledger import Ledger
     from meshdeform.cli.batches.rows import make_rows
     from meshdeform.cli.batches.session import Session
+    from meshdeform.cli.batches.summary import write_target_sets
 
     if as_morph_targets:
         require("torch", "deform")
     entries = _entries(source, prompt or [], prompts_file)
     defaults = overlaid(merge_params(settings or []), written(ctx))
     first = int(defaults.get("seed", 0))
-    with Session(output, as_json=as_json, quiet=quiet, flat=flat) as session:
+    with Ledger(output, flat=flat) as ledger:
+        session = Session(ledger, as_json=printed.as_json, quiet=printed.quiet)
         rows, repeated = make_rows(
             entries,
             defaults=defaults,
             seeds=range(first, first + seeds) if seeds else (),
             output=written(ctx, "output"),
-            known_names=session.ledger.known_names(),
+            known_names=ledger.known_names(),
             flat=flat,
             occupied=(path.name for path in output.iterdir()),
-            check=(lambda _request, _has_target: None) if url else _checker(),
+            check=(lambda _request, _has_target: None) if place.url else _checker(),
         )
         if repeated:
-            note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=quiet)
-        if url:
-            from meshdeform.cli.batches.runners import ServiceRunner
-            from meshdeform.cli.environment import connect
-
+            note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=printed.quiet)
+        if place.url:
+            runner: runners.Runner = runners.ServiceRunner(place.connect(), ledger, output)
             concurrent = parallel or _ROWS_AT_SERVICE
-            client = connect(url, api_key, api_key_file)
-            session.run(rows, ServiceRunner(client, session.ledger, output), concurrent, retry_failed=retry_failed)
         else:
-            from meshdeform.cli.batches.runners import LocalRunner
-
             concurrent = min(parallel or 1, len(rows))
             share = {"device": device, "threads": threads if threads is not None else _share(concurrent)}
-            session.run(rows, LocalRunner(output, share), concurrent, retry_failed=retry_failed)
+            runner = runners.LocalRunner(output, share)
+        session.run(rows, runner, concurrent, retry_failed=retry_failed)
         counts, files = session.finish(rows)
         if as_morph_targets:
-            files |= _target_sets(output, rows)
-    if as_json:
+            files |= write_target_sets(output, rows, load_settings())
+    if printed.as_json:
         emit({"event": "summary", "folder": str(output), "files": files, **counts})
-    elif not quiet:
+    elif not printed.quiet:
         typer.echo(table(tuple(counts), [tuple(str(number) for number in counts.values())]))
         typer.echo("\n".join(files.values()))
     if counts["failed"]:
@@ -168,15 +158,6 @@ def _entries(source: Path, prompts: Sequence[str], prompts_file: Path | None) ->
             raise typer.BadParameter("a manifest has its own prompts", param_hint="--prompt")
         return read_table(source)
     return combine(source, prompts)
-
-
-def _target_sets(folder: Path, rows: Sequence[Row]) -> dict[str, str]:
-    """Write the results of each asset as morph targets; return the paths of the files by their names."""
-    from meshdeform.assets import Limits
-    from meshdeform.cli.batches.summary import write_target_sets
-
-    paths = write_target_sets(folder, rows, Limits.from_settings(load_settings()))
-    return {path.name: str(path) for path in paths}
 
 
 def _checker() -> Any:

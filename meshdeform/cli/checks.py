@@ -7,6 +7,7 @@ import importlib.metadata
 import json
 import os
 import platform
+import queue
 import re
 import shutil
 import socket
@@ -14,13 +15,15 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import uuid
 from base64 import urlsafe_b64decode
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from email.utils import parsedate_to_datetime
 from enum import StrEnum
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,35 +38,14 @@ if TYPE_CHECKING:
 
     from meshdeform.settings import Settings
 
-__all__ = [
-    "GPU_TIMEOUT_S",
-    "Finding",
-    "Status",
-    "Subject",
-    "check_builtin",
-    "check_clock",
-    "check_database",
-    "check_folders",
-    "check_gpu",
-    "check_model",
-    "check_packages",
-    "check_port",
-    "check_redis",
-    "check_service",
-    "check_store",
-    "check_variables",
-    "check_workers",
-    "fail",
-    "ok",
-    "skip",
-    "warn",
-]
+__all__ = ["Check", "Finding", "Status", "Subject", "fail", "findings", "ok", "run_checks", "skip", "warn"]
 
-GPU_TIMEOUT_S = 90.0
+_GPU_TIMEOUT_S = 90.0
 _GIB, _MIB = 2**30, 2**20
 _ENOUGH, _TOO_LITTLE = 2 * _GIB, 200 * _MIB
 _SKEW_S = 5.0
 _TORCH_ADVICE = "Install the CUDA build of torch (README, Install)."
+_FILE_ADVICE = "Check that it is a database of Meshdeform, and that its disk is writable and not full."
 _NO_EXTRA = "the extra service is not installed"
 _STORE_ADVICE = (
     "Check that it runs, that the bucket of MESHDEFORM_STORAGE_URL exists, and that the credentials in the environment "
@@ -118,59 +100,24 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One finding of a check.
+    """One finding of a check about what `name` says; the advice is empty if there is nothing to do."""
 
-    Attributes
-    ----------
-    name : str
-        What was checked.
-    status : Status
-    detail : str
-    advice : str
-        What to do; empty if nothing.
-    """
-
-    name: str
     status: Status
+    name: str
     detail: str
     advice: str = ""
 
 
-def ok(name: str, detail: str) -> Finding:
-    """Return a finding that everything works."""
-    return Finding(name, Status.OK, detail)
-
-
-def skip(name: str, detail: str) -> Finding:
-    """Return a finding that there was nothing to check."""
-    return Finding(name, Status.SKIP, detail)
-
-
-def warn(name: str, detail: str, advice: str) -> Finding:
-    """Return a finding that it works, with a caveat."""
-    return Finding(name, Status.WARN, detail, advice)
-
-
-def fail(name: str, detail: str, advice: str) -> Finding:
-    """Return a finding that it does not work."""
-    return Finding(name, Status.FAIL, detail, advice)
+ok, skip, warn, fail = (partial(Finding, status) for status in Status)
 
 
 @dataclass
 class Subject:
     """What the checks examine.
 
-    Attributes
-    ----------
-    settings : Settings
-    host, port : str, int
-        The address that `serve` would listen on.
-    url, api_key : str, optional
-        A service to check, and its key.
-    timeout_s : float
-        Timeout of one request over a network, in seconds.
-    skews_s : dict
-        Seconds that the clocks of servers are ahead of ours, by server; filled in by the checks.
+    `serve` would listen on host and port; `url` and `api_key` are those of a service to check; one request over a
+    network may take `timeout_s` seconds. The checks fill in `skews_s`: by how many seconds the clocks of servers are
+    ahead of ours.
     """
 
     settings: Settings
@@ -180,6 +127,65 @@ class Subject:
     api_key: str | None
     timeout_s: float
     skews_s: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check, which returns its findings, and the seconds that it may take."""
+
+    name: str
+    ask: Callable[[], Iterable[Finding]]
+    timeout_s: float
+
+
+def findings(subject: Subject) -> Iterator[Finding]:
+    """Run all checks and yield their findings."""
+    limit_s = 3 * subject.timeout_s
+    yield from run_checks(
+        [
+            Check("packages", check_packages, limit_s),
+            Check("settings", partial(check_variables, set(type(subject.settings).model_fields)), limit_s),
+            Check("gpu", partial(check_gpu, subject), _GPU_TIMEOUT_S),
+            Check("builtin prior", check_builtin, limit_s),
+            Check("model", partial(check_model, subject), limit_s),
+            Check("data directory", partial(check_folders, subject), limit_s),
+            Check("port", partial(check_port, subject), limit_s),
+            Check("redis", partial(check_redis, subject), limit_s),
+            Check("database", partial(check_database, subject), limit_s),
+            Check("object store", partial(check_store, subject), limit_s),
+            Check("workers", partial(check_workers, subject), limit_s),
+            Check("service", partial(check_service, subject), 5 * subject.timeout_s),
+        ]
+    )
+    yield from check_clock(subject)  # after the others, which read the clocks of servers
+
+
+def run_checks(checks: Sequence[Check]) -> Iterator[Finding]:
+    """Run all checks at once and yield their findings in order; a check that times out is abandoned."""
+    answers = [_start(check) for check in checks]
+    start = time.monotonic()
+    for check, answer in zip(checks, answers, strict=True):
+        try:
+            yield from answer.get(timeout=max(0.0, start + check.timeout_s - time.monotonic()))
+        except queue.Empty:
+            advice = "A server does not respond: check whether it hangs or is behind a firewall."
+            yield fail(check.name, f"no response within {check.timeout_s:g} s", advice)
+
+
+def _start(check: Check) -> queue.SimpleQueue[list[Finding]]:
+    answer: queue.SimpleQueue[list[Finding]] = queue.SimpleQueue()
+
+    def work() -> None:
+        try:
+            answer.put(list(check.ask()))
+        except MeshdeformError as error:
+            answer.put([fail(check.name, error.detail, error.advice_text)])
+        except Exception as error:  # any other error is a finding as well
+            answer.put([fail(check.name, f"{type(error).__name__}: {error}", "Check that it is set up as documented.")])
+
+    # A daemon thread, so that one that hangs cannot keep the process alive.
+    threading.Thread(target=work, name=check.name, daemon=True).start()
+    return answer
 
 
 def check_packages() -> Iterator[Finding]:
@@ -245,9 +251,8 @@ def check_gpu(subject: Subject) -> Iterator[Finding]:
     if find_spec("torch") is None:
         yield skip("gpu", "torch is not installed")
         return
-    driver = _driver()
     done = subprocess.run(
-        [sys.executable, "-P", "-c", _PROBE], capture_output=True, text=True, check=False, timeout=GPU_TIMEOUT_S - 5
+        [sys.executable, "-P", "-c", _PROBE], capture_output=True, text=True, check=False, timeout=_GPU_TIMEOUT_S - 5
     )
     try:
         found: dict[str, Any] = json.loads(done.stdout)
@@ -255,7 +260,7 @@ def check_gpu(subject: Subject) -> Iterator[Finding]:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         yield fail("gpu", f"torch cannot be imported: {last}", "Install torch again (README, Install).")
         return
-    yield _gpu(subject.settings.device, driver, found)
+    yield _gpu(subject.settings.device, _driver(), found)
 
 
 def _gpu(device: str, driver: str, found: dict[str, Any]) -> Finding:
@@ -267,11 +272,9 @@ def _gpu(device: str, driver: str, found: dict[str, Any]) -> Finding:
             for each in found["devices"]
         ]
         detail = f"{'; '.join(cards)}; {torch}" + (f", driver {driver}" if driver else "")
-        return (
-            fail("gpu", f"{detail}: wrong results on {', '.join(broken)}", _TORCH_ADVICE)
-            if broken
-            else ok("gpu", detail)
-        )
+        if broken:
+            return fail("gpu", f"{detail}: wrong results on {', '.join(broken)}", _TORCH_ADVICE)
+        return ok("gpu", detail)
     if driver and not found["build"]:
         detail = f"there is a graphics card (driver {driver}), but {torch} is a build for the CPU"
         return fail("gpu", detail, _TORCH_ADVICE) if wanted else warn("gpu", detail, _TORCH_ADVICE)
@@ -474,83 +477,71 @@ def _configured_redis(subject: Subject) -> Iterator[Finding]:
 
 def check_database(subject: Subject) -> Iterator[Finding]:
     """Check that the record responds, is writable and has the newest schema; migrate nothing."""
+    yield _record(subject)[0]
+
+
+def _record(subject: Subject) -> tuple[Finding, str | None]:
+    """Return the finding about the record, and the version of its schema if it has one."""
     if find_spec("sqlalchemy") is None:
-        yield skip("database", _NO_EXTRA)
-        return
+        return skip("database", _NO_EXTRA), None
     import sqlalchemy as sa
 
-    url = subject.settings.resolved_database_url
-    if url.startswith("sqlite"):
-        yield _sqlite(Path(sa.make_url(url).database or ""), subject.timeout_s)
-        return
     from meshdeform.record.database import make_engine
 
-    # The same engine as the record's, with its driver and TLS, but without migrations.
-    engine = make_engine(url)
+    url = sa.make_url(subject.settings.resolved_database_url)
+    path = Path(url.database or "") if url.get_backend_name() == "sqlite" else None
+    if path is None:
+        # The same engine as the record's, with its driver and TLS, but without migrations.
+        engine = make_engine(subject.settings.resolved_database_url)
+    elif path.exists():
+        limits = {"timeout": subject.timeout_s / 2, "isolation_level": None}
+        engine = sa.create_engine(f"sqlite:///file:{quote(str(path))}?mode=rw&uri=true", connect_args=limits)
+    elif problem := _not_writable(path.parent):
+        return fail("database", f"{path} cannot be created: {problem}", "Make the folder writable."), None
+    else:
+        return ok("database", f"{path} will be created at the first start"), None
     try:
         with engine.connect() as connection:
-            yield _database_finding(connection, engine.url, subject)
+            return _read_record(connection, path or engine.url, subject)
     except sa.exc.SQLAlchemyError as error:
         first = str(getattr(error, "orig", error)).splitlines()[0]
-        yield fail(
-            "database", f"{_where(url)} does not respond: {first}", "Start it, or correct MESHDEFORM_DATABASE_URL."
-        )
+        detail, advice = f"{path}: {first}", _FILE_ADVICE
+        if path is None:
+            where = _where(subject.settings.resolved_database_url)
+            detail, advice = f"{where} does not respond: {first}", "Start it, or correct MESHDEFORM_DATABASE_URL."
+        return fail("database", detail, advice), None
     finally:
         engine.dispose()
 
 
-def _sqlite(path: Path, timeout_s: float) -> Finding:
-    if not path.exists():
-        if problem := _not_writable(path.parent):
-            return fail("database", f"{path} cannot be created: {problem}", "Make the folder writable.")
-        return ok("database", f"{path} will be created at the first start")
-    try:
-        connection = sqlite3.connect(
-            f"file:{quote(str(path))}?mode=rw", uri=True, timeout=timeout_s / 2, isolation_level=None
-        )
-        try:
-            connection.execute("BEGIN IMMEDIATE")
-            tables = connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'alembic_version'").fetchone()
-            version = connection.execute("SELECT version_num FROM alembic_version").fetchone()[0] if tables else None
-            connection.execute("ROLLBACK")
-        finally:
-            connection.close()
-    except sqlite3.Error as error:
-        return fail(
-            "database",
-            f"{path}: {error}",
-            "Check that it is a database of Meshdeform, and that its disk is writable and not full.",
-        )
-    return _schema_finding(f"SQLite {sqlite3.sqlite_version}, {path}", version)
-
-
-def _database_finding(connection: sa.Connection, url: sa.URL, subject: Subject) -> Finding:
+def _read_record(connection: sa.Connection, place: Path | sa.URL, subject: Subject) -> tuple[Finding, str | None]:
     import sqlalchemy as sa
 
-    where = url.render_as_string(hide_password=True).partition("://")[2]
-    detail = f"{connection.dialect.name} at {where}"
-    if connection.dialect.name == "postgresql":
+    if isinstance(place, Path):
+        connection.exec_driver_sql("BEGIN IMMEDIATE")  # fails unless the file can be written
+        detail = f"SQLite {sqlite3.sqlite_version}, {place}"
+    else:
         before = time.time()
         now = float(connection.execute(sa.text("SELECT extract(epoch FROM clock_timestamp())")).scalar_one())
         subject.skews_s["PostgreSQL"] = now - (before + time.time()) / 2
-        detail = f"PostgreSQL {connection.execute(sa.text('SHOW server_version')).scalar_one().split()[0]} at {where}"
+        server = connection.execute(sa.text("SHOW server_version")).scalar_one().split()[0]
+        detail = f"PostgreSQL {server} at {place.render_as_string(hide_password=True).partition('://')[2]}"
         if connection.execute(sa.text("SHOW transaction_read_only")).scalar_one() == "on":
-            return fail("database", f"{detail} is read-only", "Name the primary in MESHDEFORM_DATABASE_URL.")
-    version = None
-    if sa.inspect(connection).has_table("alembic_version"):
-        version = connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
-        if connection.dialect.name == "postgresql":
-            right = sa.text("SELECT has_table_privilege(current_user, 'jobs', 'INSERT, UPDATE, DELETE')")
-            if not connection.execute(right).scalar_one():
-                return fail("database", f"{detail}: the user has no write access", "Grant it access to the tables.")
-    return _schema_finding(detail, version)
+            return fail("database", f"{detail} is read-only", "Name the primary in MESHDEFORM_DATABASE_URL."), None
+    if not sa.inspect(connection).has_table("alembic_version"):
+        return ok("database", f"{detail}, no tables yet: the first start creates them"), None
+    version = connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar_one()
+    if not isinstance(place, Path):
+        right = sa.text("SELECT has_table_privilege(current_user, 'jobs', 'INSERT, UPDATE, DELETE')")
+        if not connection.execute(right).scalar_one():
+            advice = "Grant it access to the tables."
+            return fail("database", f"{detail}: the user has no write access", advice), version
+    return _schema_finding(detail, version), version
 
 
-def _schema_finding(detail: str, version: str | None) -> Finding:
+def _schema_finding(detail: str, version: str) -> Finding:
     from meshdeform.record.schema import HEAD, compatible
 
-    if version is None:
-        return ok("database", f"{detail}, no tables yet: the first start creates them")
     if version == HEAD:
         return ok("database", f"{detail}, schema {version}")
     if compatible(version):
@@ -603,15 +594,17 @@ def check_store(subject: Subject) -> Iterator[Finding]:
 
 def check_workers(subject: Subject) -> Iterator[Finding]:
     """Count the workers that are alive according to the record, if it has tables of this version."""
-    findings = list(check_database(subject))
-    from meshdeform.record.schema import HEAD
-
-    if not all(finding.detail.endswith(f"schema {HEAD}") for finding in findings):
+    version = _record(subject)[1]
+    if version is None:
         yield skip("workers", "no service of this version has run here yet")
         return
     from meshdeform.record.database import Database
     from meshdeform.record.leases import Leases
+    from meshdeform.record.schema import HEAD
 
+    if version != HEAD:  # to open it would migrate it
+        yield skip("workers", "no service of this version has run here yet")
+        return
     database = Database(subject.settings.resolved_database_url)
     try:
         alive = Leases(database).alive(subject.settings.queue)
@@ -666,9 +659,15 @@ def check_service(subject: Subject) -> Iterator[Finding]:
         yield ok("service", f"Meshdeform {version} at {subject.url}")
         if version != meshdeform.__version__:
             yield warn("versions", f"here {meshdeform.__version__}, there {version}", "Install the same version here.")
-        yield from _dependencies(http)
-        yield from _key(http, has_key=bool(subject.api_key))
-        yield from _workers(http)
+        for name, path, read in (
+            ("dependencies", "/readyz", _dependencies),
+            ("api key", "/v1/limits", partial(_key, has_key=bool(subject.api_key))),
+            ("service workers", "/metrics", _workers),
+        ):
+            try:
+                yield read(name, http.get(path))
+            except (httpx.HTTPError, ValueError, KeyError, TypeError, AttributeError) as error:
+                yield fail(name, f"{path} does not respond: {type(error).__name__}", "See the service's log.")
 
 
 def _note_clock(subject: Subject, answer: httpx.Response) -> None:
@@ -680,55 +679,31 @@ def _note_clock(subject: Subject, answer: httpx.Response) -> None:
     subject.skews_s["the service"] = moment - time.time() + answer.elapsed.total_seconds() / 2
 
 
-def _dependencies(http: httpx.Client) -> Iterator[Finding]:
-    import httpx
-
-    try:
-        found = http.get("/readyz").json()
-        parts = {name: found[name] for name in ("record", "redis", "store")}
-        away = {name: part.get("detail") or part["status"] for name, part in parts.items() if part["status"] != "ok"}
-    except (httpx.HTTPError, ValueError, KeyError, TypeError, AttributeError) as error:
-        yield fail("dependencies", f"/readyz does not respond: {type(error).__name__}", "See the service's log.")
-        return
+def _dependencies(name: str, answer: httpx.Response) -> Finding:
+    parts = {part: answer.json()[part] for part in ("record", "redis", "store")}
+    away = [f"{part}: {told.get('detail') or told['status']}" for part, told in parts.items() if told["status"] != "ok"]
     if away:
-        found_away = "; ".join(f"{name}: {detail}" for name, detail in away.items())
-        yield fail("dependencies", found_away, "The administrator has to restart them; accepted jobs are not lost.")
-    else:
-        yield ok("dependencies", f"{', '.join(parts)} respond")
+        return fail(name, "; ".join(away), "The administrator has to restart them; accepted jobs are not lost.")
+    return ok(name, f"{', '.join(parts)} respond")
 
 
-def _key(http: httpx.Client, *, has_key: bool) -> Iterator[Finding]:
-    import httpx
-
-    try:
-        status = http.get("/v1/limits").status_code
-    except httpx.HTTPError as error:
-        yield fail("api key", f"/v1/limits does not respond: {type(error).__name__}", "See the service's log.")
-        return
-    if status in (401, 403):
+def _key(name: str, answer: httpx.Response, *, has_key: bool) -> Finding:
+    if answer.status_code in (401, 403):
         detail = "the service refuses the key" if has_key else "the service requires a key"
-        yield fail(
-            "api key", detail, "Set MESHDEFORM_API_KEY to a key; administrators create them: meshdeform keys create."
-        )
-    elif status == 429:
-        yield warn("api key", "over its request limit", "Wait a minute.")
-    elif status != 200:
-        yield fail("api key", f"/v1/limits returns {status}", "Check the address; the service may be older.")
-    else:
-        yield ok("api key", "accepted" if has_key else "none required")
+        advice = "Set MESHDEFORM_API_KEY to a key; administrators create them: meshdeform keys create."
+        return fail(name, detail, advice)
+    if answer.status_code == 429:
+        return warn(name, "over its request limit", "Wait a minute.")
+    if answer.status_code != 200:
+        advice = "Check the address; the service may be older."
+        return fail(name, f"/v1/limits returns {answer.status_code}", advice)
+    return ok(name, "accepted" if has_key else "none required")
 
 
-def _workers(http: httpx.Client) -> Iterator[Finding]:
-    import httpx
-
-    try:
-        answer = http.get("/metrics")
-        match = _ALIVE.search(answer.text) if answer.status_code == 200 else None
-    except httpx.HTTPError:
-        match = None
+def _workers(name: str, answer: httpx.Response) -> Finding:
+    match = _ALIVE.search(answer.text) if answer.status_code == 200 else None
     if match is None:
-        yield skip("service workers", "unknown: /metrics is not readable")
-    elif float(match[1]) < 1:
-        yield warn("service workers", "none is alive, so jobs stay queued", "Start one: meshdeform worker.")
-    else:
-        yield ok("service workers", f"{float(match[1]):g} alive")
+        return skip(name, "unknown: /metrics is not readable")
+    if float(match[1]) < 1:
+        return warn(name, "none is alive, so jobs stay queued", "Start one: meshdeform worker.")
+    return ok(name, f"{float(match[1]):g} alive")

@@ -9,9 +9,10 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.local import check_free, write_all
 from meshdeform.cli.options import ForceOption, JsonOption
 from meshdeform.cli.output import emit, plain
-from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.errors import ParameterError
 
 __all__ = ["convert"]
 
@@ -47,12 +48,9 @@ def convert(
         raise ParameterError(_OBJ, advice="Choose .glb or .stl.")
     if ending not in _ENDINGS:
         raise typer.BadParameter(f"{output.name} ends in none of {', '.join(_ENDINGS)}", param_hint="--output")
-    if output.exists() and output.samefile(asset):
-        raise ParameterError(f"{output} is the input of this command.", advice="Choose another name with -o.")
-    if output.exists() and not force:
-        raise ParameterError(f"{output} exists.", advice="Choose another name with -o, or overwrite it with --force.")
+    check_free([output], [asset], force=force)
     data, facts, words = _converted(asset, ending, up, unit)
-    _write(output, data)
+    write_all({output: data}, what=output)
     if as_json:
         emit({"file": str(output), **facts})
         return
@@ -80,13 +78,3 @@ def _converted(
     closed = "closed" if stl.closed else "not closed"
     facts = {"triangles": stl.triangles, "closed": stl.closed}
     return stl.data, facts, f"{stl.triangles:,} triangles in {unit}, +{up.upper()} up; the surface is {closed}."
-
-
-def _write(path: Path, data: bytes) -> None:
-    from meshdeform.support.files import write_files
-
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_files({path: data})
-    except OSError as error:
-        raise UnavailableError(f"{path} cannot be written: {error}.", advice="Choose another place with -o.") from error

@@ -23,13 +23,7 @@ __all__ = ["command_line", "complete_models", "connect", "load_settings", "read_
 
 
 def load_settings(**flags: Any) -> Settings:
-    """Return the settings from the environment, overridden by the flags that are not None.
-
-    Raises
-    ------
-    ParameterError
-        A flag or a variable is not valid.
-    """
+    """Return the settings from the environment, overridden by the flags that are not None."""
     from pydantic import ValidationError
 
     from meshdeform.settings import Settings
@@ -81,18 +75,7 @@ def service_url(url: str | None) -> str:
 def connect(
     url: str | None, api_key: str | None, api_key_file: Path | None, *, timeout_s: float = 60.0, max_retries: int = 4
 ) -> Client:
-    """Return a client of the service, which the caller closes; nothing is sent yet.
-
-    Parameters
-    ----------
-    url : str, optional
-    api_key, api_key_file : str, Path, optional
-        As in `read_key`.
-    timeout_s : float
-        The longest wait for one response, in seconds.
-    max_retries : int
-        How often a request without a response is repeated.
-    """
+    """Return a client of the service, which the caller closes; nothing is sent yet."""
     from meshdeform.client import Client
 
     key = read_key(api_key, api_key_file)

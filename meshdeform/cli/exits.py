@@ -22,10 +22,13 @@ with `exit_code`.
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 from collections.abc import Callable
+from dataclasses import fields, is_dataclass
 from enum import IntEnum
-from typing import Any, ParamSpec
+from inspect import Parameter, Signature
+from typing import Any, ParamSpec, get_type_hints
 
 import typer
 
@@ -80,15 +83,7 @@ _KINDS: tuple[tuple[tuple[type[MeshdeformError], ...], ExitCode], ...] = (
 class OutcomeError(Exception):
     """The command worked, but its outcome is not a success.
 
-    Parameters
-    ----------
-    code : ExitCode
-    name : str
-        `code` of the problem document; stable.
-    detail, advice : str
-        What happened, and what to do about it.
-    **extra
-        Further members of the problem document.
+    `name` is the `code` of the problem document and stable; `extra` are further members of it.
     """
 
     def __init__(self, code: ExitCode, name: str, detail: str, advice: str, **extra: Any) -> None:
@@ -133,14 +128,22 @@ def report(error: MeshdeformError | OutcomeError, *, as_json: bool) -> None:
     typer.echo(plain(document["advice"]), err=True)
 
 
-def clean_errors(command: Callable[P, None]) -> Callable[P, None]:
-    """Print expected errors as a line and its advice; everything else is a bug and keeps its traceback."""
+def clean_errors(command: Callable[P, None]) -> Callable[..., None]:
+    """Print expected errors as a line and its advice; everything else is a bug and keeps its traceback.
+
+    A parameter of the command whose type is a dataclass stands for its fields, which are options.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    hints = {name: each.annotation for name, each in signature.parameters.items()}
+    groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
 
     @functools.wraps(command)
-    def guarded(*args: P.args, **kwargs: P.kwargs) -> None:
-        as_json = bool(kwargs.get("as_json", False))
+    def guarded(**values: Any) -> None:
+        as_json = bool(values.get("as_json", False))
+        for name, group in groups.items():
+            values[name] = group(**{each.name: values.pop(each.name) for each in fields(group)})
         try:
-            command(*args, **kwargs)
+            command(**values)  # type: ignore[call-arg]
         except (MeshdeformError, OutcomeError) as error:
             report(error, as_json=as_json)
             raise typer.Exit(problem(error)["exit_code"]) from None
@@ -149,4 +152,18 @@ def clean_errors(command: Callable[P, None]) -> Callable[P, None]:
             report(OutcomeError(ExitCode.INTERRUPTED, "interrupted", detail, advice), as_json=as_json)
             raise typer.Exit(ExitCode.INTERRUPTED) from None
 
+    options = [option for each in signature.parameters.values() for option in _options(each)]
+    guarded.__signature__ = Signature(options)  # type: ignore[attr-defined]
     return guarded
+
+
+def _options(parameter: Parameter) -> list[Parameter]:
+    """Return the parameters of a command for typer: those of a group, or the parameter itself."""
+    group = parameter.annotation
+    if not is_dataclass(group):
+        return [parameter.replace(kind=Parameter.KEYWORD_ONLY)]
+    hints = get_type_hints(group, include_extras=True)
+    return [
+        Parameter(each.name, Parameter.KEYWORD_ONLY, default=each.default, annotation=hints[each.name])
+        for each in fields(group)
+    ]

@@ -14,22 +14,14 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
-from meshdeform.cli.options import (
-    CheckpointOption,
-    JsonOption,
-    OverwriteOption,
-    QuietOption,
-    ResumeOption,
-    SetOption,
-    ThreadsOption,
-)
-from meshdeform.cli.output import emit
+from meshdeform.cli.local import run_here
+from meshdeform.cli.options import Here, Printed, SetOption
+from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import make_request, merge_params
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
 
 if TYPE_CHECKING:
     from meshdeform.runs.base import InputFile
-    from meshdeform.settings import Settings
 
 __all__ = ["FamilyFitCommand", "FamilySynthesizeCommand", "family_fit", "family_synthesize", "packed"]
 
@@ -60,38 +52,18 @@ def family_fit(
         typer.Option("-o", "--output", help="The folder to write. Default: NAME-family.", show_default=False),
     ] = None,
     param: SetOption = None,
-    threads: ThreadsOption = None,
-    checkpoint: CheckpointOption = None,
-    resume: ResumeOption = None,
-    force: OverwriteOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    here: Here,
+    printed: Printed,
 ) -> None:
     """Find the parts and the correspondences of a family of assets, and learn its shapes.
 
     meshdeform family-fit chairs/ --labels labels.json -o chairs-family
     """
     require("torch", "deform")
-    settings, output = load_settings(threads=threads), output or Path(f"{collection.stem}-family")
     params = overlaid(merge_params(param or []), written(ctx))
-    sources = {"collection": (collection, labels)}
-    states = checkpoint, resume
-    summary, report = _run("family_fit", params, sources, output, settings, states, force=force, quiet=quiet)
-    summary |= {name: report[name] for name in ("accuracy", "classes", "strangers", "warnings")}
-    if as_json:
-        emit(summary)
-        return
-    if quiet:
-        return
-    typer.echo(f"Folder     {output}")
-    typer.echo(f"Files      {', '.join(summary['files'])}")
-    typer.echo(f"Parts      {', '.join(report['parts'])}")
-    if accuracy := report["accuracy"]:
-        typer.echo(f"Accuracy   {accuracy['parts']:.1%} of the surface of {accuracy['held_out']} held-out assets")
-    if report["classes"]:
-        typer.echo(f"Classes    {report['classes']['nearest_neighbour']:.1%} have a nearest neighbour of their class")
-    for warning in report["warnings"]:
-        typer.echo(warning, err=True)
+    folder = output or Path(f"{collection.stem}-family")
+    _run("family_fit", params, {"collection": _part(collection, labels)}, folder, here, printed)
 
 
 @clean_errors
@@ -117,90 +89,48 @@ def family_synthesize(
         typer.Option("-o", "--output", help="The folder to write. Default: NAME-shapes.", show_default=False),
     ] = None,
     param: SetOption = None,
-    threads: ThreadsOption = None,
-    checkpoint: CheckpointOption = None,
-    resume: ResumeOption = None,
-    force: OverwriteOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    here: Here,
+    printed: Printed,
 ) -> None:
     """Make new assets of a family out of parts of its members.
 
     meshdeform family-synthesize chairs-family chairs/ --count 8
     """
     require("torch", "deform")
-    settings = load_settings(threads=threads)
     source, assets = _sources(family, collection)
     output = output or Path(f"{source.parent.name if family.is_dir() else source.stem}-shapes")
     params = overlaid(merge_params(param or [], members=member), written(ctx))
-    sources: dict[str, Path | tuple[Path, Path | None]] = {"family": source, "collection": (assets, None)}
-    states = checkpoint, resume
-    summary, report = _run("family_synthesize", params, sources, output, settings, states, force=force, quiet=quiet)
-    summary |= {name: report[name] for name in ("shapes", "nearest_members", "warnings")}
-    if as_json:
-        emit(summary)
-        return
-    if quiet:
-        return
-    typer.echo(f"Folder     {output}")
-    typer.echo(f"Files      {', '.join(summary['files'])}")
-    for shape in report["shapes"]:
-        parts = ", ".join(f"{each['part']} of {each['member']}" for each in shape["parts"])
-        typer.echo(f"{shape['name']}  {parts}; more plausible than {shape['plausibility']:.0%} of the members")
-    for each in report["nearest_members"] or ():
-        typer.echo(f"{each['distance']:9.3f}  {each['name']}")
-    for warning in report["warnings"]:
-        typer.echo(warning, err=True)
+    _run("family_synthesize", params, {"family": source, "collection": _part(assets)}, output, here, printed)
 
 
 def _run(
     kind: str,
     params: Mapping[str, Any],
-    sources: Mapping[str, Path | tuple[Path, Path | None]],
+    files: Mapping[str, Path | InputFile],
     folder: Path,
-    settings: Settings,
-    states: tuple[Path | None, Path | None],
-    *,
-    force: bool,
-    quiet: bool,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Run a job whose results fill a folder; return what to say about it, and its report."""
-    from meshdeform.assets import Limits
-    from meshdeform.cli.local import LocalJob
-    from meshdeform.cli.progress import show_progress
+    here: Here,
+    printed: Printed,
+) -> None:
+    """Run a job whose results fill a folder."""
     from meshdeform.runs import kind_of
-    from meshdeform.runs.base import InputFile
 
     request = make_request("", params, more={"kind": kind})
-    most = Limits.from_settings(settings).max_bytes
-    files: dict[str, Path | InputFile] = {
-        part: source if isinstance(source, Path) else InputFile(packed(source[0], most, source[1]), source[0].name)
-        for part, source in sources.items()
-    }
     outputs = {artifact.name: folder / artifact.name for artifact in kind_of(request.kind).artifacts}
-    job = LocalJob(
-        request, files, outputs, settings, checkpoint=states[0], resume=states[1], whole_folder=True
-    )  # fmt: skip
-    job.check(force=force)
-    with show_progress(quiet=quiet) as progress:
-        finished = job.run(progress)
-    summary = {
-        "folder": str(folder),
-        "files": list(finished.artifacts),
-        "steps": finished.steps,
-        "resumed": finished.resumed_from is not None,
-    }
-    return summary, finished.report
+    run = run_here(request, files, outputs, here, quiet=printed.quiet, whole_folder=True)
+    print_result(request.kind, run, outputs, printed)
+
+
+def _part(collection: Path, labels: Path | None = None) -> InputFile:
+    from meshdeform.assets import Limits
+    from meshdeform.runs.base import InputFile
+
+    most = Limits.from_settings(load_settings()).max_bytes
+    return InputFile(packed(collection, most, labels), collection.name)
 
 
 def packed(path: Path, most: int, labels: Path | None = None) -> bytes:
-    """Return the ZIP of a folder, or the given one, with the labels.
-
-    Raises
-    ------
-    AssetError
-        The folder holds no asset, or too many bytes; or the ZIP cannot be read.
-    """
+    """Return the ZIP of a folder, or the given one, with the labels; refuse none, or too many bytes, as AssetError."""
     if path.is_file() and labels is None:
         return path.read_bytes()
     buffer = io.BytesIO()
@@ -236,13 +166,7 @@ def _unpacked(path: Path, most: int) -> dict[str, bytes]:
 
 
 def _sources(family: Path, collection: Path | None) -> tuple[Path, Path]:
-    """Return the family's file and the collection.
-
-    Raises
-    ------
-    ParameterError
-        One of them is not there.
-    """
+    """Return the family's file and the collection, or raise ParameterError if one is not there."""
     source = family / _FILE if family.is_dir() else family
     if not source.is_file():
         raise ParameterError(

@@ -11,8 +11,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from inspect import Parameter, Signature
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
@@ -26,28 +27,30 @@ if TYPE_CHECKING:
 
 from meshdeform.cli.environment import complete_models
 
-__all__ = ["Form", "form_command", "of_kind", "of_request", "overlaid", "parameter_choices", "written"]
+__all__ = ["Form", "ShortForm", "form_command", "of_kind", "of_request", "overlaid", "parameter_choices", "written"]
 
 _META = "meshdeform.forms"
 _SENTENCE = re.compile(r"(?<=[a-z0-9)])[.:] ")
 
 
 @dataclass(frozen=True)
+class ShortForm:
+    """An option for a parameter that is a list of what is no word or number; repeatable, each text read by `read`."""
+
+    option: str
+    metavar: str
+    help: str
+    panel: str
+    read: Callable[[str], Any]
+
+
+@dataclass(frozen=True)
 class Form:
     """Options for the members of one model.
 
-    Attributes
-    ----------
-    name : str
-        The member of the request that they write: `params`, `output`.
-    model : callable
-        Returns the model; imported only when the command is looked at.
-    panel : str
-        Their heading in the help.
-    only : collection of str, optional
-        The members that get an option; default: all.
-    hidden : collection of str
-        Members without an option, because the command has one of its own.
+    They write the member `name` of the request (`params`, `output`). The model is imported when the command is looked
+    at. `only` names the members, or GROUP.MEMBER, that get an option; `hidden` those for which the command has one of
+    its own; `short` the options by the last name of a parameter that is written in a short form.
     """
 
     name: str
@@ -55,6 +58,7 @@ class Form:
     panel: str
     only: Collection[str] | None = None
     hidden: Collection[str] = ()
+    short: Mapping[str, Sequence[ShortForm]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -121,11 +125,11 @@ def parameter_choices() -> dict[str, list[str]]:
     return {
         path[-1]: [
             str(choice.value)
-            for each in _members(field.annotation)
+            for each in _members(member.annotation)
             if isinstance(each, type) and issubclass(each, Enum)
             for choice in each
         ]
-        for path, field in _fields(DeformParams, ())
+        for path, member in _fields(DeformParams, ())
     }
 
 
@@ -149,25 +153,39 @@ class _FormCommand(TyperCommand):
             group = forms.setdefault(leaf.form, {})
             for name in leaf.path[:-1]:
                 group = group.setdefault(name, {})
-            group[leaf.path[-1]] = leaf.read(value)
+            read = leaf.read(value)
+            # Several options may write one list.
+            group[leaf.path[-1]] = [*group.get(leaf.path[-1], ()), *read] if isinstance(read, map) else read
         ctx.meta[_META] = forms
         return super().invoke(ctx)
 
 
 def _leaves_of(form: Form, taken: set[str]) -> list[_Leaf]:
     leaves, infos = list[tuple[str, tuple[str, ...], Callable[[Any], Any]]](), list[Parameter]()
-    for path, field in _fields(form.model(), ()):
-        kind, read = _kind_of(field)
-        if kind is None or path[0] in form.hidden or (form.only is not None and path[0] not in form.only):
+
+    def add(path: tuple[str, ...], names: list[str], info: Any, kind: Any, read: Callable[[Any], Any]) -> None:
+        taken.update(names)
+        name = "_".join(("form", form.name, *path, str(len(leaves))))
+        leaves.append((name, path, read))
+        infos.append(Parameter(name, Parameter.KEYWORD_ONLY, default=info, annotation=kind | None))
+
+    for path, member in _fields(form.model(), ()):
+        if path[0] in form.hidden or (form.only is not None and not {path[0], ".".join(path)} & set(form.only)):
             continue
-        if names := [name for name in _names(path, field) if name not in taken]:
-            taken.update(names)
-            name = "_".join(("form", form.name, *path))
-            leaves.append((name, path, read))
-            info = _option(form, path, field, kind, names)
-            infos.append(Parameter(name, Parameter.KEYWORD_ONLY, default=info, annotation=kind | None))
+        for short in form.short.get(path[-1], ()):
+            if short.option not in taken:
+                add(path, [short.option], _short_option(short), list[str], partial(map, short.read))
+        kind, read = _kind_of(member)
+        if kind is not None and (names := [name for name in _names(path, member) if name not in taken]):
+            add(path, names, _option(form, path, member, kind, names), kind, read)
     options = _click_options(infos)
     return [_Leaf(form.name, path, options[name], read) for name, path, read in leaves]
+
+
+def _short_option(short: ShortForm) -> Any:
+    return typer.Option(
+        None, short.option, metavar=short.metavar, help=short.help, rich_help_panel=short.panel, show_default=False
+    )
 
 
 def _click_options(infos: Sequence[Parameter]) -> dict[str, Any]:
@@ -185,10 +203,10 @@ def _click_options(infos: Sequence[Parameter]) -> dict[str, Any]:
 
 def _fields(model: type[BaseModel], above: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], FieldInfo]]:
     """Yield the parameters of a model and of the groups in it; groups of a choice may share some."""
-    for name, field in model.model_fields.items():
-        groups = [each for each in _members(field.annotation) if _is_model(each)]
+    for name, member in model.model_fields.items():
+        groups = [each for each in _members(member.annotation) if _is_model(each)]
         if not groups:
-            yield (*above, name), field
+            yield (*above, name), member
         for group in groups:
             yield from _fields(group, (*above, name))
 

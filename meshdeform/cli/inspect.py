@@ -10,11 +10,11 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
-from meshdeform.cli.options import AlsoOption, JsonOption, SetOption
+from meshdeform.cli.options import JsonOption, SetOption
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.report_lines import orientation_line
 from meshdeform.cli.request import make_request, merge_params
-from meshdeform.cli.written import parse_also
+from meshdeform.cli.written import ALSO
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["InspectCommand", "inspect"]
 
 _SHOWN = 40
+_READ = ("guidance.model", "guidance.source_noun", "guidance.prompts")
 
-InspectCommand = form_command(of_kind("text_deform", only=("model", "source_noun")))
+InspectCommand = form_command(of_kind("text_deform", short=ALSO, only=_READ))
 
 
 @clean_errors
@@ -33,7 +34,6 @@ def inspect(
     prompt: Annotated[
         str, typer.Option(help="Also find the side that a job with this prompt would make the front.")
     ] = "",
-    also: AlsoOption = None,
     param: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -51,8 +51,10 @@ def inspect(
 
     limits = Limits.from_settings(load_settings())
     found = inspect_parts(load_asset(asset.read_bytes(), asset.name, limits))
-    if prompt or also:
-        params = overlaid(merge_params(param or [], prompts=parse_also(also)), written(ctx))
+    overrides = written(ctx)
+    prompted = bool(prompt or overrides.get("guidance", {}).get("prompts"))
+    if prompted:
+        params = overlaid(merge_params(param or []), overrides)
         found["orientation"] = _front(
             asset, make_request(prompt, overlaid({"guidance": {"orientation": "auto"}}, params))
         )
@@ -60,7 +62,7 @@ def inspect(
         emit(found)
         return
     typer.echo(_described(found))
-    if prompt or also:
+    if prompted:
         typer.echo(f"\n{orientation_line(found['orientation'])}")
     for warning in found["warnings"]:
         typer.echo(warning, err=True)

@@ -15,23 +15,23 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from meshdeform.cli.environment import command_line, connect
+from meshdeform.cli.environment import command_line
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.local import writing
 from meshdeform.cli.options import (
-    ApiKeyFileOption,
-    ApiKeyOption,
     JobIdArgument,
     JobIdsArgument,
+    JobPlace,
     JsonOption,
-    QuietOption,
+    Place,
+    Printed,
     SetOption,
     TimeoutOption,
-    UrlOption,
     complete_states,
 )
 from meshdeform.cli.output import ago, duration, emit, note, plain, table
@@ -56,8 +56,7 @@ __all__ = [
     "jobs",
     "left_running",
     "outcome_failure",
-    "path_lines",
-    "print_new",
+    "refuse_other_place",
     "retry",
     "run_on_service",
     "save_artifacts",
@@ -66,68 +65,60 @@ __all__ = [
     "watch",
 ]
 
-T = TypeVar("T")
 _PAGE = 100
-_ENDED = {"failed": "failed", "canceled": "was canceled", "expired": "expired"}
+_FOLDER = "Choose another folder with -o."
+_ENDED = {
+    "failed": (ExitCode.JOB_FAILED, "failed"),
+    "canceled": (ExitCode.JOB_ENDED, "was canceled"),
+    "expired": (ExitCode.JOB_ENDED, "expired"),
+}
 _PATIENCE_S = 120.0
 """Seconds that a service may be unreachable once it has responded: longer than a restart takes."""
 
 BranchCommand = form_command(of_kind("text_deform"))
 
 
+def refuse_other_place(place: JobPlace, *, here: Mapping[str, Any], there: Mapping[str, Any]) -> None:
+    """Refuse options that mean nothing where the job runs."""
+    wrong = [name for name, value in (here if place.url else there).items() if value]
+    if wrong:
+        where = "on this machine, not for a service" if place.url else "for a service: name it with --url"
+        raise typer.BadParameter(f"this is {where}", param_hint=wrong[0])
+
+
 def run_on_service(
     request: JobRequest,
     files: Mapping[str, Path | bytes],
-    place: tuple[str, str | None, Path | None],
-    folder: Path | None,
+    place: JobPlace,
+    folder: Path,
+    printed: Printed,
     *,
     filename: str | None = None,
     idempotency_key: str | None = None,
-    timeout: float | None,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
-    """Submit a job, follow it to its end, and save its artifacts.
+    """Submit a job, follow it to its end unless it is to be left alone, and save its artifacts into the folder.
 
-    Parameters
-    ----------
-    request : JobRequest
-    files : mapping of str to Path or bytes
-        By part.
-    place : tuple
-        The service's address, the API key and the file of a key.
-    folder : Path, optional
-        Where the artifacts go; None: print the id, and do not wait.
-    filename : str, optional
-        That of the first file, if it has none of its own.
-    idempotency_key : str, optional
-    timeout : float, optional
-        The longest wait, in seconds.
-    as_json, quiet : bool
-
-    Raises
-    ------
-    OutcomeError
-        The job did not succeed, the time is over, or Ctrl-C came.
+    The files are by part; `filename` is that of the first one, if it has none of its own. An OutcomeError tells that
+    the job did not succeed, that the time is over, or that Ctrl-C came.
     """
-    with connect(*place) as client:
+    with place.connect() as client:
         job = _submitted(client, request, files, filename, idempotency_key)
-        if folder is None:
-            print_new(job, place[0], as_json=as_json, quiet=quiet)
+        if place.detach:
+            _print_new(job, place, printed)
             return
-        note(f"{job.id}  (Ctrl-C leaves it running)", quiet=quiet)
-        with show_progress(quiet=quiet) as view:
-            shown, deadline = partial(show_event, view=view), Deadline(timeout)
-            ended = follow(client, job.id, shown, deadline=deadline, url=place[0])
+        note(f"{job.id}  (Ctrl-C leaves it running)", quiet=printed.quiet)
+        with show_progress(quiet=printed.quiet) as view:
+            shown, deadline = partial(show_event, view=view), Deadline(place.timeout)
+            ended = follow(client, job.id, shown, deadline=deadline, url=place.url)
         if failure := outcome_failure(ended):
-            if as_json:
+            if printed.as_json:
                 emit(ended.as_json())
             raise failure
         saved = save_artifacts(client, job.id, folder)
-    if as_json:
+    if printed.as_json:
         emit({**ended.as_json(), "files": saved})
     else:
-        typer.echo("\n".join([job.id, *path_lines(saved)]))
+        typer.echo("\n".join([job.id, *_path_lines(saved)]))
 
 
 def _submitted(
@@ -174,9 +165,8 @@ def jobs(
         ),
     ] = "",
     limit: Annotated[int, typer.Option(min=1, help="At most this many.")] = 20,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
+    *,
+    place: Place,
     as_json: JsonOption = False,
 ) -> None:
     """List the jobs of a service, newest first.
@@ -185,7 +175,7 @@ def jobs(
     """
     if state is not None and state not in (known := complete_states("")):
         raise typer.BadParameter(f"{state!r} is not one of {', '.join(known)}", param_hint="--state")
-    with connect(url, api_key, api_key_file) as client:
+    with place.connect() as client:
         every = client.jobs(state=state, metadata=parse_labels(label or []), search=search, limit=min(limit, _PAGE))
         found = list(islice(every, limit))
     if as_json:
@@ -211,64 +201,36 @@ def _row(job: JobView, now: datetime) -> tuple[str, ...]:
 
 
 @clean_errors
-def wait(
-    job_ids: JobIdsArgument,
-    timeout: TimeoutOption = None,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
+def wait(job_ids: JobIdsArgument, timeout: TimeoutOption = None, *, place: Place, printed: Printed) -> None:
     """Wait until jobs have ended.
 
     Exit code 0: all succeeded; 5: one failed; 6: one was canceled or expired; 7: timed out.
 
     meshdeform wait $(meshdeform run examples/sphere.glb "a mushroom" --url URL --detach) --timeout 600
     """
-    ids = list(dict.fromkeys(job_ids))
-    with connect(url, api_key, api_key_file) as client:
-        jobs = _wait_for(client, ids, Deadline(timeout), url, as_json=as_json, quiet=quiet)
-    failures = [failure for job in jobs if (failure := outcome_failure(job))]
-    if as_json:
-        emit({"jobs": [job.as_json() for job in jobs]})
-    if failures:
-        worst = min(failures, key=lambda failure: failure.exit_code)
-        for failure in failures:
-            if failure is not worst:
-                report(failure, as_json=as_json)
-        raise worst
-
-
-def _wait_for(
-    client: Client, ids: list[str], deadline: Deadline, url: str | None, *, as_json: bool, quiet: bool
-) -> list[JobView]:
-    jobs: list[JobView] = []
-    for job_id in ids:
-        try:
-            with show_progress(quiet=quiet) as view:
-                shown = partial(show_event, view=view)
-                job = follow(client, job_id, shown, deadline=deadline, url=url, replay=False)
-        except OutcomeError as failure:
-            if failure.exit_code is ExitCode.INTERRUPTED:
-                raise left_running(ids[len(jobs) :], url) from None
-            raise
-        jobs.append(job)
-        if not (as_json or quiet):
-            typer.echo(f"{job.id}  {job.state}")
-    return jobs
+    ids, deadline = list(dict.fromkeys(job_ids)), Deadline(timeout)
+    ended: list[JobView] = []
+    with place.connect() as client:
+        for job_id in ids:
+            try:
+                with show_progress(quiet=printed.quiet) as view:
+                    shown = partial(show_event, view=view)
+                    job = follow(client, job_id, shown, deadline=deadline, url=place.url, replay=False)
+            except OutcomeError as failure:
+                if failure.exit_code is ExitCode.INTERRUPTED:
+                    raise left_running(ids[len(ended) :], place.url) from None
+                raise
+            ended.append(job)
+            _print_end(job, printed)
+    if printed.as_json:
+        emit({"jobs": [job.as_json() for job in ended]})
+    failures = list(filter(None, map(outcome_failure, ended)))
+    failures.sort(key=lambda each: each.exit_code, reverse=True)  # the last one has the exit code: a failed job's
+    _raise_last(failures, as_json=printed.as_json)
 
 
 @clean_errors
-def watch(
-    job_id: JobIdArgument,
-    timeout: TimeoutOption = None,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
+def watch(job_id: JobIdArgument, timeout: TimeoutOption = None, *, place: Place, printed: Printed) -> None:
     """Follow a job to its end.
 
     Shows a bar with loss and time left, plain lines in a log; with --json every event as a line. Reconnects
@@ -276,35 +238,30 @@ def watch(
 
     meshdeform watch job_01kg9zqk2xf3v8c5m7n9p1r4t6
     """
-    with (
-        connect(url, api_key, api_key_file) as client,
-        show_progress(quiet=quiet or as_json) as view,
-    ):
 
-        def on_start(job: JobView) -> None:
-            if not as_json:
-                note(f"{job.id}  {job.asset.filename}  {job.prompt}".rstrip(), quiet=quiet)
+    def on_start(job: JobView) -> None:
+        if not printed.as_json:
+            note(f"{job.id}  {job.asset.filename}  {job.prompt}".rstrip(), quiet=printed.quiet)
 
-        def on_event(event: EventView) -> None:
-            if as_json:
-                emit(event.model_dump(mode="json"))
-            show_event(event, view)
+    def on_event(event: EventView) -> None:
+        if printed.as_json:
+            emit(event.model_dump(mode="json"))
+        show_event(event, view)
 
-        job = follow(client, job_id, on_event, deadline=Deadline(timeout), url=url, on_start=on_start)
-    if not (as_json or quiet):
-        typer.echo(f"{job.id}  {job.state}")
+    with place.connect() as client, show_progress(quiet=not printed.text) as view:
+        job = follow(client, job_id, on_event, deadline=Deadline(timeout), url=place.url, on_start=on_start)
+    _print_end(job, printed)
     if failure := outcome_failure(job):
         raise failure
 
 
-class Deadline:
-    """A point in time, possibly never.
+def _print_end(job: JobView, printed: Printed) -> None:
+    if printed.text:
+        typer.echo(f"{job.id}  {job.state}")
 
-    Parameters
-    ----------
-    timeout_s : float, optional
-        Seconds from now; None: never.
-    """
+
+class Deadline:
+    """A point in time, so many seconds from now; without a timeout never."""
 
     def __init__(self, timeout_s: float | None) -> None:
         self.timeout_s = timeout_s
@@ -326,33 +283,11 @@ def follow(
     on_start: Callable[[JobView], None] = lambda _: None,
     replay: bool = True,
 ) -> JobView:
-    """Pass on a job's events until it has ended.
+    """Pass on a job's events until it has ended, each once, in order, in this thread; return it in its last state.
 
-    Parameters
-    ----------
-    client : Client
-    job_id : str
-    on_event : callable
-        Called with every event once, in order, in this thread.
-    deadline : Deadline
-    url : str, optional
-        As given on the command line, for the commands in the advice.
-    on_start : callable
-        Called with the job in its state at the beginning.
-    replay : bool
-        Whether to pass on the events of a job that has already ended.
-
-    Returns
-    -------
-    JobView
-        The job in its terminal state.
-
-    Raises
-    ------
-    OutcomeError
-        Timeout (`timed_out`) or Ctrl-C (`interrupted`). The job continues.
-    MeshdeformError
-        The job does not exist, or the service stays unreachable.
+    `url` is as written on the command line, for the commands in the advice; `on_start` is called with the job at the
+    beginning. Without `replay`, the events of a job that has already ended are left out. An OutcomeError tells of a
+    timeout (`timed_out`) or Ctrl-C (`interrupted`): the job continues.
     """
     try:
         job = client.get(job_id)
@@ -433,25 +368,14 @@ def show_event(event: EventView, view: ProgressView) -> None:
 
 def outcome_failure(job: JobView) -> OutcomeError | None:
     """Return the error for a job that did not succeed; None for one that did."""
-    if job.state.value == "succeeded":
+    state = job.state.value
+    if state == "succeeded":
         return None
-    if job.error is not None and job.state.value == "failed":
-        return OutcomeError(
-            ExitCode.JOB_FAILED,
-            job.error.code,
-            f"The job {job.id} failed: {job.error.detail}",
-            job.error.advice,
-            job_id=job.id,
-            state=job.state.value,
-        )
-    return OutcomeError(
-        ExitCode.JOB_FAILED if job.state.value == "failed" else ExitCode.JOB_ENDED,
-        f"job_{job.state.value}",
-        f"The job {job.id} {_ENDED[job.state.value]}.",
-        "Submit it again, with a later deadline if it had one.",
-        job_id=job.id,
-        state=job.state.value,
-    )
+    code, ended = _ENDED[state]
+    name, detail, advice = f"job_{state}", f"{ended}.", "Submit it again, with a later deadline if it had one."
+    if job.error is not None and state == "failed":
+        name, detail, advice = job.error.code, f"failed: {job.error.detail}", job.error.advice
+    return OutcomeError(code, name, f"The job {job.id} {detail}", advice, job_id=job.id, state=state)
 
 
 def _complete_names(incomplete: str) -> list[str]:
@@ -483,11 +407,9 @@ def fetch(
         typer.Option(min=0, help="Instead: the shape at this checkpoint, as step-N.glb.", show_default=False),
     ] = None,
     asset: Annotated[bool, typer.Option("--asset", help="Instead: the asset as it was submitted.")] = False,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    place: Place,
+    printed: Printed,
 ) -> None:
     """Save the artifacts of a job.
 
@@ -500,20 +422,20 @@ def fetch(
     if (step is not None) + asset + bool(name) > 1:
         raise typer.BadParameter("give only one of --name, --step and --asset")
     folder = output or Path(job_id)
-    with connect(url, api_key, api_key_file) as client:
+    with place.connect() as client:
         job = client.get(job_id)
         if not (asset or step is not None or job.state.terminal):
-            note(f"The job is {job.state}: more artifacts may follow.", quiet=quiet)
+            note(f"The job is {job.state}: more artifacts may follow.", quiet=printed.quiet)
         if asset:
             files = [_save_one(folder / _safe_name(job.asset.filename), partial(client.download_asset, job_id))]
         elif step is not None:
             files = [_save_one(folder / f"step-{step}.glb", partial(client.download_checkpoint, job_id, step))]
         else:
             files = save_artifacts(client, job_id, folder, name)
-    if as_json:
+    if printed.as_json:
         emit({"job_id": job_id, "files": files})
-    elif not quiet:
-        typer.echo("\n".join(path_lines(files)))
+    elif printed.text:
+        typer.echo("\n".join(_path_lines(files)))
 
 
 def _safe_name(filename: str) -> str:
@@ -523,32 +445,17 @@ def _safe_name(filename: str) -> str:
 
 
 def _save_one(path: Path, download: Callable[[Path], Path]) -> dict[str, Any]:
-    try:
+    with writing(path.parent, _FOLDER):
         path.parent.mkdir(parents=True, exist_ok=True)
         download(path)
         data = path.read_bytes()
-    except OSError as error:
-        raise _not_writable(path.parent, error) from error
     return {"name": path.name, "path": str(path), "size": len(data), "sha256": hashlib.sha256(data).hexdigest()}
-
-
-def _not_writable(folder: Path, error: OSError) -> UnavailableError:
-    return UnavailableError(
-        f"{folder} cannot be written: {error.strerror or error}.", advice="Choose another folder with -o."
-    )
 
 
 def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] | None = None) -> list[dict[str, Any]]:
     """Save a job's artifacts into a folder and return name, path, size in bytes and SHA-256 of each.
 
-    Those that can still be made are made if they are named.
-
-    Raises
-    ------
-    NotFoundError
-        The job has no artifact of such a name.
-    UnavailableError
-        The folder cannot be written, or the service does not respond.
+    Those that can still be made are made if they are named; a NotFoundError tells of others that the job does not have.
     """
     from meshdeform.client.downloads import AFTERWARDS
 
@@ -562,11 +469,9 @@ def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] |
         raise NotFoundError(f"The job {job_id} has no {', '.join(missing)}.", advice=has)
     if not known:
         raise NotFoundError(f"The job {job_id} has no artifacts.", advice="Only a job that succeeded has results.")
-    try:
+    with writing(folder, _FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         paths = client.fetch(job_id, folder, names)
-    except OSError as error:
-        raise _not_writable(folder, error) from error
     return [
         {"name": path.name, "path": str(path), "size": known[path.name].size, "sha256": known[path.name].sha256}
         for path in paths
@@ -574,19 +479,13 @@ def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] |
     ]
 
 
-def path_lines(files: list[dict[str, Any]]) -> list[str]:
+def _path_lines(files: list[dict[str, Any]]) -> list[str]:
     """Return a line with the path of each file."""
     return [plain(file["path"]) for file in files]
 
 
 @clean_errors
-def cancel(
-    job_ids: JobIdsArgument,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-) -> None:
+def cancel(job_ids: JobIdsArgument, *, place: Place, as_json: JsonOption = False) -> None:
     """Cancel jobs.
 
     A running job stops after its current step; a job that has ended stays as it is.
@@ -594,33 +493,32 @@ def cancel(
     meshdeform cancel job_01kg9zqk2xf3v8c5m7n9p1r4t6
     """
 
-    def end(client: Client, job_id: str) -> JobView:
+    def end(client: Client, job_id: str) -> dict[str, Any]:
         job = client.cancel(job_id)
         if not as_json:
             typer.echo(f"{job.id}  {job.state}")
-        return job
+        return job.as_json()
 
-    with connect(url, api_key, api_key_file) as client:
-        jobs, failures = _each(client, job_ids, end)
+    _end_each(job_ids, end, "jobs", place, as_json=as_json)
+
+
+def _end_each(
+    job_ids: Sequence[str], end: Callable[[Client, str], Any], name: str, place: Place, *, as_json: bool
+) -> None:
+    """End each job, the others too if one is not there or in another state; as JSON, print what `end` returns."""
+    ended, failures = list[Any](), list[MeshdeformError]()
+    with place.connect() as client:
+        for job_id in dict.fromkeys(job_ids):
+            try:
+                ended.append(end(client, job_id))
+            except (ConflictError, NotFoundError) as error:
+                failures.append(error)
     if as_json:
-        emit({"jobs": [job.as_json() for job in jobs]})
+        emit({name: ended})
     _raise_last(failures, as_json=as_json)
 
 
-def _each(
-    client: Client, job_ids: Sequence[str], end: Callable[[Client, str], T]
-) -> tuple[list[T], list[MeshdeformError]]:
-    """End each job, the others too if one is not there or in another state."""
-    ended, failures = list[T](), list[MeshdeformError]()
-    for job_id in dict.fromkeys(job_ids):
-        try:
-            ended.append(end(client, job_id))
-        except (ConflictError, NotFoundError) as error:
-            failures.append(error)
-    return ended, failures
-
-
-def _raise_last(failures: Sequence[MeshdeformError], *, as_json: bool) -> None:
+def _raise_last(failures: Sequence[MeshdeformError | OutcomeError], *, as_json: bool) -> None:
     for failure in failures[:-1]:
         report(failure, as_json=as_json)
     if failures:
@@ -628,22 +526,15 @@ def _raise_last(failures: Sequence[MeshdeformError], *, as_json: bool) -> None:
 
 
 @clean_errors
-def retry(
-    job_id: JobIdArgument,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
+def retry(job_id: JobIdArgument, *, place: Place, printed: Printed) -> None:
     """Retry a job that did not succeed, and print the id of the new job.
 
     It continues from the last checkpoint.
 
     meshdeform retry job_01kg9zqk2xf3v8c5m7n9p1r4t6
     """
-    with connect(url, api_key, api_key_file) as client:
-        print_new(client.retry(job_id), url, as_json=as_json, quiet=quiet)
+    with place.connect() as client:
+        _print_new(client.retry(job_id), place, printed)
 
 
 @clean_errors
@@ -655,36 +546,27 @@ def branch(
         int | None, typer.Option(min=0, help="Step of the checkpoint; default: the last one.", show_default=False)
     ] = None,
     settings: SetOption = None,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    place: Place,
+    printed: Printed,
 ) -> None:
     """Start a new job from the shape of a job at a checkpoint, with another prompt, and print its id.
 
     meshdeform branch job_01kg9zqk2xf3v8c5m7n9p1r4t6 "a vase" --step 100
     """
     request = make_request(prompt, overlaid(merge_params(settings or []), written(ctx)))
-    with connect(url, api_key, api_key_file) as client:
+    with place.connect() as client:
         if step is None:
             found = client.checkpoints(job_id)
             if not found:
                 raise NotFoundError(f"The job {job_id} has no checkpoint.", advice="Submit a new job instead.")
             step = max(checkpoint.step for checkpoint in found)
         job = client.branch(job_id, step, request.prompt, params=request.params)
-    print_new(job, url, as_json=as_json, quiet=quiet)
+    _print_new(job, place, printed)
 
 
 @clean_errors
-def delete(
-    job_ids: JobIdsArgument,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
+def delete(job_ids: JobIdsArgument, *, place: Place, printed: Printed) -> None:
     """Delete jobs that have ended, with all their artifacts. This cannot be undone.
 
     meshdeform delete job_01kg9zqk2xf3v8c5m7n9p1r4t6
@@ -692,21 +574,16 @@ def delete(
 
     def end(client: Client, job_id: str) -> str:
         client.delete(job_id)
-        if not (as_json or quiet):
+        if printed.text:
             typer.echo(f"{job_id}  deleted")
         return job_id
 
-    with connect(url, api_key, api_key_file) as client:
-        deleted, failures = _each(client, job_ids, end)
-    if as_json:
-        emit({"deleted": deleted})
-    _raise_last(failures, as_json=as_json)
+    _end_each(job_ids, end, "deleted", place, as_json=printed.as_json)
 
 
-def print_new(job: JobView, url: str | None, *, as_json: bool, quiet: bool) -> None:
-    """Print a job that was created."""
-    if as_json:
+def _print_new(job: JobView, place: Place, printed: Printed) -> None:
+    if printed.as_json:
         emit(job.as_json())
     else:
         typer.echo(job.id)
-        note(f"Follow it: {command_line(f'watch {job.id}', url)}", quiet=quiet)
+        note(f"Follow it: {command_line(f'watch {job.id}', place.url)}", quiet=printed.quiet)

@@ -16,18 +16,22 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+import typer
+
+from meshdeform.cli.environment import load_settings
 from meshdeform.cli.exits import ExitCode, OutcomeError
+from meshdeform.cli.progress import ProgressView, show_progress
 from meshdeform.errors import AlignmentError, ParameterError, UnavailableError
 from meshdeform.support.collector import collection_paused
 
 if TYPE_CHECKING:
-    from meshdeform.cli.progress import ProgressView
+    from meshdeform.cli.options import Here
     from meshdeform.priors.base import Prior
     from meshdeform.requests.document import JobRequest
     from meshdeform.runs.base import InputFile, JobRun
@@ -36,10 +40,13 @@ if TYPE_CHECKING:
 __all__ = [
     "FinishedRun",
     "LocalJob",
+    "check_free",
+    "check_glb",
     "check_locally",
     "check_outputs",
     "ctrl_c_between_steps",
     "find_taught",
+    "run_here",
     "second_ctrl_c_ends",
     "write_all",
     "writing",
@@ -49,26 +56,13 @@ _GRACE_S = 2.0
 """Seconds that the second Ctrl-C has to end the work by an exception."""
 _OVER = b"\0"
 _FORCE = "Choose another name with -o, or overwrite it with --force."
+_ELSEWHERE = "Choose another path with -o."
 _REPORT = "report.json"
 
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A run that has written its outputs.
-
-    Attributes
-    ----------
-    report : dict
-    artifacts : dict of str to bytes
-        The artifacts that were written, by name.
-    steps : int
-        Steps done, with those of the checkpoint.
-    resumed_from : int, optional
-        The step of the checkpoint.
-    losses : dict
-        Losses of the last step.
-    elapsed_s : float
-    """
+    """A run that has written its outputs: its artifacts by name, and the steps with those of the checkpoint."""
 
     report: dict[str, Any]
     artifacts: dict[str, bytes]
@@ -82,23 +76,9 @@ class FinishedRun:
 class LocalJob:
     """A job of any kind in this process.
 
-    Attributes
-    ----------
-    request : JobRequest
-    files : dict of str to Path or InputFile
-        By part.
-    outputs : dict of str to Path
-        Where artifacts go, by name: the main one first. Others are not written.
-    settings : Settings
-        Model, device, precision, threads and limits.
-    checkpoint : Path, optional
-        The file for the state.
-    resume : Path, optional
-        A checkpoint of the same request to continue from.
-    whole_folder : bool
-        Whether outputs of an earlier run that this one does not make are removed.
-    load : callable, optional
-        Loads the prior; a caching one saves time from job to job.
+    `outputs` says where artifacts go, by name, the main one first; others are not written. With `whole_folder`, outputs
+    of an earlier run that this one does not make are removed. `load` loads the prior: a caching one saves time from job
+    to job.
     """
 
     request: JobRequest
@@ -116,18 +96,7 @@ class LocalJob:
     def check(self, *, force: bool = False, also: Sequence[Path] = (), inputs: Sequence[Path] = ()) -> None:
         """Refuse, without torch, what could not run here, and unless with `force` to lose a file.
 
-        Parameters
-        ----------
-        force : bool
-        also : sequence of Path
-            Further files that the command writes.
-        inputs : sequence of Path
-            Further files that it reads.
-
-        Raises
-        ------
-        MeshdeformError
-            The request is not valid, or a file would be lost.
+        `also` are further files that the command writes, and `inputs` further ones that it reads.
         """
         if not force:
             read = [file for file in (*self.files.values(), *inputs, self.resume) if isinstance(file, Path)]
@@ -139,12 +108,7 @@ class LocalJob:
     def run(self, progress: ProgressView) -> FinishedRun:
         """Run the job to its end and write the outputs, all or none.
 
-        Raises
-        ------
-        MeshdeformError
-            The job cannot run, or an output cannot be written.
-        OutcomeError
-            Ctrl-C came (`interrupted`); the checkpoint is written if requested.
+        A Ctrl-C is an OutcomeError (`interrupted`); the checkpoint is written if requested.
         """
         try:
             with second_ctrl_c_ends():
@@ -153,13 +117,7 @@ class LocalJob:
             raise self._interruption() from None
 
     def start(self) -> JobRun:
-        """Read the files and start the run.
-
-        Raises
-        ------
-        MeshdeformError
-            The job cannot run.
-        """
+        """Read the files and start the run."""
         from meshdeform.assets import Limits
         from meshdeform.assets.bundle import read_with_files
         from meshdeform.runs import kind_of, start_run
@@ -200,7 +158,7 @@ class LocalJob:
             for path in self.outputs.values():
                 _try_folder(path)
         if self.checkpoint is not None:
-            with writing("The checkpoint", "--checkpoint"):
+            with _writing_checkpoint():
                 _try_folder(self.checkpoint)
         run = self.start()
         first = run.step
@@ -222,7 +180,7 @@ class LocalJob:
                 progress.step(report.step, report.total_steps, report.losses.get("total", math.nan))
                 stop = interrupted()
                 if path is not None and (stop or report.step % every == 0):
-                    with writing("The checkpoint", "--checkpoint"):
+                    with _writing_checkpoint():
                         _write({path: run.checkpoint()})
                     self._saved_step = report.step
                 if stop:
@@ -261,14 +219,28 @@ class LocalJob:
         return OutcomeError(ExitCode.INTERRUPTED, "interrupted", f"Interrupted {where}. {detail}", advice, **extra)
 
 
-def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:
-    """Refuse a request that could not run on this machine, where any model may be named; without torch.
+def run_here(
+    request: JobRequest,
+    files: Mapping[str, Path | InputFile],
+    outputs: Mapping[str, Path],
+    here: Here,
+    *,
+    quiet: bool,
+    device: str | None = None,
+    whole_folder: bool = False,
+    also: Sequence[Path] = (),
+    inputs: Sequence[Path] = (),
+) -> FinishedRun:
+    """Check and run a job of any kind and show its progress; the arguments are those of `LocalJob` and its check."""
+    settings = load_settings(device=device, threads=here.threads)
+    job = LocalJob(request, files, outputs, settings, here.checkpoint, here.resume, whole_folder)
+    job.check(force=here.force, also=also, inputs=inputs)
+    with show_progress(quiet=quiet) as progress:
+        return job.run(progress)
 
-    Raises
-    ------
-    MeshdeformError
-        The request is not valid, or its model is not here.
-    """
+
+def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:
+    """Refuse a request that could not run on this machine, where any model may be named; without torch."""
     from meshdeform.runs import check_request
 
     request = find_taught(request, settings)
@@ -293,24 +265,11 @@ def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
 
 
 def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: Sequence[Path], kind: str) -> None:
-    """Refuse outputs that would replace an input or a file of the user.
+    """Refuse outputs that would replace an input or a file of the user, as a ParameterError.
 
     Files of an earlier run may be replaced, so that loops and Makefiles work: the report beside the result has the
     result's SHA-256, or that of a folder the kind of job. A result that was edited since then is a file of the user.
-
-    Parameters
-    ----------
-    outputs : mapping of str to Path
-        By artifact, the result first.
-    inputs : sequence of Path
-    also : sequence of Path
-        Further outputs, whose names are made from that of the result.
-    kind : str
-
-    Raises
-    ------
-    ParameterError
-        A file would be lost.
+    The outputs are by artifact, the result first; `also` are further ones whose names are made from that of the result.
     """
     paths = [*outputs.values(), *also]
     for path in paths:
@@ -320,6 +279,21 @@ def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: 
     for path in paths:
         if path.exists() and not (report is not None and (path != main or _is_result(path, report))):
             raise ParameterError(f"{path} exists and was not written by an earlier run.", advice=_FORCE)
+
+
+def check_free(paths: Sequence[Path], inputs: Sequence[Path | None] = (), *, force: bool) -> None:
+    """Refuse outputs that would replace an input, or without `force` any file, as a ParameterError."""
+    for path in paths:
+        if path.exists() and any(source is not None and path.samefile(source) for source in inputs):
+            raise ParameterError(f"{path} is an input of this command.", advice="Choose another name with -o.")
+        if path.exists() and not force:
+            raise ParameterError(f"{path} exists.", advice=_FORCE)
+
+
+def check_glb(path: Path) -> None:
+    """Refuse a name for the result that does not end in .glb, as a `typer.BadParameter`."""
+    if path.suffix.lower() != ".glb":
+        raise typer.BadParameter(f"the result is a GLB, but {path.name} does not end in .glb", param_hint="--output")
 
 
 def _read_report(path: Path, kind: str) -> dict[str, Any] | None:
@@ -362,15 +336,15 @@ def _is_checkpoint(path: Path) -> bool:
         return False
 
 
-def write_all(files: Mapping[Path, bytes], *, what: str = "The result", remove: Sequence[Path] = ()) -> None:
-    """Write all files or none, and then remove others; a Ctrl-C that comes now is too late.
-
-    Raises
-    ------
-    UnavailableError
-        A file cannot be written.
-    """
-    with ctrl_c_between_steps(), writing(what):
+def write_all(
+    files: Mapping[Path, bytes],
+    *,
+    what: str | Path = "The result",
+    advice: str = _ELSEWHERE,
+    remove: Sequence[Path] = (),
+) -> None:
+    """Write all files or none, and then remove others; a Ctrl-C that comes now is too late."""
+    with ctrl_c_between_steps(), writing(what, advice):
         for path in files:
             path.parent.mkdir(parents=True, exist_ok=True)
         _write(files)
@@ -385,14 +359,17 @@ def _write(files: Mapping[Path, bytes]) -> None:
 
 
 @contextmanager
-def writing(what: str = "The result", option: str = "-o") -> Iterator[None]:
-    """Turn errors of the file system into an `UnavailableError` that names `what` and the option for another place."""
+def writing(what: str | Path = "The result", advice: str = _ELSEWHERE) -> Iterator[None]:
+    """Turn errors of the file system into an `UnavailableError` that names `what`, a file by its path."""
     try:
         yield
     except OSError as error:
-        raise UnavailableError(
-            f"{what} cannot be written: {error}.", advice=f"Choose another path with {option}."
-        ) from error
+        reason = error.strerror if isinstance(what, Path) and error.strerror else error
+        raise UnavailableError(f"{what} cannot be written: {reason}.", advice=advice) from error
+
+
+def _writing_checkpoint() -> AbstractContextManager[None]:
+    return writing("The checkpoint", "Choose another path with --checkpoint.")
 
 
 def _try_folder(path: Path) -> None:

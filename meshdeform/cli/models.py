@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.environment import complete_models, connect, load_settings
+from meshdeform.cli.environment import complete_models, load_settings
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
+from meshdeform.cli.options import JsonOption, Place
 from meshdeform.cli.output import emit, table
 from meshdeform.errors import ModelError
 
@@ -26,9 +26,8 @@ def models(
             help="Only this model, with the words that it accepts.", autocompletion=complete_models, show_default=False
         ),
     ] = None,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
+    *,
+    place: Place,
     as_json: JsonOption = False,
 ) -> None:
     """List the models of the service that --url or MESHDEFORM_URL names, else of this machine.
@@ -39,8 +38,8 @@ def models(
     """
     from meshdeform.priors.public_names import public_name
 
-    if url:
-        with connect(url, api_key, api_key_file) as client:
+    if place.url:
+        with place.connect() as client:
             answer: Any = client.models()
         document = answer if isinstance(answer, dict) else answer.model_dump(mode="json")
     else:

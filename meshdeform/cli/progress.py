@@ -11,22 +11,20 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-import typer
-
-from meshdeform.cli.output import duration, plain
+from meshdeform.cli.output import duration, note, plain
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-__all__ = ["Pace", "ProgressView", "StepBars", "is_terminal", "show_progress"]
+__all__ = ["BatchView", "Pace", "ProgressView", "show_batch", "show_progress"]
 
-LINE_EVERY_S = 5.0
+_LINE_EVERY_S = 5.0
 
 
-class ProgressView(Protocol):
-    """Receives the progress of a job."""
+class ProgressView:
+    """Receives the progress of a job, and shows nothing."""
 
     def phase(self, name: str) -> None:
         """Show that a phase has begun."""
@@ -35,19 +33,13 @@ class ProgressView(Protocol):
         """Show that a step is done; `eta_s` is the time left in seconds, estimated from the pace if None."""
 
 
-def is_terminal() -> bool:
+def _is_terminal() -> bool:
     """Return whether standard error is a terminal that can move its cursor."""
     return sys.stderr.isatty() and os.environ.get("TERM", "") != "dumb"
 
 
 class Pace:
-    """Estimate the time left from the times of the steps so far; the newest weigh most.
-
-    Parameters
-    ----------
-    clock : callable
-        Seconds.
-    """
+    """Estimate the time left from the times of the steps so far, by a clock of seconds; the newest weigh most."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -65,7 +57,7 @@ class Pace:
         return None if self._step_s is None else max(0, total_steps - step) * self._step_s
 
 
-class StepBars:
+class _Bars:
     """Bars on a terminal, one for each job: phase or name, steps, loss, time left."""
 
     def __init__(self) -> None:
@@ -87,42 +79,67 @@ class StepBars:
         return self.progress.add_task(plain(name), total=None, note="")
 
 
-class _Bar:
-    def __init__(self, bars: StepBars) -> None:
-        self._progress, self._task, self._pace = bars.progress, bars.add("starting"), Pace()
+class _JobProgress(ProgressView):
+    def __init__(self, bars: _Bars | None) -> None:
+        self._bars, self._task = bars, bars.add("starting") if bars else None
+        self._pace, self._phase, self._last = Pace(), "", time.monotonic()
 
     def phase(self, name: str) -> None:
-        self._progress.update(self._task, description=plain(name))
-
-    def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None:
-        left = self._pace.eta_s(step, total_steps) if eta_s is None else eta_s
-        self._progress.update(self._task, completed=step, total=total_steps, note=_facts(loss, left))
-
-
-class _Lines:
-    def __init__(self) -> None:
-        self._last, self._pace, self._phase = time.monotonic(), Pace(), ""
-
-    def phase(self, name: str) -> None:
-        if name != self._phase:
+        if self._bars is not None and self._task is not None:
+            self._bars.progress.update(self._task, description=plain(name))
+        elif name != self._phase:
             self._phase = name
-            typer.echo(plain(name), err=True)
+            note(name)
 
     def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None:
-        left = self._pace.eta_s(step, total_steps) if eta_s is None else eta_s
-        now = time.monotonic()
-        if step == total_steps or now - self._last >= LINE_EVERY_S:
+        left, now = self._pace.eta_s(step, total_steps) if eta_s is None else eta_s, time.monotonic()
+        if self._bars is not None and self._task is not None:
+            self._bars.progress.update(self._task, completed=step, total=total_steps, note=_facts(loss, left))
+        elif step == total_steps or now - self._last >= _LINE_EVERY_S:
             self._last = now
-            line = f"step {step}/{total_steps}  {_facts(loss, None if step == total_steps else left)}"
-            typer.echo(line.rstrip(), err=True)
+            note(f"step {step}/{total_steps}  {_facts(loss, None if step == total_steps else left)}".rstrip())
 
 
-class _NoProgress:
-    def phase(self, name: str) -> None:
-        """Show nothing."""
+class BatchView:
+    """Shows the rows of a batch by their names, several at the same time, and how many of all have ended."""
 
-    def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None:
-        """Show nothing."""
+    def __init__(self, total: int, done: int, bars: _Bars | None, *, quiet: bool) -> None:
+        self._total, self._done, self._failed, self._quiet = total, done, 0, quiet
+        self._bars = bars
+        self._tasks: dict[str, TaskID] = {}
+        self._pace, self._last = Pace(), time.monotonic()
+        if bars is not None:
+            self._whole = bars.add("rows")
+            self._show(bars)
+
+    def start(self, name: str) -> None:
+        """Show that a row has begun."""
+        if self._bars is not None:
+            self._tasks[name] = self._bars.add(name[:40])
+
+    def step(self, name: str, step: int, total_steps: int, loss: float) -> None:
+        """Show that a step of a row is done."""
+        now = time.monotonic()
+        if self._bars is not None:
+            self._bars.progress.update(self._tasks[name], completed=step, total=total_steps, note=_facts(loss, None))
+        elif now - self._last >= _LINE_EVERY_S:
+            self._last = now
+            note(f"{self._done}/{self._total} done; {name}: step {step}/{total_steps}", quiet=self._quiet)
+
+    def end(self, name: str, line: str, *, failed: bool) -> None:
+        """Show that a row has ended, by a line about it."""
+        self._done, self._failed, self._last = self._done + 1, self._failed + failed, time.monotonic()
+        if self._bars is None:
+            note(f"{self._done}/{self._total}  {line}", quiet=self._quiet)
+            return
+        self._bars.progress.remove_task(self._tasks.pop(name))
+        self._bars.progress.console.print(plain(line), markup=False, highlight=False)
+        self._show(self._bars)
+
+    def _show(self, bars: _Bars) -> None:
+        left = self._pace.eta_s(self._done, self._total)
+        notes = [f"{self._failed} failed" if self._failed else "", f"{duration(left)} left" if left else ""]
+        bars.progress.update(self._whole, completed=self._done, total=self._total, note="  ".join(filter(None, notes)))
 
 
 def _facts(loss: float, eta_s: float | None) -> str:
@@ -131,14 +148,24 @@ def _facts(loss: float, eta_s: float | None) -> str:
 
 
 @contextmanager
-def show_progress(*, quiet: bool = False) -> Iterator[ProgressView]:
-    """Yield a view: a bar if standard error is a terminal, else lines; with `quiet`, nothing."""
-    if quiet:
-        yield _NoProgress()
+def _shown_bars(*, quiet: bool) -> Iterator[_Bars | None]:
+    if quiet or not _is_terminal():
+        yield None
         return
-    if not is_terminal():
-        yield _Lines()
-        return
-    bars = StepBars()
+    bars = _Bars()
     with bars.progress:
-        yield _Bar(bars)
+        yield bars
+
+
+@contextmanager
+def show_progress(*, quiet: bool = False) -> Iterator[ProgressView]:
+    """Yield a view of a job: a bar if standard error is a terminal, else lines; with `quiet`, nothing."""
+    with _shown_bars(quiet=quiet) as bars:
+        yield ProgressView() if quiet else _JobProgress(bars)
+
+
+@contextmanager
+def show_batch(total: int, done: int, *, quiet: bool) -> Iterator[BatchView]:
+    """Yield a view of a batch of `total` rows, of which some were done earlier."""
+    with _shown_bars(quiet=quiet) as bars:
+        yield BatchView(total, done, bars, quiet=quiet)

@@ -1,18 +1,26 @@
-"""Say in lines what the report of a deformation says, and sum it up for `--json`."""
+"""Print what a job of each kind has made: a summary for `--json`, lines about its report for people."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from meshdeform.cli.output import emit
+
+if TYPE_CHECKING:
+    from meshdeform.cli.local import FinishedRun
+    from meshdeform.cli.options import Printed
 
 __all__ = [
     "fit_line",
     "kept_line",
     "likeness_line",
     "orientation_line",
+    "print_result",
     "prompt_lines",
-    "report_lines",
-    "report_summary",
     "silhouettes_line",
     "source_line",
     "stretch_line",
@@ -20,22 +28,40 @@ __all__ = [
 ]
 
 
-def report_summary(report: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parts of a report that the command line prints."""
+def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed: Printed) -> None:
+    """Print the result of a job of any kind, whose files are named by artifact, as JSON or in lines."""
+    summarise, lines = _KINDS[kind]
+    summary = summarise(run, files)
+    if printed.as_json:
+        emit(summary)
+    elif not printed.quiet:
+        for line in filter(None, lines(summary)):
+            typer.echo(line)
+        for warning in summary["warnings"]:
+            typer.echo(warning, err=True)
+
+
+def _deformation(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
+    report = run.report
     names = (
         *("source_noun", "carrier", "orientation", "appearance", "likeness", "verdict", "prompts"),
         *("texture_stretch", "quality", "posed_quality", "silhouettes"),
     )
     return {
+        **{title: str(files[name]) if name in files else None for title, (name, _) in _FILES.items()},
+        "steps": run.steps,
+        "resumed_from": run.resumed_from,
+        "losses": run.losses,
         **{name: report.get(name) for name in names},
         "faces": report["mesh"]["welded_faces"],
         "fit": report.get("fit") and report["fit"] | {"quality": report["quality"]},
         "warnings": [*report["input"]["warnings"], *report["warnings"]],
+        "elapsed_s": run.elapsed_s,
     }
 
 
-def report_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines about a result; `summary` is that of its report."""
+def _deformation_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    yield from (f"{title:<10} {summary[name]}" for name, (_, title) in _FILES.items() if summary[name] is not None)
     yield source_line(summary)
     yield orientation_line(summary["orientation"])
     yield summary["appearance"]["notice"] or ""
@@ -51,6 +77,89 @@ def report_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         "silhouettes": silhouettes_line,
     }
     yield from (line(summary[name]) for name, line in more.items() if summary[name] is not None)
+
+
+def _surface(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
+    report, names = run.report, {"surface.ndf": "result", "report.json": "report", "preview.png": "preview"}
+    best = report["levels"][-1]
+    return {
+        **{names.get(name, name): str(path) for name, path in files.items()},
+        "bytes": len(run.artifacts["surface.ndf"]),
+        "level": best["level"],
+        "faces": best["faces"],
+        "distance": best["distance"]["mean"],
+        "eigenvalue_error": report["eigenvalues"]["mean_relative_error"],
+        "geodesic_error": report["geodesics"]["mean_relative_error"],
+        "steps": run.steps,
+        "warnings": report["input"]["warnings"],
+    }
+
+
+def _surface_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    yield f"Field      {summary['result']} ({summary['bytes']} bytes)"
+    if mesh := summary.get(f"level_{summary['level']}.glb"):
+        yield f"Mesh       {mesh}"
+    yield f"Report     {summary['report']}"
+    yield f"Picture    {summary['preview']}"
+    eigenvalues, geodesics = (
+        # Where parts leave nothing to compare there is no error.
+        "an unknown share" if summary[name] is None else f"{summary[name]:.2%}"
+        for name in ("eigenvalue_error", "geodesic_error")
+    )
+    yield (
+        f"Level {summary['level']}: {summary['faces']} faces, distance {summary['distance']:.3%} of the diagonal, "
+        f"eigenvalues off by {eigenvalues}, geodesics by {geodesics}."
+    )
+
+
+def _folder(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
+    told = ("parts", "accuracy", "classes", "strangers", "shapes", "nearest_members", "warnings")
+    return {
+        "folder": str(next(iter(files.values())).parent),
+        "files": list(run.artifacts),
+        "steps": run.steps,
+        "resumed": run.resumed_from is not None,
+        **{name: run.report[name] for name in told if name in run.report},
+    }
+
+
+def _family_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    yield f"Folder     {summary['folder']}"
+    yield f"Files      {', '.join(summary['files'])}"
+    yield f"Parts      {', '.join(summary['parts'])}"
+    if accuracy := summary["accuracy"]:
+        yield f"Accuracy   {accuracy['parts']:.1%} of the surface of {accuracy['held_out']} held-out assets"
+    if summary["classes"]:
+        yield f"Classes    {summary['classes']['nearest_neighbour']:.1%} have a nearest neighbour of their class"
+
+
+def _shape_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    yield f"Folder     {summary['folder']}"
+    yield f"Files      {', '.join(summary['files'])}"
+    for shape in summary["shapes"]:
+        parts = ", ".join(f"{each['part']} of {each['member']}" for each in shape["parts"])
+        yield f"{shape['name']}  {parts}; more plausible than {shape['plausibility']:.0%} of the members"
+    for each in summary["nearest_members"] or ():
+        yield f"{each['distance']:9.3f}  {each['name']}"
+
+
+def _lesson(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
+    weights, report, preview = (str(path) for path in files.values())
+    return {"report": report, "preview": preview, **run.report, "result": weights}
+
+
+def _lesson_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+    steps, seen = summary["steps"], summary["retrieval"]
+    yield f"Weights    {summary['result']}"
+    yield f"Report     {summary['report']}"
+    yield f"Picture    {summary['preview']}"
+    yield f"Steps      {steps['done']} of at most {steps['most']}; the best weights are those of {steps['best']}"
+    new, before, after = seen["new"], seen["old_before"], seen["old_after"]
+    yield f"New noun   {new['hits']} of {new['pictures']} held-out pictures are taken for a {summary['noun']}"
+    yield (
+        f"Old nouns  {after['hits']} of {after['pictures']} pictures are taken for what they show; "
+        f"before the lesson {before['hits']}"
+    )
 
 
 def fit_line(fit: Mapping[str, Any]) -> str:
@@ -140,3 +249,21 @@ def prompt_lines(found: Sequence[Mapping[str, Any]]) -> list[str]:
             where = f" (in its region{earlier})" if each["regions"] else ""
             lines.append(f"{each['prompt']}{where}: {likeness_line(each['likeness'])}")
     return lines
+
+
+_FILES = {
+    "result": ("result.glb", "GLB"),
+    "morph": ("morph.glb", "Morph GLB"),
+    "report": ("report.json", "Report"),
+    "preview": ("preview.png", "Picture"),
+    "animation": ("animation", "Animation"),
+}
+"""Members of a deformation's summary that are files: their artifacts and titles."""
+
+_KINDS: Mapping[str, tuple[Callable[..., dict[str, Any]], Callable[..., Iterator[str]]]] = {
+    "text_deform": (_deformation, _deformation_lines),
+    "surface_fit": (_surface, _surface_lines),
+    "family_fit": (_folder, _family_lines),
+    "family_synthesize": (_folder, _shape_lines),
+    "prior_teach": (_lesson, _lesson_lines),
+}

@@ -1,4 +1,4 @@
-"""Build a job's request from command-line options."""
+"""Build a job's request from command-line options. A pair that is not NAME=VALUE is a `typer.BadParameter`."""
 
 from __future__ import annotations
 
@@ -20,13 +20,7 @@ __all__ = ["make_request", "make_settings", "merge_params", "parse_files", "pars
 
 
 def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
-    """Parse parameters written as NAME=VALUE, or GROUP.NAME=VALUE; a value that is not JSON is text.
-
-    Raises
-    ------
-    typer.BadParameter
-        A pair has no `=`.
-    """
+    """Parse parameters written as NAME=VALUE, or GROUP.NAME=VALUE; a value that is not JSON is text."""
     parameters: dict[str, Any] = {}
     for pair in pairs:
         name, equals, value = pair.partition("=")
@@ -54,13 +48,7 @@ def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
 
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
-    """Parse labels written as NAME=TEXT.
-
-    Raises
-    ------
-    typer.BadParameter
-        A pair has no `=`.
-    """
+    """Parse labels written as NAME=TEXT."""
     labels = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")
@@ -71,13 +59,7 @@ def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
 
 
 def parse_files(pairs: Sequence[str] | None, kind: JobKind, first: Path) -> dict[str, Path]:
-    """Return the files of a job by part: `first`, and those written as PART=FILE.
-
-    Raises
-    ------
-    typer.BadParameter
-        A pair has no `=`, its part is none that the kind reads besides the first, or its file does not exist.
-    """
+    """Return the files of a job by part: `first`, and those written as PART=FILE, of parts that the kind reads."""
     from meshdeform.runs import kinds
 
     reads = next(each for each in kinds() if each.name == kind).reads
@@ -107,22 +89,7 @@ def make_request(
 ) -> JobRequest:
     """Build and validate a request; parameters that are None count as left out.
 
-    Parameters
-    ----------
-    prompt : str
-    params : mapping
-        As in docs/parameters.md.
-    output : mapping, optional
-        The options of `output` (docs/parameters.md).
-    more : mapping, optional
-        Further members of the document, such as `priority`.
-    place : str
-        Name of the request in errors.
-
-    Raises
-    ------
-    ParameterError
-        A member is unknown or out of range.
+    `more` are further members of the document, such as `priority`; `place` is the request's name in the ParameterError.
     """
     from pydantic import ValidationError
 

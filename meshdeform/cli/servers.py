@@ -6,6 +6,8 @@ import os
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +15,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, read_key, require, service_url
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import ApiKeyFileOption, ApiKeyOption, JsonOption, UrlOption
+from meshdeform.cli.options import JsonOption, Place
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import ParameterError
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
@@ -151,18 +153,11 @@ def _require_key(settings: Settings, host: str, data_dir: Path | None) -> None:
 
 
 def _has_key(settings: Settings) -> bool:
-    require("sqlalchemy", "service")
-    from meshdeform.record.database import Database
-    from meshdeform.record.keys import KeyRing
-
     url = settings.resolved_database_url
     if not settings.database_url and not Path(url.removeprefix("sqlite:///")).exists():
         return False  # opening the record would create it
-    database = Database(url)
-    try:
-        return KeyRing(database).any_active()
-    finally:
-        database.close()
+    with _ring(settings) as ring:
+        return ring.any_active()
 
 
 def _open_in_browser(url: str) -> None:
@@ -216,7 +211,7 @@ def create(
     as_json: JsonOption = False,
 ) -> None:
     """Create a key and print it, once."""
-    with _ring(data_dir) as ring:
+    with _ring(load_settings(data_dir=data_dir)) as ring:
         key, text = ring.create(owner, name, requests_per_minute, max_active_jobs, max_priority)
     if as_json:
         emit({**_document(key), "key": text})
@@ -236,7 +231,7 @@ def list_(
     as_json: JsonOption = False,
 ) -> None:
     """List all keys, oldest first; their secrets are not stored."""
-    with _ring(data_dir) as ring:
+    with _ring(load_settings(data_dir=data_dir)) as ring:
         found = ring.list(owner)
     if as_json:
         emit([_document(key) for key in found])
@@ -256,7 +251,7 @@ def revoke(
 ) -> None:
     """Revoke a key permanently. Running services refuse it within 5 seconds."""
     # The whole key is accepted too; only its id is used.
-    with _ring(data_dir) as ring:
+    with _ring(load_settings(data_dir=data_dir)) as ring:
         key = ring.revoke(key_id.partition(".")[0])
     if as_json:
         emit(_document(key))
@@ -265,12 +260,12 @@ def revoke(
 
 
 @contextmanager
-def _ring(data_dir: Path | None) -> Iterator[KeyRing]:
+def _ring(settings: Settings) -> Iterator[KeyRing]:
     require("sqlalchemy", "service")
     from meshdeform.record.database import Database
     from meshdeform.record.keys import KeyRing
 
-    database = Database(load_settings(data_dir=data_dir).resolved_database_url)
+    database = Database(settings.resolved_database_url)
     try:
         yield KeyRing(database)
     finally:
@@ -278,21 +273,8 @@ def _ring(data_dir: Path | None) -> Iterator[KeyRing]:
 
 
 def _document(key: ApiKey) -> dict[str, Any]:
-    def instant(name: str) -> str | None:
-        moment = getattr(key, name)
-        return moment.isoformat() if moment is not None else None
-
-    return {
-        "id": key.id,
-        "owner_id": key.owner_id,
-        "name": key.name,
-        "created_at": instant("created_at"),
-        "last_used_at": instant("last_used_at"),
-        "revoked_at": instant("revoked_at"),
-        "requests_per_minute": key.requests_per_minute,
-        "max_active_jobs": key.max_active_jobs,
-        "max_priority": key.max_priority,
-    }
+    values = asdict(key)
+    return {name: value.isoformat() if isinstance(value, datetime) else value for name, value in values.items()}
 
 
 @clean_errors
@@ -315,9 +297,8 @@ def mcp(
         list[str] | None,
         typer.Option(help="With --http: a host name by which agents reach this server, with its port; repeatable."),
     ] = None,
-    url: UrlOption = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
+    *,
+    place: Place,
 ) -> None:
     """Offer a service to agents as tools (Model Context Protocol).
 
@@ -327,11 +308,11 @@ def mcp(
     meshdeform mcp --folder assets
     """
     require("mcp", "mcp")
-    address = service_url(url)
+    address = service_url(place.url)
     if not http:
         from meshdeform.mcp.server import local_server
 
-        local_server(address, read_key(api_key, api_key_file), folder or [Path.cwd()]).run("stdio")
+        local_server(address, read_key(place.api_key, place.api_key_file), folder or [Path.cwd()]).run("stdio")
         return
     if folder:
         raise typer.BadParameter("With --http, no folder of this machine is used.", param_hint="--folder")

@@ -10,6 +10,7 @@ import typer
 
 from meshdeform.cli.environment import require
 from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.local import check_free, check_glb, write_all
 from meshdeform.cli.options import ForceOption, JsonOption
 from meshdeform.cli.output import emit
 from meshdeform.errors import ParameterError
@@ -65,15 +66,12 @@ def sketch(
         return
     found = _guesses(drawing, family, _changes(change or []))
     output = output or Path(f"{drawing.stem if drawing else family}.glb")
-    if output.suffix.lower() != ".glb":
-        raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
+    check_glb(output)
     paths = [output, *(output.with_suffix(f".{number}.glb") for number in range(2, len(found) + 1))]
     picture = output.with_suffix(".png")
     if drawing is not None and picture.exists() and picture.samefile(drawing):
         picture = output.with_suffix(".guesses.png")
-    for path in (*paths, picture):
-        if path.exists() and not force:
-            raise ParameterError(f"{path} exists.", advice="Choose another name with -o, or overwrite it with --force.")
+    check_free([*paths, picture], [drawing], force=force)
     _write(found, paths, picture)
     unsure = is_unsure(found, family=family)
     if as_json:
@@ -122,8 +120,7 @@ def _changes(texts: Sequence[str]) -> dict[str, str]:
 def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> None:
     """Write the meshes and the picture of them, all or none."""
     from meshdeform.assets import Limits, load_asset
-    from meshdeform.cli.local import write_all
-    from meshdeform.runs.family_picture import assets_png
+    from meshdeform.runs.family_results import assets_png
 
     files = {path: each.glb() for each, path in zip(guesses, paths, strict=True)}
     assets = [load_asset(data, "shape.glb", Limits.unlimited()) for data in files.values()]

@@ -7,21 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.environment import load_settings, require
+from meshdeform.cli.environment import require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
-from meshdeform.cli.options import (
-    CheckpointOption,
-    JsonOption,
-    OverwriteOption,
-    QuietOption,
-    ResumeOption,
-    SetOption,
-    ThreadsOption,
-)
-from meshdeform.cli.output import emit
+from meshdeform.cli.local import check_free, check_glb, run_here, write_all
+from meshdeform.cli.options import Here, Printed, SetOption
+from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import make_request, merge_params
-from meshdeform.cli.written import parse_anchors
+from meshdeform.cli.written import ANCHOR
 from meshdeform.errors import AssetError, ParameterError
 
 __all__ = ["SurfaceFitCommand", "surface_fit", "unfold"]
@@ -29,7 +22,7 @@ __all__ = ["SurfaceFitCommand", "surface_fit", "unfold"]
 _FIT = "Base, network and fit"
 _MAX_FACES = 4_000_000
 
-SurfaceFitCommand = form_command(of_kind("surface_fit", _FIT))
+SurfaceFitCommand = form_command(of_kind("surface_fit", _FIT, short=ANCHOR))
 
 
 def _file(text: str) -> Any:
@@ -66,22 +59,10 @@ def surface_fit(
     scalars: Annotated[
         Path | None, _file("Values at points near SURFACE, an NPZ, to learn along it and to keep in the .ndf.")
     ] = None,
-    anchor: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="X,Y,Z:X,Y,Z",
-            help="A point of the base, and the point of SURFACE where it goes; repeatable.",
-            rich_help_panel=_FIT,
-            show_default=False,
-        ),
-    ] = None,
     param: SetOption = None,
-    threads: ThreadsOption = None,
-    checkpoint: CheckpointOption = None,
-    resume: ResumeOption = None,
-    force: OverwriteOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    here: Here,
+    printed: Printed,
 ) -> None:
     """Fit a neural displacement field to SURFACE: a coarse mesh and a small network, a few kilobytes together.
 
@@ -97,53 +78,15 @@ def surface_fit(
     output = output.with_suffix(".ndf") if mesh else output
     if output.suffix.lower() != ".ndf":
         raise typer.BadParameter(f"{output.name} is neither a .ndf nor a .glb", param_hint="--output")
-    params = overlaid(merge_params(param or [], anchors=parse_anchors(anchor)), written(ctx))
+    params = overlaid(merge_params(param or []), written(ctx))
     request = make_request("", params, more={"kind": "surface_fit"})
-    sources = {"asset": surface, "base": base, "scalars": scalars}
     level: int = request.params.level  # type: ignore[attr-defined]
-    from meshdeform.cli.local import LocalJob
-    from meshdeform.cli.progress import show_progress
-
-    files = {part: path for part, path in sources.items() if path is not None}
+    files = {part: path for part, path in (("asset", surface), ("base", base), ("scalars", scalars)) if path}
     paths = _paths(output, level if meshes else None)
     if mesh is not None:
         paths[f"level_{level}.glb"] = mesh
-    job = LocalJob(request, files, paths, load_settings(threads=threads), checkpoint=checkpoint, resume=resume)
-    job.check(force=force)
-    with show_progress(quiet=quiet) as progress:
-        finished = job.run(progress)
-    report = finished.report
-    best = report["levels"][-1]
-    names = {"surface.ndf": "result", "report.json": "report", "preview.png": "preview"}
-    summary = {
-        **{names.get(name, name): str(path) for name, path in paths.items()},
-        "bytes": len(finished.artifacts["surface.ndf"]),
-        "distance": best["distance"]["mean"],
-        "eigenvalue_error": report["eigenvalues"]["mean_relative_error"],
-        "geodesic_error": report["geodesics"]["mean_relative_error"],
-        "steps": finished.steps,
-        "warnings": report["input"]["warnings"],
-    }
-    if as_json:
-        emit(summary)
-    elif not quiet:
-        typer.echo(f"Field      {output} ({summary['bytes']} bytes)")
-        if mesh is not None:
-            typer.echo(f"Mesh       {mesh}")
-        typer.echo(f"Report     {paths['report.json']}")
-        typer.echo(f"Picture    {paths['preview.png']}")
-        typer.echo(
-            f"Level {best['level']}: {best['faces']} faces, distance {summary['distance']:.3%} of the diagonal, "
-            f"eigenvalues off by {_share(summary['eigenvalue_error'])}, "
-            f"geodesics by {_share(summary['geodesic_error'])}."
-        )
-        for warning in summary["warnings"]:
-            typer.echo(f"Warning: {warning}", err=True)
-
-
-def _share(error: float | None) -> str:
-    """Return a relative error; where parts leave nothing to compare there is none."""
-    return "an unknown share" if error is None else f"{error:.2%}"
+    run = run_here(request, files, paths, here, quiet=printed.quiet)
+    print_result(request.kind, run, paths, printed)
 
 
 def _paths(output: Path, level: int | None) -> dict[str, Path]:
@@ -181,16 +124,8 @@ def unfold(
     """
     require("numpy", "asset")
     output = output or Path(f"{field.stem}.glb")
-    if output.suffix.lower() != ".glb":
-        raise typer.BadParameter(f"the result is a GLB, but {output.name} does not end in .glb", param_hint="--output")
-    paths = [path for path in (output, intrinsic) if path is not None]
-    if not force:
-        for path in paths:
-            if path.exists():
-                raise ParameterError(
-                    f"{path} exists.", advice="Choose another name with -o, or overwrite it with --force."
-                )
-    from meshdeform.cli.local import write_all
+    check_glb(output)
+    check_free([path for path in (output, intrinsic) if path is not None], [field], force=force)
     from meshdeform.fields.level_files import intrinsic_npz, level_glb
     from meshdeform.fields.reader import read_field
 

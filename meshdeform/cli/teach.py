@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from meshdeform.cli.environment import load_settings, require
+from meshdeform.cli.environment import require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, written
-from meshdeform.cli.jobs import run_on_service
-from meshdeform.cli.options import (
-    ApiKeyFileOption,
-    ApiKeyOption,
-    CheckpointOption,
-    DetachOption,
-    JsonOption,
-    OverwriteOption,
-    QuietOption,
-    ResumeOption,
-    ThreadsOption,
-    TimeoutOption,
-)
-from meshdeform.cli.output import emit
+from meshdeform.cli.jobs import refuse_other_place, run_on_service
+from meshdeform.cli.local import run_here
+from meshdeform.cli.options import Here, JobPlace, Printed
+from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import make_request
 from meshdeform.errors import ParameterError
 
@@ -63,25 +53,10 @@ def teach(
         ),
     ] = None,
     device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None,
-    threads: ThreadsOption = None,
-    checkpoint: CheckpointOption = None,
-    resume: ResumeOption = None,
-    force: OverwriteOption = False,
-    url: Annotated[
-        str | None,
-        typer.Option(
-            metavar="URL",
-            help="Let this service hold the lesson as a job of yours; --model job:ID then names it.",
-            rich_help_panel="Service",
-            show_default=False,
-        ),
-    ] = None,
-    api_key: ApiKeyOption = None,
-    api_key_file: ApiKeyFileOption = None,
-    detach: DetachOption = False,
-    timeout: TimeoutOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    here: Here,
+    place: JobPlace,
+    printed: Printed,
 ) -> None:
     """Teach the builtin model a noun from your own meshes, so that prompts may name it.
 
@@ -92,21 +67,15 @@ def teach(
     params = {"noun": noun, "synonyms": synonym or [], "front_deg": front, **written(ctx)}
     request = make_request("", params, more={"kind": "prior_teach"})
     data, filename = _packed(meshes)
-    if url:
-        local = {"--checkpoint": checkpoint, "--resume": resume, "--device": device, "--threads": threads}
-        if wrong := [name for name, value in {**local, "--force": force}.items() if value]:
-            raise typer.BadParameter("this is for lessons on this machine, not for a service", param_hint=wrong[0])
+    refuse_other_place(place, here={"--device": device, **here.written()}, there={})
+    if place.url:
         sent: dict[str, Path | bytes] = {"meshes": data, **({"family": family} if family else {})}
-        folder = None if detach else output or Path(_slug(noun))
-        place = (url, api_key, api_key_file)
-        run_on_service(request, sent, place, folder, filename=filename, timeout=timeout, as_json=as_json, quiet=quiet)
+        run_on_service(request, sent, place, output or Path(_slug(noun)), printed, filename=filename)
         return
     require("torch", "deform")
     output = output or Path(f"{_slug(noun)}.safetensors")
     if output.suffix != ".safetensors":
         raise typer.BadParameter(f"{output.name} does not end in .safetensors", param_hint="--output")
-    from meshdeform.cli.local import LocalJob
-    from meshdeform.cli.progress import show_progress
     from meshdeform.runs.base import InputFile
     from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
 
@@ -116,16 +85,9 @@ def teach(
         "preview.png": output.with_suffix(".preview.png"),
     }
     files: dict[str, Path | InputFile] = {"meshes": InputFile(data, filename), **({"family": family} if family else {})}
-    settings = load_settings(device=device, threads=threads)
-    job = LocalJob(request, files, paths, settings, checkpoint=checkpoint, resume=resume)
-    job.check(force=force, inputs=[*meshes, Path(request.params.model or "builtin")])
-    with show_progress(quiet=quiet) as progress:
-        report = job.run(progress).report
-    if as_json:
-        names = {"report": paths["report.json"], "preview": paths["preview.png"]}
-        emit({**{name: str(path) for name, path in names.items()}, **report, "result": str(output)})
-    elif not quiet:
-        _show(list(paths.values()), report)
+    inputs = [*meshes, Path(request.params.model or "builtin")]
+    run = run_here(request, files, paths, here, quiet=printed.quiet, device=device, inputs=inputs)
+    print_result(request.kind, run, paths, printed)
 
 
 def _packed(meshes: list[Path]) -> tuple[bytes, str]:
@@ -145,18 +107,3 @@ def _slug(noun: str) -> str:
 
     first, _, rest = noun.strip().partition(" ")
     return slug(rest if first.lower() in ("a", "an", "the") and rest else noun) or "noun"
-
-
-def _show(paths: list[Path], report: dict[str, Any]) -> None:
-    steps, seen = report["steps"], report["retrieval"]
-    for title, path in zip(("Weights", "Report", "Picture"), paths, strict=True):
-        typer.echo(f"{title:<10} {path}")
-    typer.echo(f"Steps      {steps['done']} of at most {steps['most']}; the best weights are those of {steps['best']}")
-    new, before, after = seen["new"], seen["old_before"], seen["old_after"]
-    typer.echo(f"New noun   {new['hits']} of {new['pictures']} held-out pictures are taken for a {report['noun']}")
-    typer.echo(
-        f"Old nouns  {after['hits']} of {after['pictures']} pictures are taken for what they show; "
-        f"before the lesson {before['hits']}"
-    )
-    for warning in report["warnings"]:
-        typer.echo(warning, err=True)

@@ -11,7 +11,7 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import form_command, of_kind, overlaid, written
-from meshdeform.cli.options import ForceOption, QuietOption, SetOption
+from meshdeform.cli.options import MAX_STRENGTH, ForceOption, QuietOption, SetOption
 from meshdeform.cli.output import note
 from meshdeform.cli.request import make_request, merge_params
 from meshdeform.errors import ParameterError
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["VariantsCommand", "variants"]
 
 _SHEET = "variants.png"
-_MAX_STRENGTH = 1.5
 
 VariantsCommand = form_command(of_kind("text_deform", hidden=("seed",)))
 
@@ -42,7 +41,9 @@ def variants(
     ] = Path("variants"),
     target: Annotated[
         Path | None,
-        typer.Option(help="A mesh to deform towards, instead of a prompt.", exists=True, show_default=False),
+        typer.Option(
+            help="A mesh to deform towards, instead of a prompt.", exists=True, dir_okay=False, show_default=False
+        ),
     ] = None,
     param: SetOption = None,
     force: ForceOption = False,
@@ -57,8 +58,8 @@ def variants(
     require("torch", "deform")
     numbers = _numbers(seeds, "--seeds", whole=True)
     wanted = _numbers(strengths, "--strengths", whole=False)
-    if not all(0 <= strength <= _MAX_STRENGTH for strength in wanted):
-        raise typer.BadParameter(f"strengths are from 0 to {_MAX_STRENGTH:g}", param_hint="--strengths")
+    if not all(0 <= strength <= MAX_STRENGTH for strength in wanted):
+        raise typer.BadParameter(f"strengths are from 0 to {MAX_STRENGTH:g}", param_hint="--strengths")
     if output.exists() and any(output.iterdir()) and not force:
         raise ParameterError(
             f"{output} is not empty.", advice="Choose another folder with -o, or overwrite files with --force."
@@ -87,13 +88,7 @@ def _prompts(prompt: str, count: int, model: str | None) -> list[str]:
 
 
 def _numbers(text: str, option: str, *, whole: bool) -> list[float]:
-    """Parse distinct numbers separated by commas.
-
-    Raises
-    ------
-    typer.BadParameter
-        There are none, or one is not a number.
-    """
+    """Parse distinct numbers separated by commas."""
     try:
         found = [int(part) if whole else float(part) for part in text.split(",") if part.strip()]
     except ValueError:
@@ -147,8 +142,8 @@ def _strengths(
 ) -> tuple[dict[Path, bytes], list[Pose]]:
     """Return the files of a result's strengths, and how they look."""
     from meshdeform.rendering.studio import Pose
+    from meshdeform.runs.preparation import read_result
     from meshdeform.runs.strength import with_strength
-    from meshdeform.runs.text_report import read_result
 
     data = result.read_bytes()
     files = {

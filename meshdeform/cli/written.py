@@ -1,25 +1,34 @@
-"""Parse the short forms in which the command line takes parameters that are not one word or number."""
+"""Read the short forms in which the command line takes parameters that are not one word or number.
+
+A text that does not have its form is a `typer.BadParameter` at its option.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import typer
 
+from meshdeform.cli.form import ShortForm
+
 __all__ = [
+    "ALSO",
+    "ANCHOR",
+    "DEFORMATION",
     "Pictures",
-    "parse_also",
-    "parse_anchors",
-    "parse_exclude",
-    "parse_handles",
     "parse_pictures",
-    "parse_regions",
-    "parse_rigid",
-    "parse_selection",
+    "read_anchor",
+    "read_handle",
+    "read_name",
+    "read_prompt",
+    "read_region",
+    "read_rigid",
+    "read_selection",
 ]
 
 _MODES = ("rigid", "similarity")
@@ -32,14 +41,7 @@ _PICTURE = "FILE@AZIMUTH or FILE@AZIMUTH,ELEVATION or FILE@AZIMUTH,ELEVATION,FOV
 
 @dataclass(frozen=True)
 class Pictures:
-    """The pictures of a command, and their directions.
-
-    Attributes
-    ----------
-    paths : list of Path
-    views : list of dict
-        The parameter `silhouettes`.
-    """
+    """The pictures of a command, and their directions: the parameter `silhouettes`."""
 
     paths: list[Path] = field(default_factory=list)
     views: list[dict[str, float]] = field(default_factory=list)
@@ -53,13 +55,7 @@ class Pictures:
 
 
 def parse_pictures(texts: Sequence[str] | None) -> Pictures:
-    """Parse pictures written as FILE@AZIMUTH[,ELEVATION[,FOV]].
-
-    Raises
-    ------
-    typer.BadParameter
-        A text does not have this form, there is no such file, or there are too many.
-    """
+    """Parse pictures written as FILE@AZIMUTH[,ELEVATION[,FOV]]."""
     from meshdeform.requests.silhouettes import MAX_SILHOUETTES
 
     found = Pictures()
@@ -81,20 +77,11 @@ def parse_pictures(texts: Sequence[str] | None) -> Pictures:
     return found
 
 
-def parse_also(texts: Sequence[str] | None) -> list[dict[str, Any]] | None:
-    """Parse prompts written as PROMPT[:WEIGHT][@[outside:]PLACE=VALUE]...; None if there are none.
+def read_prompt(text: str) -> dict[str, Any]:
+    """Read a prompt written as PROMPT[:WEIGHT][@[outside:]PLACE=VALUE]...; several places make one region.
 
-    Several places make one region. What a text of this form cannot say, such as an `@` in a name, `--set prompts=` can.
-
-    Raises
-    ------
-    typer.BadParameter
-        A text does not have this form.
+    What a text of this form cannot say, such as an `@` in a name, `--set prompts=` can.
     """
-    return [_prompt(text) for text in texts] if texts else None
-
-
-def _prompt(text: str) -> dict[str, Any]:
     first, *places = text.split("@")
     weighted = _WEIGHT.match(first.strip())
     words, weight = (weighted[1], float(weighted[2])) if weighted else (first.strip(), None)
@@ -103,7 +90,7 @@ def _prompt(text: str) -> dict[str, Any]:
     outside = [place.strip().startswith(_OUTSIDE) for place in places]
     if any(outside) and not all(outside):
         raise typer.BadParameter(f"{text!r}: either all places of a prompt are {_OUTSIDE} or none", param_hint=_ALSO)
-    regions = [parse_selection(place.strip().removeprefix(_OUTSIDE), _ALSO) for place in places]
+    regions = [read_selection(place.strip().removeprefix(_OUTSIDE), _ALSO) for place in places]
     return {
         "prompt": words,
         **({"weight": weight} if weight is not None else {}),
@@ -112,23 +99,8 @@ def _prompt(text: str) -> dict[str, Any]:
     }
 
 
-def parse_exclude(texts: Sequence[str] | None) -> list[str | int] | None:
-    """Parse nodes, of which those of digits are indices; None if there are none."""
-    return [int(text) if text.isascii() and text.isdecimal() else text for text in texts] if texts else None
-
-
-def parse_anchors(texts: Sequence[str] | None) -> list[dict[str, list[float]]] | None:
-    """Parse pairs of points written as X,Y,Z:X,Y,Z; None if there are none.
-
-    Raises
-    ------
-    typer.BadParameter
-        A text does not have this form.
-    """
-    return [_anchor(text) for text in texts] if texts else None
-
-
-def _anchor(text: str) -> dict[str, list[float]]:
+def read_anchor(text: str) -> dict[str, list[float]]:
+    """Read a pair of points written as X,Y,Z:X,Y,Z."""
     try:
         base, surface = (_point(point) for point in text.split(":"))
     except ValueError as error:
@@ -136,68 +108,21 @@ def _anchor(text: str) -> dict[str, list[float]]:
     return {"base": base, "surface": surface}
 
 
-def parse_rigid(texts: Sequence[str] | None) -> list[dict[str, Any]] | None:
-    """Parse parts written as [MODE:]PLACE=VALUE; None if there are none.
-
-    Raises
-    ------
-    typer.BadParameter
-        A text does not have this form.
-    """
-    return [_rigid(text) for text in texts] if texts else None
-
-
-def parse_regions(keep: Sequence[str] | None, only: Sequence[str] | None) -> list[dict[str, Any]] | None:
-    """Parse the regions of `--keep` and `--only`, each written as PLACE=VALUE; None if there are none.
-
-    Raises
-    ------
-    typer.BadParameter
-        A text does not have this form.
-    """
-    given = {"keep": keep or (), "only": only or ()}
-    found = [{**parse_selection(text, f"--{action}"), "action": action} for action in given for text in given[action]]
-    return found or None
-
-
-def parse_handles(texts: Sequence[str] | None) -> list[dict[str, Any]] | None:
-    """Parse handles written as vertex=NUMBER:X,Y,Z[@WEIGHT] or position=X,Y,Z:X,Y,Z[@WEIGHT]; None if there are none.
-
-    Raises
-    ------
-    typer.BadParameter
-        A text does not have this form.
-    """
-    return [_handle(text) for text in texts] if texts else None
-
-
-def _rigid(text: str) -> dict[str, Any]:
+def read_rigid(text: str) -> dict[str, Any]:
+    """Read a part written as [MODE:]PLACE=VALUE."""
     mode, colon, rest = text.partition(":")
     if not colon or mode.strip() not in _MODES:
         mode, rest = _MODES[0], text
-    return {**parse_selection(rest, "--rigid"), "mode": mode.strip()}
+    return {**read_selection(rest, "--rigid"), "mode": mode.strip()}
 
 
-def parse_selection(text: str, option: str) -> dict[str, Any]:
-    """Return a selection written as PLACE=VALUE or PLACE:VALUE.
-
-    Raises
-    ------
-    typer.BadParameter
-        The text does not have this form.
-    """
-    at = min((text.index(sign) for sign in "=:" if sign in text), default=-1)
-    place, value = text[:at].strip(), text[at + 1 :].strip()
-    parse = _PLACES.get(place)
-    if at < 0 or parse is None or not value:
-        raise typer.BadParameter(f"{text!r} is not PLACE=VALUE with PLACE {', '.join(_PLACES)}", param_hint=option)
-    try:
-        return {place: parse(value)}
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is not {place}={_FORMS[place]}", param_hint=option) from None
+def read_region(action: str, text: str) -> dict[str, Any]:
+    """Read a region of `--keep` or `--only`, written as PLACE=VALUE."""
+    return {**read_selection(text, f"--{action}"), "action": action}
 
 
-def _handle(text: str) -> dict[str, Any]:
+def read_handle(text: str) -> dict[str, Any]:
+    """Read a handle written as vertex=NUMBER:X,Y,Z[@WEIGHT] or position=X,Y,Z:X,Y,Z[@WEIGHT]."""
     point, colon, goal = text.partition(":")
     to, at, weight = goal.partition("@")
     kind, _, where = point.partition("=")
@@ -211,6 +136,19 @@ def _handle(text: str) -> dict[str, Any]:
         raise typer.BadParameter(f"{text!r} is not {_HANDLE}", param_hint="--handle") from None
 
 
+def read_selection(text: str, option: str) -> dict[str, Any]:
+    """Read a selection written as PLACE=VALUE or PLACE:VALUE."""
+    at = min((text.index(sign) for sign in "=:" if sign in text), default=-1)
+    place, value = text[:at].strip(), text[at + 1 :].strip()
+    parse = _PLACES.get(place)
+    if at < 0 or parse is None or not value:
+        raise typer.BadParameter(f"{text!r} is not PLACE=VALUE with PLACE {', '.join(_PLACES)}", param_hint=option)
+    try:
+        return {place: parse(value)}
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not {place}={_FORMS[place]}", param_hint=option) from None
+
+
 def _point(text: str) -> list[float]:
     return _numbers(text, 3)
 
@@ -222,13 +160,14 @@ def _numbers(text: str, *counts: int) -> list[float]:
     return found
 
 
-def _name(text: str) -> str | int:
+def read_name(text: str) -> str | int:
+    """Read a name, or an index if it has digits only."""
     return int(text) if text.isascii() and text.isdecimal() else text
 
 
 def _joint(text: str) -> dict[str, Any]:
     name, comma, above = text.rpartition(",")
-    return {"name": _name(name), "above": float(above)} if comma else {"name": _name(text)}
+    return {"name": read_name(name), "above": float(above)} if comma else {"name": read_name(text)}
 
 
 def _color(text: str) -> dict[str, Any]:
@@ -259,9 +198,9 @@ def _faces(text: str) -> list[Any]:
 
 
 _PLACES: Mapping[str, Callable[[str], Any]] = {
-    "node": _name,
-    "mesh": _name,
-    "material": _name,
+    "node": read_name,
+    "mesh": read_name,
+    "material": read_name,
     "component": int,
     "joint": _joint,
     "color": _color,
@@ -278,4 +217,77 @@ _FORMS: Mapping[str, str] = {
     "sphere": "X,Y,Z,RADIUS",
     "capsule": "X,Y,Z,X,Y,Z,RADIUS",
     "faces": "0-99,200",
+}
+
+ALSO = {
+    "prompts": [
+        ShortForm(
+            _ALSO,
+            "PROMPT[:WEIGHT][@PLACE=VALUE]",
+            'A further prompt that guides at the same time: "a rabbit:0.5" everywhere, "a rabbit@sphere=0,1,0,0.4" in '
+            "a region, written as for --keep, and @outside:sphere=... outside of it; repeatable.",
+            "Method",
+            read_prompt,
+        )
+    ]
+}
+DEFORMATION: Mapping[str, Sequence[ShortForm]] = {
+    **ALSO,
+    "exclude": [
+        ShortForm(
+            "--exclude",
+            "NODE",
+            "A node that is neither drawn nor deformed, such as a ground plane: its name, or its index; repeatable.",
+            "Method",
+            read_name,
+        )
+    ],
+    "rigid": [
+        ShortForm(
+            "--rigid",
+            "[MODE:]PLACE=VALUE",
+            "A part that keeps its shape: node=NAME, material=NAME or component=NUMBER (see inspect); repeatable. "
+            "With similarity: in front it may scale.",
+            "Method",
+            read_rigid,
+        )
+    ],
+    "regions": [
+        ShortForm(
+            "--keep",
+            "PLACE=VALUE",
+            "A region that does not move: node=, mesh=, material=, joint=NAME, component=, color=R,G,B, "
+            "box=X,Y,Z,X,Y,Z, sphere=X,Y,Z,RADIUS, capsule=X,Y,Z,X,Y,Z,RADIUS or faces=0-99,200; repeatable.",
+            "Control",
+            partial(read_region, "keep"),
+        ),
+        ShortForm(
+            "--only",
+            "PLACE=VALUE",
+            "A region outside of which nothing moves, written as for --keep; repeatable.",
+            "Control",
+            partial(read_region, "only"),
+        ),
+    ],
+    "handles": [
+        ShortForm(
+            "--handle",
+            "POINT:X,Y,Z[@WEIGHT]",
+            "A point of the surface, vertex=NUMBER or position=X,Y,Z, and where it goes; repeatable. "
+            "With @0.5, only half of the way.",
+            "Control",
+            read_handle,
+        )
+    ],
+}
+ANCHOR = {
+    "anchors": [
+        ShortForm(
+            "--anchor",
+            "X,Y,Z:X,Y,Z",
+            "A point of the base, and the point of SURFACE where it goes; repeatable.",
+            "Base, network and fit",
+            read_anchor,
+        )
+    ]
 }

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
 from meshdeform.assets.check import FileContent
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest
+from meshdeform.runs.report import RunLog
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
@@ -29,6 +31,7 @@ __all__ = [
     "RunInput",
     "StartRun",
     "StepReport",
+    "job_input",
     "start_of",
 ]
 
@@ -162,6 +165,45 @@ class RunInput:
     on_wait: Callable[[], None] = lambda: None
 
 
+def job_input(
+    asset: bytes,
+    filename: str,
+    request: JobRequest,
+    *,
+    prior: Prior | None = None,
+    target: bytes | None = None,
+    target_filename: str = "target.glb",
+    pictures: Sequence[bytes] = (),
+    resolved: BaseModel | None = None,
+    **more: Any,
+) -> RunInput:
+    """Return what starts a deformation whose files are at hand, as scripts and tests have them.
+
+    Parameters
+    ----------
+    asset, target : bytes
+        A GLB, OBJ, PLY, STL or ZIP.
+    filename, target_filename : str
+    request : JobRequest
+    prior : Prior, optional
+        Used whatever model the request names.
+    pictures : sequence of bytes
+        One PNG, JPEG or WebP for each of the guidance's `silhouettes`.
+    resolved : ResolvedParams, optional
+        The values of all parameters; default: resolved from the request.
+    **more
+        Further attributes of `RunInput`.
+    """
+    files = {"asset": InputFile(asset, filename)}
+    if target is not None:
+        files["target"] = InputFile(target, target_filename)
+    files |= {f"silhouette_{n}": InputFile(picture, f"{n}.png") for n, picture in enumerate(pictures, 1)}
+    if prior is not None:
+        more["load_prior"] = lambda _model: prior
+    values = None if resolved is None else resolved.model_dump(mode="json")
+    return RunInput(request=request, files=files, resolved=values, **more)
+
+
 @dataclass(frozen=True)
 class StepReport:
     """The position of a run after a step.
@@ -180,26 +222,49 @@ class StepReport:
     losses: dict[str, float]
 
 
-class JobRun(Protocol):
-    """A run driven by its caller, which decides when to store, publish and stop."""
+class JobRun(ABC):
+    """A run driven by its caller, which decides when to store, publish and stop.
 
-    @property
-    def total_steps(self) -> int:
-        """Total number of steps."""
+    Attributes
+    ----------
+    step : int
+        Number of steps done.
+    first_step : int
+        Number of steps done by earlier attempts.
+    total_steps : int
+    log : RunLog
+        With the phases before the first step.
+    """
 
-    @property
-    def step(self) -> int:
-        """Number of steps done."""
+    def __init__(self, total_steps: int, first_step: int = 0, log: RunLog | None = None) -> None:
+        self.total_steps, self.first_step, self.step = total_steps, first_step, first_step
+        self.log = RunLog() if log is None else log
 
     def __iter__(self) -> Iterator[StepReport]:
         """Run the remaining steps."""
+        steps = self._steps()
+        while True:
+            with self.log.phase("optimize"):
+                losses = next(steps, None)
+            if losses is None:
+                return
+            self.step += 1
+            self.log.add(self.step, losses)
+            yield StepReport(self.step, self.total_steps, losses)
 
+    @abstractmethod
+    def _steps(self) -> Iterator[dict[str, float]]:
+        """Run the remaining steps; yield the losses of each."""
+
+    @abstractmethod
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
 
+    @abstractmethod
     def snapshot(self) -> ArtifactData:
         """Return the asset with its current shape; call only between two steps."""
 
+    @abstractmethod
     def finish(self) -> dict[str, ArtifactData]:
         """Return the results, by artifact name."""
 

@@ -29,10 +29,9 @@ from meshdeform.families.state import (
     load_shapes,
 )
 from meshdeform.requests.family import FamilyParams
-from meshdeform.runs.base import ArtifactData, RunInput, StepReport
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput
 from meshdeform.runs.family_fit_kind import READ_STEPS, params_of, total_steps
-from meshdeform.runs.family_labels import labels_of
-from meshdeform.runs.family_results import FamilyResults
+from meshdeform.runs.family_results import FamilyResults, labels_of
 from meshdeform.runs.report import sha256_hex
 
 __all__ = ["FamilyFitRun", "start"]
@@ -56,8 +55,8 @@ def start(given: RunInput) -> FamilyFitRun:
     return FamilyFitRun(files, params, limits, run, digest, state)
 
 
-class FamilyFitRun:
-    """A run in progress, created by `start`. Implements `meshdeform.runs.base.JobRun`."""
+class FamilyFitRun(JobRun):
+    """A run in progress, created by `start`."""
 
     def __init__(
         self,
@@ -73,7 +72,7 @@ class FamilyFitRun:
         labels = files.labels
         by_name = labels.assets if labels else {}
         self._labels = [by_name.get(n) or by_name.get(posixpath.basename(n)) or AssetLabels() for n in self._names]
-        self._step = 0
+        super().__init__(total_steps(params), 0 if state is None else state.step)
         self._shapes: list[SampledShape] = []
         self._truth: list[NDArray[np.int64]] = []
         self._inference: Inference | None = None
@@ -81,27 +80,15 @@ class FamilyFitRun:
         if state is not None:
             self._resume(state)
 
-    @property
-    def total_steps(self) -> int:
-        """Total number of steps."""
-        return total_steps(self._params)
-
-    @property
-    def step(self) -> int:
-        """Number of steps done."""
-        return self._step
-
-    def __iter__(self) -> Iterator[StepReport]:
+    def _steps(self) -> Iterator[dict[str, float]]:
         """Run the remaining steps: reading, then inference, then learning."""
-        while self._step < self.total_steps:
-            if self._step < READ_STEPS:
-                losses = self._read()
-            elif self._step < READ_STEPS + self._params.iterations:
-                losses = self._infer()
+        while self.step < self.total_steps:
+            if self.step < READ_STEPS:
+                yield self._read()
+            elif self.step < READ_STEPS + self._params.iterations:
+                yield self._infer()
             else:
-                losses = self._learn()
-            self._step += 1
-            yield StepReport(self._step, self.total_steps, losses)
+                yield self._learn()
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
@@ -110,7 +97,7 @@ class FamilyFitRun:
             tensors |= dump_inference(self._inference)
         if self._learning is not None:
             tensors |= dump_learning(self._learning)
-        return dump_checkpoint(Checkpoint(self._step, tensors), self._run, self._sha256)
+        return dump_checkpoint(Checkpoint(self.step, tensors), self._run, self._sha256)
 
     def snapshot(self) -> ArtifactData:
         """Return a GLB of the template's points, or of the first samples before there is a template."""
@@ -145,7 +132,7 @@ class FamilyFitRun:
     def _read(self) -> dict[str, float]:
         """Read and sample a tenth of the assets."""
         count = len(self._names)
-        for t in range(count * self._step // READ_STEPS, count * (self._step + 1) // READ_STEPS):
+        for t in range(count * self.step // READ_STEPS, count * (self.step + 1) // READ_STEPS):
             name, labels = self._names[t], self._labels[t]
             try:
                 asset = load_asset(self._files.assets[name], name, self._limits)
@@ -219,7 +206,6 @@ class FamilyFitRun:
         return len(self._part_names())
 
     def _resume(self, state: Checkpoint) -> None:
-        self._step = state.step
         self._shapes, self._truth = load_shapes(state.tensors)
         if state.step > READ_STEPS:
             tensors: dict[str, Any] = state.tensors

@@ -1,11 +1,13 @@
-"""Write the results of `family_fit`: arrays, the machine, the report, the picture, and the labelled assets."""
+"""Write the results of `family_fit`: arrays, the machine, the report, pictures, the wall, and the labelled assets."""
 
 from __future__ import annotations
 
 import io
 import json
+import math
 import zipfile
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
@@ -14,12 +16,14 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from meshdeform.assets import Asset, Limits, Primitive, load_asset
+from meshdeform.assets import Asset, Limits, Primitive, build_glb, load_asset
 from meshdeform.assets.collection import AssetLabels, CollectionFiles
 from meshdeform.assets.family_file import FamilyFile, dump_family, surface_digest
-from meshdeform.assets.wall import WallShape
+from meshdeform.assets.wall import WallShape, wall_glb
+from meshdeform.errors import AssetError
 from meshdeform.families.boundary import without_strays
 from meshdeform.families.collection import SampledShape
 from meshdeform.families.inference import Inference
@@ -32,17 +36,55 @@ from meshdeform.families.matching import (
     unlike,
     visible_points,
 )
+from meshdeform.families.members import turned
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.simplify import simplified
+from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData
-from meshdeform.runs.family_labels import labels_of
-from meshdeform.runs.family_picture import COLOURS, family_png
-from meshdeform.runs.family_wall import shown, wall, wall_shape
 from meshdeform.runs.report import versions
 
-__all__ = ["FamilyResults", "packed_arrays"]
+__all__ = [
+    "COLOURS",
+    "FamilyResults",
+    "assets_png",
+    "family_png",
+    "labels_of",
+    "packed_arrays",
+    "shown",
+    "wall",
+    "wall_shape",
+]
+
 
 _PICTURED = 36
+
 _MARKER = 0.008
+
+
+COLOURS = (
+    (0.00, 0.17, 0.45, 1.0),
+    (0.73, 0.27, 0.00, 1.0),
+    (0.00, 0.34, 0.17, 1.0),
+    (0.60, 0.05, 0.25, 1.0),
+    (0.85, 0.60, 0.02, 1.0),
+    (0.10, 0.45, 0.75, 1.0),
+    (0.30, 0.15, 0.50, 1.0),
+    (0.25, 0.25, 0.25, 1.0),
+)
+"""Linear RGBA by part; after the last, the first again."""
+
+_SIZE, _AZIMUTH_DEG, _MARGIN = 160, 35.0, 28
+
+Shown = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]
+
+
+_MOST_SHAPES = 120
+
+_TRIANGLES, _OF_ONE = 150_000, 3_000
+"""Triangles of a whole wall, and of one shape at most."""
+
+_LEAST = 12
 
 
 @dataclass(frozen=True)
@@ -308,3 +350,176 @@ def packed_arrays(arrays: dict[str, NDArray[Any]]) -> bytes:
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content.getvalue())
     return buffer.getvalue()
+
+
+def labels_of(asset: Asset, name: str, labels: AssetLabels, parts: list[str]) -> NDArray[np.int64]:
+    """Return the part of each triangle (F,); -1 where none is given.
+
+    Nodes come first, then materials, then single triangles, each over those before.
+
+    Raises
+    ------
+    AssetError
+        A node or a material does not exist, or there is not one label for each triangle.
+    """
+    numbers = {part: number for number, part in enumerate(parts)}
+    count = len(asset.surface.triangles)
+    found = np.full(count, -1, np.int64)
+    known = asset.parts()
+    for what, wanted, listed, flags in (
+        ("node", labels.nodes, known.nodes, known.in_node),
+        ("material", labels.materials, known.materials, known.of_material),
+    ):
+        places: dict[str, list[int]] = {}
+        for each in listed:
+            places.setdefault(each["name"], []).append(each["index"])
+        for title, part in wanted.items():
+            if title not in places:
+                names = ", ".join(sorted(place for place in places if place)[:10]) or "none with a name"
+                raise AssetError(f"labels.json: {name} has no {what} {title[:64]!r}.", advice=f"It has: {names}.")
+            for index in places[title]:
+                found[flags(index)] = numbers[part]
+    if labels.triangles is not None:
+        if len(labels.triangles) != count:
+            raise AssetError(
+                f"labels.json: {name} has {count} triangles, but {len(labels.triangles)} labels.",
+                advice="Give one label for each triangle, in the file's order.",
+            )
+        found = np.array([numbers[part] for part in labels.triangles], np.int64)
+    return found
+
+
+def family_png(shapes: Sequence[Shown], parts: Sequence[str]) -> bytes:
+    """Draw shapes in rows, with the names of the parts in their colours below.
+
+    Parameters
+    ----------
+    shapes : sequence of (positions (N, 3), triangles (F, 3), part of each triangle (F,))
+    parts : sequence of str
+    """
+    columns = min(max(math.ceil(math.sqrt(len(shapes) * 1.5)), 3), len(shapes))
+    rows = -(-len(shapes) // columns)
+    sheet = Image.new("RGB", (columns * _SIZE, rows * _SIZE + _MARGIN), (255, 255, 255))
+    for number, shape in enumerate(shapes):
+        sheet.paste(_drawn(shape), (number % columns * _SIZE, number // columns * _SIZE))
+    draw, font, x = ImageDraw.Draw(sheet), ImageFont.load_default(14), 10
+    for number, part in enumerate(parts):
+        colour = tuple(round(255 * value ** (1 / 2.2)) for value in COLOURS[number % len(COLOURS)][:3])
+        draw.rectangle((x, sheet.height - 20, x + 12, sheet.height - 8), fill=colour)
+        draw.text((x + 18, sheet.height - 22), part, fill=(40, 42, 48), font=font)
+        x += 36 + round(draw.textlength(part, font=font))
+    out = io.BytesIO()
+    sheet.save(out, "PNG")
+    return out.getvalue()
+
+
+def _drawn(shape: Shown) -> Image.Image:
+    positions, triangles, found = shape
+    coloured = []
+    for part in np.unique(found):
+        rows, faces = np.unique(triangles[found == part], return_inverse=True)
+        colour = COLOURS[part % len(COLOURS)]
+        coloured.append(Primitive(positions[rows], faces.reshape(-1, 3), material=f"part {part}", base_color=colour))
+    asset = load_asset(build_glb(coloured), "shape.glb", Limits.unlimited())
+    return _photograph(asset)
+
+
+def assets_png(assets: Sequence[Asset], titles: Sequence[str]) -> bytes:
+    """Draw assets in rows as their materials show them, each above its title."""
+    columns = min(max(math.ceil(math.sqrt(len(assets) * 1.5)), 3), len(assets))
+    rows = -(-len(assets) // columns)
+    height = _SIZE + _MARGIN
+    sheet = Image.new("RGB", (columns * _SIZE, rows * height), (255, 255, 255))
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
+    for number, (asset, title) in enumerate(zip(assets, titles, strict=True)):
+        x, y = number % columns * _SIZE, number // columns * height
+        sheet.paste(_photograph(asset), (x, y))
+        draw.text((x + 6, y + _SIZE + 4), title[-20:], fill=(40, 42, 48), font=font)
+    out = io.BytesIO()
+    sheet.save(out, "PNG")
+    return out.getvalue()
+
+
+def _photograph(asset: Asset) -> Image.Image:
+    pose = Pose(asset.surface.positions, asset.surface.normals)
+    studio = Studio(asset.appearance(), (pose,), size=_SIZE, azimuths_deg=(_AZIMUTH_DEG,))
+    return Image.fromarray(studio.photograph(pose, (_AZIMUTH_DEG,))[0], "RGB")
+
+
+def shown(count: int) -> range:
+    """Return which of `count` shapes a wall shows: all, or every second, third ... one."""
+    return range(0, count, -(-count // _MOST_SHAPES))
+
+
+def wall(
+    shapes: Sequence[WallShape], parts: Sequence[str], labels: NDArray[np.int64], count: int | None = None
+) -> ArtifactData:
+    """Return the artifact `wall.glb`.
+
+    Parameters
+    ----------
+    shapes : sequence of WallShape
+    parts : sequence of str
+    labels : (K,) int64
+        The part of each point.
+    count : int, optional
+        Number of shapes with those that are not shown. Default: all are shown.
+    """
+    points = [int(label) for label in labels]
+    about: dict[str, Any] = {"kind": "family_wall", "parts": list(parts), "points": points}
+    about["shapes"] = len(shapes) if count is None else count
+    return ArtifactData(wall_glb(shapes, parts, COLOURS, about), "model/gltf-binary")
+
+
+def wall_shape(
+    name: str,
+    positions: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    parts: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    confidence: NDArray[np.float32],
+    *,
+    centre: NDArray[np.float64],
+    diagonal: float,
+    turn: float,
+    count: int,
+) -> WallShape:
+    """Return one of `count` shapes of a wall, with few triangles.
+
+    Parameters
+    ----------
+    name : str
+    positions : (N, 3) float64
+        In the asset's units.
+    triangles : (F, 3) int64
+    parts : (F,) uint8
+    points : (K, 3) float64
+        In the family's frame: turned, around 0, with the diagonal as unit.
+    confidence : (K,) float32
+    centre, diagonal, turn
+        Lead from the asset's units to that frame.
+    count : int
+    """
+    verts = turned((positions - centre) / diagonal, turn)
+    share = min(_OF_ONE, _TRIANGLES // count) / max(len(triangles), 1)
+    pieces = []
+    for part in np.unique(parts):
+        piece = _welded(verts, triangles[parts == part])
+        wanted = max(int(share * len(piece.faces)), _LEAST)
+        less = simplified(piece, wanted) if len(piece.faces) > wanted and share < 1 else piece
+        pieces.append((less if len(less.faces) else piece, part))
+    starts = np.cumsum([0, *(len(piece.verts) for piece, _ in pieces)])
+    return WallShape(
+        name,
+        np.concatenate([piece.verts.numpy() for piece, _ in pieces]),
+        np.concatenate([piece.faces.numpy() + start for (piece, _), start in zip(pieces, starts, strict=False)]),
+        np.concatenate([np.full(len(piece.faces), part, np.uint8) for piece, part in pieces]),
+        points,
+        confidence,
+    )
+
+
+def _welded(verts: NDArray[np.float64], faces: NDArray[np.int64]) -> TriangleMesh:
+    """Return the triangles with one vertex at each place: across seams nothing could be collapsed."""
+    places, rows = np.unique(verts[faces.reshape(-1)], axis=0, return_inverse=True)
+    return TriangleMesh(torch.from_numpy(places), torch.from_numpy(rows.reshape(-1, 3).astype(np.int64)))

@@ -18,9 +18,7 @@ from meshdeform.assets.wall import WallShape
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family_synthesis import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData
-from meshdeform.runs.family_picture import assets_png
-from meshdeform.runs.family_results import packed_arrays
-from meshdeform.runs.family_wall import wall, wall_shape
+from meshdeform.runs.family_results import assets_png, packed_arrays, wall, wall_shape
 from meshdeform.runs.report import versions
 
 __all__ = ["SynthesisResults"]

@@ -25,7 +25,7 @@ from meshdeform.families.machine import BetaMachine
 from meshdeform.families.sampling import FreeEnergy, Unexplained, between, completed, sampled, to_frame, to_machine
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family_synthesis import FamilySynthesisParams
-from meshdeform.runs.base import ArtifactData, RunInput, StepReport
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput
 from meshdeform.runs.family_results import FamilyResults
 from meshdeform.runs.family_synthesis_results import SynthesisResults
 from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_steps
@@ -63,8 +63,8 @@ def start(given: RunInput) -> FamilySynthesisRun:
     return FamilySynthesisRun(family, assets, params, limits, run, digests, state)
 
 
-class FamilySynthesisRun:
-    """A run in progress, created by `start`. Implements `meshdeform.runs.base.JobRun`."""
+class FamilySynthesisRun(JobRun):
+    """A run in progress, created by `start`."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class FamilySynthesisRun:
         self._points = to_machine(torch.from_numpy(family.points.copy()).float(), self._scaling).clamp(1e-4, 1 - 1e-4)
         self._energy = FreeEnergy(self._machine, self._points, self._exists)
         self._defects = np.full((len(family.names), len(family.parts)), np.inf)
-        self._step = 0
+        super().__init__(total_steps(params), 0 if state is None else state.step)
         self._shapes: list[bytes] = []
         self._about: list[dict[str, Any]] = []
         self._drawn: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
@@ -104,29 +104,18 @@ class FamilySynthesisRun:
         return Unexplained.of(self._machine, self._points, self._exists, labels)
 
     @property
-    def total_steps(self) -> int:
-        """Total number of steps."""
-        return total_steps(self._params)
-
-    @property
-    def step(self) -> int:
-        """Number of steps done."""
-        return self._step
-
-    @property
     def shapes(self) -> tuple[bytes, ...]:
         """The shapes that were made so far, each a GLB."""
         return tuple(self._shapes)
 
-    def __iter__(self) -> Iterator[StepReport]:
+    def _steps(self) -> Iterator[dict[str, float]]:
         """Run the remaining steps: reading, then one for each shape."""
-        while self._step < self.total_steps:
-            if self._step < READ_STEPS:
+        while self.step < self.total_steps:
+            if self.step < READ_STEPS:
                 self._read()
             elif self._params.mode is not SynthesisMode.SEARCH:
-                self._make(self._step - READ_STEPS)
-            self._step += 1
-            yield StepReport(self._step, self.total_steps, {"total": float(self.total_steps - self._step)})
+                self._make(self.step - READ_STEPS)
+            yield {"total": float(self.total_steps - self.step - 1)}
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
@@ -136,7 +125,7 @@ class FamilySynthesisRun:
             tensors[f"about.{number}"] = _bytes(json.dumps(about).encode())
             tensors[f"points.{number}"] = torch.from_numpy(self._drawn[number][0].copy())
             tensors[f"exists.{number}"] = torch.from_numpy(self._drawn[number][1].copy())
-        return dump_checkpoint(Checkpoint(self._step, tensors), self._run, self._digests["family"])
+        return dump_checkpoint(Checkpoint(self.step, tensors), self._run, self._digests["family"])
 
     def snapshot(self) -> ArtifactData:
         """Return the newest shape, or the points of the first member before there is one."""
@@ -188,7 +177,7 @@ class FamilySynthesisRun:
             return
         needed = self._members if mode is SynthesisMode.INTERPOLATE else list(range(len(self._family.names)))
         count = len(needed)
-        for member in needed[count * self._step // READ_STEPS : count * (self._step + 1) // READ_STEPS]:
+        for member in needed[count * self.step // READ_STEPS : count * (self.step + 1) // READ_STEPS]:
             surface = self._load(member).surface
             if len(surface.triangles) != len(self._family.segments[member]):
                 detail = f"{self._family.names[member]} has another number of triangles than in the family."
@@ -267,7 +256,7 @@ class FamilySynthesisRun:
         }
 
     def _resume(self, state: Checkpoint) -> None:
-        self._step, tensors = state.step, state.tensors
+        tensors = state.tensors
         self._defects = tensors["defects"].numpy().copy()
         for number in range(max(state.step - READ_STEPS, 0)):
             if f"glb.{number}" not in tensors:

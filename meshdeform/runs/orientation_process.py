@@ -18,6 +18,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import GuidanceKind, OrientationMode
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams
 from meshdeform.requests.models import is_builtin, is_sent
+from meshdeform.runs.base import job_input
 from meshdeform.runs.questions import Question, answer
 
 __all__ = ["check_searchable", "main", "orientation_of"]
@@ -125,11 +126,13 @@ def _find(task: dict[str, Any]) -> dict[str, Any]:
     with hidden_folders([params.model]):
         prior = load_prior(params.model, device="cpu", dtype=task["dtype"])
     run = text_deform.start(
-        asset=Path(task["asset"]).read_bytes(),
-        filename=f"asset{task['suffix']}",
-        request=JobRequest.model_validate(task["request"]),
-        prior=prior,
-        limits=Limits(**task["limits"]),
-        resolved=params,
+        job_input(
+            asset=Path(task["asset"]).read_bytes(),
+            filename=f"asset{task['suffix']}",
+            request=JobRequest.model_validate(task["request"]),
+            prior=prior,
+            limits=Limits(**task["limits"]),
+            resolved=params,
+        )
     )
     return run.orientation.to_dict()

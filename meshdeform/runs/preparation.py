@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets import Asset, Limits
+from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.errors import AssetEmptyError, ParameterError
 from meshdeform.geometry.weld import WeldedMesh, weld
@@ -16,7 +16,7 @@ from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import OutputOptions, ResolvedParams
 from meshdeform.requests.selection import find_excluded
 
-__all__ = ["drawn_triangles", "prepared", "shape_id", "subdivided", "subdivision_warnings", "welded_surface"]
+__all__ = ["drawn_triangles", "prepared", "read_result", "shape_id", "subdivided", "welded_surface"]
 
 
 def prepared(
@@ -76,23 +76,6 @@ def shape_id(asset_sha256: str, asset: Asset, params: ResolvedParams, output: Ou
     return "+".join([asset_sha256, *done, *without])
 
 
-def subdivision_warnings(done: Subdivision | None) -> list[str]:
-    """Return sentences about what subdivision changed, or could not."""
-    if done is None:
-        return []
-    if not done.split and not done.limited:
-        return ["output.subdivide changed nothing: no edge is longer than a tenth of the asset."]
-    found = []
-    if done.split:
-        found.append(
-            f"output.subdivide split long edges: {done.triangles_before:,} triangles became "
-            f"{done.triangles_after:,}. Vertices and faces of the result are not those of the source file."
-        )
-    if done.limited:
-        found.append(
-            f"output.subdivide stopped before it would exceed {MAX_TRIANGLES:,} triangles or the limit of this "
-            f"deployment. The longest edge has {done.longest_edge:.0%} of the asset's length."
-        )
-    if done.dropped:
-        found.append(f"output.subdivide removed {', '.join(done.dropped)}, which lists edges of the source.")
-    return found
+def read_result(result: bytes) -> Asset:
+    """Read our own `result.glb` back, without the limits for sources."""
+    return load_asset(result, "result.glb", Limits.unlimited())

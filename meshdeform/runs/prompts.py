@@ -11,30 +11,23 @@ fall-offs, its fall-off is half of its greatest depth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from torch import Tensor
 
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.geodesic import surface_distances
-from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.guidance.sds import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.prompts import Prompt, active_prompts
 from meshdeform.runs.control import Control
-from meshdeform.runs.likeness import before
 from meshdeform.runs.selection import SelectableSurface
 
-__all__ = ["Prompts", "prompt_reports", "read_prompts"]
-
-Likeness = Callable[[TriangleMesh, str], dict[str, Any] | None]
+__all__ = ["Prompts", "read_prompts"]
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
@@ -106,51 +99,6 @@ def read_prompts(
     shares = [pull / np.maximum(1.0, total) for pull in pulls]
     texts = [WeightedPrompt(each.prompt, each.weight, group) for each, group in zip(given, groups, strict=True)]
     return Prompts(given, faces, texts, shares)
-
-
-def prompt_reports(
-    prompts: Prompts, rest: TriangleMesh, mesh: TriangleMesh, likeness: Likeness | None
-) -> list[dict[str, Any]]:
-    """Return the report's `prompts`: each with its weight, its region, and what became of it.
-
-    Parameters
-    ----------
-    prompts : Prompts
-    rest, mesh : TriangleMesh
-        The welded source and result in their world.
-    likeness : callable, optional
-        Compares a mesh with a prompt; a prompt with a region is compared with the region alone, of the source as well
-        (`before`), since what a piece of an asset looks like to the judge says little by itself.
-    """
-    reports = []
-    diagonal = float(np.linalg.norm(np.ptp(rest.verts.numpy(), axis=0)))
-    moved = (mesh.verts - rest.verts).square().sum(1).numpy() / diagonal**2
-    corners = mesh.faces.numpy()
-    for each, faces in zip(prompts.given, prompts.faces, strict=True):
-        report = each.model_dump(mode="json", exclude_none=True)
-        report["faces"] = len(mesh.faces) if faces is None else int(faces.sum())
-        if faces is not None:
-            within = np.zeros(len(moved), bool)
-            within[corners[faces].ravel()] = True
-            report["moved"] = {"inside": _rms(moved[within]), "outside": _rms(moved[~within])}
-        if likeness is not None:
-            report["likeness"] = found = likeness(mesh if faces is None else _part(mesh, faces), each.prompt)
-            if faces is not None and found is not None:
-                found["before"] = before(likeness(_part(rest, faces), each.prompt))
-        reports.append(report)
-    return reports
-
-
-def _rms(squares: _Floats) -> float:
-    return float(np.sqrt(squares.mean())) if len(squares) else 0.0
-
-
-def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
-    """Return some faces of a mesh as a mesh of their own."""
-    chosen = mesh.faces[torch.from_numpy(faces)]
-    used, corners = torch.unique(chosen, return_inverse=True)
-    verts: Tensor = mesh.verts[used]
-    return TriangleMesh(verts, corners.view(-1, 3))
 
 
 def _pulled(number: int, prompt: Prompt, surface: SelectableSurface, control: Control) -> _Flags:

@@ -14,6 +14,7 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -68,7 +69,7 @@ def _glb(components: int) -> bytes:
 def _run(glb: bytes, document: dict[str, Any], **given: Any) -> TextDeformRun:
     document["params"] = {"preset": "preview", "steps": 2, **document.get("params", {})}
     request = JobRequest.model_validate(document)
-    run = text_deform.start(asset=glb, filename="sphere.glb", request=request, **given)
+    run = text_deform.start(job_input(asset=glb, filename="sphere.glb", request=request, **given))
     for _ in run:
         pass
     return run

@@ -7,13 +7,13 @@ import hashlib
 import importlib.metadata
 import platform
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 import meshdeform
 
-__all__ = ["LossHistory", "PhaseClock", "sha256_hex", "versions"]
+__all__ = ["RunLog", "sha256_hex", "versions"]
 
 _PACKAGES = (
     "torch",
@@ -51,11 +51,19 @@ def _installed() -> dict[str, str]:
     return found
 
 
-class PhaseClock:
-    """The wall-clock seconds per phase of one attempt."""
+class RunLog:
+    """The wall-clock seconds of an attempt by phase, and the losses of its first, last and up to 200 spaced steps.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+    """
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self._samples: list[dict[str, Any]] = []
+        self._stride = 1
+        self._last: dict[str, Any] | None = None
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
@@ -66,16 +74,7 @@ class PhaseClock:
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
-
-class LossHistory:
-    """The losses of the first and last step and of at most 200 evenly spaced steps."""
-
-    def __init__(self) -> None:
-        self._samples: list[dict[str, Any]] = []
-        self._stride = 1
-        self._last: dict[str, Any] | None = None
-
-    def add(self, step: int, losses: dict[str, float]) -> None:
+    def add(self, step: int, losses: Mapping[str, float]) -> None:
         """Add the losses of one step."""
         self._last = {"step": step, **losses}
         if (step - 1) % self._stride == 0:
@@ -84,7 +83,7 @@ class LossHistory:
             self._samples = self._samples[::2]
             self._stride *= 2
 
-    def to_list(self) -> list[dict[str, Any]]:
+    def losses(self) -> list[dict[str, Any]]:
         """Return the samples in order, including the last step."""
         if self._last is None or (self._samples and self._samples[-1] is self._last):
             return list(self._samples)

@@ -20,9 +20,8 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.selection import find_excluded
-from meshdeform.runs.preparation import drawn_triangles, subdivided, welded_surface
+from meshdeform.runs.preparation import drawn_triangles, read_result, subdivided, welded_surface
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
-from meshdeform.runs.text_report import read_result
 
 __all__ = ["MAX_STRENGTH", "AssetPath", "check_same_asset", "matched", "with_strength", "write_morph"]
 

@@ -37,8 +37,8 @@ from meshdeform.fields.reader import read_field
 from meshdeform.fields.surface_sources import Surface, surface_of
 from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
-from meshdeform.runs.base import ArtifactData, RunInput, StepReport
-from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput
+from meshdeform.runs.report import RunLog, sha256_hex, versions
 from meshdeform.runs.surface_fit_kind import params_of
 
 __all__ = ["SurfaceFitRun", "start"]
@@ -64,13 +64,13 @@ def start(given: RunInput) -> SurfaceFitRun:
     AssetError, CheckpointError
         The input cannot be fitted; the error says what to do.
     """
-    clock, params = PhaseClock(), params_of(given.request, given.resolved)
+    log, params = RunLog(), params_of(given.request, given.resolved)
     file = given.files["asset"]
     sha256 = file.sha256 or sha256_hex(file.data)
-    with clock.phase("read"):
+    with log.phase("read"):
         source = _source(given)
         surface = surface_of(source)
-    with clock.phase("base"):
+    with log.phase("base"):
         own = _own_base(given)
         around = surface.reference.verts
         if own is None:
@@ -123,7 +123,7 @@ def start(given: RunInput) -> SurfaceFitRun:
     if "scalars" in given.files:
         scalars = read_scalar_file(given.files["scalars"].data)
         check_places(surface.reference.verts, surface.reference.faces, scalars)
-    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, clock, scalars, given.on_wait)
+    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, log, scalars, given.on_wait)
 
 
 def _own_base(given: RunInput) -> CleanMesh | None:
@@ -179,8 +179,8 @@ def _source(given: RunInput) -> CleanMesh | OrientedPoints | DistanceGrid | Impl
     return clean(surface.positions, surface.triangles)
 
 
-class SurfaceFitRun:
-    """A run in progress, created by `start`. Implements `meshdeform.runs.base.JobRun`."""
+class SurfaceFitRun(JobRun):
+    """A run in progress, created by `start`."""
 
     def __init__(
         self,
@@ -192,34 +192,18 @@ class SurfaceFitRun:
         facts: dict[str, Any],
         run: str,
         shape: str,
-        clock: PhaseClock,
+        log: RunLog,
         scalars: SampledScalars | None,
         on_wait: Callable[[], None],
     ) -> None:
+        super().__init__(params.steps, fit.step, log)
         self._surface, self._frame, self._base, self._fit = surface, frame, base, fit
-        self._params, self._facts, self._run, self._shape, self._clock = params, facts, run, shape, clock
+        self._params, self._facts, self._run, self._shape = params, facts, run, shape
         self._scalars, self._on_wait = scalars, on_wait
-        self._history = LossHistory()
-        self._first_step = fit.step
 
-    @property
-    def total_steps(self) -> int:
-        """Total number of steps."""
-        return self._params.steps
-
-    @property
-    def step(self) -> int:
-        """Number of steps done."""
-        return self._fit.step
-
-    def __iter__(self) -> Iterator[StepReport]:
-        """Run the remaining steps."""
-        begin = time.perf_counter()
+    def _steps(self) -> Iterator[dict[str, float]]:
         for step in self._fit:
-            self._clock.seconds["optimize"] = self._clock.seconds.get("optimize", 0.0) + time.perf_counter() - begin
-            self._history.add(step.step, step.losses)
-            yield StepReport(step.step, self.total_steps, step.losses)
-            begin = time.perf_counter()
+            yield step.losses
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
@@ -233,7 +217,7 @@ class SurfaceFitRun:
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return the container, the levels, the intrinsic triangulation, the report and the picture."""
-        with self._clock.phase("unfold"):
+        with self.log.phase("unfold"):
             made = {"source": self._facts["sha256"], "seed": self._params.seed, "steps": self.step}
             write = partial(
                 write_field,
@@ -249,10 +233,10 @@ class SurfaceFitRun:
             field = read_field(data)
         learned: list[dict[str, Any]] = []
         if self._scalars is not None:
-            with self._clock.phase("scalars"):
+            with self.log.phase("scalars"):
                 found = learned_scalars(field, self._scalars, seed=self._params.seed, on_step=self._on_wait)
                 data, learned = write(scalars=found.fields), found.facts
-        with self._clock.phase("unfold"):
+        with self.log.phase("unfold"):
             artifacts = {"surface.ndf": ArtifactData(data, _BYTES)}
             levels: list[dict[str, Any]] = []
             meshes = []
@@ -265,14 +249,14 @@ class SurfaceFitRun:
                 meshes.append((verts, faces))
             mesh = delaunay(verts, faces)
             artifacts["intrinsic.npz"] = ArtifactData(intrinsic_npz(mesh, verts), _BYTES)
-        with self._clock.phase("measure"):
+        with self.log.phase("measure"):
             for level, (points, triangles) in zip(levels, meshes, strict=True):
                 level["distance"] = distances(self._surface, points, triangles)
             reference = Reference(self._surface)
             compared = reference.compare(mesh, verts)
-        with self._clock.phase("pack"):
+        with self.log.phase("pack"):
             packed = self._packed(verts, faces, levels[-1]["distance"]["mean"])
-        with self._clock.phase("draw"):
+        with self.log.phase("draw"):
             artifacts["preview.png"] = ArtifactData(self._picture(artifacts), "image/png")
         report = self._report(data, artifacts, levels, mesh, {"scalars": learned, "packed": packed, **compared})
         artifacts["report.json"] = ArtifactData(json.dumps(report, indent=2).encode(), "application/json")
@@ -316,7 +300,7 @@ class SurfaceFitRun:
             },
             "params": self._params.model_dump(mode="json"),
             "steps": self.step,
-            "resumed_from": self._first_step or None,
+            "resumed_from": self.first_step or None,
             "base": {
                 "faces": len(self._base.faces),
                 "vertices": len(self._base.verts),
@@ -331,7 +315,7 @@ class SurfaceFitRun:
             "levels": levels,
             "intrinsic": {"flips": mesh.flips, "all_delaunay": mesh.certified, "least_cotangent_sum": mesh.least},
             **compared,
-            "losses": self._history.to_list(),
-            "seconds": {name: round(value, 3) for name, value in self._clock.seconds.items()},
+            "losses": self.log.losses(),
+            "seconds": {name: round(value, 3) for name, value in self.log.seconds.items()},
             "versions": versions(),
         }

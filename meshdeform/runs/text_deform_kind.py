@@ -32,19 +32,18 @@ from meshdeform.runs.base import (
     ArtifactKind,
     FilePart,
     InputFile,
-    JobRun,
     Kind,
     RunInput,
-    StartRun,
+    start_of,
 )
-from meshdeform.runs.sent_weights import WEIGHTS_FILE, load_sent
+from meshdeform.runs.sent_weights import WEIGHTS_FILE
 from meshdeform.runs.text_deform_checks import check, check_places, check_words
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "resolved_params", "with_constants"]
+__all__ = ["TEXT_DEFORM", "read_target", "resolved_params", "with_constants"]
 
 M = TypeVar("M", bound=BaseModel)
 _log = logging.getLogger(__name__)
@@ -151,7 +150,7 @@ def _uses(request: JobRequest) -> list[str]:
     ]
 
 
-def _read_target(params: ResolvedParams, given: RunInput) -> InputFile | None:
+def read_target(params: ResolvedParams, given: RunInput) -> InputFile | None:
     """Return the target mesh of a job; refuse a job whose target an earlier edition would have made of a drawing."""
     target = given.files.get(_TARGET)
     if target is None and params.guidance is GuidanceKind.TARGET:
@@ -160,34 +159,6 @@ def _read_target(params: ResolvedParams, given: RunInput) -> InputFile | None:
             advice="Make a mesh of the drawing (docs/sketch.md), and post a new job with it as the part `target`.",
         )
     return target
-
-
-def _load() -> StartRun:
-    from meshdeform.runs import text_deform
-
-    def start(given: RunInput) -> JobRun:
-        asset = given.files["asset"]
-        params = resolved_params(given.request, given.default_model, given.resolved)
-        prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS else None
-        target = _read_target(params, given)
-        return text_deform.start(
-            asset=asset.data,
-            filename=asset.filename,
-            request=given.request,
-            prior=prior,
-            target=None if target is None else target.data,
-            target_filename="" if target is None else target.filename,
-            pictures=[given.files[name].data for name in SILHOUETTE_PARTS[: len(params.silhouettes)]],
-            checkpoint=given.checkpoint,
-            initial=given.initial,
-            default_model=given.default_model,
-            limits=given.limits,
-            device=given.device,
-            asset_sha256=asset.sha256,
-            resolved=params,
-        )
-
-    return start
 
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
@@ -222,7 +193,7 @@ TEXT_DEFORM = Kind(
     params=DeformParams,
     check=_check,
     steps=_steps,
-    load=_load,
+    load=start_of("meshdeform.runs.text_deform"),
     artifacts=(
         ArtifactKind("result.glb", _GLB, "The asset with its new shape.", strengths=True),
         ArtifactKind(

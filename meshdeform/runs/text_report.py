@@ -1,9 +1,9 @@
-"""Build the report of a `text_deform` run; its statements about the result are measured on the file, read back."""
+"""Measure the result of a `text_deform` run on its file, read back, and build its report."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,173 +12,198 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 import meshdeform
-from meshdeform.assets import Asset, load_asset
-from meshdeform.assets.limits import Limits
+from meshdeform.assets import Asset
 from meshdeform.assets.notices import up_axis_warnings
 from meshdeform.assets.parts import Rig
-from meshdeform.assets.subdivide import Subdivision
-from meshdeform.deformation.checkpoint import fingerprint
+from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
+from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
-from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import MeshQuality, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.priors.base import Prior
 from meshdeform.priors.public_names import public_name
+from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
-from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams
-from meshdeform.runs.movement import HoldCounter, measure_movement
-from meshdeform.runs.precision import precision_warnings
-from meshdeform.runs.preparation import subdivision_warnings
+from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
+from meshdeform.runs.base import InputFile
+from meshdeform.runs.control import Control, control_report
+from meshdeform.runs.goals import Goal, SilhouetteFit
+from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.recognition import Recognition
-from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
-from meshdeform.runs.shown import Shown
-from meshdeform.runs.verdict import kept_structure, verdict
+from meshdeform.runs.report import RunLog, sha256_hex, versions
+from meshdeform.runs.surfaces import Shown
+from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports, verdict
 
 __all__ = [
+    "Movement",
+    "Outcome",
     "RunFacts",
-    "appearance_report",
     "build_report",
+    "measure_movement",
+    "precision_of",
     "provenance",
-    "read_result",
     "rig_warnings",
     "sees_colours",
 ]
 
+_STALLED = 0.01
+"""Root mean square displacement, as a share of the diagonal, below which a result looks like its source."""
+_MOSTLY = 0.5
+_REMEDIES = {
+    "safeguard": "Set params.safeguard to flips: the surface may then intersect itself. A mesh without doubled or "
+    "intersecting surfaces needs no such exception.",
+    "guidance": "Use more steps, or a prompt that differs more from the asset.",
+}
+_CAUSES = {
+    "safeguard": "the safeguard held back {held:.0%} of it",
+    "guidance": "the guidance hardly pulled at it",
+}
+_THEN = ", "
+_NO_COLOURS = "The asset has no colours, so the model saw it as clay."
+_COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
+
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Facts about a run that are known before its first step."""
+    """What is known of a run before its first step.
+
+    Attributes
+    ----------
+    request : JobRequest
+    params : ResolvedParams
+    file : InputFile
+        The asset, with its hash.
+    asset : Asset
+        The same, prepared.
+    subdivision : Subdivision, optional
+        What was split.
+    drawn : (T,) bool
+        Which triangles of the asset are drawn and deformed.
+    welded : WeldedMesh
+    frame : Frame
+    shape_id, fingerprint : str
+        Of the mesh, and of the run.
+    control : Control
+    goal : Goal
+    prompts : Prompts, optional
+        Those of a job that has several.
+    silhouettes : SilhouetteFit, optional
+    recognised : Recognition, optional
+        What the source was taken for.
+    device : str
+    precision : str, optional
+        As `precision_of` returns it.
+    """
 
     request: JobRequest
     params: ResolvedParams
-    asset_sha256: str
-    asset_bytes: int
-    filename: str
-    guidance: dict[str, str]
+    file: InputFile
+    asset: Asset
+    subdivision: Subdivision | None
+    drawn: NDArray[np.bool_]
+    welded: WeldedMesh
+    frame: Frame
+    shape_id: str
     fingerprint: str
+    control: Control
+    goal: Goal
+    prompts: Prompts | None
+    silhouettes: SilhouetteFit | None
+    recognised: Recognition | None
     device: str
-    precision: str | None = None
-    shape_id: str = ""
-    subdivision: Subdivision | None = None
-    recognised: Recognition | None = None
+    precision: str | None
+
+    @property
+    def guidance(self) -> dict[str, str]:
+        """The identity of what guides the run."""
+        return dict(self.goal.guidance.identity)
 
 
-def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
-    """Return what `output.provenance` stores in a file with the shape of a step."""
-    return {
-        "version": meshdeform.__version__,
-        "prompt": facts.request.prompt,
-        **({"prompts": _weighted(facts.params)} if facts.params.prompts else {}),
-        "seed": facts.params.seed,
-        "preset": facts.params.preset.value,
-        "step": step,
-        "parameters_sha256": fingerprint(**facts.params.model_dump(mode="json")),
-        "source_sha256": facts.asset_sha256,
-    }
+@dataclass(frozen=True)
+class Outcome:
+    """What a run has made.
 
-
-def _weighted(params: ResolvedParams) -> list[dict[str, Any]]:
-    return [{"prompt": each.prompt, "weight": each.weight} for each in params.prompts]
-
-
-def build_report(
-    facts: RunFacts,
-    *,
-    asset: Asset,
-    welded: WeldedMesh,
-    verts: Tensor,
-    deformation: Deformation,
-    appearance: dict[str, Any],
-    result: bytes,
-    written: Asset,
-    shown: Shown,
-    history: LossHistory,
-    holds: HoldCounter,
-    rebuilt_normals: int,
-    first_step: int,
-    clock: PhaseClock,
-    look: Appearance,
-    drawn: NDArray[np.bool_],
-    likeness: dict[str, Any] | None = None,
-    fit: dict[str, Any] | None = None,
-    silhouettes: Sequence[Mapping[str, Any]] | None = None,
-    prompts: Sequence[Mapping[str, Any]] | None = None,
-    bodies: Sequence[Body] = (),
-    control: Mapping[str, Any] | None = None,
-) -> bytes:
-    """Return `report.json`.
-
-    Parameters
+    Attributes
     ----------
-    facts : RunFacts
-    asset : Asset
-        The source.
-    welded : WeldedMesh
     verts : (V, 3) float64
         Deformed welded world positions.
-    deformation : Deformation
-        After its last step.
-    appearance : dict
-        What the model saw of the asset's colours.
     result : bytes
         `result.glb`.
     written : Asset
         `result.glb`, read back, so that errors of the writer show.
     shown : Shown
-        What viewers show of both.
-    history : LossHistory
-    holds : HoldCounter
+        What viewers show of source and result.
     rebuilt_normals : int
         Normals that were replaced, since they would have pointed behind a face. The report adds those that the file
         had without a direction.
+    held_share : float
+        Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked.
+    """
+
+    verts: Tensor
+    result: bytes
+    written: Asset
+    shown: Shown
+    rebuilt_normals: int
+    held_share: float
+
+
+def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
+    """Return what `output.provenance` stores in a file with the shape of a step."""
+    params = facts.params
+    weighted = [{"prompt": each.prompt, "weight": each.weight} for each in params.prompts]
+    return {
+        "version": meshdeform.__version__,
+        "prompt": facts.request.prompt,
+        **({"prompts": weighted} if weighted else {}),
+        "seed": params.seed,
+        "preset": params.preset.value,
+        "step": step,
+        "parameters_sha256": fingerprint(**params.model_dump(mode="json")),
+        "source_sha256": facts.file.sha256,
+    }
+
+
+def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, first_step: int, log: RunLog) -> bytes:
+    """Return `report.json`.
+
+    Parameters
+    ----------
+    facts : RunFacts
+    deformation : Deformation
+        After its last step.
+    outcome : Outcome
     first_step : int
         Number of steps done by earlier attempts.
-    clock : PhaseClock
-    look : Appearance
-        Of the triangles that were drawn: what `preview.png` shows.
-    drawn : (T,) bool
-        Which triangles of the asset were drawn and deformed.
-    likeness : dict, optional
-        How much the result looks like its prompt, and the source (`before`).
-    fit : dict, optional
-        How well the result fits its target.
-    silhouettes : sequence of mappings, optional
-        How well the result fits each picture.
-    prompts : sequence of mappings, optional
-        Each of several prompts with what it pulled at (`prompts.prompt_reports`).
-    bodies : sequence of Body
-        What kept its shape.
-    control : mapping, optional
-        Members about regions, handles, symmetry and lengths (`control_report`).
+    log : RunLog
     """
-    with clock.phase("measure"):
-        faces = welded.mesh.faces.numpy()
-        quality = measure(welded.mesh.verts.numpy(), faces, verts.numpy())
+    request, params, asset, shown = facts.request, facts.params, facts.asset, outcome.shown
+    with log.phase("measure"):
+        source = facts.welded.mesh
+        faces = source.faces.numpy()
+        quality = measure(source.verts.numpy(), faces, outcome.verts.numpy())
         posed = measure(shown.source.verts.numpy(), faces, shown.result.verts.numpy()) if shown.posed else None
-        invariants = _invariants(asset, written)
-        movement = measure_movement(RestMesh.of(welded.mesh), verts, holds)
-        triangles = asset.surface.triangles[drawn]
-        corners = (shape.surface.positions[triangles] for shape in (asset, written))
+        movement = measure_movement(RestMesh.of(source), outcome.verts, outcome.held_share)
+        compared = _comparisons(facts, outcome, (posed or quality).to_dict())
+        look = asset.appearance().of_triangles(facts.drawn)
+        triangles = asset.surface.triangles[facts.drawn]
+        corners = (shape.surface.positions[triangles] for shape in (asset, outcome.written))
         stretch = measure_texture_stretch(texel_corners(look), *corners)
-        conclusion = None
-        if likeness is not None and prompts is None:  # of several, none alone is what the result should be
-            structure = kept_structure(shown.source, shown.result, (posed or quality).to_dict())
-            conclusion = verdict(facts.request.prompt, likeness, structure)
-    up_axis = up_axis_warnings(asset.surface.positions, triangles)
-    losses = history.to_list()
+        mesh = _mesh_figures(facts, outcome) | {"optimized_faces": deformation.optimized_faces}
     report: dict[str, Any] = {
-        "kind": facts.request.kind.value,
-        "prompt": facts.request.prompt,
+        "kind": request.kind.value,
+        "prompt": request.prompt,
         # Clients read the report: a model in a folder is named as the service names it.
-        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
-        "seed": facts.params.seed,
-        "metadata": facts.request.metadata,
+        "params": params.model_dump(mode="json") | {"model": public_name(params.model)},
+        "seed": params.seed,
+        "metadata": request.metadata,
         "input": {
-            "filename": facts.filename,
-            "bytes": facts.asset_bytes,
-            "sha256": facts.asset_sha256,
+            "filename": facts.file.filename,
+            "bytes": len(facts.file.data),
+            "sha256": facts.file.sha256,
             "warnings": list(asset.summary.warnings),
         },
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
@@ -186,23 +211,14 @@ def build_report(
         "device": facts.device,
         "precision": facts.precision,
         "versions": versions(),
-        "result": {"bytes": len(result), "sha256": sha256_hex(result)},
-        "mesh": {
-            "source_vertices": len(asset.surface.positions),
-            "source_triangles": len(asset.surface.triangles),
-            "welded_vertices": welded.mesh.verts.shape[0],
-            "welded_faces": welded.mesh.faces.shape[0],
-            "optimized_faces": deformation.optimized_faces,
-            "rebuilt_normals": rebuilt_normals + asset.repairs.normals,
-            "rebuilt_tangents": asset.repairs.tangents,
-            **invariants,
-        },
+        "result": {"bytes": len(outcome.result), "sha256": sha256_hex(outcome.result)},
+        "mesh": mesh,
         "quality": quality.to_dict(),
         "texture_stretch": None if stretch is None else stretch.to_dict(),
         "carrier": deformation.carrier,
         "source_noun": None if facts.recognised is None else facts.recognised.to_dict(),
         "orientation": deformation.orientation.to_dict(),
-        "appearance": appearance,
+        "appearance": _appearance(params, deformation),
         "movement": movement.to_dict(),
         "pulls": deformation.pulls.to_dict(),
         "warnings": [
@@ -210,38 +226,125 @@ def build_report(
             *deformation.warnings,
             *deformation.pulls.warnings,
             *_quality_warnings(quality, posed, len(faces)),
-            *up_axis,
-            *subdivision_warnings(facts.subdivision),
-            *rig_warnings(asset.rig(), facts.request.output.rig),
-            *precision_warnings(facts.precision),
+            *up_axis_warnings(asset.surface.positions, triangles),
+            *_subdivision_warnings(facts.subdivision),
+            *rig_warnings(asset.rig(), request.output.rig),
+            *_precision_warnings(facts.precision),
         ],
-        "skipped": {**welded.skipped, "primitives": asset.surface.skipped},
-        "losses": losses,
+        "skipped": {**facts.welded.skipped, "primitives": asset.surface.skipped},
+        "losses": log.losses(),
         "resumed_from_step": first_step,
-        "seconds": {k: round(v, 4) for k, v in clock.seconds.items()},
+        "seconds": {name: round(seconds, 4) for name, seconds in log.seconds.items()},
     }
     if posed is not None:
         report["posed_quality"] = posed.to_dict()
     if asset.rig():
-        report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
-    if bodies:
-        report["rigid"] = _kept_shapes(bodies, asset, welded, written)
+        report["rig"] = {"mode": request.output.rig.value, **asdict(asset.rig())}
+    if facts.control.bodies:
+        report["rigid"] = _kept_shapes(facts.control.bodies, asset, facts.welded, outcome.written)
     if facts.subdivision is not None:
         report["subdivision"] = asdict(facts.subdivision)
-    report |= control or {}
-    if likeness is not None:
-        report["likeness"] = likeness
-    if conclusion is not None:
-        report["verdict"] = conclusion
-    if fit is not None:
-        report["fit"] = fit
-    if silhouettes is not None:
-        report["silhouettes"] = list(silhouettes)
-    if prompts is not None:
-        report["prompts"] = list(prompts)
+    report |= control_report(facts.control, params, facts.welded, facts.frame, asset, outcome.written) | compared
     if look.left_out:
         report["preview"] = {"left_out": look.left_out}
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+
+
+def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any]) -> dict[str, Any]:
+    """Return the members of the report that compare the result with what was asked for."""
+    goal, shown = facts.goal, outcome.shown
+    compared: dict[str, Any] = {}
+    # Where the builtin prior guided; nothing else has a judge.
+    judged = facts.guidance["id"] == BUILTIN_MODEL
+    if judged and goal.prompt:
+        # A skin was recognised in its bind pose.
+        nouns = {} if facts.recognised is None or shown.posed else facts.recognised.nouns
+        found = likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
+        if found is not None:
+            compared["likeness"] = found
+            if facts.prompts is None:  # of several, none alone is what the result should be
+                structure = kept_structure(shown.source, shown.result, quality)
+                compared["verdict"] = verdict(facts.request.prompt, found, structure)
+    if goal.fit is not None or facts.silhouettes is not None:
+        in_frame = facts.frame.place(facts.welded.mesh), facts.frame.enter(outcome.verts)
+        if goal.fit is not None:
+            compared["fit"] = goal.fit.measure(*in_frame)
+        if facts.silhouettes is not None:
+            compared["silhouettes"] = facts.silhouettes.measure(*in_frame)
+    if facts.prompts is not None:
+        judge = likeness if judged else None
+        compared["prompts"] = prompt_reports(facts.prompts, shown.source, shown.result, judge)
+    return compared
+
+
+def _mesh_figures(facts: RunFacts, outcome: Outcome) -> dict[str, Any]:
+    """Return counts of the mesh, and whether the file has the same vertices, faces and UVs."""
+    asset, source, result = facts.asset, facts.asset.surface, outcome.written.surface
+    return {
+        "source_vertices": len(source.positions),
+        "source_triangles": len(source.triangles),
+        "welded_vertices": facts.welded.mesh.verts.shape[0],
+        "welded_faces": facts.welded.mesh.faces.shape[0],
+        "rebuilt_normals": outcome.rebuilt_normals + asset.repairs.normals,
+        "rebuilt_tangents": asset.repairs.tangents,
+        "same_vertex_count": len(source.positions) == len(result.positions),
+        "same_faces": bool(np.array_equal(source.triangles, result.triangles)),
+        "same_uvs": asset.texture_coordinates() == outcome.written.texture_coordinates(),
+    }
+
+
+@dataclass(frozen=True)
+class Movement:
+    """How far a run moved its mesh.
+
+    Attributes
+    ----------
+    rms : float
+        Area-weighted root mean square displacement, as a share of the diagonal of the source's bounding box.
+    held_share : float
+        Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked.
+    stalled_by : str, optional
+        What mostly held back a mesh that hardly moved: `safeguard` or `guidance`; None if it moved.
+    """
+
+    rms: float
+    held_share: float
+    stalled_by: str | None
+
+    def to_dict(self) -> dict[str, float | str | None]:
+        """Return the figures by name."""
+        return asdict(self)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences for the user: what held back a mesh that hardly moved, and what to do; empty if it moved."""
+        if self.stalled_by is None:
+            return []
+        cause = _CAUSES[self.stalled_by].format(held=self.held_share)
+        return [f"The mesh hardly moved ({self.rms:.1%} of its size): {cause}. {_REMEDIES[self.stalled_by]}"]
+
+
+def measure_movement(rest: RestMesh, verts: Tensor, held_share: float) -> Movement:
+    """Compare a deformed mesh with its rest state.
+
+    Parameters
+    ----------
+    rest : RestMesh
+    verts : (V, 3) float64
+        Deformed positions in the same unit.
+    held_share : float
+        As in `Outcome`.
+    """
+    weights = rest.vertex_areas
+    used = rest.verts.numpy()[np.unique(rest.faces.numpy())]
+    diagonal = float(np.linalg.norm(np.ptp(used, axis=0))) if len(used) else 0.0
+    squared = ((verts.numpy() - rest.verts.numpy()) ** 2).sum(1)
+    total = float(weights.sum())
+    rms = float(np.sqrt((weights * squared).sum() / total)) / diagonal if total > 0 and diagonal > 0 else 0.0
+    stalled_by = None
+    if rms < _STALLED:
+        stalled_by = "safeguard" if held_share > _MOSTLY else "guidance"
+    return Movement(rms, held_share, stalled_by)
 
 
 def _quality_warnings(quality: MeshQuality, posed: MeshQuality | None, faces: int) -> list[str]:
@@ -273,20 +376,6 @@ def _kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, resu
     }
 
 
-def read_result(result: bytes) -> Asset:
-    """Read our own `result.glb` back, without the limits for sources."""
-    return load_asset(result, "result.glb", Limits.unlimited())
-
-
-def _invariants(source: Asset, result: Asset) -> dict[str, bool]:
-    old, new = source.surface, result.surface
-    return {
-        "same_vertex_count": len(old.positions) == len(new.positions),
-        "same_faces": bool(np.array_equal(old.triangles, new.triangles)),
-        "same_uvs": source.texture_coordinates() == result.texture_coordinates(),
-    }
-
-
 def rig_warnings(rig: Rig, mode: RigMode) -> list[str]:
     """Return a sentence about morph targets and joints that did not follow the shape, if there are any."""
     if mode is RigMode.FOLLOW or not rig:
@@ -299,8 +388,49 @@ def rig_warnings(rig: Rig, mode: RigMode) -> list[str]:
     ]
 
 
-_NO_COLOURS = "The asset has no colours, so the model saw it as clay."
-_COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
+def precision_of(prior: Prior | None, state: Checkpoint | None = None) -> str | None:
+    """Return what a run computes in, such as `float32`; None without a prior.
+
+    Where the run resumes at a state that was computed in another precision, both are named, in order.
+    """
+    if prior is None:
+        return None
+    now, before = str(prior.dtype).removeprefix("torch."), state.precision if state else ""
+    if not before:
+        return now
+    return before if before.split(_THEN)[-1] == now else f"{before}{_THEN}{now}"
+
+
+def _precision_warnings(precision: str | None) -> list[str]:
+    """Return a warning of a run that was resumed in another precision."""
+    if precision is None or _THEN not in precision:
+        return []
+    return [
+        f"The run was resumed in another precision: the model computed in {precision}, in this order. "
+        "On one machine the same job gives a slightly different result."
+    ]
+
+
+def _subdivision_warnings(done: Subdivision | None) -> list[str]:
+    """Return sentences about what subdivision changed, or could not."""
+    if done is None:
+        return []
+    if not done.split and not done.limited:
+        return ["output.subdivide changed nothing: no edge is longer than a tenth of the asset."]
+    found = []
+    if done.split:
+        found.append(
+            f"output.subdivide split long edges: {done.triangles_before:,} triangles became "
+            f"{done.triangles_after:,}. Vertices and faces of the result are not those of the source file."
+        )
+    if done.limited:
+        found.append(
+            f"output.subdivide stopped before it would exceed {MAX_TRIANGLES:,} triangles or the limit of this "
+            f"deployment. The longest edge has {done.longest_edge:.0%} of the asset's length."
+        )
+    if done.dropped:
+        found.append(f"output.subdivide removed {', '.join(done.dropped)}, which lists edges of the source.")
+    return found
 
 
 def sees_colours(params: ResolvedParams) -> bool:
@@ -308,7 +438,7 @@ def sees_colours(params: ResolvedParams) -> bool:
     return params.guidance is GuidanceKind.SDS and params.appearance in _COLOURED
 
 
-def appearance_report(params: ResolvedParams, deformation: Deformation) -> dict[str, Any]:
+def _appearance(params: ResolvedParams, deformation: Deformation) -> dict[str, Any]:
     """Return the report's `appearance`: what was `drawn`, where the `colours` come from, and a `notice`.
 
     `colours` is `asset`; `stand_in` if a simplified mesh was drawn with vertex colours sampled from the asset; or None.

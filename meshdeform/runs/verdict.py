@@ -1,24 +1,53 @@
-"""Say by a run's own checks whether its result is worse than doing nothing.
+"""Say what a result looks like to the judge, and whether it is worse than doing nothing by a run's own checks.
 
-It is if nothing was gained of what the prompt asks for, while a figure of the structure is beyond `LIMITS`. The noun's
-rank among all that the judge knows must become half of the source's to count as gained, since far from the first ones
-it changes by chance: a van that was number 115 among boats is no boat as number 62. Ranks ignore attributes: of a
+It is worse if nothing was gained of what the prompt asks for, while a figure of the structure is beyond `LIMITS`. The
+noun's rank among all that the judge knows must become half of the source's to count as gained, since far from the first
+ones it changes by chance: a van that was number 115 among boats is no boat as number 62. Ranks ignore attributes: of a
 prompt that has any, the rank must only not become worse. A source that ranks first already has no rank to gain: there,
 without attributes, the structure alone decides.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import logging
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.errors import ModelError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.structure import measure_structure
+from meshdeform.geometry.torch_threads import one_torch_thread
+from meshdeform.judge import Judge
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.words import ParsedPrompt
+from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.recognition import CROOKED
 
-__all__ = ["KEEP_RESULT", "KEEP_SOURCE", "LIMITS", "kept_structure", "verdict", "worse_than_source"]
+__all__ = [
+    "KEEP_RESULT",
+    "KEEP_SOURCE",
+    "LIMITS",
+    "before",
+    "kept_structure",
+    "likeness",
+    "likeness_and_before",
+    "prompt_reports",
+    "summarize",
+    "verdict",
+    "worse_than_source",
+]
+
+
+_Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
+
+_Flags = NDArray[np.bool_]
+
+_Floats = NDArray[np.float64]
 
 KEEP_RESULT, KEEP_SOURCE = "keep_result", "keep_source"
 
@@ -38,6 +67,9 @@ _SENTENCES = {
     "cut_share": "Faces newly cut others: {:.1%} of all.",
     "flipped_faces": "Faces were flipped: {:,}.",
 }
+
+
+_log = logging.getLogger(__name__)
 
 
 def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any]) -> dict[str, Any]:
@@ -107,3 +139,119 @@ def _rank_reason(noun: str, rank: int, was: int, nouns: int) -> str:
         return f"The source looked like {what} already."
     more = "hardly more" if rank < was else "no more"
     return f"It looks {more} like {what} than before: rank {rank} of {nouns} nouns, was {was}."
+
+
+def prompt_reports(
+    prompts: Prompts, rest: TriangleMesh, mesh: TriangleMesh, compare: _Compare | None
+) -> list[dict[str, Any]]:
+    """Return the report's `prompts`: each with its weight, its region, and what became of it.
+
+    Parameters
+    ----------
+    prompts : Prompts
+    rest, mesh : TriangleMesh
+        The welded source and result in their world.
+    compare : callable, optional
+        Compares a mesh with a prompt; a prompt with a region is compared with the region alone, of the source as well
+        (`before`), since what a piece of an asset looks like to the judge says little by itself.
+    """
+    reports = []
+    diagonal = float(np.linalg.norm(np.ptp(rest.verts.numpy(), axis=0)))
+    moved = (mesh.verts - rest.verts).square().sum(1).numpy() / diagonal**2
+    corners = mesh.faces.numpy()
+    for each, faces in zip(prompts.given, prompts.faces, strict=True):
+        report = each.model_dump(mode="json", exclude_none=True)
+        report["faces"] = len(mesh.faces) if faces is None else int(faces.sum())
+        if faces is not None:
+            within = np.zeros(len(moved), bool)
+            within[corners[faces].ravel()] = True
+            report["moved"] = {"inside": _rms(moved[within]), "outside": _rms(moved[~within])}
+        if compare is not None:
+            report["likeness"] = found = compare(mesh if faces is None else _part(mesh, faces), each.prompt)
+            if faces is not None and found is not None:
+                found["before"] = before(compare(_part(rest, faces), each.prompt))
+        reports.append(report)
+    return reports
+
+
+def _rms(squares: _Floats) -> float:
+    return float(np.sqrt(squares.mean())) if len(squares) else 0.0
+
+
+def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
+    """Return some faces of a mesh as a mesh of their own."""
+    chosen = mesh.faces[torch.from_numpy(faces)]
+    used, corners = torch.unique(chosen, return_inverse=True)
+    verts: Tensor = mesh.verts[used]
+    return TriangleMesh(verts, corners.view(-1, 3))
+
+
+@one_torch_thread()
+def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
+    """Compare a mesh with the noun of a prompt of the builtin prior.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        +Y up, of any position and size.
+    prompt : str
+
+    Returns
+    -------
+    As in `summarize`, with the judge's identity; None if its weights are missing or damaged, which is logged.
+    """
+    try:
+        judge = Judge()
+    except ModelError as error:
+        _log.warning("the result's likeness is not estimated: %s", error)
+        return None
+    return {**summarize(judge.noun_probabilities(mesh), parse(prompt).noun), "judge": judge.identity}
+
+
+def likeness_and_before(
+    source: TriangleMesh, result: TriangleMesh, prompt: str, nouns: Mapping[str, float]
+) -> dict[str, Any] | None:
+    """Compare a result and its source with the noun of a prompt.
+
+    Parameters
+    ----------
+    source, result : TriangleMesh
+    prompt : str
+    nouns : mapping of str to float
+        The probabilities of all nouns for the source; if it is empty, the judge is asked.
+
+    Returns
+    -------
+    The likeness of the result, with that of the source as `before`; None as in `likeness`.
+    """
+    compared = likeness(result, prompt)
+    if compared is not None:
+        compared["before"] = before(summarize(nouns, compared["noun"]) if nouns else likeness(source, prompt))
+    return compared
+
+
+def summarize(probabilities: Mapping[str, float], noun: str) -> dict[str, Any]:
+    """Summarize the probabilities of all nouns for a result that should be `noun`.
+
+    Returns
+    -------
+    dict
+        `noun`, its `probability` and `rank` from 1, the number of `nouns`, the most probable other one as `next`, and
+        `matches`: whether the rank is 1.
+    """
+    wanted = probabilities[noun]
+    other = max((name for name in probabilities if name != noun), key=probabilities.__getitem__)
+    rank = 1 + sum(probability > wanted for probability in probabilities.values())
+    return {
+        "noun": noun,
+        "probability": round(wanted, 4),
+        "rank": rank,
+        "nouns": len(probabilities),
+        "next": {"noun": other, "probability": round(probabilities[other], 4)},
+        "matches": rank == 1,
+    }
+
+
+def before(source: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Return the member `before` of a likeness: what the likeness of the source says of the same noun."""
+    return None if source is None else {name: source[name] for name in ("probability", "rank")}

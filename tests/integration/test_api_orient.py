@@ -18,6 +18,7 @@ from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import orientation_process, questions, text_deform
+from meshdeform.runs.base import job_input
 from tests.cases import each_case
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
@@ -48,7 +49,9 @@ def test_the_answer_is_what_the_report_would_say(
     check_document(found.json(), "FoundOrientation", openapi)
     params = {"preset": "preview", "guidance": {"source_noun": "pear"}}
     request = JobRequest.model_validate({"prompt": "a giraffe", "params": grouped(params)})
-    run = text_deform.start(asset=BALL, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
+    run = text_deform.start(
+        job_input(asset=BALL, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
+    )
     assert found.json() == run.orientation.to_dict()
     assert len(found.json()["grades"]) == 12
     # Both clients drive the same generators.

@@ -17,9 +17,11 @@ _REQUEST = JobRequest.model_validate(
 
 def deformed(asset: bytes, filename: str = "asset.glb") -> dict[str, bytes]:
     """Run two steps towards a sphere, the whole way of a job, and return its artifacts by name."""
+    from meshdeform.runs.base import job_input
     from meshdeform.runs.text_deform import start
 
-    run = start(asset=asset, filename=filename, request=_REQUEST, target=_sphere(), target_filename="sphere.obj")
+    given = job_input(asset, filename, _REQUEST, target=_sphere(), target_filename="sphere.obj")
+    run = start(given)
     deque(run, maxlen=0)
     return {name: artifact.data for name, artifact in run.finish().items()}
 

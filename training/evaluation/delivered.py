@@ -24,6 +24,7 @@ from meshdeform.priors.builtin.grammar import parse
 from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.verdict import kept_structure, worse_than_source
 from meshdeform.support.files import write_files
 from training.evaluation.evaluator import Evaluator, item_folder
@@ -46,13 +47,15 @@ class DeliveredEvaluator(Evaluator):
         params = plan.params.model_copy(update={"seed": item.seed})
         began = time.perf_counter()
         run = text_deform.start(
-            asset=path.read_bytes(),
-            filename=path.name,
-            request=JobRequest(prompt=item.prompt),
-            resolved=params,
-            prior=self.prior,
-            limits=Limits.unlimited(),
-            device=plan.device,
+            job_input(
+                asset=path.read_bytes(),
+                filename=path.name,
+                request=JobRequest(prompt=item.prompt),
+                resolved=params,
+                prior=self.prior,
+                limits=Limits.unlimited(),
+                device=plan.device,
+            )
         )
         results, seconds = {}, []
         before = time.perf_counter()

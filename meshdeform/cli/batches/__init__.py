@@ -1,1 +1,1 @@
-"""Batches: rows of a manifest, the ledger of their states, and the runners that process them."""
+"""Batches: the rows of a manifest, the runners that process them, and the ledger of their states."""

@@ -1,15 +1,4 @@
-"""Record the states of a batch as JSON lines in an append-only file; each line is on disk before anything relies on it.
-
-::
-
-    {"ledger": 1, "batch": ID, "created_at": ..., "flat": false}
-    {"event": "named", "key": KEY, "name": NAME}
-    {"event": "submitted", "key": KEY, "name": NAME, "job_id": ..., "try": 0}
-    {"event": "done", "key": KEY, "name": NAME, "seconds": ..., "files": {...}}
-    {"event": "failed", "key": KEY, "name": NAME, "error": {...}}
-
-An incomplete last line, left by a process that was killed, is removed. The file is locked: one process at a time.
-"""
+"""Record the states of a batch's rows, so that any run of it knows what was done."""
 
 from __future__ import annotations
 
@@ -23,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from meshdeform.cli.local import writing
 from meshdeform.errors import ParameterError, UnavailableError
 
 __all__ = ["Ledger"]
@@ -32,30 +22,18 @@ _VERSION = 1
 
 
 class Ledger:
-    """The ledger of a batch. A context manager; thread-safe.
+    """The states of a batch's rows: JSON lines in an append-only file, each on disk before anything relies on it.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder of the batch; created if missing.
-    flat : bool
-        Whether all results are files in this folder.
+    ::
 
-    Attributes
-    ----------
-    batch_id : str
-        A random id of this batch.
-    last : dict
-        The newest line of each key.
-    tries : dict
-        How many `failed` lines each key has.
+        {"ledger": 1, "batch": ID, "created_at": ..., "flat": false}
+        {"event": "named", "key": KEY, "name": NAME}
+        {"event": "submitted", "key": KEY, "name": NAME, "job_id": ..., "try": 0}
+        {"event": "done", "key": KEY, "name": NAME, "seconds": ..., "files": {...}}
+        {"event": "failed", "key": KEY, "name": NAME, "error": {...}}
 
-    Raises
-    ------
-    UnavailableError
-        The file cannot be written, or another process has locked it.
-    ParameterError
-        The file is not a ledger, or the batch was started with another `flat`.
+    `last` has the newest line of each key, `tries` how many `failed` lines each has. An incomplete last line, left by a
+    process that was killed, is removed. The file is locked: one process at a time. Thread-safe; a context manager.
     """
 
     def __init__(self, folder: Path, *, flat: bool = False) -> None:
@@ -65,13 +43,9 @@ class Ledger:
         self.tries: dict[str, int] = {}
         self.batch_id = ""
         self._lock = threading.Lock()
-        try:
+        with writing(self.path, "Choose another folder with -o."):
             folder.mkdir(parents=True, exist_ok=True)
             self._fd = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-        except OSError as error:
-            raise UnavailableError(
-                f"{self.path} cannot be written: {error.strerror}.", advice="Choose another folder with -o."
-            ) from error
         try:
             self._lock_file()
             self._read()
@@ -142,15 +116,10 @@ class Ledger:
     def _write(self, document: dict[str, Any]) -> None:
         line = (json.dumps(document) + "\n").encode()
         with self._lock:
-            try:
+            with writing(self.path, "Free some space; the same command then resumes."):
                 while line:
                     line = line[os.write(self._fd, line) :]
                 os.fsync(self._fd)
-            except OSError as error:
-                raise UnavailableError(
-                    f"{self.path} cannot be written: {error.strerror}.",
-                    advice="Free some space; the same command then resumes.",
-                ) from error
             self._note(document)
 
 

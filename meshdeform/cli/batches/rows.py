@@ -19,19 +19,9 @@ from meshdeform.support.files import artifact_name, slug
 if TYPE_CHECKING:
     from meshdeform.requests.document import DeformParams, JobRequest
 
-__all__ = [
-    "ARTIFACTS",
-    "ASSET_SUFFIXES",
-    "TABLE_SUFFIXES",
-    "Entry",
-    "Row",
-    "combine",
-    "make_rows",
-    "read_prompts",
-    "read_table",
-]
+__all__ = ["ARTIFACTS", "TABLE_SUFFIXES", "Entry", "Row", "combine", "make_rows", "read_prompts", "read_table"]
 
-ASSET_SUFFIXES = frozenset({".glb", ".obj", ".ply", ".stl", ".zip"})
+_ASSET_SUFFIXES = frozenset({".glb", ".obj", ".ply", ".stl", ".zip"})
 TABLE_SUFFIXES = {".csv": ",", ".tsv": "\t", ".jsonl": "", ".ndjson": ""}
 _ADVICE = "docs/cli.md describes manifests under meshdeform batch."
 _MEMBERS = ("asset", "prompt", "name", "target", "morph")
@@ -40,20 +30,9 @@ _TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
 
 @dataclass(frozen=True)
 class Entry:
-    """One row as written.
+    """One row as written, at a `place` for errors: `manifest.csv, line 3`; its parameters are not validated yet.
 
-    Attributes
-    ----------
-    place : str
-        Where it was written, for errors: `manifest.csv, line 3`.
-    asset : Path
-    prompt : str
-    name : str
-        Name of its folder in the folder of the batch; if empty, made from asset and prompt.
-    target : Path, optional
-    morph : bool
-    params : dict
-        Parameters of this row, not validated yet.
+    `name` is that of its folder in the folder of the batch; if empty, it is made from asset and prompt.
     """
 
     place: str
@@ -70,11 +49,6 @@ def read_table(path: Path) -> list[Entry]:
 
     Columns are `asset`, `prompt`, `name` (or `output`), `target`, `morph`, and any parameter; an empty cell
     counts as left out.
-
-    Raises
-    ------
-    ParameterError
-        The file cannot be read, or a row has no asset.
     """
     separator = TABLE_SUFFIXES[path.suffix.lower()]
     try:
@@ -89,34 +63,22 @@ def read_table(path: Path) -> list[Entry]:
 
 
 def combine(place: Path, prompts: Sequence[str]) -> list[Entry]:
-    """Combine every asset of a folder, or a single asset, with every prompt.
-
-    Raises
-    ------
-    ParameterError
-        There are no assets, or no prompts.
-    """
+    """Combine every asset of a folder, or a single asset, with every prompt."""
     if not prompts:
         raise ParameterError(
             f"{place} is not a manifest, so prompts are required.",
             advice="Give --prompt (repeatable) or --prompts-file; or a manifest as .csv, .tsv or .jsonl.",
         )
-    assets = [place] if place.is_file() else sorted(p for p in place.iterdir() if p.suffix.lower() in ASSET_SUFFIXES)
+    assets = [place] if place.is_file() else sorted(p for p in place.iterdir() if p.suffix.lower() in _ASSET_SUFFIXES)
     if not assets:
         raise ParameterError(
-            f"There is no asset in {place}.", advice=f"Assets end in {', '.join(sorted(ASSET_SUFFIXES))}."
+            f"There is no asset in {place}.", advice=f"Assets end in {', '.join(sorted(_ASSET_SUFFIXES))}."
         )
     return [Entry(f"{asset.name} with {prompt!r}", asset, prompt) for asset in assets for prompt in prompts]
 
 
 def read_prompts(path: Path) -> list[str]:
-    """Read one prompt per line; empty lines and lines that begin with # are skipped.
-
-    Raises
-    ------
-    ParameterError
-        The file cannot be read.
-    """
+    """Read one prompt per line; empty lines and lines that begin with # are skipped."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -202,19 +164,8 @@ _NAME = re.compile(r"[^\W_][\w .,+()-]*")
 class Row:
     """One deformation.
 
-    Attributes
-    ----------
-    key : str
-        A digest of everything that decides the result: the bytes of the files, the prompt, the parameters.
-    name : str
-        Its folder in the folder of the batch, or the beginning of its file names; unique.
-    place : str
-        Where it was written, for errors.
-    asset : Path
-    request : JobRequest
-    target : Path, optional
-    flat : bool
-        Whether its files are in the folder of the batch itself.
+    `key` is a digest of everything that decides the result: the bytes of the files, the prompt, the parameters. `name`
+    is unique: its folder in the folder of the batch, or if `flat` the beginning of its file names there.
     """
 
     key: str
@@ -241,36 +192,11 @@ def make_rows(
     occupied: Iterable[str] = (),
     check: Callable[[JobRequest, bool], None] = lambda _request, _has_target: None,
 ) -> tuple[list[Row], list[str]]:
-    """Validate every row before the first one begins.
+    """Validate every row before the first one begins; return the rows, and the places of repeated ones, left out.
 
-    Parameters
-    ----------
-    entries : sequence of Entry
-    defaults : mapping
-        Parameters for rows that do not set them.
-    seeds : sequence of int
-        A row without a seed is done once for each of these.
-    output : mapping of str to bool, optional
-        Options of `output` for every row.
-    known_names : mapping, optional
-        Names by key from an earlier run of the batch, which are kept.
-    flat : bool
-        Whether all files are in the folder of the batch itself; names then always have a seed.
-    occupied : iterable of str
-        Files in that folder, whose names are not taken.
-    check : callable
-        Called with each request and whether it has a target; raises if it is invalid.
-
-    Returns
-    -------
-    rows : list of Row
-    repeated : list of str
-        Places of duplicate rows, which are left out.
-
-    Raises
-    ------
-    ParameterError
-        Some rows are invalid; the error lists them.
+    A row without a seed is done once for each of `seeds`. `known_names` are those by key from an earlier run of the
+    batch, which are kept; `occupied` are files in the folder of the batch, whose names are not taken. `check` is called
+    with each request and whether it has a target, and raises if it is invalid. A ParameterError lists invalid rows.
     """
     digest, wrong = _Digests(), list[dict[str, str]]()
     found: dict[str, tuple[Entry, JobRequest]] = {}

@@ -1,31 +1,38 @@
-"""Run rows in several threads, each in a process of this machine or as a job of a service.
+"""Run the rows of a batch: in processes of this machine, or as jobs of a service.
 
-A process keeps the model in memory from row to row, and a crash fails one row, not the batch. It reads orders from its
-standard input and exits when that is closed, which also happens when this process is killed.
+A process keeps the model in memory from row to row, and a crash fails one row, not the batch. This module is its
+program: it reads orders from its standard input, one JSON a line, answers on standard output, and exits when the input
+is closed, which also happens when its parent is killed.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import json
-import math
+import os
 import queue
+import signal
 import subprocess
+import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+import traceback
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Row
-from meshdeform.cli.jobs import Deadline, follow, save_artifacts
+from meshdeform.cli.jobs import Deadline, follow, outcome_failure, save_artifacts, show_event
+from meshdeform.cli.progress import ProgressView
 from meshdeform.errors import (
     AssetError,
+    CheckpointError,
     ConflictError,
     LimitError,
+    MeshdeformError,
     ModelError,
     NotFoundError,
     RequestError,
@@ -35,40 +42,19 @@ from meshdeform.errors import (
 from meshdeform.serving.processes import python_command
 
 if TYPE_CHECKING:
-    from meshdeform.api.jobs import EventView, JobView
+    from meshdeform.api.jobs import JobView
+    from meshdeform.cli.local import FinishedRun
     from meshdeform.client import Client
 
-__all__ = ["LocalRunner", "RowOutcome", "Runner", "ServiceRunner", "Tick", "do_rows"]
-
-
-@dataclass(frozen=True)
-class Tick:
-    """Progress of a row."""
-
-    step: int
-    total_steps: int
-    loss: float
-    eta_s: float | None = None
+__all__ = ["LocalRunner", "RowOutcome", "Runner", "ServiceRunner"]
 
 
 @dataclass(frozen=True)
 class RowOutcome:
-    """Outcome of a row.
+    """Outcome of a row: `succeeded`, `failed`, `canceled` or `expired`, and after how many seconds.
 
-    Attributes
-    ----------
-    state : str
-        `succeeded`, `failed`, `canceled` or `expired`.
-    seconds : float
-        Duration of the row.
-    job_id : str, optional
-        The job, if a service ran it.
-    files : dict
-        SHA-256 of each file, by name.
-    losses : dict
-        Losses of the last step.
-    error : dict, optional
-        `code`, `detail` and `advice`, unless it succeeded.
+    `files` has the SHA-256 of each file by name, `losses` those of the last step; `error` has `code`, `detail` and
+    `advice` unless it succeeded.
     """
 
     state: str
@@ -79,92 +65,28 @@ class RowOutcome:
     error: dict[str, Any] | None = None
 
 
+def _failed(start: float, code: str, detail: str, advice: str) -> RowOutcome:
+    error = {"code": code, "detail": detail, "advice": advice}
+    return RowOutcome("failed", round(time.monotonic() - start, 3), error=error)
+
+
 class Runner(Protocol):
     """Runs rows; called from several threads."""
 
-    def do(self, row: Row, on_tick: Callable[[Tick], None]) -> RowOutcome:
+    def do(self, row: Row, progress: ProgressView) -> RowOutcome:
         """Run a row. An exception ends the batch; a problem of this row alone is an outcome."""
 
     def close(self) -> None:
         """Release all resources at once; running rows stop locally and continue on a service."""
 
 
-def do_rows(
-    rows: Sequence[Row],
-    runner: Runner,
-    *,
-    parallel: int,
-    on_start: Callable[[Row], None],
-    on_tick: Callable[[Row, Tick], None],
-    on_end: Callable[[Row, RowOutcome], None],
-) -> None:
-    """Run all rows.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-    runner : Runner
-    parallel : int
-        Maximum number of rows at the same time.
-    on_start, on_tick, on_end : callable
-        Called in the thread of the caller.
-
-    Raises
-    ------
-    Exception
-        The first exception of the runner; running rows are abandoned.
-    """
-    todo: queue.SimpleQueue[Row] = queue.SimpleQueue()
-    for row in rows:
-        todo.put(row)
-    calls: queue.SimpleQueue[tuple[Callable[..., None], tuple[Any, ...]] | Exception] = queue.SimpleQueue()
-    stop = threading.Event()
-
-    def work() -> None:
-        while not stop.is_set():
-            try:
-                row = todo.get_nowait()
-            except queue.Empty:
-                return
-            calls.put((on_start, (row,)))
-            try:
-                outcome = runner.do(row, lambda tick, row=row: calls.put((on_tick, (row, tick))))  # type: ignore[misc]
-            except Exception as error:  # raised again in the waiting thread
-                calls.put(error)
-                return
-            calls.put((on_end, (row, outcome)))
-
-    for number in range(min(parallel, len(rows))):
-        # Daemon threads, so that one that is waiting cannot keep the process alive.
-        threading.Thread(target=work, name=f"row {number}", daemon=True).start()
-    left = len(rows)
-    try:
-        while left:
-            found = calls.get()
-            if isinstance(found, Exception):
-                raise found
-            call, arguments = found
-            left -= call is on_end
-            call(*arguments)
-    finally:
-        stop.set()
-
-
-_MODULE = "meshdeform.cli.batches.local_process"
 _STATES = ".states"
 _ERROR_TAIL = 2000
+_TICK_EVERY_S = 0.25
 
 
 class LocalRunner:
-    """Runs rows in processes on this machine.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder of the batch.
-    settings : dict
-        `device` and `threads` of each process; None: from the environment.
-    """
+    """Runs rows in processes on this machine, with a `device` and `threads` each; None: from the environment."""
 
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
         self._folder, self._settings = folder, settings
@@ -172,24 +94,19 @@ class LocalRunner:
         self._all: list[_Process] = []
         self._lock, self._closed = threading.Lock(), False
 
-    def do(self, row: Row, on_tick: Callable[[Tick], None]) -> RowOutcome:
+    def do(self, row: Row, progress: ProgressView) -> RowOutcome:
         """Run a row, from its last checkpoint if there is one."""
         start = time.monotonic()
         process = self._process()
-        answer = process.ask(self._order(row), on_tick)
+        answer = process.ask(self._order(row), progress)
         if answer is None:
-            error = {
-                "code": "worker_lost",
-                "detail": process.exit_message(),
-                "advice": "The machine may be out of memory.",
-            }
-            return RowOutcome("failed", round(time.monotonic() - start, 3), error=error)
+            return _failed(start, "worker_lost", process.exit_message(), "The machine may be out of memory.")
         self._idle.put(process)
-        if answer["event"] == "failed" and answer["error"]["code"] == UnavailableError.code:
-            # The results cannot be written, so the next row would fail as well.
-            raise UnavailableError(answer["error"]["detail"], advice=answer["error"]["advice"])
         if answer["event"] == "failed":
-            return RowOutcome("failed", round(time.monotonic() - start, 3), error=answer["error"])
+            error = answer["error"]
+            if error["code"] == UnavailableError.code:  # no result can be written: the next row would fail as well
+                raise UnavailableError(error["detail"], advice=error["advice"])
+            return _failed(start, **error)
         return RowOutcome("succeeded", answer["elapsed_s"], files=answer["files"], losses=answer["losses"])
 
     def close(self) -> None:
@@ -214,8 +131,7 @@ class LocalRunner:
 
     def _order(self, row: Row) -> dict[str, Any]:
         return {
-            "asset": str(row.asset),
-            "target": str(row.target) if row.target else None,
+            "files": {part: str(path) for part, path in (("asset", row.asset), ("target", row.target)) if path},
             "request": row.request.model_dump(mode="json", exclude_unset=True),
             "folder": str(self._folder / row.name),
             "state": str(self._folder / _STATES / row.key),
@@ -229,7 +145,7 @@ class _Process:
     def __init__(self) -> None:
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `end`
         self._process = subprocess.Popen(
-            python_command(_MODULE),
+            python_command(__name__),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
@@ -239,10 +155,9 @@ class _Process:
 
     @property
     def alive(self) -> bool:
-        """Whether the process is running."""
         return self._process.poll() is None
 
-    def ask(self, order: dict[str, Any], on_tick: Callable[[Tick], None]) -> dict[str, Any] | None:
+    def ask(self, order: dict[str, Any], progress: ProgressView) -> dict[str, Any] | None:
         """Run a row and return the answer; None if the process died."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -253,14 +168,14 @@ class _Process:
                 answer: dict[str, Any] = json.loads(line)
                 if answer["event"] != "step":
                     return answer
-                on_tick(Tick(answer["step"], answer["total_steps"], answer["loss"]))
+                progress.step(answer["step"], answer["total_steps"], answer["loss"])
         except (OSError, ValueError):
             self._process.kill()
         self._process.wait()
         return None
 
     def exit_message(self) -> str:
-        """Describe how the process died."""
+        """Say how the process died."""
         self._errors.seek(max(0, self._errors.seek(0, 2) - _ERROR_TAIL))
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return f"The process died with exit code {self._process.returncode}" + (f": {lines[-1]}" if lines else ".")
@@ -277,7 +192,6 @@ class _Process:
                     continue
 
 
-_ENDED = {"failed": "failed", "canceled": "was canceled", "expired": "expired"}
 _LIMIT_PAUSE_S = 5.0
 _LIMIT_TIMEOUT_S = 3600.0
 
@@ -287,30 +201,24 @@ class ServiceRunner:
 
     A row's Idempotency-Key consists of the batch, the row's key and its number of failures. If the process dies between
     the response and the line in the ledger, the next run therefore gets the same job, not a second one.
-
-    Parameters
-    ----------
-    client : Client
-    ledger : Ledger
-    folder : Path
     """
 
     def __init__(self, client: Client, ledger: Ledger, folder: Path) -> None:
         self._client, self._ledger, self._folder = client, ledger, folder
         self._stop = threading.Event()
 
-    def do(self, row: Row, on_tick: Callable[[Tick], None]) -> RowOutcome:
+    def do(self, row: Row, progress: ProgressView) -> RowOutcome:
         """Find or submit the row's job, wait for it and fetch its artifacts."""
         start = time.monotonic()
         try:
             job = self._existing_job(row) or self._submit(row)
             if not job.state.terminal:
-                job = follow(self._client, job.id, partial(_pass_on, on_tick), deadline=Deadline(None))
+                shown = functools.partial(show_event, view=progress)
+                job = follow(self._client, job.id, shown, deadline=Deadline(None))
             return self._outcome(row, job, start)
         except (AssetError, RequestError, ModelError, NotFoundError, ConflictError) as error:
             # Refused by the service, or deleted meanwhile; other rows can go on.
-            refused = {"code": error.code, "detail": error.detail, "advice": error.advice_text}
-            return RowOutcome("failed", round(time.monotonic() - start, 3), error=refused)
+            return _failed(start, error.code, error.detail, error.advice_text)
 
     def close(self) -> None:
         """Close the connections; jobs continue, and the same command finds them again."""
@@ -353,20 +261,95 @@ class ServiceRunner:
                 return job
 
     def _outcome(self, row: Row, job: JobView, start: float) -> RowOutcome:
-        if job.state.value != "succeeded":
-            error = {"code": f"job_{job.state.value}", "detail": f"The job {_ENDED[job.state.value]}.", "advice": ""}
-            if job.error is not None:
-                error = {"code": job.error.code, "detail": job.error.detail, "advice": job.error.advice}
-            return RowOutcome(job.state.value, round(time.monotonic() - start, 3), job.id, error=error)
-        files = save_artifacts(self._client, job.id, self._folder / row.name)
+        seconds = time.monotonic() - start
+        if (failure := outcome_failure(job)) is not None:
+            error = {"code": failure.name, "detail": failure.detail, "advice": failure.advice}
+            return RowOutcome(job.state.value, round(seconds, 3), job.id, error=error)
+        saved = save_artifacts(self._client, job.id, self._folder / row.name)
         seconds = time.monotonic() - start
         if job.finished_at is not None:
             seconds = (job.finished_at - job.created_at).total_seconds()
-        digests = {str(file["name"]): str(file["sha256"]) for file in files}
+        digests = {str(file["name"]): str(file["sha256"]) for file in saved}
         return RowOutcome("succeeded", round(seconds, 3), job.id, digests, dict(job.progress.losses))
 
 
-def _pass_on(on_tick: Callable[[Tick], None], event: EventView) -> None:
-    if event.type.value == "progress" and (total := int(event.data.get("total_steps", 0))):
-        loss = (event.data.get("losses") or {}).get("total", math.nan)
-        on_tick(Tick(int(event.data.get("step", 0)), total, loss, event.data.get("eta_s")))
+class _Ticks(ProgressView):
+    """Passes on steps to the parent, at most four per second."""
+
+    def __init__(self, answers: IO[str]) -> None:
+        self._answers, self._last = answers, 0.0
+
+    def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None:  # noqa: ARG002
+        now = time.monotonic()
+        if step == total_steps or now - self._last >= _TICK_EVERY_S:
+            self._last = now
+            tick = {"event": "step", "step": step, "total_steps": total_steps, "loss": loss}
+            print(json.dumps(tick), file=self._answers, flush=True)
+
+
+def main() -> None:
+    """Process orders until standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Keep what libraries print out of the answers.
+    answers = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)
+    orders: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(orders,), name="orders", daemon=True).start()
+    while True:
+        order = orders.get()
+        try:
+            done = _do(order, _Ticks(answers))
+        except MeshdeformError as error:
+            done = {"event": "failed", "error": _error(error.code, error.detail, error.advice_text)}
+        except Exception as error:  # a bug fails its row and is reported
+            traceback.print_exc()
+            done = {"event": "failed", "error": _error("internal", f"{type(error).__name__}: {error}", "Report this.")}
+        print(json.dumps(done), file=answers, flush=True)
+
+
+def _read(orders: queue.SimpleQueue[dict[str, Any]]) -> None:
+    for line in sys.stdin:
+        orders.put(json.loads(line))
+    # The parent has ended, perhaps during a row, and nothing can record a result.
+    os._exit(0)
+
+
+def _error(code: str, detail: str, advice: str) -> dict[str, str]:
+    return {"code": code, "detail": detail, "advice": advice}
+
+
+def _do(order: dict[str, Any], ticks: _Ticks) -> dict[str, Any]:
+    from meshdeform.cli.environment import load_settings
+    from meshdeform.cli.local import LocalJob
+    from meshdeform.requests.document import JobRequest
+
+    folder, state = Path(order["folder"]), Path(order["state"])
+    request, settings = JobRequest.model_validate(order["request"]), load_settings(**order["settings"])
+    names = ["result.glb", "report.json", "preview.png", *(["morph.glb"] if request.output.morph else [])]
+    files = {part: Path(path) for part, path in order["files"].items()}
+
+    def run(resume: Path | None) -> FinishedRun:
+        outputs = {name: folder / name for name in names}
+        job = LocalJob(request, files, outputs, settings, checkpoint=state, resume=resume, load=_prior_loader())
+        return job.run(ticks)
+
+    try:
+        finished = run(state if state.exists() else None)
+    except CheckpointError:
+        # The checkpoint is damaged or of another version: start over.
+        state.unlink(missing_ok=True)
+        finished = run(None)
+    state.unlink(missing_ok=True)
+    digests = {name: hashlib.sha256(data).hexdigest() for name, data in finished.artifacts.items()}
+    return {"event": "done", "elapsed_s": finished.elapsed_s, "losses": finished.losses, "files": digests}
+
+
+@functools.cache
+def _prior_loader() -> Any:
+    from meshdeform.priors import load_prior
+
+    return functools.lru_cache(maxsize=1)(load_prior)
+
+
+if __name__ == "__main__":
+    main()

@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.cli.batches.rows import Row
-from meshdeform.errors import UnavailableError
+from meshdeform.cli.local import writing
 from meshdeform.support.files import write_files
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
 
     from meshdeform.assets import Asset, Limits
+    from meshdeform.settings import Settings
 
 __all__ = ["contact_sheet", "count_states", "record_of", "write_summary", "write_target_sets"]
 
@@ -34,13 +35,7 @@ _COLUMNS = (
 def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[str, Any]:
     """Return the record of a row: its request, its state, and the quality of its result by its report.
 
-    Parameters
-    ----------
-    row : Row
-    line : mapping, optional
-        The newest line of the ledger about the row.
-    folder : Path
-        The folder of the batch.
+    `line` is the newest one of the ledger about the row, `folder` that of the batch.
     """
     line, request = line or {}, row.request
     done = line.get("event") == "done"
@@ -78,23 +73,7 @@ def count_states(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
 def write_summary(
     folder: Path, batch_id: str, records: Sequence[dict[str, Any]], pictures: Sequence[Path]
 ) -> dict[str, str]:
-    """Write the files, all or none, and return their paths by name. Without Pillow there is no sheet.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder of the batch.
-    batch_id : str
-    records : sequence of dict
-        What `record_of` returns for each row.
-    pictures : sequence of Path
-        The picture of each row, which need not exist.
-
-    Raises
-    ------
-    OSError
-        The files cannot be written.
-    """
+    """Write the files, all or none, and return their paths by name. Without Pillow there is no sheet."""
     document = {"batch": batch_id, **count_states(records), "rows_detail": list(records)}
     files = {
         folder / "summary.csv": _csv_table(records).encode(),
@@ -128,15 +107,7 @@ _RED, _GREY, _INK = (198, 40, 40), (205, 205, 205), (30, 30, 30)
 
 
 def contact_sheet(records: Sequence[Mapping[str, Any]], pictures: Sequence[Path]) -> bytes | None:
-    """Return a PNG with the first 600 rows; None if no row succeeded.
-
-    Parameters
-    ----------
-    records : sequence of mapping
-        `name`, `state`, `prompt` and `error_code` of each row, in order.
-    pictures : sequence of Path
-        The `preview.png` of each row, which need not exist.
-    """
+    """Return a PNG with the first 600 rows, by their records and pictures; None if no row succeeded."""
     from PIL import Image
 
     if not any(record["state"] == "succeeded" for record in records):
@@ -203,34 +174,18 @@ def _write(draw: ImageDraw.ImageDraw, at: tuple[int, int], text: str, colour: An
     draw.text(at, text, fill=colour, font=font)
 
 
-def write_target_sets(folder: Path, rows: Sequence[Row], limits: Limits) -> list[Path]:
+def write_target_sets(folder: Path, rows: Sequence[Row], settings: Settings) -> dict[str, str]:
     """Write, for each asset, the source with its results as morph targets, named after their rows and of weight 0.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder of the batch.
-    rows : sequence of Row
-        Those without a result are left out.
-    limits : Limits
-
-    Returns
-    -------
-    list of Path
-        `ASSET.targets.glb` of each asset, in the order of the rows.
-
-    Raises
-    ------
-    ParameterError
-        Rows of one asset differ in `params.control.exclude` or `output.subdivide`.
-    UnavailableError
-        A file cannot be written.
+    Returns the paths by name. A ParameterError tells that rows of one asset differ in `params.control.exclude` or
+    `output.subdivide`.
     """
-    from meshdeform.assets import load_asset
+    from meshdeform.assets import Limits, load_asset
     from meshdeform.assets.bundle import read_with_files
     from meshdeform.assets.morph import MorphTarget
     from meshdeform.runs.strength import check_same_asset
 
+    limits = Limits.from_settings(settings)
     by_asset: dict[Path, list[Row]] = {}
     for row in rows:
         if row.path(folder, "result.glb").exists():
@@ -249,19 +204,15 @@ def write_target_sets(folder: Path, rows: Sequence[Row], limits: Limits) -> list
         shapes = [(row.name, result.surface) for row, (_, result) in zip(own, pairs, strict=True)]
         targets = [MorphTarget(name, s.positions, s.normals, s.tangents) for name, s in shapes]
         files[path] = base.morph(targets, weights=[0.0] * len(targets))
-    try:
+    with writing("The morph targets", "Free some space, then run the same command again."):
         write_files(files)
-    except OSError as error:
-        raise UnavailableError(
-            f"The morph targets cannot be written: {error}.", advice="Free some space, then run the same command again."
-        ) from error
-    return list(files)
+    return {path.name: str(path) for path in files}
 
 
 def _row_result(source: Asset, row: Row, folder: Path, limits: Limits) -> tuple[Asset, Asset]:
     """Return the source as a row deformed it, and the row's result."""
+    from meshdeform.runs.preparation import read_result
     from meshdeform.runs.strength import matched
-    from meshdeform.runs.text_report import read_result
 
     result = read_result(row.path(folder, "result.glb").read_bytes())
     return matched(source, result, row.request.params.control.exclude, limits)

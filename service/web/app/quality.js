@@ -13,7 +13,7 @@ const STRONG = 20;
 // Texels that are more than twice as long as before are seen.
 const MAGNIFIED = 2;
 
-// How the warning of `meshdeform/runs/movement.py` begins; others are about the source.
+// How the warning of `meshdeform/runs/text_report.py` begins; others are about the source.
 const STALLED = "The mesh hardly moved";
 
 // How the warnings of `meshdeform/geometry/quality.py` begin that the figures here say as well.

@@ -36,7 +36,7 @@ def test_a_run_and_the_command_write_an_animation(ball: Path) -> None:
     with Image.open("way/out.webp") as picture:
         assert (picture.format, picture.size) == ("WEBP", (32, 32))
     for files, frames in (([str(ball), "egg.glb"], {6}), ([str(ball)], {1, 2, 3, 4})):  # equal frames become one
-        result = CliRunner().invoke(app, ["animate", *files, "-o", "a.gif"])
+        result = CliRunner().invoke(app, ["animate", *files, "-o", "a.gif", "--force"])
         assert result.exit_code == 0, result.output
         with Image.open("a.gif") as picture:
             assert picture.format == "GIF"
@@ -48,6 +48,15 @@ def test_a_subdivided_result_is_drawn_from_the_subdivided_source(ball: Path) -> 
     ran = CliRunner().invoke(app, ["run", str(ball), *options])
     assert ran.exit_code == 0, ran.output
     assert Path("out.gif").exists()
+
+
+def test_a_picture_that_is_there_is_only_replaced_with_force(ball: Path) -> None:
+    Path("a.gif").write_text("mine")
+    refused = CliRunner().invoke(app, ["animate", str(ball), "-o", "a.gif"])
+    assert (refused.exit_code, Path("a.gif").read_text()) == (3, "mine")
+    assert "--force" in refused.output
+    assert CliRunner().invoke(app, ["animate", str(ball), "-o", "a.gif", "--force"]).exit_code == 0
+    assert Path("a.gif").read_bytes()[:3] == b"GIF"
 
 
 def test_a_wrong_suffix_and_another_asset_are_refused(ball: Path) -> None:

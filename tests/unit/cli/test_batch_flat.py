@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Entry, Row, make_rows
-from meshdeform.cli.batches.runners import RowOutcome, Tick
+from meshdeform.cli.batches.runners import RowOutcome
 from meshdeform.cli.batches.session import Session
+from meshdeform.cli.progress import ProgressView
 from meshdeform.errors import ParameterError, UnavailableError
 
 
@@ -19,7 +20,7 @@ class FakeRunner:
     def __init__(self, folder: Path, breaks_on: str = "") -> None:
         self.folder, self.breaks_on, self.done = folder, breaks_on, list[str]()
 
-    def do(self, row: Row, on_tick: Callable[[Tick], None]) -> RowOutcome:
+    def do(self, row: Row, _progress: ProgressView) -> RowOutcome:
         (self.folder / row.name).mkdir(exist_ok=True)
         for artifact in ("result.glb", "report.json", "preview.png"):
             (self.folder / row.name / artifact).write_text(row.name)
@@ -64,7 +65,8 @@ def test_names_say_what_the_files_are_and_never_meet(duck: Path, tmp_path: Path)
         Entry("4", duck, "a dog", name="other"),
         Entry("5", duck, "a dog", name="other.report"),
     ]
-    with Session(out, as_json=False, quiet=True, flat=True) as session:
+    with Ledger(out, flat=True) as ledger:
+        session = Session(ledger, as_json=False, quiet=True)
         rows = flat_rows(session, *entries)
         session.run(rows, FakeRunner(out), 1, retry_failed=False)
         session.finish(rows)
@@ -84,13 +86,15 @@ def test_names_say_what_the_files_are_and_never_meet(duck: Path, tmp_path: Path)
 def test_an_interrupted_batch_resumes_under_the_same_names(duck: Path, tmp_path: Path) -> None:
     out, entry = tmp_path / "out", Entry("1", duck, "a vase")
     seeds = (3, 4, 5)
-    with Session(out, as_json=False, quiet=True, flat=True) as session:
+    with Ledger(out, flat=True) as ledger:
+        session = Session(ledger, as_json=False, quiet=True)
         rows = flat_rows(session, entry, seeds=seeds)
         with pytest.raises(UnavailableError):
             session.run(rows, FakeRunner(out, "duck-a-vase-seed4"), 1, retry_failed=False)
     # As if it had died while it moved the files of the second row.
     (out / "duck-a-vase-seed4" / "report.json").replace(out / "duck-a-vase-seed4.report.json")
-    with Session(out, as_json=False, quiet=True, flat=True) as session:
+    with Ledger(out, flat=True) as ledger:
+        session = Session(ledger, as_json=False, quiet=True)
         again, runner = flat_rows(session, entry, seeds=seeds), FakeRunner(out)
         session.run(again, runner, 1, retry_failed=False)
     assert [row.name for row in again] == [f"duck-a-vase-seed{n}" for n in seeds]
@@ -99,6 +103,7 @@ def test_an_interrupted_batch_resumes_under_the_same_names(duck: Path, tmp_path:
 
 
 def test_the_layout_of_a_batch_does_not_change(tmp_path: Path) -> None:
-    Session(tmp_path, as_json=False, quiet=True).ledger.__exit__(None, None, None)
+    with Ledger(tmp_path):
+        pass
     with pytest.raises(ParameterError, match="without --flat"):
-        Session(tmp_path, as_json=False, quiet=True, flat=True)
+        Ledger(tmp_path, flat=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,8 @@ from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.app import app
 from meshdeform.cli.batches import runners
 from meshdeform.cli.batches.rows import Row
-from meshdeform.cli.batches.runners import RowOutcome, Tick
+from meshdeform.cli.batches.runners import RowOutcome
+from meshdeform.cli.progress import ProgressView
 from meshdeform.geometry.shapes import icosphere
 from tests.unit.assets.builders import unpack
 from tests.unit.assets.test_replace import accessor
@@ -28,7 +28,7 @@ class FakeRunner:
     def __init__(self, folder: Path, _share: object) -> None:
         self._folder = folder
 
-    def do(self, row: Row, on_tick: Callable[[Tick], None]) -> RowOutcome:
+    def do(self, row: Row, _progress: ProgressView) -> RowOutcome:
         height = HEIGHTS[row.request.prompt]
         if height is None:
             return RowOutcome("failed", 1.0, error={"code": "numerical_error", "detail": "", "advice": ""})

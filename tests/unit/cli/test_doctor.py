@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 
 from meshdeform.cli import checks
 from meshdeform.cli.app import app
-from meshdeform.cli.checks import Status, Subject, ok
-from meshdeform.cli.doctor import Check, run_checks
+from meshdeform.cli.checks import Check, Status, Subject, ok, run_checks
 from meshdeform.settings import Settings
 from tests.cases import each_case
 

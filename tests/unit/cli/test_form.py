@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
-from meshdeform.cli.form import Form, form_command, overlaid, written
+from meshdeform.cli.form import Form, ShortForm, form_command, overlaid, written
 from meshdeform.cli.request import make_request, make_settings
 
 
@@ -39,12 +39,18 @@ class Params(BaseModel):
     guidance: Annotated[Prompted | Fitted, Field(discriminator="kind")] = Prompted()
 
 
+def _view(text: str) -> dict[str, float]:
+    return {"deg": float(text)}
+
+
 def said(*arguments: str) -> dict[str, Any]:
     """What a command with these options reads from them."""
     read: list[dict[str, Any]] = []
     own = typer.Typer()
 
-    @own.command(cls=form_command(Form("params", lambda: Params, "Method")))
+    seen = [ShortForm(f"--{side}", "DEG", f"A view from the {side}.", "Method", _view) for side in ("left", "right")]
+
+    @own.command(cls=form_command(Form("params", lambda: Params, "Method", short={"views": seen})))
     def command(ctx: typer.Context) -> None:
         read.append(written(ctx))
 
@@ -63,6 +69,12 @@ def test_groups_and_choices_among_them_are_descended_into() -> None:
     }
     assert said("--guidance.kind", "target", "--no-align") == {"guidance": {"kind": "target", "align": False}}
     assert said("--scale", "9") == said("--guidance.scale", "9") == {"guidance": {"scale": 9.0}}
+
+
+def test_short_forms_of_one_parameter_are_joined() -> None:
+    assert said("--right", "3", "--left", "1", "--left", "2") == {
+        "guidance": {"views": [{"deg": 1}, {"deg": 2}, {"deg": 3}]}
+    }
 
 
 def test_what_is_set_by_name_may_be_in_a_group() -> None:

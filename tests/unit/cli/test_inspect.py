@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
-from meshdeform.cli.written import parse_exclude, parse_handles, parse_regions, parse_rigid
+from meshdeform.cli.written import read_handle, read_name, read_region, read_rigid
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, join, torus
 from meshdeform.requests.document import DeformParams
@@ -21,9 +21,8 @@ from training.evaluation.sources import source_mesh
 
 
 def test_parts_are_written_as_place_and_name() -> None:
-    assert parse_rigid(None) is None
     written = ["node=Wheel=1", "material=3", "similarity:component=0", "rigid:node=a:b"]
-    parsed = parse_rigid(written)
+    parsed = [read_rigid(text) for text in written]
     assert parsed == [
         {"node": "Wheel=1", "mode": "rigid"},
         {"material": 3, "mode": "rigid"},
@@ -31,20 +30,20 @@ def test_parts_are_written_as_place_and_name() -> None:
         {"node": "a:b", "mode": "rigid"},
     ]
     assert len(DeformParams.model_validate({"control": {"rigid": parsed}}).control.rigid) == 4
-    assert parse_exclude(["Ground", "3"]) == ["Ground", 3]
+    assert [read_name(text) for text in ("Ground", "3")] == ["Ground", 3]
 
 
 @each_case("text", ["wheels", "node=", "part=1", "stiff:node=a", "=a", "component=x", "box=1,2"])
 def test_anything_else_is_refused_with_the_form(text: str) -> None:
     with pytest.raises(typer.BadParameter, match=" is not "):
-        parse_rigid([text])
+        read_rigid(text)
 
 
 def test_inspect_finds_the_side_that_a_prompt_would_make_the_front(tmp_path: Path) -> None:
     animal = source_mesh("quadruped")
     path = tmp_path / "animal.glb"
     path.write_bytes(build_glb(animal.verts.numpy() * [-1, 1, -1], animal.faces.numpy()))  # its head is at -Z
-    arguments = ["inspect", str(path), "--prompt", "a giraffe", "--set", "preset=preview", "--set", "source_noun=dog"]
+    arguments = ["inspect", str(path), "--prompt", "a giraffe", "--set", "preset=preview", "--source-noun", "dog"]
     found = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)["orientation"]
     assert found["source"] == "found"
     assert abs(abs(found["turn_deg"]) - 180) <= 15
@@ -79,8 +78,7 @@ def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None
 def test_regions_and_handles_are_written_as_place_and_value() -> None:
     keep = ["node:Door", "box=-1,0,-1,1,2,1", "sphere:0,1,0,0.5", "capsule=0,0,0,0,1,0,0.2", "faces=3,5-9"]
     only = ["joint=Head,0.3", "color=1,0,0", "mesh=2", "material=a=b", "component=4"]
-    regions = parse_regions(keep, only)
-    assert regions is not None
+    regions = [read_region(action, text) for action, texts in (("keep", keep), ("only", only)) for text in texts]
     assert [next(iter(region.items())) for region in regions] == [
         ("node", "Door"),
         ("box", {"min": [-1, 0, -1], "max": [1, 2, 1]}),
@@ -93,18 +91,16 @@ def test_regions_and_handles_are_written_as_place_and_value() -> None:
         ("material", "a=b"),
         ("component", 4),
     ]
-    handles = parse_handles(["vertex=12:0,1,0", "position=0,0.5,0:0,1,0@0.25"])
+    handles = [read_handle(text) for text in ("vertex=12:0,1,0", "position=0,0.5,0:0,1,0@0.25")]
     assert handles == [
         {"vertex": 12, "to": [0, 1, 0]},
         {"position": [0, 0.5, 0], "to": [0, 1, 0], "weight": 0.25},
     ]
     found = DeformParams.model_validate({"control": {"regions": regions, "handles": handles}})
     assert [region.action for region in found.control.regions] == ["keep"] * 5 + ["only"] * 5
-    assert parse_regions(None, None) is None
-    assert parse_handles(None) is None
 
 
 @each_case("text", ["vertex=1", "vertex=x:0,0,0", "position=0,0:1,1,1", "corner=1:0,0,0", "vertex=1:0,0,0@much"])
 def test_a_handle_of_another_form_is_refused(text: str) -> None:
     with pytest.raises(typer.BadParameter, match="position=X,Y,Z:X,Y,Z"):
-        parse_handles([text])
+        read_handle(text)

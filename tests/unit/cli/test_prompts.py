@@ -6,15 +6,14 @@ import pytest
 import typer
 
 from meshdeform.cli.report_lines import prompt_lines
-from meshdeform.cli.written import parse_also
+from meshdeform.cli.written import read_prompt
 from meshdeform.requests.document import DeformParams
 from tests.cases import each_case
 
 
 def test_further_prompts_are_written_with_weight_and_place() -> None:
-    assert parse_also(None) is None
     written = ["a rabbit", "a rabbit: .5", " a 2:1 box:2@node=Head@box=0,0,0,1,1,1", "a horse@outside:material=3"]
-    parsed = parse_also(written)
+    parsed = [read_prompt(text) for text in written]
     box = {"box": {"min": [0, 0, 0], "max": [1, 1, 1]}}
     assert parsed == [
         {"prompt": "a rabbit"},
@@ -28,7 +27,7 @@ def test_further_prompts_are_written_with_weight_and_place() -> None:
 @each_case("text", ["", "@node=a", "a vase@", "a vase@head", "a vase@node=a@outside:node=b"])
 def test_anything_else_is_refused(text: str) -> None:
     with pytest.raises(typer.BadParameter):
-        parse_also([text])
+        read_prompt(text)
 
 
 def test_each_prompt_gets_a_line() -> None:

@@ -30,7 +30,7 @@ def test_what_does_not_go_together_is_refused_by_name(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("ball.obj").write_text("v 0 0 0\n")
-    monkeypatch.setattr("meshdeform.cli.jobs.connect", lambda *_: pytest.fail("the service was asked"))
+    monkeypatch.setattr("meshdeform.cli.options.connect", lambda *_: pytest.fail("the service was asked"))
     result = CliRunner().invoke(app, ["run", "ball.obj", *arguments, "--url", "http://127.0.0.1:1"], terminal_width=200)
     assert result.exit_code in (2, 3)
     assert said in result.output

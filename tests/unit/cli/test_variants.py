@@ -22,6 +22,7 @@ def test_every_seed_at_every_strength_and_one_sheet(tmp_path: Path, monkeypatch:
     refused = CliRunner().invoke(app, [*command, "--strengths", "0.5,2"])
     assert (refused.exit_code, Path("out").exists()) == (2, False)
     assert CliRunner().invoke(app, [*command, "--seeds", "one"]).exit_code == 2
+    assert CliRunner().invoke(app, ["variants", "ball.glb", "--target", ".", "-o", "out"]).exit_code == 2
     done = CliRunner().invoke(app, [*command, "--seeds", "3,4", "--strengths", "0.5,1,1.5"])
     assert done.exit_code == 0, done.output
     for seed in (3, 4):

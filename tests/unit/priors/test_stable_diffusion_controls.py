@@ -16,6 +16,7 @@ from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from tests.cases import each_case
 
 BALL = icosphere(1)
@@ -31,7 +32,7 @@ def begin(prior: StableDiffusionPrior, mesh: TriangleMesh, **given: Any) -> text
     params = {"preset": "preview", "steps": 4, "guidance": {"model": "tiny-sd", "appearance": "clay"}}
     request = JobRequest.model_validate({"prompt": "a pear", "params": grouped(params)})
     asset = build_glb(mesh.verts.numpy(), mesh.faces.numpy())
-    return text_deform.start(asset=asset, filename="a.glb", request=request, prior=prior, **given)
+    return text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=prior, **given))
 
 
 @each_case("mesh, kind, elements", [(BALL, "surface", "face"), (PAIR, "lattice", "cell")])

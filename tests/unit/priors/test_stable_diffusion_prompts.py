@@ -22,6 +22,7 @@ from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_checks import check
 from tests.close import assert_close
 
@@ -101,7 +102,7 @@ def start(model: str, prior: StableDiffusionPrior, prompt: str, *prompts: dict[s
     request = JobRequest.model_validate({"prompt": prompt, "params": grouped({**params, **BARE, "prompts": prompts})})
     check(request, default_model=model)
     asset = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
-    return text_deform.start(asset=asset, filename="a.glb", request=request, prior=prior, **more)
+    return text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=prior, **more))
 
 
 def first_gradient(run: Any) -> Tensor:

@@ -20,6 +20,7 @@ from meshdeform.rendering.base_colours import BaseColours
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform import TextDeformRun
 from meshdeform.testing import FakePrior
 from tests.unit.assets.builders import Builder
@@ -46,11 +47,13 @@ def started(checkpoint: bytes | None = None, *, coloured: bool = True, **params:
         "params": grouped({"model": "some/model", "steps": 4, "preset": "preview", **params}),
     }
     return text_deform.start(
-        asset=asset(coloured=coloured),
-        filename="ball.glb",
-        request=JobRequest.model_validate(request),
-        prior=FakePrior(type(BALL)(target, BALL.faces), view_size=24),
-        checkpoint=checkpoint,
+        job_input(
+            asset=asset(coloured=coloured),
+            filename="ball.glb",
+            request=JobRequest.model_validate(request),
+            prior=FakePrior(type(BALL)(target, BALL.faces), view_size=24),
+            checkpoint=checkpoint,
+        )
     )
 
 

@@ -20,6 +20,7 @@ from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.removed import grouped
 from meshdeform.requests.selection import Selection, check_selections
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.control import Control, read_control
 from meshdeform.runs.selection import SelectableSurface
 from meshdeform.testing import FakePrior
@@ -206,10 +207,10 @@ def finished(asset: bytes, steps: int = 12, stop: int | None = None, **params: A
         prompt="anything", params=grouped({"steps": steps, "seed": 3, "learning_rate": 0.02, **params})
     )
     given: dict[str, Any] = {"asset": asset, "filename": "a.glb", "request": request, "prior": FakePrior()}
-    run = text_deform.start(**given)
+    run = text_deform.start(job_input(**given))
     for report in run:
         if report.step == stop:
-            run = text_deform.start(**given, checkpoint=run.checkpoint())
+            run = text_deform.start(job_input(**given, checkpoint=run.checkpoint()))
             list(run)
             break
     found = run.finish()

@@ -17,6 +17,7 @@ from meshdeform.geometry.shapes import grid, icosphere
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.strength import with_strength
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
@@ -40,7 +41,7 @@ def start(asset: bytes, *, output: dict[str, bool] | None = None, steps: int = 2
         "output": output or {},
     }
     request = JobRequest.model_validate(document)
-    return text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior())
+    return text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=FakePrior()))
 
 
 def finished(run: Any) -> tuple[bytes, dict[str, Any]]:
@@ -100,7 +101,7 @@ def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> No
     document = {"prompt": "an egg", "params": {"preset": "preview", "steps": 1, "control": {"backdrop": "deform"}}}
     request = JobRequest.model_validate(document)
     with pytest.raises(CheckpointError, match=r"params\.control\.backdrop"):
-        text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved)
+        text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved))
 
 
 def test_a_backdrop_that_is_deformed_is_carried_with_the_rest() -> None:
@@ -137,7 +138,7 @@ def test_an_excluded_ground_is_not_drawn_and_comes_back_as_it_was(output: dict[s
     saved = run.checkpoint()
     request = JobRequest.model_validate({"prompt": "an egg", "params": {"preset": "preview", "steps": 1}})
     with pytest.raises(CheckpointError, match=r"params\.control\.exclude"):
-        text_deform.start(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved)
+        text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved))
 
 
 def test_a_mesh_that_an_excluded_node_shows_as_well_stays_there() -> None:

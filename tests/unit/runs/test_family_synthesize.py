@@ -25,7 +25,7 @@ from meshdeform.errors import (
 )
 from meshdeform.priors.builtin.teaching import pictures
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs import check_request, family_members, start_run
+from meshdeform.runs import check_request, prior_teach, start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
@@ -152,7 +152,7 @@ def test_a_search_names_the_nearest_members(chairs):
 
 def test_a_lesson_draws_new_shapes_of_the_family(chairs, monkeypatch, tmp_path):
     shorten_lessons(monkeypatch)
-    monkeypatch.setattr(family_members, "MADE", 2)
+    monkeypatch.setattr(prior_teach, "MADE", 2)
     drawn = []
     draw = pictures.member
     monkeypatch.setattr(

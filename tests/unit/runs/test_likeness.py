@@ -13,8 +13,9 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
-from meshdeform.runs.likeness import before, likeness, likeness_and_before, summarize
+from meshdeform.runs.base import job_input
 from meshdeform.runs.recognition import recognise
+from meshdeform.runs.verdict import before, likeness, likeness_and_before, summarize
 from tests.cases import each_case
 from training.judge.members import HELD_OUT, seeded
 from training.prior.families import member
@@ -65,7 +66,9 @@ def test_only_the_builtin_prior_has_it_and_a_verdict_in_its_report(guidance: str
     params = {"preset": "preview", "steps": 1, "guidance": {"kind": guidance}}
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
     run = text_deform.start(
-        asset=asset, filename="a.glb", request=request, target=asset, prior=load_prior("builtin", device="cpu")
+        job_input(
+            asset=asset, filename="a.glb", request=request, target=asset, prior=load_prior("builtin", device="cpu")
+        )
     )
     list(run)
     report = json.loads(run.finish()["report.json"].data)

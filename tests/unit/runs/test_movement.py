@@ -9,7 +9,7 @@ import torch
 
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere
-from meshdeform.runs.movement import HoldCounter, measure_movement
+from meshdeform.runs.text_report import measure_movement
 from tests.cases import each_case
 from tests.unit.runs.test_text_deform import glb, request, start
 
@@ -17,7 +17,7 @@ REST = RestMesh.of(box(2))
 
 
 def test_the_figure_is_a_share_of_the_diagonal() -> None:
-    moved = measure_movement(REST, REST.verts + torch.tensor([0.3, 0.0, 0.4]), HoldCounter())
+    moved = measure_movement(REST, REST.verts + torch.tensor([0.3, 0.0, 0.4]), 0.0)
     assert moved.rms == pytest.approx(0.5 / 3**0.5)
     assert moved.stalled_by is None
     assert moved.warnings == []
@@ -28,10 +28,7 @@ def test_the_figure_is_a_share_of_the_diagonal() -> None:
     [(0.8, "safeguard", "safeguard to flips"), (0.02, "guidance", "prompt")],
 )
 def test_what_held_it_back_is_named_with_its_remedy(held: float, cause: str, remedy: str) -> None:
-    holds = HoldCounter()
-    for step in range(1, 11):
-        holds.add({"held_share": held}, checked=step % 5 == 0)
-    still = measure_movement(REST, REST.verts + 1e-4, holds)
+    still = measure_movement(REST, REST.verts + 1e-4, held)
     assert still.stalled_by == cause
     assert still.held_share == pytest.approx(held)
     (warning,) = still.warnings

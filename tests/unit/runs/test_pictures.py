@@ -20,6 +20,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_checks import check
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.runs.text_report import rig_warnings
@@ -80,7 +81,9 @@ def test_a_branch_keeps_the_pictures_that_it_uses() -> None:
 
 def test_the_report_has_the_overlap_of_every_view_before_and_after() -> None:
     asked = request(guidance="silhouettes", silhouettes=BOTH, preset="preview", steps=25)
-    run = text_deform.start(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20), ellipse(20, 15)])
+    run = text_deform.start(
+        job_input(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20), ellipse(20, 15)])
+    )
     for _ in run:
         pass
     artifacts = run.finish()
@@ -98,7 +101,9 @@ def test_the_report_has_the_overlap_of_every_view_before_and_after() -> None:
 @each_case("prompts", [[], [{"prompt": "a bell", "regions": [{"box": {"min": [-2, 0, -2], "max": [2, 2, 2]}}]}]])
 def test_prompts_beside_pictures_run_to_their_end(prompts: list[dict[str, object]]) -> None:
     asked = request("a vase", silhouettes=BOTH[:1], preset="preview", steps=8, orientation="keep", prompts=prompts)
-    run = text_deform.start(asset=GLB, filename="a.glb", request=asked, prior=FakePrior(), pictures=[ellipse(40, 20)])
+    run = text_deform.start(
+        job_input(asset=GLB, filename="a.glb", request=asked, prior=FakePrior(), pictures=[ellipse(40, 20)])
+    )
     losses = [report.losses for report in run]
     assert len(losses) == 8
     assert all({"sds_mse", "silhouette_iou", "guidance"} <= each.keys() for each in losses)
@@ -115,9 +120,11 @@ def test_pictures_that_cannot_be_used_are_named() -> None:
     blank = io.BytesIO()
     Image.new("L", (50, 50), 255).save(blank, "PNG")
     with pytest.raises(SilhouetteError, match="`silhouette_2` shows no object"):
-        text_deform.start(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20), blank.getvalue()])
+        text_deform.start(
+            job_input(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20), blank.getvalue()])
+        )
     with pytest.raises(ParameterError, match="1 pictures"):
-        text_deform.start(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20)])
+        text_deform.start(job_input(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20)]))
 
 
 def test_pictures_on_the_command_line(tmp_path: Path) -> None:
@@ -151,7 +158,7 @@ def test_a_rig_follows_if_it_is_asked_to_and_the_report_says_so(rig: str) -> Non
         }
     )
     source = arm(targets=True).glb()
-    run = text_deform.start(asset=source, filename="a.glb", request=asked, pictures=[ellipse(30, 30)])
+    run = text_deform.start(job_input(asset=source, filename="a.glb", request=asked, pictures=[ellipse(30, 30)]))
     for _ in run:
         pass
     artifacts = run.finish()

@@ -20,9 +20,8 @@ from meshdeform.priors.builtin.teaching.lesson import new_noun
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
-from meshdeform.runs.lesson_files import labelled
 from meshdeform.runs.prior_teach import _params
-from meshdeform.runs.prior_teach_kind import PRIOR_TEACH
+from meshdeform.runs.prior_teach_kind import PRIOR_TEACH, labelled
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, shorten_lessons, write_small_weights

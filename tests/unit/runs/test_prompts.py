@@ -21,9 +21,10 @@ from meshdeform.record.search import searched_text
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
-from meshdeform.runs.prompts import prompt_reports
+from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_checks import check
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
+from meshdeform.runs.verdict import prompt_reports
 from tests.cases import each_case
 from tests.unit.guidance.pictures import PicturesPrior
 
@@ -48,11 +49,13 @@ def request_of(prompt: str, *prompts: dict[str, Any], **params: Any) -> JobReque
 
 def start(prompt: str, *prompts: dict[str, Any], checkpoint: bytes | None = None, **params: Any) -> Any:
     return text_deform.start(
-        asset=build_glb(BALL.verts.numpy(), BALL.faces.numpy()),
-        filename="a.glb",
-        request=request_of(prompt, *prompts, **params),
-        prior=prior(),
-        checkpoint=checkpoint,
+        job_input(
+            asset=build_glb(BALL.verts.numpy(), BALL.faces.numpy()),
+            filename="a.glb",
+            request=request_of(prompt, *prompts, **params),
+            prior=prior(),
+            checkpoint=checkpoint,
+        )
     )
 
 
@@ -124,7 +127,7 @@ def test_the_cells_of_a_lattice_that_are_nearest_to_other_faces_get_nothing() ->
 
 def test_the_pull_begins_at_the_border_and_never_adds_up_to_more_than_one_prompts() -> None:
     given = [{**VASE, "weight": 3, "regions": [ABOVE]}]
-    everywhere, region = start("a pear", *given, falloff=0.2)._goal.shares
+    everywhere, region = start("a pear", *given, falloff=0.2)._facts.goal.shares
     assert region[~IN_BOX].max() == 0
     np.testing.assert_allclose(everywhere + 3 * region, 1.0)
     assert everywhere[~IN_BOX].min() == 1.0
@@ -133,14 +136,14 @@ def test_the_pull_begins_at_the_border_and_never_adds_up_to_more_than_one_prompt
     assert along[0] < 0.1 < along[len(along) // 3] < along[-1] == pytest.approx(0.25)
     assert 3 * along[-1] + everywhere[np.argmax(MIDDLES[:, 1])] == pytest.approx(1.0)
     # A region narrower than its fall-off reaches the whole weight in its middle.
-    (narrow,) = start("", {**VASE, "regions": [ABOVE]}, falloff=1.0)._goal.shares
+    (narrow,) = start("", {**VASE, "regions": [ABOVE]}, falloff=1.0)._facts.goal.shares
     assert narrow.max() == 1.0
 
 
 def test_a_symmetry_mirrors_the_regions() -> None:
     left = {**VASE, "regions": [{"box": {"min": [0, -2, -2], "max": [2, 2, 2]}}]}
-    (share,) = start("", left, falloff=0.0)._goal.shares
-    (mirrored,) = start("", left, falloff=0.0, symmetry="x")._goal.shares
+    (share,) = start("", left, falloff=0.0)._facts.goal.shares
+    (mirrored,) = start("", left, falloff=0.0, symmetry="x")._facts.goal.shares
     inside = MIDDLES[:, 0] > 0.2
     assert share[inside].all()
     assert not share[MIDDLES[:, 0] < 0].any()
@@ -177,13 +180,13 @@ def test_the_likeness_of_a_region_is_that_of_the_region_alone_now_and_before() -
     def lowest(mesh: TriangleMesh, prompt: str) -> dict[str, Any]:
         return {"noun": prompt, "probability": float(mesh.verts[:, 1].min()), "rank": len(mesh.faces)}
 
-    whole, part = prompt_reports(run._prompts, BALL, high, lowest)
+    whole, part = prompt_reports(run._facts.prompts, BALL, high, lowest)
     assert whole["likeness"] == {"noun": "a pear", "probability": pytest.approx(4), "rank": len(BALL.faces)}
     faces = int(IN_BOX.sum())
     assert part["likeness"]["probability"] == pytest.approx(5, abs=1e-6)
     assert part["likeness"]["rank"] == faces
     assert part["likeness"]["before"] == {"probability": pytest.approx(0, abs=1e-6), "rank": faces}
-    assert prompt_reports(run._prompts, BALL, high, lambda *_: None)[1]["likeness"] is None
+    assert prompt_reports(run._facts.prompts, BALL, high, lambda *_: None)[1]["likeness"] is None
 
 
 @each_case(

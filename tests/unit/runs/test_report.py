@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from meshdeform.runs.report import LossHistory, PhaseClock, sha256_hex, versions
+from meshdeform.runs.report import RunLog, sha256_hex, versions
 
 
 def test_short_histories_are_kept_whole() -> None:
-    history = LossHistory()
+    history = RunLog()
     for step in range(1, 51):
         history.add(step, {"total": 1 / step})
-    assert [entry["step"] for entry in history.to_list()] == list(range(1, 51))
+    assert [entry["step"] for entry in history.losses()] == list(range(1, 51))
 
 
 def test_long_histories_keep_the_first_the_last_and_at_most_two_hundred() -> None:
-    history = LossHistory()
+    history = RunLog()
     for step in range(1, 5004):
         history.add(step, {"total": float(step)})
-    steps = [entry["step"] for entry in history.to_list()]
+    steps = [entry["step"] for entry in history.losses()]
     assert steps[0] == 1
     assert steps[-1] == 5003
     assert 100 <= len(steps) <= 202
@@ -27,7 +27,7 @@ def test_long_histories_keep_the_first_the_last_and_at_most_two_hundred() -> Non
 
 
 def test_phases_add_up() -> None:
-    clock = PhaseClock()
+    clock = RunLog()
     for _ in range(2):
         with clock.phase("a"):
             pass

@@ -19,6 +19,7 @@ from meshdeform.requests.removed import grouped
 from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import check_selections
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.runs.inspection import inspect_parts
 from meshdeform.runs.selection import SelectableSurface, select_bodies
 from meshdeform.testing import FakePrior
@@ -133,11 +134,13 @@ def test_a_run_keeps_the_wheels_and_says_so_in_its_report() -> None:
         "control": {"rigid": [{"node": "axle"}, {"node": "hub", "mode": "similarity"}]},
     }
     job = JobRequest.model_validate({"prompt": "an egg", "params": grouped(params)})
-    run = text_deform.start(asset=cart(), filename="a.glb", request=job, prior=FakePrior())
+    run = text_deform.start(job_input(asset=cart(), filename="a.glb", request=job, prior=FakePrior()))
     checkpoint = None
     for step in run:
         checkpoint = run.checkpoint() if step.step == 5 else checkpoint
-    resumed = text_deform.start(asset=cart(), filename="a.glb", request=job, prior=FakePrior(), checkpoint=checkpoint)
+    resumed = text_deform.start(
+        job_input(asset=cart(), filename="a.glb", request=job, prior=FakePrior(), checkpoint=checkpoint)
+    )
     assert list(resumed)
     assert np.array_equal(run.positions(), resumed.positions())
     before, after = ASSET.surface.positions, run.positions()

@@ -17,9 +17,10 @@ from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
-from meshdeform.runs.likeness import likeness_and_before
+from meshdeform.runs.base import job_input
 from meshdeform.runs.preparation import welded_surface
-from meshdeform.runs.shown import Shown, pose_in_frame
+from meshdeform.runs.surfaces import Shown, pose_in_frame
+from meshdeform.runs.verdict import likeness_and_before
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import TURN, arm
@@ -36,7 +37,9 @@ def run(asset: bytes) -> tuple[bytes, bytes, dict[str, Any]]:
     """Return result, preview and report of two steps."""
     params = {"preset": "preview", "steps": 2}
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
-    job = text_deform.start(asset=asset, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
+    job = text_deform.start(
+        job_input(asset=asset, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
+    )
     list(job)
     made = job.finish()
     return made["result.glb"].data, made["preview.png"].data, json.loads(made["report.json"].data)

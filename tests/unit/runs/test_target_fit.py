@@ -18,6 +18,7 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from tests.cases import each_case
 
 SPHERE = icosphere(2)
@@ -30,7 +31,9 @@ def glb(scale: tuple[float, float, float] = (1.0, 1.0, 1.0), offset: float = 0.0
 def finished(asset: bytes, target: bytes, **params: object) -> tuple[np.ndarray, dict]:
     params = grouped({"guidance": "target", "preset": "preview", "steps": 30, **params})
     request = JobRequest.model_validate({"params": grouped(params)})
-    run = text_deform.start(asset=asset, filename="a.glb", request=request, target=target, target_filename="b.glb")
+    run = text_deform.start(
+        job_input(asset=asset, filename="a.glb", request=request, target=target, target_filename="b.glb")
+    )
     for _ in run:
         pass
     artifacts = run.finish()

@@ -15,8 +15,9 @@ import pytest
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.builtin.taught import known_words
 from meshdeform.priors.builtin.teaching.teacher import TeachConfig
-from meshdeform.runs.lesson_files import MeshFile
-from meshdeform.runs.teaching import TeachRequest, start
+from meshdeform.runs.prior_teach import TeachRequest, start_lesson
+from meshdeform.runs.prior_teach_kind import MeshFile
+from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
 
 pytestmark = pytest.mark.training
 
@@ -41,10 +42,10 @@ def jack() -> bytes:
 @pytest.fixture(scope="module")
 def lesson() -> tuple[dict[str, Any], bytes]:
     """The report and the weights."""
-    run = start(TeachRequest("a jack", config=TeachConfig(steps=STEPS)), [MeshFile("jack.glb", jack())])
+    run = start_lesson(TeachRequest("a jack", config=TeachConfig(steps=STEPS)), [MeshFile("jack.glb", jack())])
     assert len(list(run)) == STEPS
     made = run.finish()
-    return json.loads(made["report"]), made["result"]
+    return json.loads(made["report.json"].data), made[WEIGHTS_ARTIFACT].data
 
 
 def test_one_mesh_teaches_its_noun(lesson: tuple[dict[str, Any], bytes]) -> None:

@@ -22,6 +22,7 @@ from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, OutputOptions, resolve
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
 from meshdeform.testing import FakePrior
 from tests.unit.assets.builders import unpack
 
@@ -42,7 +43,7 @@ def request(**changes: object) -> JobRequest:
 
 def start(asset: bytes, job: JobRequest | None = None, **more: object) -> text_deform.TextDeformRun:
     arguments = {"asset": asset, "filename": "a.glb", "request": job or request(), "prior": FakePrior(), **more}
-    return text_deform.start(**arguments)  # type: ignore[arg-type]
+    return text_deform.start(job_input(**arguments))  # type: ignore[arg-type]
 
 
 def test_the_fake_priors_optimum_is_approached() -> None:
