@@ -14,6 +14,11 @@ export function counted(value, singular, plural = singular + "s") {
   return `${count(value)} ${value === 1 ? singular : plural}`;
 }
 
+/** The name of a parameter or a part, as a label. @param {string} name Such as `back_height`. */
+export function titled(name) {
+  return name.slice(0, 1).toUpperCase() + name.slice(1).replaceAll("_", " ");
+}
+
 /** @param {number} value Bytes. */
 export function bytes(value) {
   if (value < 1000) return `${value} B`;
@@ -128,5 +133,5 @@ export function jobTitle(job) {
 /** @param {string} phase @param {string} [kind] Of the job. */
 export function phaseWords(phase, kind) {
   if (kind === "prior_teach" && phase in LESSON_PHASES) return LESSON_PHASES[phase];
-  return PHASES[phase] ?? (phase ? phase[0].toUpperCase() + phase.slice(1) : "");
+  return PHASES[phase] ?? titled(phase);
 }

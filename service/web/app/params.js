@@ -38,7 +38,7 @@
 
 import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
 import { GUIDE_PARAMS, guideOf, guideParams, noGuide } from "./create/guide/model.js";
-import { count } from "./format.js";
+import { count, titled } from "./format.js";
 import { groupedParams, groupsOf, plainParams } from "./groups.js";
 import { variationPrompts } from "./vocabulary.js";
 
@@ -77,8 +77,7 @@ export function formOf(schema) {
 export function numbersOf(schema) {
   const numbers = Object.entries(schema?.properties ?? {}).filter(([, member]) => member.type === "integer" || member.type === "number");
   return numbers.map(([name, member]) => {
-    const label = name[0].toUpperCase() + name.slice(1).replaceAll("_", " ");
-    return { name, label, help: (member.description ?? "").replaceAll("`", ""), type: member.type, min: member.minimum, above: member.exclusiveMinimum, max: member.maximum, standard: member.default };
+    return { name, label: titled(name), help: (member.description ?? "").replaceAll("`", ""), type: member.type, min: member.minimum, above: member.exclusiveMinimum, max: member.maximum, standard: member.default };
   });
 }
 

@@ -1,6 +1,7 @@
 // @ts-check
 /** What went wrong, and what to do about it. */
-import { isOffline, MeshdeformError } from "./client.js";
+import { toast } from "./announce.js";
+import { isAbort, isOffline, MeshdeformError } from "./client.js";
 import { h, icon } from "./dom.js";
 
 /** @param {unknown} error @returns {{title: string, detail: string, advice: string, id: string}} */
@@ -16,6 +17,16 @@ export function described(error) {
     return { title: error.title, detail, advice, id: error.requestId };
   }
   return { title: "Something went wrong on this page", detail: error instanceof Error ? error.message : String(error), advice: "", id: "" };
+}
+
+/** Do something, and say it where that fails; a view that goes says nothing. @param {string} failed @param {() => unknown} work @param {string} [advice] */
+export async function attempt(failed, work, advice = "") {
+  try {
+    await work();
+  } catch (error) {
+    const { title, detail } = described(error);
+    if (!isAbort(error)) toast([`${failed}.`, detail || title, advice].filter(Boolean).join(" "));
+  }
 }
 
 /** @param {unknown} error Or a job's `error`, which has the same members. @param {...(Node | null)} actions */

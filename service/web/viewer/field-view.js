@@ -49,10 +49,7 @@ export class FieldWorker {
 }
 
 export class FieldView {
-  /**
-   * @param {import("./viewer.js").MeshViewer} viewer
-   * @param {(place: number[]) => void} onSource where the pointer put the source
-   */
+  /** @param {import("./viewer.js").MeshViewer} viewer @param {(place: number[]) => void} onSource where the pointer put the source */
   constructor(viewer, onSource) {
     this.viewer = viewer;
     this.onSource = onSource;

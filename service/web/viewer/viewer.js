@@ -31,9 +31,7 @@ export { linkCameras, snapshotAsset, TopologyError };
 /** @typedef {import("./loading.js").Format} Format */
 /** @typedef {{ vertices: number, triangles: number, meshes: number }} AssetInfo */
 
-/**
- * Events: `ready` (something was loaded), `camerachange` and `camerareset`, `contextlost` and `contextrestored`.
- */
+/** Events: `ready` (something was loaded), `camerachange` and `camerareset`, `contextlost` and `contextrestored`. */
 export class MeshViewer extends EventTarget {
   /** @type {import("./renderer.js").SharedRenderer | null} */ #renderer = null;
   /** @type {import("three").Object3D | null} */ #root = null;
@@ -46,10 +44,7 @@ export class MeshViewer extends EventTarget {
   #disposed = false;
   #turn = 0;
 
-  /**
-   * @param {HTMLElement} container
-   * @param {{ label?: string }} options `label` is the viewer's name for people who do not see it
-   */
+  /** @param {HTMLElement} container @param {{ label?: string }} options `label` is the viewer's name for people who do not see it */
   constructor(container, { label = "3D model" } = {}) {
     super();
     this.stage = new Stage();

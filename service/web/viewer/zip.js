@@ -142,11 +142,7 @@ async function embedded(asset, read) {
 /** A picture of one white pixel. */
 const WHITE = fromBase64("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg==");
 
-/**
- * @param {string} uri
- * @param {(uri: string) => Promise<ArrayBuffer | null>} read
- * @returns {Promise<Uint8Array | null>}
- */
+/** @param {string} uri @param {(uri: string) => Promise<ArrayBuffer | null>} read @returns {Promise<Uint8Array | null>} */
 async function linked(uri, read) {
   const inline = /^data:[^,]*;base64,/i.exec(uri);
   if (inline) return fromBase64(uri.slice(inline[0].length));

@@ -8,7 +8,7 @@ import { ago, jobTitle } from "../format.js";
 import { isTerminal } from "../history.js";
 import { copyText } from "../job/files.js";
 import { stateBadge } from "../jobs/card.js";
-import { PairStage } from "../pair-stage.js";
+import { COLOURS, PairStage } from "../pair-stage.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { askedRows, figureRows, obstacle } from "./model.js";
@@ -133,7 +133,7 @@ export class CompareView {
     const stage = new PairStage(this.scope, {
       label: "Both results",
       tags: [`A · ${jobTitle(a)}`, `B · ${jobTitle(b)}`],
-      colours: [["none", "Material"], ["displacement", "Displacement"]],
+      colours: COLOURS.slice(0, 2),
       always: true,
     });
     const note = h("p", { class: "small muted", role: "status" });

@@ -1,7 +1,7 @@
 // @ts-check
 /** The prompt, the words that the model knows, and what is wrong with the prompt. */
 import { button, fill, h, icon, invalid, labelled } from "../dom.js";
-import { count } from "../format.js";
+import { count, titled } from "../format.js";
 import { showRefusal } from "../refusal.js";
 import { adjectives, surprise, withAdjective, withNoun } from "../vocabulary.js";
 
@@ -102,7 +102,7 @@ export class PromptField {
       { class: "words" },
       h("summary", null, `All ${known.nouns.length} nouns and ${adjectives(known).length} adjectives`),
       known.groups.flatMap(([name, nouns]) => {
-        const title = name[0].toUpperCase() + name.slice(1);
+        const title = titled(name);
         const chips = nouns.map((noun) => chip(noun, () => withNoun(this.value, noun, known)));
         return [h("p", { class: "field-label" }, title), h("div", { class: "chips", role: "group", "aria-label": title }, chips)];
       }),

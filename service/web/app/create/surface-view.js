@@ -1,10 +1,10 @@
 // @ts-check
 /** The form for a surface fit: any surface becomes a file of a few kilobytes. Its parameters are those that the server declares. */
 import { Asset } from "../assets.js";
-import { client, isAbort, MeshdeformError } from "../client.js";
+import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { lastDraft } from "../drafts.js";
-import { recentJobs } from "../jobs/recent.js";
+import { recentJobs } from "../jobs/card.js";
 import { checkpointEvery } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
@@ -144,8 +144,7 @@ export class SurfaceView {
       return void fill(this.problem);
     }
     if (found?.status === 404) for (const file of [this.assets.asset, ...Object.values(this.files.parts)]) file?.forgetUpload();
-    const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
-    fill(this.problem, this.numbers.refuse(errors) ? null : problemBox(error));
+    fill(this.problem, this.numbers.refuse(errorsOf(error)) ? null : problemBox(error));
   }
 
   _ready() {

@@ -1,12 +1,12 @@
 // @ts-check
 /** The form for a new job. */
 import { toast } from "../announce.js";
-import { client, isAbort, MeshdeformError } from "../client.js";
+import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { exampleSection } from "../examples/gallery.js";
 import { percent } from "../format.js";
-import { recentJobs } from "../jobs/recent.js";
+import { recentJobs } from "../jobs/card.js";
 import { documents, fileKey, formOf, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
 import { isAboutNegative, isAboutPrompt } from "../refusal.js";
@@ -312,8 +312,8 @@ export class CreateView {
     }
     if (error instanceof MeshdeformError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
     if (error instanceof MeshdeformError && this.guide.refuse(error)) return void fill(this.problem);
-    const errors = error instanceof MeshdeformError && Array.isArray(error.problem.errors) ? error.problem.errors : null;
-    const placed = errors && (this.control.refuse(errors) || this.settings.refuse(errors));
+    const errors = errorsOf(error);
+    const placed = errors.length > 0 && (this.control.refuse(errors) || this.settings.refuse(errors));
     fill(this.problem, placed ? null : problemBox(error));
   }
 

@@ -11,7 +11,7 @@ import { askedPanel } from "../job/asked.js";
 import { copyText } from "../job/files.js";
 import { qualityPanel } from "../job/results.js";
 import { slider } from "../job/stage-controls.js";
-import { PairStage } from "../pair-stage.js";
+import { COLOURS, PairStage } from "../pair-stage.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
@@ -65,7 +65,7 @@ export class ExampleView {
     this.stage = new PairStage(this.scope, {
       label: "Before and after",
       tags: ["Before", "After"],
-      colours: [["none", "Material"], ["displacement", "Displacement"], ["stretch", "Stretch"], ["texture", "Texture"]],
+      colours: COLOURS,
     });
     const morph = slider("morph-slider", "Morph", 100, () => {
       const share = Number(morph.input.value) / 100;

@@ -1,10 +1,10 @@
 // @ts-check
 /** The result of a job about a family: its wall; and where shapes were made, one of them as its file describes it. */
-import { toast } from "../announce.js";
 import { client, isAbort } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { percent } from "../format.js";
 import { stemOf } from "../names.js";
+import { attempt } from "../problem-box.js";
 import { filesOf } from "../../viewer/zip.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
@@ -102,12 +102,10 @@ export class FamilyStage extends PictureStage {
     return read ? { bytes: await read(), name: `${stemOf(this.job)}-${this.name}` } : null;
   }
 
-  async _download() {
-    try {
+  _download() {
+    return attempt("Not downloaded", async () => {
       const mesh = await this._mesh();
       if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
-    } catch (error) {
-      toast(`Not downloaded. ${error instanceof Error ? error.message : ""}`);
-    }
+    });
   }
 }

@@ -8,11 +8,11 @@ import { client, isAbort, isOffline } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { bytes, count, counted, figure } from "../format.js";
 import { stemOf } from "../names.js";
+import { attempt } from "../problem-box.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
 import { handOnButtons } from "./hand-on.js";
-import { sizesTable } from "./sizes-table.js";
-import { chooser, showLegend, slider, toggle } from "./stage-controls.js";
+import { chooser, drawnPicture, showLegend, slider, toggle } from "./stage-controls.js";
 
 const AGAIN_MS = 3000;
 const MODES = 10; // as field-worker.js computes
@@ -136,8 +136,7 @@ export class FieldStage {
 
   /** Show the picture that the job made, where nothing can be drawn. @param {Blob} picture */
   showPicture(picture) {
-    const image = h("img", { src: this.scope.url(picture), alt: "The input, above, and the field, below, from four sides" });
-    this.element.querySelector(".stage")?.append(h("div", { class: "stage-picture" }, image));
+    this.element.querySelector(".stage")?.append(drawnPicture(this.scope, picture, "The input, above, and the field, below, from four sides"));
   }
 
   async _open() {
@@ -355,16 +354,35 @@ export class FieldStage {
     if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
   }
 
-  async _picture() {
-    try {
-      saveBytes(await this.box.picture(), `${stemOf(this.job)}-level${this.shown?.level ?? 0}.png`);
-    } catch (error) {
-      toast(`No picture. ${error instanceof Error ? error.message : ""}`);
-    }
+  _picture() {
+    return attempt("No picture", async () => saveBytes(await this.box.picture(), `${stemOf(this.job)}-level${this.shown?.level ?? 0}.png`));
   }
 }
 
 /** @param {number} value */
 function milliseconds(value) {
   return `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
+}
+
+/**
+ * @param {HTMLElement} table
+ * @param {any} report
+ * @param {{bytes: number, time: string, faces: number}} field What was loaded, how long it took to unfold, and to how many triangles.
+ */
+function sizesTable(table, report, field) {
+  const packed = report?.packed;
+  table.hidden = !packed;
+  if (!packed) return;
+  const top = `level ${report.levels.at(-1).level}`;
+  const rows = [["This field", counted(field.faces, "triangle"), bytes(field.bytes), field.time]];
+  for (const [what, { faces, bits, draco, meshopt }] of [["input", packed.input], [top, packed.top_level]])
+    for (const [name, found] of [["Draco", draco], ["meshopt", meshopt]])
+      rows.push([`${name}, ${what}, ${bits} bits`, counted(faces, "triangle"), found ? bytes(found.bytes) : "not installed", found ? `${found.unpack_ms.toFixed(1)} ms where the job ran` : ""]);
+  const cell = (/** @type {string} */ text, /** @type {number} */ i) => h(i ? "td" : "th", i ? null : { scope: "row" }, text);
+  fill(
+    table,
+    h("caption", { class: "small muted" }, "As precise as the field: what other formats need"),
+    h("thead", null, h("tr", null, ["What", "Triangles", "Bytes", "To unpack"].map((text) => h("th", { scope: "col" }, text)))),
+    h("tbody", null, rows.map((row) => h("tr", null, row.map(cell)))),
+  );
 }

@@ -1,12 +1,11 @@
 // @ts-check
 /** Save files to the user's disk, and copy text. */
 import { announce, toast } from "../announce.js";
-import { client, isAbort } from "../client.js";
+import { client } from "../client.js";
 import { h } from "../dom.js";
-import { currentKey } from "../key.js";
-import { currentLink } from "../link.js";
+import { currentKey, currentLink } from "../key.js";
 import { artifactName } from "../names.js";
-import { described } from "../problem-box.js";
+import { attempt } from "../problem-box.js";
 
 // Smaller files go through the page, which names them; larger ones are streamed to the disk under the server's name.
 const NAMED_BYTES = 256 << 20;
@@ -19,8 +18,8 @@ const NAMED_BYTES = 256 << 20;
  * @param {boolean} signable Whether the server signs addresses of it, which need no key.
  * @param {import("../scope.js").Scope} scope
  */
-export async function download(path, name, size, signable, scope) {
-  try {
+export function download(path, name, size, signable, scope) {
+  return attempt("Not downloaded", async () => {
     if (size <= NAMED_BYTES || currentLink() || (currentKey() && !signable)) {
       const response = await client.request(path, { signal: scope.signal });
       return saveBytes(await response.blob(), name);
@@ -28,9 +27,7 @@ export async function download(path, name, size, signable, scope) {
     if (!currentKey()) return save(client.url(path), name);
     const { url } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
     save(client.url(url), name);
-  } catch (error) {
-    if (!isAbort(error)) toast(`Not downloaded. ${described(error).detail || described(error).title}`);
-  }
+  });
 }
 
 /**
@@ -39,15 +36,13 @@ export async function download(path, name, size, signable, scope) {
  * @param {string} name
  * @param {import("../scope.js").Scope} scope
  */
-export async function downloadMade(job, name, scope) {
+export function downloadMade(job, name, scope) {
   const path = `v1/jobs/${job.id}/artifacts/${name}`;
   announce(`Making ${name}`);
-  try {
+  return attempt("Not made", async () => {
     const { size } = await client.json(path, { method: "POST", signal: scope.signal });
     await download(path, artifactName(job, name), size, true, scope);
-  } catch (error) {
-    if (!isAbort(error)) toast(`Not made. ${described(error).detail || described(error).title}`);
-  }
+  });
 }
 
 /**
@@ -56,14 +51,12 @@ export async function downloadMade(job, name, scope) {
  * @param {import("../scope.js").Scope} scope
  * @param {string} [opens] What it opens, where that is more than what was asked for.
  */
-export async function copyLink(path, scope, opens = "") {
-  try {
+export function copyLink(path, scope, opens = "") {
+  return attempt("No link", async () => {
     const { url, expires_at } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
     const until = new Date(expires_at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
     await copyText(client.url(url), `Link copied. It ${opens}needs no key and works until ${until}`);
-  } catch (error) {
-    if (!isAbort(error)) toast(`No link. ${described(error).detail || described(error).title}`);
-  }
+  });
 }
 
 /** @param {Blob} blob @param {string} name */

@@ -3,7 +3,7 @@
 import { Asset } from "../assets.js";
 import { button, h } from "../dom.js";
 import { keepDraft, lastDraft } from "../drafts.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 import { routeHash } from "../router.js";
 
 /**

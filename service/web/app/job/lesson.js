@@ -1,7 +1,7 @@
 // @ts-check
 /** What a lesson has taught, in words, and the way to use it. */
 import { h, panel } from "../dom.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 import { routeHash } from "../router.js";
 import { withArticle } from "../vocabulary.js";
 import { findingList } from "./results.js";

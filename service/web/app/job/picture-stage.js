@@ -1,6 +1,7 @@
 // @ts-check
 /** The result of a job of a kind that has no shape to be turned: the picture that it made. */
 import { fill, h } from "../dom.js";
+import { drawnPicture } from "./stage-controls.js";
 
 export class PictureStage {
   /** @param {any} job @param {import("../scope.js").Scope} scope */
@@ -21,7 +22,6 @@ export class PictureStage {
 
   /** @param {Blob} picture */
   showPicture(picture) {
-    const image = h("img", { src: this.scope.url(picture), alt: "The result, as the job drew it" });
-    fill(this.frame, h("div", { class: "stage-picture" }, image));
+    fill(this.frame, drawnPicture(this.scope, picture, "The result, as the job drew it"));
   }
 }

@@ -3,7 +3,7 @@
 import { button, h, icon, panel } from "../dom.js";
 import { bytes, count, counted } from "../format.js";
 import { plainParams } from "../groups.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
 import { copyCurl, copyLink, download, downloadMade } from "./files.js";

@@ -3,12 +3,7 @@
 import { fill, h } from "../dom.js";
 import { figure } from "../format.js";
 
-/**
- * @param {string} label
- * @param {[string, string][]} options
- * @param {string} chosen
- * @param {(value: string) => void} onChange
- */
+/** @param {string} label @param {[string, string][]} options @param {string} chosen @param {(value: string) => void} onChange */
 export function segmented(label, options, chosen, onChange) {
   const name = `segment-${label.toLowerCase()}`;
   return h(
@@ -57,6 +52,11 @@ export function chooser(id, label, onChange) {
   const input = h("select", { id, on: { change: onChange } });
   const row = h("div", { class: "range-row", hidden: true }, h("label", { for: id }, label), input);
   return { input, row };
+}
+
+/** The picture that a job made, over the place of its views. @param {import("../scope.js").Scope} scope @param {Blob} picture @param {string} alt */
+export function drawnPicture(scope, picture, alt) {
+  return h("div", { class: "stage-picture" }, h("img", { src: scope.url(picture), alt }));
 }
 
 /**

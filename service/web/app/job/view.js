@@ -7,7 +7,7 @@ import { fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { plainParams } from "../groups.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";

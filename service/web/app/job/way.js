@@ -4,7 +4,7 @@
  * and exactly the one at which the slider stops. Where the server makes none, straight lines remain.
  */
 import { isAbort, MeshdeformError } from "../client.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 
 const ALONG = [50, 25, 75];
 const BEYOND = [150, 125];

@@ -1,6 +1,6 @@
 // @ts-check
 /** Teach the builtin model a word: its meshes, its names, and a job that learns them. */
-import { client, MeshdeformError } from "../client.js";
+import { client, errorsOf, MeshdeformError } from "../client.js";
 import { fieldRow, markField } from "../create/field-rows.js";
 import { intro, JobForm } from "../create/form.js";
 import { fill, h, labelled, uniqueId } from "../dom.js";
@@ -94,9 +94,7 @@ export class TeachView {
 
   /** @param {unknown} error */
   _refuse(error) {
-    const errors = error instanceof MeshdeformError && Array.isArray(error.problem?.errors) ? error.problem.errors : [];
-    const place = errors[0]?.loc?.at(-1) === "noun" || errors[0]?.loc?.includes("noun");
-    if (place && error instanceof MeshdeformError) return this.noun.refuse(`${error.message} ${/replace/.test(error.advice) ? "Choose another word, or allow a new meaning under Advanced." : error.advice}`);
+    if (errorsOf(error)[0]?.loc?.includes("noun") && error instanceof MeshdeformError) return this.noun.refuse(`${error.message} ${/replace/.test(error.advice) ? "Choose another word, or allow a new meaning under Advanced." : error.advice}`);
     fill(this.problem, problemBox(error));
   }
 }

@@ -40,10 +40,7 @@ const nothing = () => {};
 const DEAF = { painted: nothing, boxed: nothing, picked: nothing, held: () => 0, moved: nothing, chosen: nothing, pointed: nothing, begun: nothing, done: nothing, dropped: nothing };
 
 export class ControlTools {
-  /**
-   * @param {import("../viewer.js").MeshViewer} viewer
-   * @param {Partial<Listeners>} listeners those of the tools that are used
-   */
+  /** @param {import("../viewer.js").MeshViewer} viewer @param {Partial<Listeners>} listeners those of the tools that are used */
   constructor(viewer, listeners) {
     this.viewer = viewer;
     this.listeners = { ...DEAF, ...listeners };

@@ -119,10 +119,7 @@ export function facesText(faces) {
   return faces.map((item) => (Array.isArray(item) ? item.join("-") : item)).join(", ");
 }
 
-/**
- * @param {string} text
- * @returns {(number | [number, number])[] | null} Null where it is no list of numbers and ranges.
- */
+/** @param {string} text @returns {(number | [number, number])[] | null} Null where it is no list of numbers and ranges. */
 export function facesOf(text) {
   const items = text.split(/[\s,]+(?!-)/).filter(Boolean);
   /** @type {(number | [number, number])[]} */

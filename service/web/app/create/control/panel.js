@@ -6,15 +6,14 @@ import { placeOf } from "../../groups.js";
 import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES } from "./model.js";
 import { isPromptAction, keepWords, promptAction, promptName, withoutPrompts } from "./further.js";
 import { PromptRows } from "./prompt-rows.js";
-import { handleRow, regionRow } from "./rows.js";
-import { named, partOptions } from "./parts.js";
+import { handleRow, named, partOptions, regionRow } from "./rows.js";
 import { Toolbar } from "./toolbar.js";
 import { ControlView } from "./view.js";
 
 /** @typedef {import("./model.js").Control} Control */
 /** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
-/** @typedef {import("./parts.js").Named} Named */
-/** @typedef {import("./parts.js").Parts} Parts */
+/** @typedef {import("./rows.js").Named} Named */
+/** @typedef {import("./rows.js").Parts} Parts */
 
 /** @type {Parts} */
 const NO_PARTS = { nodes: [], materials: [], mesh_names: [] };

@@ -1,6 +1,7 @@
 // @ts-check
 /** Further prompts below the first: their words, their weights, and where each pulls. */
 import { announce } from "../../announce.js";
+import { errorsOf } from "../../client.js";
 import { button, fill, h, invalid, say } from "../../dom.js";
 import { placeOf } from "../../groups.js";
 import { showRefusal } from "../../refusal.js";
@@ -175,7 +176,7 @@ export class PromptRows {
    * @returns {boolean} Whether it is one of these.
    */
   refuse(error, alone, known) {
-    const [first] = Array.isArray(error.problem.errors) ? error.problem.errors : [];
+    const [first] = errorsOf(error);
     const sent = written(this.prompts);
     const [name, number] = placeOf(first ?? {});
     const at = name === "prompts" ? Number(number) : !first && alone && sent.length === 1 ? 0 : -1;

@@ -1,5 +1,5 @@
 // @ts-check
-/** The lists of the control panel: a row with its fields for each region and each handle. */
+/** The lists of the control panel: a row with its fields for each region and each handle, and the parts of an asset in words. */
 import { button, h, invalid, uniqueId } from "../../dom.js";
 import { counted } from "../../format.js";
 import { AXES, facesOf, facesText, regionWords } from "./model.js";
@@ -152,3 +152,17 @@ export function rounded(place, size) {
   return place.map((value) => Number((Math.round(value / step) * step).toPrecision(7)));
 }
 
+/** @typedef {{index: number, name: string}} Named */
+/** @typedef {{nodes: Named[], materials: Named[], mesh_names: Named[]}} Parts */
+
+/** The name of a part, or its number where no name says which it is. @param {Named} part @param {Named[]} all */
+export function named(part, all) {
+  return part.name && all.filter(({ name }) => name === part.name).length === 1 ? part.name : part.index;
+}
+
+/** The parts of an asset, to choose one; a value is a selection as JSON. @param {Parts} parts */
+export function partOptions({ nodes, materials }) {
+  const group = (/** @type {string} */ kind, /** @type {string} */ label, /** @type {Named[]} */ list) =>
+    h("optgroup", { label }, list.map((part) => h("option", { value: JSON.stringify({ [kind]: named(part, list) }) }, part.name || `${kind} ${part.index}`)));
+  return [group("node", "Nodes", nodes), group("material", "Materials", materials)];
+}

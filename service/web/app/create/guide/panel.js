@@ -2,6 +2,7 @@
 /** A target mesh in place of the prompt, or pictures from one to four sides: alone, or beside it. */
 import { announce } from "../../announce.js";
 import { Asset, formatOf } from "../../assets.js";
+import { errorsOf } from "../../client.js";
 import { button, fill, h, say } from "../../dom.js";
 import { bytes } from "../../format.js";
 import { placeOf } from "../../groups.js";
@@ -105,10 +106,7 @@ export class GuidePanel {
     return { ...structuredClone(this.guide), target: this.target !== null };
   }
 
-  /**
-   * @param {import("./model.js").Guide | null | undefined} guide As `value` gave it.
-   * @param {Record<string, Asset>} files
-   */
+  /** @param {import("./model.js").Guide | null | undefined} guide As `value` gave it. @param {Record<string, Asset>} files */
   restore(guide, files) {
     const { align, landmarks, pictures } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
     this.target = files.target ?? null;
@@ -248,7 +246,7 @@ export class GuidePanel {
 
   /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
   refuse(error) {
-    const errors = Array.isArray(error.problem.errors) ? error.problem.errors : [];
+    const errors = errorsOf(error);
     const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(placeOf(each)[0]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
     const part = String(error.problem.part ?? error.problem.file ?? "");
     if (this.isEmpty || !(own || part === "target" || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;

@@ -3,6 +3,7 @@
 import { announce } from "../../announce.js";
 import { client, isAbort } from "../../client.js";
 import { button, fill, h } from "../../dom.js";
+import { titled } from "../../format.js";
 import { fileInput } from "../../picking.js";
 import { problemBox } from "../../problem-box.js";
 import { Scope } from "../../scope.js";
@@ -14,11 +15,6 @@ const PAUSE_MS = 250;
 /** @param {string} text In base64. */
 function decoded(text) {
   return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-}
-
-/** @param {string} name Of a parameter, such as `back_height`. */
-function words(name) {
-  return (name[0].toUpperCase() + name.slice(1)).replaceAll("_", " ");
 }
 
 /** @param {string} family @returns {File} */
@@ -122,7 +118,7 @@ class SketchDialog {
     const image = h("img", { alt: "", width: 96, height: 96 });
     this._picture(guess, image);
     const radio = h("input", { type: "radio", name: "sketch-guess", class: "visually-hidden", ".checked": first, on: { change: () => this._choose(guess) } });
-    return h("label", { class: "sketch-guess" }, radio, image, h("span", null, `${words(guess.family)} ${Math.round(guess.probability * 100)} %`));
+    return h("label", { class: "sketch-guess" }, radio, image, h("span", null, `${titled(guess.family)} ${Math.round(guess.probability * 100)} %`));
   }
 
   /** Without WebGL the words remain. @param {any} guess @param {HTMLImageElement} image */
@@ -150,9 +146,9 @@ class SketchDialog {
 
   /** @param {any} about @param {(value: number | string) => void} set */
   _field(about, set) {
-    const label = words(about.name);
+    const label = titled(about.name);
     if (about.options) {
-      const options = about.options.map((/** @type {string} */ value) => h("option", { value }, words(value)));
+      const options = about.options.map((/** @type {string} */ value) => h("option", { value }, titled(value)));
       const choice = h("select", { "aria-label": label, on: { change: () => set(choice.value) } }, options);
       choice.value = about.value;
       return h("label", null, h("span", { class: "small muted" }, label), choice);
