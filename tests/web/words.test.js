@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { findings, skipped } from "../../service/web/app/quality.js";
 import { allPoints, curveWords, reportPoints, seriesNames, smoothed, ticks } from "../../service/web/app/series.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
-import { adjectives, catalogue, nearby, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
+import { adjectives, catalogue, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
 const KNOWN = { nouns: ["giraffe", "octopus", "vase"], parts: {}, attributes: ["tall", "thin", "long", "short/long neck"], examples: [], groups: [] };
 
@@ -88,13 +88,6 @@ test("files are named after what is in them", () => {
   assert.equal(shapeName(job, "step120", 100), "duck-2-a-tall-vase-seed7-step120.glb");
   assert.equal(shapeName(job, "", 50), "duck-2-a-tall-vase-seed7-strength50.glb");
   assert.equal(artifactName({ asset: { filename: ".obj" }, prompt: "" }, "result.glb"), "asset-target-seed0.glb");
-});
-
-test("a refused prompt is repaired from the words that are known", () => {
-  assert.deepEqual(nearby("a tall vase of gold", {}, KNOWN), ["a tall vase"]);
-  assert.deepEqual(nearby("a thin girafe", { girafe: "giraffe" }, KNOWN), ["a thin giraffe"]);
-  assert.equal(nearby("octopos", {}, KNOWN)[0], "an octopus");
-  assert.equal(nearby("Albert Einstein", {}, KNOWN).length, 3);
 });
 
 test("an open surface has no volume to speak of", () => {

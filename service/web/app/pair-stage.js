@@ -40,7 +40,7 @@ export class PairStage {
 
   /** @param {string} label @param {boolean} always */
   _build(label, always) {
-    const wireframe = toggle("Wireframe", (on) => this.views.forEach((view) => view.wireframe(on)));
+    const wireframe = toggle("Wireframe", (on) => this.views.forEach(({ viewer }) => viewer?.setWireframe(on)));
     this.both = toggle("Side by side", (on) => this.element.classList.toggle("single", !on));
     const wide = always || window.matchMedia("(min-width: 700px)").matches;
     this.both.hidden = always;
@@ -73,7 +73,7 @@ export class PairStage {
     if (this.scope.over) return false;
     this.colours.hidden = !this.comparable;
     if (!this.comparable) return false;
-    other.morph(1);
+    other.viewer?.setMorph(1);
     this.apart = apart;
     if (apart) await other.load(second.slice(0), "glb", true);
     await this.colour(this.kind);
@@ -103,7 +103,7 @@ export class PairStage {
     if (this.apart && kind !== "none" && before === "none") {
       await other.load(this.files[0].slice(0), "glb", true);
       await other.deform(this.files[1].slice(0));
-      other.morph(1);
+      other.viewer?.setMorph(1);
     }
     showLegend(this.legend, other.heatmap(kind));
   }

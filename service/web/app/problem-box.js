@@ -20,7 +20,7 @@ export function described(error) {
 }
 
 /** Do something, and say it where that fails; a view that goes says nothing. @param {string} failed @param {() => unknown} work @param {string} [advice] */
-export async function attempt(failed, work, advice = "") {
+export async function orToast(failed, work, advice = "") {
   try {
     await work();
   } catch (error) {

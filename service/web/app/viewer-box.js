@@ -31,7 +31,7 @@ export class ViewerBox {
     this.note = h("div", { class: "viewer-note", hidden: true });
     this.tag = h("span", { class: "viewer-tag" }, label);
     this.element = h("div", { class: "viewer" }, this.canvas, this.note, this.tag);
-    /** @type {any} */
+    /** The viewer, once it is here; null where nothing can be drawn. @type {any} */
     this.viewer = null;
     this.failed = false;
     this.ready = this._open();
@@ -110,37 +110,9 @@ export class ViewerBox {
     }
   }
 
-  /**
-   * Let the way to the deformed shape lead through another one.
-   * @param {ArrayBuffer} buffer A GLB.
-   * @param {number} share
-   */
-  async pass(buffer, share) {
-    await this.viewer?.addWaypoint(buffer, share);
-  }
-
-  /** @param {number} share 0 is the source, 1 the deformed shape. */
-  morph(share) {
-    this.viewer?.setMorph(share);
-  }
-
   /** @param {"none" | "displacement" | "stretch" | "texture"} kind @returns {Scale | null} */
   heatmap(kind) {
     return this.viewer?.setHeatmap(kind) ?? null;
-  }
-
-  /**
-   * Show which side is taken as the front.
-   * @param {number | null} degrees 0 is +Z, 90 is +X; null shows nothing.
-   * @param {boolean} [faint] Whether it is only a guess.
-   */
-  front(degrees, faint = false) {
-    this.viewer?.setFront(degrees, faint);
-  }
-
-  /** @param {boolean} on */
-  wireframe(on) {
-    this.viewer?.setWireframe(on);
   }
 
   /**

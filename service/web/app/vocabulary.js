@@ -115,38 +115,6 @@ function used(prompt, known) {
 }
 
 /**
- * Three prompts of known words, close to one with unknown words: "a red mushrom" gives "a mushroom". A noun that it
- * has is kept with its adjectives; else come the nouns that are spelled most alike.
- * @param {string} prompt
- * @param {Record<string, string>} meant Known words that the server takes for unknown ones.
- * @param {Vocabulary} known
- * @returns {string[]}
- */
-export function nearby(prompt, meant, known) {
-  const words = (prompt.toLowerCase().match(/[a-z]+/g) ?? []).map((word) => meant[word] ?? word);
-  const kept = words.filter((word) => adjectives(known).includes(word)).slice(0, 3);
-  const named = words.filter((word) => known.nouns.includes(word));
-  if (named.length) return [...new Set(named)].slice(0, 3).map((noun) => withArticle([...kept, noun].join(" ")));
-  const distance = (/** @type {string} */ noun) =>
-    Math.min(...words.map((word) => edits(word, noun) / Math.max(word.length, noun.length)), 1);
-  const closest = known.nouns.map((noun) => ({ noun, far: distance(noun) })).sort((a, b) => a.far - b.far);
-  return closest.slice(0, 3).map(({ noun }) => withArticle([...kept, noun].join(" ")));
-}
-
-/** How many letters must be put in, taken out or changed. @param {string} a @param {string} b */
-function edits(a, b) {
-  let row = Array.from({ length: b.length + 1 }, (_, index) => index);
-  for (let i = 1; i <= a.length; i += 1) {
-    const next = [i];
-    for (let j = 1; j <= b.length; j += 1) {
-      next.push(Math.min(next[j - 1] + 1, row[j] + 1, row[j - 1] + (a[i - 1] === b[j - 1] ? 0 : 1)));
-    }
-    row = next;
-  }
-  return row[b.length];
-}
-
-/**
  * A prompt by chance, of a noun and now and then an adjective.
  * @param {Vocabulary} known
  * @param {() => number} [random]

@@ -58,7 +58,7 @@ export class AssetPanel {
     this.stage.append(
       this.box.element,
       h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop it here")),
-      button("Reset view", () => [this.box, this.other].forEach((box) => box?.resetView()), { icon: "reset", quiet: true, class: "stage-reset" }),
+      button("Reset view", () => [this.box, this.other].forEach((box) => box?.resetView()), { icon: "reset", quiet: true, class: "button-quiet stage-reset" }),
     );
     return h(
       "section",
@@ -68,7 +68,7 @@ export class AssetPanel {
       this.problem,
       h(
         "div",
-        { class: "asset-bar" },
+        { class: "row asset-bar" },
         h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, `Or drop a ${WORDS} anywhere on this page.`), h("span", { class: "without-mouse" }, WORDS))),
         h("div", { class: "row" }, choose, this.input),
       ),

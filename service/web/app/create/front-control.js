@@ -41,7 +41,7 @@ export class FrontControl {
     this.reset = button("Automatic", () => this._choose(""), { class: "chip chip-small" });
     this.find = button("Find", () => this._find(), { class: "chip chip-small", title: "Ask the model which side it would take" });
     this.note = h("p", { class: "small muted front-note", "aria-live": "polite", hidden: true });
-    this.element = h("div", { class: "front-control", hidden: true }, row, this.find, this.reset, this.note);
+    this.element = h("div", { class: "row front-control", hidden: true }, row, this.find, this.reset, this.note);
     row.hidden = false;
     box.ready.then(() => {
       box.viewer?.addEventListener("frontchange", (/** @type {CustomEvent<{degrees: number}>} */ event) => this._choose(String(event.detail.degrees)));
@@ -115,6 +115,6 @@ export class FrontControl {
     this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: found by what the asset is" : `${angle} degrees from +Z towards +X`);
     this.reset.hidden = this.value === "";
     this.find.hidden = chosen !== null;
-    this.box.front(this.element.hidden ? null : (angle ?? 0), angle === null);
+    this.box.viewer?.setFront(this.element.hidden ? null : (angle ?? 0), angle === null);
   }
 }

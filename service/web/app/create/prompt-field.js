@@ -122,7 +122,7 @@ export class PromptField {
     this.chips.classList.toggle("replaced", Boolean(error));
     invalid(this.input, Boolean(error));
     if (!error) return void fill(this.problem);
-    showRefusal(this.problem, error, this.value, this.model?.vocabulary ?? null, (text) => {
+    showRefusal(this.problem, error, (text) => {
       this.set(text);
       this.input.focus();
     });

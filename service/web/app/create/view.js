@@ -295,7 +295,7 @@ export class CreateView {
     this.estimate.textContent = "";
     const code = error instanceof MeshdeformError ? error.code : "";
     const about = isAboutPrompt(error) && error instanceof MeshdeformError;
-    const further = about && this.control.further.refuse(error, !this.prompt.value, this.prompt.model?.vocabulary ?? null);
+    const further = about && this.control.further.refuse(error, !this.prompt.value);
     if (!further) this.control.further.accept();
     if (!further && about && isAboutNegative(error, this.prompt.value)) {
       this.prompt.refuse(null);

@@ -69,7 +69,7 @@ export class ExampleView {
     });
     const morph = slider("morph-slider", "Morph", 100, () => {
       const share = Number(morph.input.value) / 100;
-      this.stage?.views[1].morph(share);
+      this.stage?.views[1].viewer?.setMorph(share);
       morph.value.textContent = percent(share);
       morph.input.setAttribute("aria-valuetext", `${morph.input.value} percent`);
     });

@@ -12,7 +12,7 @@ import { isTerminal } from "../history.js";
 import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
 import { checkpointEvery, refinement } from "../params.js";
-import { attempt } from "../problem-box.js";
+import { orToast } from "../problem-box.js";
 import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { copyLink, copyText, download } from "./files.js";
@@ -87,14 +87,14 @@ export class JobActions {
   }
 
   _cancel() {
-    return attempt("Not canceled", async () => {
+    return orToast("Not canceled", async () => {
       await client.cancel(this.job);
       this.onChange();
     });
   }
 
   _retry() {
-    return attempt("Not retried", async () => {
+    return orToast("Not retried", async () => {
       const job = await client.retry(this.job);
       location.hash = routeHash({ name: "job", id: job.id });
     });
@@ -104,7 +104,7 @@ export class JobActions {
   async _refine({ title, document }) {
     if (this.busy) return;
     this.busy = true;
-    await attempt("Not refined", async () => {
+    await orToast("Not refined", async () => {
       const asset = new Asset(await client.file(this.job, "asset", this.scope.signal), this.job.asset.filename);
       const checked = await client.validate(...(await asset.submission(document)));
       document.params.checkpoint_every_steps = checkpointEvery(checked.params.steps);
@@ -157,7 +157,7 @@ export class JobActions {
         action: "Start",
         explain: (error, place) => {
           if (!isAboutPrompt(error)) return false;
-          showRefusal(place, error, prompt.value, null, (text) => {
+          showRefusal(place, error, (text) => {
             prompt.value = this.typed = text;
             place.replaceChildren();
             prompt.focus();

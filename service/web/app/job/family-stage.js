@@ -4,7 +4,7 @@ import { client, isAbort } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { percent } from "../format.js";
 import { stemOf } from "../names.js";
-import { attempt } from "../problem-box.js";
+import { orToast } from "../problem-box.js";
 import { filesOf } from "../../viewer/zip.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
@@ -103,7 +103,7 @@ export class FamilyStage extends PictureStage {
   }
 
   _download() {
-    return attempt("Not downloaded", async () => {
+    return orToast("Not downloaded", async () => {
       const mesh = await this._mesh();
       if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
     });

@@ -8,7 +8,7 @@ import { client, isAbort, isOffline } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { bytes, count, counted, figure } from "../format.js";
 import { stemOf } from "../names.js";
-import { attempt } from "../problem-box.js";
+import { orToast } from "../problem-box.js";
 import { ViewerBox } from "../viewer-box.js";
 import { saveBytes } from "./files.js";
 import { handOnButtons } from "./hand-on.js";
@@ -32,7 +32,7 @@ export class FieldStage {
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
     this.facts = h("p", { class: "small muted field-facts", role: "status" });
     this.beside = h("table", { class: "field-sizes", hidden: true });
-    this.wires = toggle("Wireframe", (on) => this.box.wireframe(on));
+    this.wires = toggle("Wireframe", (on) => this.box.viewer?.setWireframe(on));
     this.heats = toggle("Distances", (on) => this._heat(on ? (this.source ?? this.opposite) : null));
     this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
     this.farther.disabled = true;
@@ -355,7 +355,7 @@ export class FieldStage {
   }
 
   _picture() {
-    return attempt("No picture", async () => saveBytes(await this.box.picture(), `${stemOf(this.job)}-level${this.shown?.level ?? 0}.png`));
+    return orToast("No picture", async () => saveBytes(await this.box.picture(), `${stemOf(this.job)}-level${this.shown?.level ?? 0}.png`));
   }
 }
 

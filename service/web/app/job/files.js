@@ -5,7 +5,7 @@ import { client } from "../client.js";
 import { h } from "../dom.js";
 import { currentKey, currentLink } from "../key.js";
 import { artifactName } from "../names.js";
-import { attempt } from "../problem-box.js";
+import { orToast } from "../problem-box.js";
 
 // Smaller files go through the page, which names them; larger ones are streamed to the disk under the server's name.
 const NAMED_BYTES = 256 << 20;
@@ -19,7 +19,7 @@ const NAMED_BYTES = 256 << 20;
  * @param {import("../scope.js").Scope} scope
  */
 export function download(path, name, size, signable, scope) {
-  return attempt("Not downloaded", async () => {
+  return orToast("Not downloaded", async () => {
     if (size <= NAMED_BYTES || currentLink() || (currentKey() && !signable)) {
       const response = await client.request(path, { signal: scope.signal });
       return saveBytes(await response.blob(), name);
@@ -39,7 +39,7 @@ export function download(path, name, size, signable, scope) {
 export function downloadMade(job, name, scope) {
   const path = `v1/jobs/${job.id}/artifacts/${name}`;
   announce(`Making ${name}`);
-  return attempt("Not made", async () => {
+  return orToast("Not made", async () => {
     const { size } = await client.json(path, { method: "POST", signal: scope.signal });
     await download(path, artifactName(job, name), size, true, scope);
   });
@@ -52,7 +52,7 @@ export function downloadMade(job, name, scope) {
  * @param {string} [opens] What it opens, where that is more than what was asked for.
  */
 export function copyLink(path, scope, opens = "") {
-  return attempt("No link", async () => {
+  return orToast("No link", async () => {
     const { url, expires_at } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
     const until = new Date(expires_at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
     await copyText(client.url(url), `Link copied. It ${opens}needs no key and works until ${until}`);

@@ -9,7 +9,7 @@ import { isTerminal } from "../history.js";
 import { shapeName } from "../names.js";
 import { unpacked } from "../../viewer/zip.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
-import { attempt } from "../problem-box.js";
+import { orToast } from "../problem-box.js";
 import { askedToggle } from "./asked.js";
 import { saveBytes } from "./files.js";
 import { ShapeCache, shapesOf, sourceOf } from "./shapes.js";
@@ -106,7 +106,7 @@ export class JobStage extends PairStage {
     const turn = orientation?.turn_deg;
     if (typeof turn !== "number" || !["found", "given", "continued"].includes(orientation.source)) return;
     await this.before.ready;
-    this.before.front(turn);
+    this.before.viewer?.setFront(turn);
   }
 
   /** The step that the slider is at; null at the source and at the result. */
@@ -186,7 +186,7 @@ export class JobStage extends PairStage {
 
   _showSource() {
     this.after.say("");
-    this.after.morph(0);
+    this.after.viewer?.setMorph(0);
     this.shown = "";
     this._tag();
   }
@@ -240,7 +240,7 @@ export class JobStage extends PairStage {
     if (share !== 100) this.way?.open(share);
     this.morph.value.textContent = percent(share / 100);
     this.morph.input.setAttribute("aria-valuetext", `${share} percent`);
-    if (this.shown) this.after.morph(share / 100);
+    if (this.shown) this.after.viewer?.setMorph(share / 100);
     this._tag();
   }
 
@@ -259,7 +259,7 @@ export class JobStage extends PairStage {
     const shape = this.shapes.find(({ path }) => path === this.shown);
     if (!shape) return;
     const share = this.comparable ? this._share() : 100;
-    await attempt("Not downloaded", async () => {
+    await orToast("Not downloaded", async () => {
       const mesh = await this.cache.get(shape.path);
       const straight = () => this.after.blended(this.source, this.format, mesh, share / 100);
       const bytes = share === 100 ? mesh : ((await this.way?.reach(share)) ?? (await straight()));
@@ -270,7 +270,7 @@ export class JobStage extends PairStage {
   /** Save a picture of the second view. */
   _picture() {
     const shape = this.shapes.find(({ path }) => path === this.shown);
-    return attempt("No picture", async () => saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", this._share(), "png")));
+    return orToast("No picture", async () => saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", this._share(), "png")));
   }
 
   /** Save an animated picture that goes around the second view's shape once. */
@@ -279,7 +279,7 @@ export class JobStage extends PairStage {
     const name = shapeName(this.job, ["turntable", shape?.name].filter(Boolean).join("-"), Number(this.morph.input.value), "webp");
     this.turntable.disabled = true;
     announce("Making the turntable");
-    await attempt("No turntable", async () => saveBytes(await this.after.turntable(), name), "The command meshdeform animate makes one too.");
+    await orToast("No turntable", async () => saveBytes(await this.after.turntable(), name), "The command meshdeform animate makes one too.");
     this.turntable.disabled = false;
   }
 }

@@ -36,7 +36,7 @@ export class SynthesisPanel {
     this.turn = 0; // which of two members a click chooses
     this.numbers = new NumberRows("family_synthesize", ["count"], () => {});
     this.members = [0, 1].map((number) => this._select(number));
-    this.keep = h("fieldset", { class: "synthesis-keep" }, h("legend", { class: "field-label" }, "Parts to keep"));
+    this.keep = h("fieldset", { class: "row synthesis-keep" }, h("legend", { class: "field-label" }, "Parts to keep"));
     this.problem = h("div", { class: "problem-slot" });
     this.hint = h("p", { class: "small muted" }, "Or click a shape on the wall.");
     this.form = new JobForm(scope, "New shapes", "Make shapes", {

@@ -60,7 +60,7 @@ export class Way {
   async _reach(share) {
     try {
       const file = await this.cache.get(`${this.path}?strength=${share / 100}`);
-      if (!this.passed.has(share)) await this.box.pass(file.slice(0), share / 100);
+      if (!this.passed.has(share)) await this.box.viewer?.addWaypoint(file.slice(0), share / 100);
       this.passed.add(share);
       this.onChange();
       return file;

@@ -35,7 +35,7 @@ export class SheetPanel {
       h("summary", null, h("h2", null, "Contact sheet")),
       h(
         "div",
-        { class: "sheet-form" },
+        { class: "row sheet-form" },
         labelled("sheet-strengths", "Strengths in percent", this.input, h("p", { class: "small muted", id: "sheet-help" }, "100 is the result, 0 the asset, up to 150.")),
         this.make,
       ),

@@ -17,7 +17,7 @@ export class PromptRows {
   /** @param {import("./panel.js").ControlPanel} panel */
   constructor(panel) {
     this.panel = panel;
-    /** What the model refuses, by the ids of prompts: the error, and the words that it knows. @type {Map<number, {error: unknown, known: any}>} */
+    /** What the model refuses, by the ids of prompts. @type {Map<number, unknown>} */
     this.refused = new Map();
     this.list = h("ul", { class: "control-rows", "aria-label": "Further prompts" });
     this.problem = h("p", { class: "field-problem", role: "status", hidden: true });
@@ -137,7 +137,7 @@ export class PromptRows {
       h("div", { class: "control-head" }, h("label", { class: "field-label", for: id }, name), button(`Remove ${name.toLowerCase()}`, () => this._remove(each.id), { icon: "trash", quiet: true, class: "button-quiet" })),
       input,
       place,
-      h("div", { class: "further-how" }, h("label", null, h("span", { class: "small muted" }, "Weight"), weight.input), h("label", null, h("span", { class: "small muted" }, "Where"), where)),
+      h("div", { class: "row further-how" }, h("label", null, h("span", { class: "small muted" }, "Weight"), weight.input), h("label", null, h("span", { class: "small muted" }, "Where"), where)),
       tools,
       regions.length ? h("ul", { class: "control-rows", "aria-label": `Regions of ${name.toLowerCase()}, listed` }, regions) : null,
     );
@@ -172,10 +172,9 @@ export class PromptRows {
    * Say which of the prompts the model does not understand, with what it would.
    * @param {import("../../client.js").MeshdeformError} error
    * @param {boolean} alone Whether the request has no prompt of its own.
-   * @param {import("../../vocabulary.js").Vocabulary | null} known
    * @returns {boolean} Whether it is one of these.
    */
-  refuse(error, alone, known) {
+  refuse(error, alone) {
     const [first] = errorsOf(error);
     const sent = written(this.prompts);
     const [name, number] = placeOf(first ?? {});
@@ -183,7 +182,7 @@ export class PromptRows {
     const found = sent[at];
     if (!found) return false;
     this.accept();
-    this.refused.set(found.id, { error, known });
+    this.refused.set(found.id, error);
     this._refusal(found.id);
     return true;
   }
@@ -196,7 +195,7 @@ export class PromptRows {
     field.place.hidden = !found;
     invalid(field.input, found !== undefined);
     if (!found) return void fill(field.place);
-    showRefusal(field.place, found.error, field.input.value, found.known, (text) => {
+    showRefusal(field.place, found, (text) => {
       field.input.value = text;
       field.input.dispatchEvent(new Event("input"));
       field.input.focus();
