@@ -261,7 +261,7 @@ function normalsOf(positions, index) {
  * @param {Float32Array} positions
  * @returns {Float64Array}
  */
-function worldPositions(mesh, positions) {
+export function worldPositions(mesh, positions) {
   mesh.updateWorldMatrix(true, false);
   const out = new Float64Array(positions.length);
   const point = new Vector3();

@@ -1,6 +1,5 @@
 // @ts-check
 /** The form for a surface fit: any surface becomes a file of a few kilobytes. Its parameters are those that the server declares. */
-import { Asset } from "../assets.js";
 import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { lastDraft } from "../drafts.js";
@@ -12,6 +11,7 @@ import { debounced } from "../scope.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
 import { NumberRows } from "./field-rows.js";
+import { originOf } from "./origins.js";
 import { SurfaceFiles } from "./surface-files.js";
 
 const KIND = "surface_fit";
@@ -82,14 +82,12 @@ export class SurfaceView {
   /** @param {string} id @returns {Promise<Record<string, any> | null>} The parameters of a job whose file is used again. */
   async _again(id) {
     try {
-      const job = await client.get(id, this.scope.signal);
-      const asset = new Asset(await client.file(id, "asset", this.scope.signal), job.asset.filename);
+      const { job, asset, others } = await originOf(id, this.scope.signal);
       if (!this.assets.choices) await this.assets.use(asset);
       if (job.kind !== KIND) return null;
-      for (const part of ["base", "scalars"])
-        if (job.files?.[part]) this.files.use(part, new Asset(await client.file(id, part, this.scope.signal), job.files[part].filename));
+      for (const [part, file] of Object.entries(others)) this.files.use(part, file);
       if (job.params.anchors) this.files.restore(job.params.anchors);
-      if (job.params.anchors || job.files?.base || job.files?.scalars) this.numbers.advanced.open = true;
+      if (job.params.anchors || Object.keys(others).length) this.numbers.advanced.open = true;
       return job.params;
     } catch (error) {
       if (!isAbort(error)) fill(this.problem, problemBox(error));
@@ -155,7 +153,7 @@ export class SurfaceView {
 
   async _send() {
     this.turn += 1;
-    const asset = /** @type {Asset} */ (this.assets.asset);
+    const asset = /** @type {import("../assets.js").Asset} */ (this.assets.asset);
     const job = await client.submit(...(await asset.submission(this._document(), this.files.parts)));
     return routeHash({ name: "job", id: job.id });
   }

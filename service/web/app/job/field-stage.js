@@ -10,8 +10,8 @@ import { bytes, count, counted, figure } from "../format.js";
 import { stemOf } from "../names.js";
 import { orToast } from "../problem-box.js";
 import { ViewerBox } from "../viewer-box.js";
-import { saveBytes } from "./files.js";
-import { handOnButtons } from "./hand-on.js";
+import { handOnButtons, saveBytes } from "./files.js";
+import { PictureStage } from "./picture-stage.js";
 import { chooser, drawnPicture, showLegend, slider, toggle } from "./stage-controls.js";
 
 const AGAIN_MS = 3000;
@@ -19,14 +19,11 @@ const MODES = 10; // as field-worker.js computes
 const SAMPLES = 2000;
 const FIRST_FACES = 40_000; // levels come by themselves up to about as many
 
-export class FieldStage {
+export class FieldStage extends PictureStage {
   /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
-    this.job = job;
-    this.scope = scope;
+    super(job, scope);
     this.flat = false; // nothing can be drawn here
-    /** The step whose shape is chosen: none can be. */
-    this.chosenStep = null;
     this.box = new ViewerBox("Surface", scope);
     this.legend = h("div", { class: "legend", hidden: true });
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
@@ -130,9 +127,6 @@ export class FieldStage {
     this.report = report;
     this._tell();
   }
-
-  /** Fields have no front. */
-  front() {}
 
   /** Show the picture that the job made, where nothing can be drawn. @param {Blob} picture */
   showPicture(picture) {

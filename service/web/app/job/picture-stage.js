@@ -15,8 +15,8 @@ export class PictureStage {
     this.element = h("section", { class: "job-stage single", "aria-label": "Result" }, this.frame);
   }
 
-  /** Shapes on the way are not shown. */
-  offer() {}
+  /** Shapes on the way are not shown. @param {...any} _ @returns {any} */
+  offer(..._) {}
 
   front() {}
 
