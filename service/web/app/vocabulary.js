@@ -7,39 +7,14 @@
  * @typedef {{default: string, models: Model[]}} Catalogue
  */
 
-/**
- * What `GET /v1/models` says, or what little is known where it says nothing.
- * @param {any} document
- * @returns {Catalogue}
- */
-export function catalogue(document) {
-  const found = Array.isArray(document?.models) ? document.models : [];
-  /** @type {Model[]} */
-  const models = found
-    .filter((/** @type {any} */ model) => typeof model?.id === "string")
-    .map((/** @type {any} */ model) => ({
-      id: model.id,
-      title: String(model.title ?? model.id),
-      description: String(model.description ?? ""),
-      available: model.available !== false,
-      vocabulary: model.vocabulary ? vocabulary(model.vocabulary) : null,
-    }));
-  return { default: typeof document?.default === "string" ? document.default : (models[0]?.id ?? ""), models };
-}
-
-/** @param {any} document @returns {Vocabulary} */
-function vocabulary(document) {
-  const words = (/** @type {unknown} */ list) => (Array.isArray(list) ? list.map(String) : []);
-  const nouns = words(document.nouns);
-  /** @type {[string, string[]][]} */
-  const groups = Object.entries(document.groups ?? {}).map(([name, some]) => [name, words(some)]);
-  return {
-    nouns,
-    attributes: words(document.attributes),
-    parts: Object.fromEntries(Object.entries(document.parts ?? {}).map(([noun, parts]) => [noun, words(parts)])),
-    examples: words(document.examples),
-    groups: groups.length ? groups : [["nouns", nouns]],
-  };
+/** What `GET /v1/models` says; nothing, where it could not be asked. @param {any} document @returns {Catalogue} */
+export function catalogue({ models = [], default: standard = "" }) {
+  const read = (/** @type {any} */ model) => ({
+    ...model,
+    available: model.available !== false, // null: the server cannot tell
+    vocabulary: model.vocabulary && { ...model.vocabulary, groups: Object.entries(model.vocabulary.groups) },
+  });
+  return { default: standard, models: models.map(read) };
 }
 
 /** Attributes that stand before a noun; those of parts ("long neck") are two words. @param {Vocabulary} known */

@@ -94,7 +94,7 @@ export class CreateView {
   /** @param {string | null} from */
   async _begin(from) {
     this.fields = this._learnFields();
-    const models = client.models(this.scope.signal).catch((error) => (isAbort(error) ? null : {}));
+    const models = client.models(this.scope.signal).catch(() => ({}));
     const last = await lastDraft();
     if (this.scope.over) return;
     // The draft of another job is not the one that is asked for.
