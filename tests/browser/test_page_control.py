@@ -228,6 +228,7 @@ def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service
 
     page.set_input_files("#target-file", two_parts(tmp_path / "balls.glb"))
     expect(page.get_by_label("Prompt", exact=True)).to_be_hidden()
+    expect(page.locator(".front-control")).to_be_hidden()  # it would not be sent
     source, target = page.locator(".asset-panel .viewer").nth(0), page.locator(".asset-panel .viewer").nth(1)
     until_shown(page, LOWER)
     page.get_by_role("button", name="Click pairs of points").click()

@@ -133,6 +133,8 @@ def test_points_go_to_the_form_for_fits_and_the_mesh_comes_back_as_an_asset(
     page.set_input_files("#asset-file", cloud)
     page.get_by_role("link", name="Fit a surface to it").click()
     expect(page.locator("#asset-facts")).to_contain_text("ball.ply")
+    expect(page.get_by_label("Base faces", exact=True)).to_have_value("500")  # a quick fit, to be typed over
+    expect(page.get_by_label("Steps", exact=True)).to_have_value("300")
 
     page.goto(f"/?job={fitted}")
     page.get_by_role("button", name="Deform this mesh").click()

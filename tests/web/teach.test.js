@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { lessonFindings } from "../../service/web/app/job/lesson.js";
+import { lessonFindings } from "../../service/web/app/job/results.js";
 import { parseRoute, routeHash } from "../../service/web/app/router.js";
 import { crc32, namesInZip, packMeshes } from "../../service/web/client/meshes.js";
 import { unpacked } from "../../service/web/viewer/zip.js";

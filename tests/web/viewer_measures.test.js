@@ -4,7 +4,6 @@ import { test } from "node:test";
 
 import {
   averageToVertices,
-  boxDiagonal,
   displacement,
   doubleAreas,
   stretch,
@@ -54,10 +53,8 @@ test("a face that collapses is infinite, one that had no area is no number", () 
 test("displacement is the distance of each vertex", () =>
   assert.deepEqual([...displacement([0, 0, 0, 1, 1, 1], [3, 4, 0, 1, 1, 1])], [5, 0]));
 
-test("areas and diagonals of what everybody knows", () => {
+test("areas of what everybody knows", () => {
   near(doubleAreas(TRIANGLE, [0, 1, 2])[0], 1);
-  near(boxDiagonal([[0, 0, 0], [2, 3, 6]]), 7);
-  assert.equal(boxDiagonal([]), 0);
 });
 
 test("the percentile lies between its neighbours, and only finite values count", () => {

@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { findings, skipped } from "../../service/web/app/quality.js";
 import { allPoints, curveWords, reportPoints, seriesNames, smoothed, ticks } from "../../service/web/app/series.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
-import { adjectives, catalogue, nearby, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
+import { adjectives, catalogue, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
 const KNOWN = { nouns: ["giraffe", "octopus", "vase"], parts: {}, attributes: ["tall", "thin", "long", "short/long neck"], examples: [], groups: [] };
 
@@ -90,13 +90,6 @@ test("files are named after what is in them", () => {
   assert.equal(artifactName({ asset: { filename: ".obj" }, prompt: "" }, "result.glb"), "asset-target-seed0.glb");
 });
 
-test("a refused prompt is repaired from the words that are known", () => {
-  assert.deepEqual(nearby("a tall vase of gold", {}, KNOWN), ["a tall vase"]);
-  assert.deepEqual(nearby("a thin girafe", { girafe: "giraffe" }, KNOWN), ["a thin giraffe"]);
-  assert.equal(nearby("octopos", {}, KNOWN)[0], "an octopus");
-  assert.equal(nearby("Albert Einstein", {}, KNOWN).length, 3);
-});
-
 test("an open surface has no volume to speak of", () => {
   assert.equal(findings({ quality: { area_ratio: 2, volume_ratio: 0 } })[0].text, "Surface 2×");
   assert.equal(findings({ quality: { area_ratio: 2, volume_ratio: 3 } })[0].text, "Surface 2×, volume 3×");
@@ -141,17 +134,17 @@ test("prompts are put together from what a prior knows", () => {
   assert.equal(surprise(KNOWN, () => 0.99), "a vase");
 });
 
-test("a server that knows no models, or says odd things, is borne", () => {
+test("models are as the server names them, and none where it could not be asked", () => {
   assert.deepEqual(catalogue({}), { default: "", models: [] });
-  const found = catalogue({ default: "builtin", models: [{ id: "builtin", vocabulary: { nouns: ["vase"] } }, { title: "no id" }] });
-  assert.equal(found.models.length, 1);
-  assert.deepEqual(found.models[0].vocabulary, { nouns: ["vase"], attributes: [], parts: {}, examples: [], groups: [["nouns", ["vase"]]] });
-  const grouped = catalogue({ models: [{ id: "builtin", vocabulary: { nouns: ["cat", "vase"], groups: { animals: ["cat"], vessels: ["vase"] } } }] });
-  assert.deepEqual(grouped.models[0].vocabulary?.groups, [["animals", ["cat"]], ["vessels", ["vase"]]]);
+  const found = catalogue({ default: "builtin", models: [{ id: "builtin", vocabulary: { nouns: ["cat", "vase"], groups: { animals: ["cat"], vessels: ["vase"] } } }, { id: "sd", available: null, vocabulary: null }, { id: "away", available: false, vocabulary: null }] });
+  assert.equal(found.default, "builtin");
+  assert.deepEqual(found.models[0].vocabulary?.groups, [["animals", ["cat"]], ["vessels", ["vase"]]]);
+  assert.equal(found.models[1].vocabulary, null);
+  assert.deepEqual(found.models.map(({ available }) => available), [true, true, false]);
 });
 
 test("variations ask for different members of what the prompt allows", () => {
-  const words = { nouns: ["giraffe", "vase"], attributes: ["tall", "wide", "thin", "short neck", "long neck", "short legs", "long legs"], parts: { giraffe: ["legs", "neck"] } };
+  const words = { nouns: ["giraffe", "vase"], attributes: ["tall", "wide", "thin", "short neck", "long neck", "short legs", "long legs"], parts: { giraffe: ["legs", "neck"] }, groups: {} };
   const known = catalogue({ models: [{ id: "builtin", vocabulary: words }] }).models[0].vocabulary;
   assert.deepEqual(variationPrompts("a giraffe", 5, known), [
     "a giraffe", "a giraffe with long legs", "a tall giraffe", "a giraffe with a long neck", "a wide giraffe",

@@ -39,11 +39,7 @@ export function announce(text) {
   region.textContent = region.textContent === text ? text + "\u00a0" : text;
 }
 
-/**
- * Say it to everybody: aloud, and on the screen for a few seconds.
- *
- * @param {string} text
- */
+/** Say it to everybody: aloud, and on the screen for a few seconds. @param {string} text */
 export function toast(text) {
   announce(text);
   const note = h("div", { class: "toast", "aria-hidden": "true" }, text);
@@ -53,7 +49,6 @@ export function toast(text) {
 
 /**
  * Say what will be done, with a button that prevents it. The time stops while the pointer or the focus is on it.
- *
  * @param {string} text
  * @param {() => void} undo
  * @param {() => void} act called once the time is over

@@ -17,10 +17,7 @@ export function formatOf(name, formats = FORMATS) {
 }
 
 export class Asset {
-  /**
-   * @param {Blob} blob
-   * @param {string} name
-   */
+  /** @param {Blob} blob @param {string} name */
   constructor(blob, name) {
     this.blob = blob;
     this.name = name;
@@ -46,7 +43,6 @@ export class Asset {
 
   /**
    * What the client takes for a job on this file: `client.submit(...(await asset.submission(document)))`.
-   *
    * @param {Record<string, any>} document
    * @param {Record<string, Asset>} [others] More files, by the names of their parts.
    * @param {AbortSignal} [signal] Of the request; an upload goes on, for the requests that follow.
@@ -83,7 +79,6 @@ export class Asset {
 
 /**
  * One of the assets that come with the page. They need no API key.
- *
  * @param {string} name Of a file below `web/examples/`.
  * @param {AbortSignal} signal
  * @returns {Promise<Asset>}

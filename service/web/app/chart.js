@@ -1,7 +1,7 @@
 // @ts-check
 /** The curve of one loss over the steps: its values, thin, and smoothed. */
 import { fill, h, svg } from "./dom.js";
-import { count, figure } from "./format.js";
+import { count, figure, titled } from "./format.js";
 import { curveWords, seriesNames, smoothed, ticks } from "./series.js";
 
 const FIRST_WIDTH = 420;
@@ -40,10 +40,7 @@ export class LossChart {
     this._draw();
   }
 
-  /**
-   * @param {import("./history.js").Point[]} points
-   * @param {number} total Steps in all; 0 where not known.
-   */
+  /** @param {import("./history.js").Point[]} points @param {number} total Steps in all; 0 where not known. */
   show(points, total) {
     if (points === this.points && total === this.total) return;
     this.points = points;
@@ -88,12 +85,7 @@ export class LossChart {
     this.picture.append(svg("circle", { cx: x(steps[end]), cy: y(smooth[end]), r: 3.5, class: "chart-dot" }));
   }
 
-  /**
-   * @param {number} high
-   * @param {number} last
-   * @param {(step: number) => number} x
-   * @param {(value: number) => number} y
-   */
+  /** @param {number} high @param {number} last @param {(step: number) => number} x @param {(value: number) => number} y */
   _axes(high, last, x, y) {
     const text = (/** @type {string} */ content, /** @type {Record<string, string | number>} */ at) => {
       const element = svg("text", { class: "chart-tick", ...at });
@@ -121,7 +113,5 @@ const LABELS = /** @type {Record<string, string>} */ ({
 
 /** @param {string} name */
 function label(name) {
-  if (LABELS[name]) return LABELS[name];
-  const words = name.replaceAll("_", " ");
-  return words[0].toUpperCase() + words.slice(1);
+  return LABELS[name] ?? titled(name);
 }

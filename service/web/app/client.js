@@ -1,7 +1,7 @@
 // @ts-check
 /** The client of the service that this page comes from, with what the page says and asks meanwhile. */
 import { Client, MeshdeformError } from "../client/index.js";
-import { askUnlessLinked, credential } from "./link.js";
+import { askUnlessLinked, credential } from "./key.js";
 
 export { MeshdeformError };
 
@@ -28,6 +28,12 @@ export const client = new Client({
 /** Return whether a view left what it had asked for. @param {unknown} error */
 export function isAbort(error) {
   return error instanceof DOMException && error.name === "AbortError";
+}
+
+/** What the server refuses, place by place. @param {unknown} error @returns {any[]} */
+export function errorsOf(error) {
+  const errors = error instanceof MeshdeformError ? error.problem?.errors : null;
+  return Array.isArray(errors) ? errors : [];
 }
 
 /** Return whether no answer came. @param {unknown} error @returns {boolean} */

@@ -28,10 +28,7 @@ export function h(tag, props, ...children) {
   return element;
 }
 
-/**
- * @param {Element} parent
- * @param {(Child | Child[])[]} children
- */
+/** @param {Element} parent @param {(Child | Child[])[]} children */
 export function append(parent, children) {
   for (const child of children.flat()) {
     if (child === null || child === undefined || child === false) continue;
@@ -51,12 +48,7 @@ export function fill(parent, ...children) {
   return parent;
 }
 
-/**
- * @param {string} tag
- * @param {Record<string, string | number>} attributes
- * @param {...(Node | string)} children
- * @returns {SVGElement}
- */
+/** @param {string} tag @param {Record<string, string | number>} attributes @param {...(Node | string)} children @returns {SVGElement} */
 export function svg(tag, attributes = {}, ...children) {
   const element = /** @type {SVGElement} */ (document.createElementNS("http://www.w3.org/2000/svg", tag));
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
@@ -107,7 +99,6 @@ export function icon(name) {
 
 /**
  * A button with an icon and a label; with `quiet`, the label is for screen readers and the tooltip.
- *
  * @param {string} label
  * @param {() => void} act
  * @param {{icon?: string, class?: string, quiet?: boolean, title?: string}} [options]
@@ -126,6 +117,28 @@ export function button(label, act, options = {}) {
     options.icon ? icon(options.icon) : null,
     options.quiet ? null : label,
   );
+}
+
+/** A panel with a title. @param {string} id Of the title. @param {string} title @param {...(Child | Child[])} children */
+export function panel(id, title, ...children) {
+  return h("section", { class: "panel", "aria-labelledby": id }, h("div", { class: "panel-head" }, h("h2", { id }, title)), ...children);
+}
+
+/** A field with its label. @param {string} id Of the input. @param {string} label @param {...(Child | Child[])} children */
+export function labelled(id, label, ...children) {
+  return h("div", { class: "field" }, h("label", { class: "field-label", for: id }, label), ...children);
+}
+
+/** Say something in a place that is hidden while there is nothing to say. @param {HTMLElement} place @param {string} text */
+export function say(place, text) {
+  place.hidden = !text;
+  place.textContent = text;
+}
+
+/** Mark what was typed as wrong, or as right again. @param {Element} input @param {boolean} wrong */
+export function invalid(input, wrong) {
+  if (wrong) input.setAttribute("aria-invalid", "true");
+  else input.removeAttribute("aria-invalid");
 }
 
 let ids = 0;

@@ -70,10 +70,7 @@ export async function forgetDrafts() {
   await change((store) => store.clear()).catch(() => {});
 }
 
-/**
- * @param {"sessionStorage" | "localStorage"} place
- * @returns {{tab: string, at: number, from: string | null, wish: any} | null}
- */
+/** @param {"sessionStorage" | "localStorage"} place @returns {{tab: string, at: number, from: string | null, wish: any} | null} */
 function stored(place) {
   try {
     const found = JSON.parse(window[place].getItem(NAME) ?? "null");

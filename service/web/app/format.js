@@ -9,15 +9,14 @@ export function count(value) {
   return INTEGER.format(value);
 }
 
-/**
- * "1 triangle", "5,120 triangles".
- *
- * @param {number} value
- * @param {string} singular
- * @param {string} [plural]
- */
+/** "1 triangle", "5,120 triangles". @param {number} value @param {string} singular @param {string} [plural] */
 export function counted(value, singular, plural = singular + "s") {
   return `${count(value)} ${value === 1 ? singular : plural}`;
+}
+
+/** The name of a parameter or a part, as a label. @param {string} name Such as `back_height`. */
+export function titled(name) {
+  return name.slice(0, 1).toUpperCase() + name.slice(1).replaceAll("_", " ");
 }
 
 /** @param {number} value Bytes. */
@@ -34,11 +33,7 @@ export function bytes(value) {
   return `${scaled < 9.95 ? scaled.toFixed(1) : Math.round(scaled)} ${units[unit]}`;
 }
 
-/**
- * "8 s", "2 min 5 s", "3 h 12 min".
- *
- * @param {number} seconds
- */
+/** "8 s", "2 min 5 s", "3 h 12 min". @param {number} seconds */
 export function duration(seconds) {
   if (!Number.isFinite(seconds)) return "–";
   if (seconds < 0.95) return "under 1 s";
@@ -51,11 +46,7 @@ export function duration(seconds) {
   return counted(Math.round(hours / 24), "day");
 }
 
-/**
- * A rounded duration, for estimates.
- *
- * @param {number} seconds
- */
+/** A rounded duration, for estimates. @param {number} seconds */
 export function roughly(seconds) {
   if (seconds < 1) return "a second";
   if (seconds < 10) return duration(seconds);
@@ -64,12 +55,7 @@ export function roughly(seconds) {
   return duration(Math.round(seconds / 60) * 60);
 }
 
-/**
- * "just now", "4 min ago", "2 days ago".
- *
- * @param {string} time ISO 8601.
- * @param {number} [now] Milliseconds.
- */
+/** "just now", "4 min ago", "2 days ago". @param {string} time ISO 8601. @param {number} [now] Milliseconds. */
 export function ago(time, now = Date.now()) {
   const seconds = (now - Date.parse(time)) / 1000;
   if (!Number.isFinite(seconds)) return "";
@@ -79,11 +65,7 @@ export function ago(time, now = Date.now()) {
   return `${counted(Math.round(seconds / 86400), "day")} ago`;
 }
 
-/**
- * Four significant digits at most, without a tail of zeros.
- *
- * @param {number} value
- */
+/** Four significant digits at most, without a tail of zeros. @param {number} value */
 export function figure(value) {
   if (!Number.isFinite(value)) return "–";
   const size = Math.abs(value);
@@ -122,11 +104,7 @@ const LESSON_PHASES = /** @type {Record<string, string>} */ ({
   writing: "Measuring what was learned",
 });
 
-/**
- * The goals of a job in words: its prompts; empty: a target mesh.
- *
- * @param {any} job
- */
+/** The goals of a job in words: its prompts; empty: a target mesh. @param {any} job */
 export function goalWords(job) {
   // Another version may write all else in its own way.
   if (job.unreadable) return String(job.prompt ?? "");
@@ -141,11 +119,7 @@ const KIND_TITLES = /** @type {Record<string, string>} */ ({
   prior_teach: "Teach words",
 });
 
-/**
- * What stands for a job in lists: its goals in words, else what it does.
- *
- * @param {any} job
- */
+/** What stands for a job in lists: its goals in words, else what it does. @param {any} job */
 export function jobTitle(job) {
   const goal = goalWords(job);
   const kind = job.kind ?? "text_deform";
@@ -156,11 +130,8 @@ export function jobTitle(job) {
   return job.files?.target || job.target ? "To a target mesh" : job.files?.sketch ? "To a drawing" : "To pictures";
 }
 
-/**
- * @param {string} phase
- * @param {string} [kind] Of the job.
- */
+/** @param {string} phase @param {string} [kind] Of the job. */
 export function phaseWords(phase, kind) {
   if (kind === "prior_teach" && phase in LESSON_PHASES) return LESSON_PHASES[phase];
-  return PHASES[phase] ?? (phase ? phase[0].toUpperCase() + phase.slice(1) : "");
+  return PHASES[phase] ?? titled(phase);
 }

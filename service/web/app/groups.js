@@ -8,10 +8,7 @@
  * @property {Record<string, Record<string, any>>} guidance By its kind.
  */
 
-/**
- * @param {any} schema The JSON schema of a job's parameters.
- * @returns {Groups}
- */
+/** @param {any} schema The JSON schema of a job's parameters. @returns {Groups} */
 export function groupsOf(schema) {
   const members = (/** @type {{$ref: string}} */ { $ref }) => schema.$defs[/** @type {string} */ ($ref.split("/").at(-1))].properties;
   const { control, guidance } = schema?.properties ?? {};
@@ -28,7 +25,6 @@ export function plainParams(params) {
 
 /**
  * Parameters in their groups, as a request has them; without those that only another kind of guidance has.
- *
  * @param {Record<string, any>} params By their names alone.
  * @param {Groups} groups
  * @returns {Record<string, any>}

@@ -5,19 +5,17 @@
  * @typedef {{seq: number, job_id: string, type: string, at: string, attempt: number, data: Record<string, any>}} JobEvent
  * @typedef {{step: number, total: number, fraction: number, phase: string, eta: number | null}} Progress
  * @typedef {{step: number, losses: Record<string, number>}} Point
- * @typedef {{at: string, text: string, attempt: number}} Line
+ * @typedef {{at: string, text: string}} Line
  * @typedef {{reason: string, step: number}} Interruption Why the last attempt ended, and at which step.
  * @typedef {object} History
  * @property {number} seq Number of the newest event; 0 before the first.
  * @property {string} state
- * @property {number} attempt
  * @property {number} losses Attempts that ended without the worker handing the job back in order.
  * @property {Interruption | null} interruption The last one, until the job is as far again.
  * @property {Progress} progress
  * @property {Point[]} points Losses by step, ascending.
  * @property {number[]} checkpoints Steps, ascending.
  * @property {Record<string, any> | null} error
- * @property {string[]} artifacts
  * @property {string | null} startedAt
  * @property {string | null} endedAt
  * @property {Line[]} lines What to read in the log; percents are not in it.
@@ -31,14 +29,12 @@ export function emptyHistory() {
   return {
     seq: 0,
     state: "queued",
-    attempt: 0,
     losses: 0,
     interruption: null,
     progress: { step: 0, total: 0, fraction: 0, phase: "queued", eta: null },
     points: [],
     checkpoints: [],
     error: null,
-    artifacts: [],
     startedAt: null,
     endedAt: null,
     lines: [],
@@ -47,14 +43,13 @@ export function emptyHistory() {
 
 /**
  * Return the history after one more event. An event that is known already changes nothing.
- *
  * @param {History} history
  * @param {JobEvent} event
  * @returns {History}
  */
 export function withEvent(history, event) {
   if (event.seq <= history.seq) return history;
-  const next = { ...history, seq: event.seq, attempt: Math.max(history.attempt, event.attempt) };
+  const next = { ...history, seq: event.seq };
   const data = event.data ?? {};
   switch (event.type) {
     case "queued":
@@ -87,17 +82,15 @@ export function withEvent(history, event) {
       next.state = event.type;
       next.endedAt = event.at;
       next.error = data.error ?? (data.code ? data : null);
-      next.artifacts = Array.isArray(data.artifacts) ? data.artifacts.map(String) : [];
       next.progress = { ...history.progress, eta: null };
   }
   const text = sentence(event);
-  if (text) next.lines = [...history.lines, { at: event.at, text, attempt: event.attempt }];
+  if (text) next.lines = [...history.lines, { at: event.at, text }];
   return next;
 }
 
 /**
  * The share of the steps that is done. The API's `fraction` never goes back; the steps of a recovered job do.
- *
  * @param {Record<string, any>} progress As in events and jobs.
  */
 export function shareDone(progress) {
@@ -105,10 +98,7 @@ export function shareDone(progress) {
   return total ? (Number(progress.step) || 0) / total : Number(progress.fraction) || 0;
 }
 
-/**
- * @param {Record<string, any>} data
- * @returns {Progress}
- */
+/** @param {Record<string, any>} data @returns {Progress} */
 function readProgress(data) {
   return {
     step: Number(data.step) || 0,
@@ -121,7 +111,6 @@ function readProgress(data) {
 
 /**
  * Add a point. A later attempt repeats steps: its points replace the earlier ones.
- *
  * @param {Point[]} points
  * @param {Record<string, any>} data
  * @returns {Point[]}

@@ -28,10 +28,7 @@ export function forgetKey() {
   document.dispatchEvent(new Event("keychange"));
 }
 
-/**
- * @param {string} key
- * @param {boolean} remember
- */
+/** @param {string} key @param {boolean} remember */
 function keep(key, remember) {
   forgetKey();
   held = key;
@@ -45,7 +42,6 @@ function keep(key, remember) {
 
 /**
  * Ask the user for a key, once for all requests that want one.
- *
  * @param {string} refused The key that the server did not take; empty where none was sent.
  * @param {AbortSignal} [signal]
  * @returns {Promise<boolean>} Whether there is another key to try.
@@ -58,10 +54,7 @@ export function askForKey(refused, signal) {
   return asking;
 }
 
-/**
- * @param {boolean} wrong
- * @returns {Promise<boolean>}
- */
+/** @param {boolean} wrong @returns {Promise<boolean>} */
 function ask(wrong) {
   return new Promise((resolve) => {
     const field = h("input", {
@@ -117,4 +110,32 @@ function ask(wrong) {
     dialog.showModal();
     field.focus();
   });
+}
+
+// The link by which somebody without a key looks at one job takes the place of a key while its view is open.
+let link = "";
+
+/** Hold the link of the view that opens; empty: the view is no shared one. @param {string} token */
+export function holdLink(token) {
+  link = token;
+}
+
+/** The token of the link; empty where the page is not shown by one. */
+export function currentLink() {
+  return link;
+}
+
+/** What requests of the page send. */
+export function credential() {
+  return link || currentKey();
+}
+
+/**
+ * Ask for a key, but not those who came by a link, which no key mends.
+ * @param {string} refused
+ * @param {AbortSignal} [signal]
+ */
+export function askUnlessLinked(refused, signal) {
+  // A request that was under way when the view changed is none of the view that there is now.
+  return link || refused.startsWith("link.") ? Promise.resolve(false) : askForKey(refused, signal);
 }

@@ -11,8 +11,7 @@ import { ExampleView, showExamples } from "./examples/view.js";
 import { FamilyView } from "./family/view.js";
 import { JobView } from "./job/view.js";
 import { ListView } from "./jobs/list.js";
-import { currentKey, forgetKey } from "./key.js";
-import { currentLink, holdLink } from "./link.js";
+import { currentKey, currentLink, forgetKey, holdLink } from "./key.js";
 import { parseRoute, permalinkHash } from "./router.js";
 import { Scope } from "./scope.js";
 import { TeachView } from "./teach/view.js";
@@ -43,7 +42,7 @@ function show() {
     else link.removeAttribute("aria-current");
   }
   if (route.name === "create") new CreateView(root, scope, route.from ?? (route.example ? exampleOrigin(route.example) : null), route);
-  else if (route.name === "surface") new SurfaceView(root, scope, route.from);
+  else if (route.name === "surface") new SurfaceView(root, scope, route.from, route.quick);
   else if (route.name === "family") new FamilyView(root, scope, route.from);
   else if (route.name === "examples") showExamples(root, scope);
   else if (route.name === "compare") new CompareView(root, scope, route.ids);

@@ -1,12 +1,72 @@
 // @ts-check
 /** A place for many mesh files: chosen, or dropped anywhere on the page. */
+import { packMeshes } from "../client/index.js";
 import { announce } from "./announce.js";
-import { formatOf } from "./assets.js";
-import { button, fill, h, icon } from "./dom.js";
+import { formatOf, FORMATS } from "./assets.js";
+import { button, fill, h, icon, say } from "./dom.js";
 import { bytes, counted } from "./format.js";
-import { MeshList } from "./teach/mesh-list.js";
+import { fileInput, takeDrops } from "./picking.js";
 
-const ENDINGS = ["glb", "obj", "ply", "stl", "zip"];
+/** The meshes that were chosen, each with a word for what it is. */
+class MeshList {
+  /** @param {() => void} onChange */
+  constructor(onChange) {
+    this.onChange = onChange;
+    /** @type {{file: File, label: string}[]} */
+    this.entries = [];
+    /** @type {string[]} */
+    this.labels = [];
+    this.element = h("ul", { class: "files teach-files", "aria-label": "Chosen meshes" });
+  }
+
+  get files() {
+    return this.entries.map(({ file }) => file);
+  }
+
+  /** @param {File[]} files */
+  add(files) {
+    this.entries.push(...files.map((file) => ({ file, label: "" })));
+    this._draw();
+  }
+
+  /** Offer labels. @param {string[]} labels */
+  offer(labels) {
+    this.labels = labels;
+    this._draw();
+  }
+
+  /**
+   * What to send: the file itself, or a ZIP in which folders name the labels.
+   * @param {string} name Of the ZIP.
+   * @param {boolean} [alone] Whether a single mesh may be sent by itself.
+   * @returns {Promise<File>}
+   */
+  async packed(name, alone = true) {
+    const { entries } = this;
+    const first = entries[0].file;
+    if (entries.length === 1 && !entries[0].label && (alone || formatOf(first.name) === "zip")) return first;
+    return new File([await packMeshes(entries)], name, { type: "application/zip" });
+  }
+
+  _draw() {
+    fill(this.element, this.entries.map((entry) => this._row(entry)));
+    this.onChange();
+  }
+
+  /** @param {{file: File, label: string}} entry */
+  _row(entry) {
+    const { name, size } = entry.file;
+    const select = h("select", { "aria-label": `What ${name} is`, on: { change: () => (entry.label = select.value) } }, h("option", { value: "" }, "as it is"), this.labels.map((label) => h("option", { value: label }, label)));
+    select.value = entry.label;
+    const remove = button(`Remove ${name}`, () => {
+      this.entries = this.entries.filter((other) => other !== entry);
+      this._draw();
+    }, { icon: "cross", quiet: true, class: "button-quiet" });
+    // A ZIP has its own folders.
+    const labelled = this.labels.length > 0 && formatOf(name) !== "zip";
+    return h("li", { class: "file" }, h("div", null, h("strong", null, name), h("span", { class: "small muted" }, bytes(size))), h("div", { class: "row" }, labelled ? select : null, remove));
+  }
+}
 
 export class MeshZone {
   /**
@@ -17,10 +77,8 @@ export class MeshZone {
     this.empty = empty;
     this.further = further;
     this.meshes = new MeshList(() => this._count());
-    this.file = h("input", {
-      type: "file", multiple: true, class: "visually-hidden", id, tabindex: "-1", "aria-label": "Mesh files",
-      accept: [...ENDINGS.map((ending) => "." + ending), ...further, "model/gltf-binary", "application/zip"].join(","),
-    });
+    const accept = [...FORMATS.map((ending) => "." + ending), ...further, "model/gltf-binary", "application/zip"].join(",");
+    this.file = fileInput(id, "Mesh files", accept, (files) => this._take(files), true);
     this.refused = h("div", { class: "field-problem", role: "alert", hidden: true });
     this.count = h("p", { class: "small muted", "aria-live": "polite" });
     this.element = h(
@@ -32,7 +90,7 @@ export class MeshZone {
       this.refused,
       this.meshes.element,
     );
-    this._wire(scope);
+    takeDrops(scope, this.element, (files) => this._take(files));
     this._count();
   }
 
@@ -42,44 +100,20 @@ export class MeshZone {
 
   /** Say what is wrong with the files; empty: nothing. @param {string} text */
   refuse(text) {
-    this.refused.hidden = !text;
-    fill(this.refused, text);
+    say(this.refused, text);
     if (text) this.file.focus();
-  }
-
-  /** @param {import("./scope.js").Scope} scope */
-  _wire(scope) {
-    const { file, element } = this;
-    scope.listen(file, "change", () => {
-      this._take([...(file.files ?? [])]);
-      file.value = "";
-    });
-    const carries = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files") ?? false;
-    scope.listen(document, "dragover", (event) => {
-      if (!carries(event)) return;
-      event.preventDefault();
-      element.classList.add("dropping");
-    });
-    scope.listen(document, "dragleave", (event) => event.relatedTarget ?? element.classList.remove("dropping"));
-    scope.listen(document, "drop", (event) => {
-      element.classList.remove("dropping");
-      if (!carries(event)) return;
-      event.preventDefault();
-      this._take([...(event.dataTransfer?.files ?? [])]);
-    });
   }
 
   /** @param {File[]} files */
   _take(files) {
-    const wrong = files.find((file) => !ENDINGS.includes(formatOf(file.name)) && !this.further.includes(file.name));
+    const wrong = files.find((file) => !FORMATS.includes(formatOf(file.name)) && !this.further.includes(file.name));
     const zip = [...this.files, ...files].some((file) => formatOf(file.name) === "zip");
     const refusal = wrong
       ? `${wrong.name} isn't supported. Use GLB, OBJ, PLY or STL, or a ZIP of them.`
       : zip && this.files.length + files.length > 1
         ? "Choose one ZIP, or any number of other files: not both."
         : "";
-    this.refused.hidden = !refusal;
-    fill(this.refused, refusal);
+    say(this.refused, refusal);
     if (refusal) return;
     this.meshes.add(files);
     announce(`${counted(files.length, "file")} added`);

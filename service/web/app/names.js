@@ -1,20 +1,13 @@
 // @ts-check
 /** Names of downloaded files that say what is in them. */
 
-/**
- * @param {string} text
- * @param {number} longest
- */
+/** @param {string} text @param {number} longest */
 function slug(text, longest) {
   const plain = text.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "-");
   return plain.slice(0, longest + 1).replace(/^-+|-+$/g, "").slice(0, longest);
 }
 
-/**
- * "duck-a-tall-vase-seed7": the asset, the prompt and the seed.
- *
- * @param {any} job
- */
+/** "duck-a-tall-vase-seed7": the asset, the prompt and the seed. @param {any} job */
 export function stemOf(job) {
   const asset = slug(String(job.asset?.filename ?? "").replace(/\.[^.]*$/, ""), 30);
   const kinds = /** @type {Record<string, string>} */ ({ surface_fit: "field", family_fit: "family" });
@@ -31,17 +24,13 @@ const ARTIFACTS = /** @type {Record<string, string>} */ ({
   "preview.png": "-preview.png",
 });
 
-/**
- * @param {any} job
- * @param {string} artifact
- */
+/** @param {any} job @param {string} artifact */
 export function artifactName(job, artifact) {
   return stemOf(job) + (ARTIFACTS[artifact] ?? `-${artifact}`);
 }
 
 /**
  * "duck-a-tall-vase-seed7-step120-morph50.glb".
- *
  * @param {any} job
  * @param {string} step Empty: the result.
  * @param {number} share In percent, of the way from the source to that step.

@@ -1,10 +1,13 @@
 // @ts-check
 /** Two shapes side by side in 3D: cameras that move together, what differs as colours, and wireframe. */
 import { button, h } from "./dom.js";
-import { segmented, showLegend, toggle } from "./job/stage-controls.js";
+import { drawnPicture, segmented, showLegend, toggle } from "./job/stage-controls.js";
 import { linkViews, ViewerBox } from "./viewer-box.js";
 
 /** @typedef {"none" | "displacement" | "stretch" | "texture"} Colour */
+
+/** How a shape can be coloured. @type {[Colour, string][]} */
+export const COLOURS = [["none", "Material"], ["displacement", "Displacement"], ["stretch", "Stretch"], ["texture", "Texture"]];
 
 export class PairStage {
   /**
@@ -37,13 +40,13 @@ export class PairStage {
 
   /** @param {string} label @param {boolean} always */
   _build(label, always) {
-    const wireframe = toggle("Wireframe", (on) => this.views.forEach((view) => view.wireframe(on)));
-    const both = toggle("Side by side", (on) => this.element.classList.toggle("single", !on));
+    const wireframe = toggle("Wireframe", (on) => this.views.forEach(({ viewer }) => viewer?.setWireframe(on)));
+    this.both = toggle("Side by side", (on) => this.element.classList.toggle("single", !on));
     const wide = always || window.matchMedia("(min-width: 700px)").matches;
-    both.hidden = always;
-    both.setAttribute("aria-pressed", String(wide));
+    this.both.hidden = always;
+    this.both.setAttribute("aria-pressed", String(wide));
     const reset = button("Reset view", () => this.views.forEach((view) => view.resetView()), { icon: "reset", quiet: true, class: "button-quiet" });
-    this.tools = h("div", { class: "stage-tools" }, this.colours, wireframe, both, reset);
+    this.tools = h("div", { class: "row stage-tools" }, this.colours, wireframe, this.both, reset);
     return h(
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": label },
@@ -54,7 +57,6 @@ export class PairStage {
 
   /**
    * Show a GLB, and another one, which may be the first in another shape.
-   *
    * @param {ArrayBuffer} first
    * @param {ArrayBuffer} second
    * @param {{apart?: boolean}} [options] `apart`: the second may have other materials than the first.
@@ -71,11 +73,16 @@ export class PairStage {
     if (this.scope.over) return false;
     this.colours.hidden = !this.comparable;
     if (!this.comparable) return false;
-    other.morph(1);
+    other.viewer?.setMorph(1);
     this.apart = apart;
     if (apart) await other.load(second.slice(0), "glb", true);
     await this.colour(this.kind);
     return true;
+  }
+
+  /** Show the picture that a job made, where nothing can be drawn. @param {Blob} picture */
+  showPicture(picture) {
+    this.element.querySelector(".stage")?.append(drawnPicture(this.scope, picture, "Before, above, and after, below, from four sides"));
   }
 
   /** @param {Colour} kind */
@@ -96,7 +103,7 @@ export class PairStage {
     if (this.apart && kind !== "none" && before === "none") {
       await other.load(this.files[0].slice(0), "glb", true);
       await other.deform(this.files[1].slice(0));
-      other.morph(1);
+      other.viewer?.setMorph(1);
     }
     showLegend(this.legend, other.heatmap(kind));
   }

@@ -13,6 +13,7 @@
  * @property {number} [max]
  * @property {[string, string][]} [choices] Value and label.
  * @property {boolean} [numbers] Whether some of the choices are numbers.
+ * @property {number} [standard] Its default, where the page shows it.
  *
  * @typedef {{fields: Field[], groups: import("./groups.js").Groups}} Form What a form offers, and the groups in which a request has it.
  *
@@ -37,7 +38,7 @@
 
 import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
 import { GUIDE_PARAMS, guideOf, guideParams, noGuide } from "./create/guide/model.js";
-import { count } from "./format.js";
+import { count, titled } from "./format.js";
 import { groupedParams, groupsOf, plainParams } from "./groups.js";
 import { variationPrompts } from "./vocabulary.js";
 
@@ -51,7 +52,6 @@ export const MAX_SEED = Number.MAX_SAFE_INTEGER;
 
 /**
  * The parameters that the form offers, as the server declares them.
- *
  * @param {any} schema What `web/parameters.json` says: the JSON schema of a job's parameters.
  * @returns {Form}
  */
@@ -71,24 +71,17 @@ export function formOf(schema) {
 
 /**
  * All parameters of a kind of job that are numbers, as `GET /v1/limits` declares them, each with its default.
- *
  * @param {any} schema The JSON schema of the kind's parameters.
- * @returns {(Field & {standard: number})[]}
+ * @returns {Field[]}
  */
 export function numbersOf(schema) {
   const numbers = Object.entries(schema?.properties ?? {}).filter(([, member]) => member.type === "integer" || member.type === "number");
   return numbers.map(([name, member]) => {
-    const label = name[0].toUpperCase() + name.slice(1).replaceAll("_", " ");
-    return { name, label, help: (member.description ?? "").replaceAll("`", ""), type: member.type, min: member.minimum, above: member.exclusiveMinimum, max: member.maximum, standard: member.default };
+    return { name, label: titled(name), help: (member.description ?? "").replaceAll("`", ""), type: member.type, min: member.minimum, above: member.exclusiveMinimum, max: member.maximum, standard: member.default };
   });
 }
 
-/**
- * What is wrong with what was typed; empty where it is fine or empty.
- *
- * @param {Field} field
- * @param {string} text
- */
+/** What is wrong with what was typed; empty where it is fine or empty. @param {Field} field @param {string} text */
 export function fieldProblem(field, text) {
   const value = text.trim();
   if (value === "" || field.type === "choice" || field.type === "text") return "";
@@ -103,7 +96,6 @@ export function fieldProblem(field, text) {
 
 /**
  * What is wrong with a whole number that has to be there; empty where it is fine.
- *
  * @param {string} text
  * @param {number} min
  * @param {number} max
@@ -118,7 +110,6 @@ export function integerProblem(text, min, max) {
 /**
  * The documents to post, one for each variation: consecutive seeds, a prompt of its own each if the words of the model
  * are known, and one label that keeps them together.
- *
  * @param {Wish} wish
  * @param {number | null} steps What the server says the steps will be; null where it has not yet.
  * @param {string} group The label's value; used where there are several.
@@ -154,7 +145,6 @@ export function documents(wish, steps, group, { fields, groups }, known = null) 
 
 /**
  * The same job at the next quality; null at the best one, and where it has no prompt.
- *
  * @param {any} job
  * @returns {{title: string, document: Record<string, any>} | null}
  */
@@ -183,11 +173,7 @@ export function nothingKept() {
   return { params: {}, output: {} };
 }
 
-/**
- * What is kept, in words; empty where it is nothing.
- *
- * @param {Kept} kept
- */
+/** What is kept, in words; empty where it is nothing. @param {Kept} kept */
 export function keptText(kept) {
   const named = [...Object.entries(kept.params), ...Object.entries(kept.output).map(([name, value]) => [`output.${name}`, value])];
   return named.map(([name, value]) => `${name} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(", ");
@@ -195,7 +181,6 @@ export function keptText(kept) {
 
 /**
  * What a form must hold to ask for a job again.
- *
  * @param {any} job
  * @param {Field[]} fields
  * @param {Record<string, any>} [defaults] Of `output`: what a job has anyway needs no keeping.

@@ -1,12 +1,10 @@
 // @ts-check
 /** What went wrong, and what to do about it. */
-import { isOffline, MeshdeformError } from "./client.js";
+import { toast } from "./announce.js";
+import { isAbort, isOffline, MeshdeformError } from "./client.js";
 import { h, icon } from "./dom.js";
 
-/**
- * @param {unknown} error
- * @returns {{title: string, detail: string, advice: string, id: string}}
- */
+/** @param {unknown} error @returns {{title: string, detail: string, advice: string, id: string}} */
 export function described(error) {
   if (isOffline(error)) {
     const advice = "Check your connection and that the server is running. Nothing is lost.";
@@ -21,10 +19,17 @@ export function described(error) {
   return { title: "Something went wrong on this page", detail: error instanceof Error ? error.message : String(error), advice: "", id: "" };
 }
 
-/**
- * @param {unknown} error Or a job's `error`, which has the same members.
- * @param {...(Node | null)} actions
- */
+/** Do something, and say it where that fails; a view that goes says nothing. @param {string} failed @param {() => unknown} work @param {string} [advice] */
+export async function orToast(failed, work, advice = "") {
+  try {
+    await work();
+  } catch (error) {
+    const { title, detail } = described(error);
+    if (!isAbort(error)) toast([`${failed}.`, detail || title, advice].filter(Boolean).join(" "));
+  }
+}
+
+/** @param {unknown} error Or a job's `error`, which has the same members. @param {...(Node | null)} actions */
 export function problemBox(error, ...actions) {
   const isJobError = typeof error === "object" && error !== null && "advice" in error && !(error instanceof Error);
   const { title, detail, advice, id } = isJobError ? jobError(error) : described(error);

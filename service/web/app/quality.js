@@ -19,12 +19,7 @@ const STALLED = "The mesh hardly moved";
 // How the warnings of `meshdeform/geometry/quality.py` begin that the figures here say as well.
 const DAMAGED = "Damaged faces";
 
-/**
- * The side that became the front, if the model chose it.
- *
- * @param {any} orientation
- * @returns {Finding[]}
- */
+/** The side that became the front, if the model chose it. @param {any} orientation @returns {Finding[]} */
 function front(orientation) {
   const turn = number(orientation?.turn_deg);
   const margin = number(orientation?.margin);
@@ -38,7 +33,6 @@ function front(orientation) {
 
 /**
  * What the asset was taken for, and what of its structure was kept.
- *
  * @param {any} source
  * @param {any} carrier
  * @returns {Finding[]}
@@ -50,20 +44,12 @@ function kept(source, carrier) {
   return [plain(`Taken for: ${source.noun} ${percent(source.probability)}`, structure)];
 }
 
-/**
- * What the model saw, where that is not what was asked for.
- *
- * @param {any} appearance
- * @returns {Finding[]}
- */
+/** What the model saw, where that is not what was asked for. @param {any} appearance @returns {Finding[]} */
 function seen(appearance) {
   return typeof appearance?.notice === "string" && appearance.notice ? [plain("Seen as clay", appearance.notice)] : [];
 }
 
-/**
- * @param {any} report
- * @returns {Finding[]}
- */
+/** @param {any} report @returns {Finding[]} */
 export function findings(report) {
   const quality = shownQuality(report);
   const mesh = report?.mesh ?? {};
@@ -123,27 +109,18 @@ export function findings(report) {
 
 /**
  * The figures of the shape that viewers show: a skin's in the pose of its file, not in its bind pose.
- *
  * @param {any} report
  */
 export function shownQuality(report) {
   return report?.posed_quality ?? report?.quality ?? {};
 }
 
-/**
- * Whether doing nothing is better, by the run's own checks.
- *
- * @param {any} judged
- * @returns {Finding[]}
- */
+/** Whether doing nothing is better, by the run's own checks. @param {any} judged @returns {Finding[]} */
 function verdict(judged) {
   return judged?.value === "keep_source" ? [warn("Better keep your asset", judged.reasons.join(" "))] : [];
 }
 
-/**
- * @param {any} quality
- * @returns {Finding[]}
- */
+/** @param {any} quality @returns {Finding[]} */
 function stillYours(quality) {
   const share = number(quality.kept_share);
   return share === null ? [] : [plain(`Still your asset: ${percent(share)}`, "The share of the surface that kept its shape, if not its size.")];
@@ -151,7 +128,6 @@ function stillYours(quality) {
 
 /**
  * What the result looks like to a judge that knows the nouns of the built-in model.
- *
  * @param {any} judged
  * @returns {Finding[]}
  */
@@ -171,7 +147,6 @@ function likeness(judged) {
 
 /**
  * What the regions of further prompts look like, cut out. Never a warning: often only the whole shows the prompt.
- *
  * @param {any} prompts
  * @returns {Finding[]}
  */
@@ -183,10 +158,7 @@ function regional(prompts) {
   });
 }
 
-/**
- * @param {any} quality
- * @returns {Finding[]}
- */
+/** @param {any} quality @returns {Finding[]} */
 function crossings(quality) {
   const before = number(quality.self_intersecting_faces_before);
   const after = number(quality.self_intersecting_faces_after);
@@ -199,12 +171,7 @@ function crossings(quality) {
   return [warn(counted(after, "self-intersecting face"), before === null ? "" : `Your asset had ${count(before)}.`)];
 }
 
-/**
- * Defects of the asset that the deformation leaves out.
- *
- * @param {any} report
- * @returns {string[]}
- */
+/** Defects of the asset that the deformation leaves out. @param {any} report @returns {string[]} */
 export function skipped(report) {
   const found = report?.skipped ?? {};
   const words = /** @type {[string, string][]} */ ([

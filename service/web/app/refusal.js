@@ -3,70 +3,36 @@
 import { MeshdeformError } from "./client.js";
 import { fill, h } from "./dom.js";
 import { described } from "./problem-box.js";
-import { nearby } from "./vocabulary.js";
 
 /** @param {unknown} error */
 export function isAboutPrompt(error) {
   return error instanceof MeshdeformError && error.code.startsWith("prompt_");
 }
 
-/**
- * What was not understood, in one line.
- *
- * @param {MeshdeformError} error
- */
-export function refusalText(error) {
-  const unknown = unknownWords(error);
-  if (unknown.length) return `Not understood: ${unknown.map((word) => `“${word}”`).join(", ")}.`;
+/** What was not understood, in one line. @param {MeshdeformError} error */
+function refusalText(error) {
+  const { unknown } = error.problem;
+  if (Array.isArray(unknown) && unknown.length) return `Not understood: ${unknown.map((word) => `“${word}”`).join(", ")}.`;
   // The first sentence says what is wrong.
   return error.message.split(/(?<=[.!?])\s/)[0];
 }
 
-/** @param {MeshdeformError} error @returns {string[]} */
-function unknownWords(error) {
-  return Array.isArray(error.problem.unknown) ? error.problem.unknown.map(String) : [];
-}
-
-/**
- * Prompts that would be understood: those that the server names, or those that the page finds.
- *
- * @param {MeshdeformError} error
- * @param {string} prompt
- * @param {import("./vocabulary.js").Vocabulary | null} known
- * @returns {string[]}
- */
-export function repairs(error, prompt, known) {
-  const { suggestions, nouns, attributes } = error.problem;
-  if (Array.isArray(suggestions) && suggestions.length) return suggestions.slice(0, 3).map(String);
-  if (error.code !== "prompt_unknown_words") return [];
-  const words = known ?? (Array.isArray(nouns) ? { nouns, attributes: attributes ?? [], examples: [], groups: [] } : null);
-  return words ? nearby(prompt, suggestions ?? {}, words) : [];
-}
-
-/**
- * Whether the server's prompts are near the one that was refused, and not merely examples.
- *
- * @param {MeshdeformError} error
- */
-function isNear(error) {
-  const { corrections, nearest } = error.problem;
+/** Whether the server's prompts are near the one that was refused, and not merely examples. @param {MeshdeformError} error */
+function isNear({ problem: { corrections, nearest } }) {
   return [corrections, nearest].some((found) => found && typeof found === "object" && Object.keys(found).length > 0);
 }
 
 /**
  * Say what is wrong with a prompt, with buttons that repair it.
- *
  * @param {HTMLElement} place
  * @param {unknown} error A problem of the server, or a sentence.
- * @param {string} prompt
- * @param {import("./vocabulary.js").Vocabulary | null} known
  * @param {(prompt: string) => void} use
  */
-export function showRefusal(place, error, prompt, known, use) {
+export function showRefusal(place, error, use) {
   const found = error instanceof MeshdeformError ? error : null;
   const text = found ? refusalText(found) : typeof error === "string" ? error : described(error).title;
-  const offers = found ? repairs(found, prompt, known) : [];
-  const near = found ? isNear(found) : false;
+  const offers = /** @type {string[]} */ (found?.problem.suggestions ?? []).slice(0, 3);
+  const near = found !== null && isNear(found);
   fill(
     place,
     h("strong", null, text),
@@ -80,7 +46,6 @@ export function showRefusal(place, error, prompt, known, use) {
 
 /**
  * Return whether it is the negative prompt that is refused: the unknown words are not in the prompt.
- *
  * @param {MeshdeformError} error
  * @param {string} prompt
  */

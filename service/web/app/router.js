@@ -3,7 +3,7 @@
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
  * @typedef {{name: "create", from: string | null, example?: string, model?: string, prompt?: string}
- *   | {name: "surface", from: string | null}
+ *   | {name: "surface", from: string | null, quick?: boolean}
  *   | {name: "family", from: string | null}
  *   | {name: "teach"}
  *   | {name: "jobs", state: string | null, search?: string}
@@ -25,12 +25,7 @@ const TAUGHT = /^job:job_[0-9a-z]{1,64}$/;
 const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP_ID = /^[\w-]{1,64}$/;
 
-/**
- * The view that an address means.
- *
- * @param {string} hash With or without its `#`.
- * @returns {Route}
- */
+/** The view that an address means. @param {string} hash With or without its `#`. @returns {Route} */
 export function parseRoute(hash) {
   const [path, query = ""] = hash.replace(/^#/, "").split("?", 2);
   const parts = path.split("/").filter(Boolean);
@@ -44,7 +39,8 @@ export function parseRoute(hash) {
   }
   if ((parts[0] === "surface" || parts[0] === "family") && parts.length === 1) {
     const from = params.get("from");
-    return { name: parts[0], from: from !== null && JOB_ID.test(from) ? from : null };
+    const quick = parts[0] === "surface" && params.has("quick") ? { quick: true } : {};
+    return { name: parts[0], from: from !== null && JOB_ID.test(from) ? from : null, ...quick };
   }
   if (parts[0] === "teach" && parts.length === 1) return { name: "teach" };
   if (parts[0] === "jobs" && parts.length === 1) {
@@ -68,18 +64,15 @@ export function parseRoute(hash) {
   return { name: "unknown", path: "/" + parts.join("/") };
 }
 
-/**
- * The address of a view, with its `#`.
- *
- * @param {Route} route
- */
+/** The address of a view, with its `#`. @param {Route} route */
 export function routeHash(route) {
   switch (route.name) {
     case "create":
       return `#/${queryOf({ from: route.from, example: route.example, model: route.model, prompt: route.prompt })}`;
     case "surface":
+      return `#/surface${queryOf({ from: route.from, quick: route.quick ? "1" : null })}`;
     case "family":
-      return `#/${route.name}${queryOf({ from: route.from })}`;
+      return `#/family${queryOf({ from: route.from })}`;
     case "teach":
       return "#/teach";
     case "jobs":
@@ -110,7 +103,6 @@ function queryOf(values) {
 
 /**
  * Where `?job=ID`, which other programs can build more easily, leads; null where it says nothing.
- *
  * @param {string} search The query of the page's own address.
  */
 export function permalinkHash(search) {

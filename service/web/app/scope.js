@@ -23,32 +23,19 @@ export class Scope {
     else this._ends.push(end);
   }
 
-  /**
-   * @param {EventTarget} target
-   * @param {string} type
-   * @param {(event: any) => void} listener
-   */
+  /** @param {EventTarget} target @param {string} type @param {(event: any) => void} listener */
   listen(target, type, listener) {
     target.addEventListener(type, listener, { signal: this.signal });
   }
 
-  /**
-   * An address of these bytes, good for as long as the view is there.
-   *
-   * @param {Blob} blob
-   */
+  /** An address of these bytes, good for as long as the view is there. @param {Blob} blob */
   url(blob) {
     const url = URL.createObjectURL(blob);
     this.add(() => URL.revokeObjectURL(url));
     return url;
   }
 
-  /**
-   * Wait; false where the view has gone meanwhile.
-   *
-   * @param {number} milliseconds
-   * @returns {Promise<boolean>}
-   */
+  /** Wait; false where the view has gone meanwhile. @param {number} milliseconds @returns {Promise<boolean>} */
   sleep(milliseconds) {
     return new Promise((resolve) => {
       if (this.over) return resolve(false);
@@ -72,7 +59,6 @@ export class Scope {
 
 /**
  * The same function, called once the calls have stopped for a while.
- *
  * @param {() => void} work
  * @param {number} milliseconds
  * @param {Scope} scope

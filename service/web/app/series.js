@@ -3,7 +3,6 @@
 
 /**
  * Exponential smoothing that begins without a bias: early values are means of what there was.
- *
  * @param {number[]} values
  * @param {number} [weight] Of the past, in [0, 1).
  */
@@ -19,7 +18,6 @@ export function smoothed(values, weight = 0.8) {
 
 /**
  * Round values between the bounds, a handful of them, for the ticks of an axis.
- *
  * @param {number} low
  * @param {number} high
  * @param {number} [wanted] About how many.
@@ -37,7 +35,6 @@ export function ticks(low, high, wanted = 4) {
 
 /**
  * Return the names of the losses that can be drawn, the most useful first.
- *
  * @param {{losses: Record<string, number>}[]} points
  */
 export function seriesNames(points) {
@@ -50,7 +47,6 @@ export function seriesNames(points) {
 
 /**
  * The points of `report.json`, which are denser than those of the events.
- *
  * @param {any} report
  * @returns {import("./history.js").Point[]}
  */
@@ -64,7 +60,6 @@ export function reportPoints(report) {
 
 /**
  * Join the points of events and report: a report begins with the last attempt, events also cover the earlier ones.
- *
  * @param {import("./history.js").Point[]} seen In the events.
  * @param {import("./history.js").Point[]} reported
  */
@@ -75,7 +70,6 @@ export function allPoints(seen, reported) {
 
 /**
  * Describe a curve in a sentence, for those who cannot see it.
- *
  * @param {string} name
  * @param {number[]} steps
  * @param {number[]} smooth

@@ -16,15 +16,17 @@ function stored() {
   }
 }
 
+const DARK = matchMedia("(prefers-color-scheme: dark)");
+
 /** @param {(typeof ORDER)[number]} name */
 function apply(name) {
-  if (name === "auto") delete document.documentElement.dataset.theme;
-  else document.documentElement.dataset.theme = name;
+  document.documentElement.dataset.theme = name === "auto" ? (DARK.matches ? "dark" : "light") : name;
 }
 
 export function themeSwitch() {
   let current = stored();
   apply(current);
+  DARK.addEventListener("change", () => apply(current));
   const control = h("button", { type: "button", class: "button button-quiet button-icon" });
   const show = () => {
     const label = `Theme: ${WORDS[current]}`;

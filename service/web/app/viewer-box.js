@@ -23,10 +23,7 @@ function viewerModule() {
 }
 
 export class ViewerBox {
-  /**
-   * @param {string} label
-   * @param {import("./scope.js").Scope} scope
-   */
+  /** @param {string} label @param {import("./scope.js").Scope} scope */
   constructor(label, scope) {
     this.label = label;
     this.scope = scope;
@@ -34,7 +31,7 @@ export class ViewerBox {
     this.note = h("div", { class: "viewer-note", hidden: true });
     this.tag = h("span", { class: "viewer-tag" }, label);
     this.element = h("div", { class: "viewer" }, this.canvas, this.note, this.tag);
-    /** @type {any} */
+    /** The viewer, once it is here; null where nothing can be drawn. @type {any} */
     this.viewer = null;
     this.failed = false;
     this.ready = this._open();
@@ -58,7 +55,6 @@ export class ViewerBox {
 
   /**
    * Show a note over the view; with an empty title, take it away.
-   *
    * @param {string} title
    * @param {string} [text]
    * @param {string} [glyph]
@@ -97,7 +93,6 @@ export class ViewerBox {
 
   /**
    * Show another shape of what is loaded; where the vertices do not fit, show the file by itself.
-   *
    * @param {ArrayBuffer} buffer A GLB.
    * @returns {Promise<boolean>} Whether morphing and heat maps work.
    */
@@ -115,47 +110,13 @@ export class ViewerBox {
     }
   }
 
-  /**
-   * Let the way to the deformed shape lead through another one.
-   *
-   * @param {ArrayBuffer} buffer A GLB.
-   * @param {number} share
-   */
-  async pass(buffer, share) {
-    await this.viewer?.addWaypoint(buffer, share);
-  }
-
-  /** @param {number} share 0 is the source, 1 the deformed shape. */
-  morph(share) {
-    this.viewer?.setMorph(share);
-  }
-
-  /**
-   * @param {"none" | "displacement" | "stretch" | "texture"} kind
-   * @returns {Scale | null}
-   */
+  /** @param {"none" | "displacement" | "stretch" | "texture"} kind @returns {Scale | null} */
   heatmap(kind) {
     return this.viewer?.setHeatmap(kind) ?? null;
   }
 
   /**
-   * Show which side is taken as the front.
-   *
-   * @param {number | null} degrees 0 is +Z, 90 is +X; null shows nothing.
-   * @param {boolean} [faint] Whether it is only a guess.
-   */
-  front(degrees, faint = false) {
-    this.viewer?.setFront(degrees, faint);
-  }
-
-  /** @param {boolean} on */
-  wireframe(on) {
-    this.viewer?.setWireframe(on);
-  }
-
-  /**
    * Look at what is shown from a direction, from as far away as now.
-   *
    * @param {number} azimuth Degrees; 0 sees it from +Z, 90 from +X.
    * @param {number} elevation Degrees above the horizon.
    */
@@ -195,7 +156,6 @@ export class ViewerBox {
 
   /**
    * The shape between the source and a result, as a file.
-   *
    * @param {ArrayBuffer} source
    * @param {string} format
    * @param {ArrayBuffer} shape
@@ -209,10 +169,7 @@ export class ViewerBox {
   }
 }
 
-/**
- * @param {ViewerBox} a
- * @param {ViewerBox} b
- */
+/** @param {ViewerBox} a @param {ViewerBox} b */
 export async function linkViews(a, b) {
   await Promise.all([a.ready, b.ready]);
   if (!a.viewer || !b.viewer) return;

@@ -7,43 +7,14 @@
  * @typedef {{default: string, models: Model[]}} Catalogue
  */
 
-/**
- * What `GET /v1/models` says, or what little is known where it says nothing.
- *
- * @param {any} document
- * @returns {Catalogue}
- */
-export function catalogue(document) {
-  const found = Array.isArray(document?.models) ? document.models : [];
-  /** @type {Model[]} */
-  const models = found
-    .filter((/** @type {any} */ model) => typeof model?.id === "string")
-    .map((/** @type {any} */ model) => ({
-      id: model.id,
-      title: String(model.title ?? model.id),
-      description: String(model.description ?? ""),
-      available: model.available !== false,
-      vocabulary: model.vocabulary ? vocabulary(model.vocabulary) : null,
-    }));
-  return { default: typeof document?.default === "string" ? document.default : (models[0]?.id ?? ""), models };
-}
-
-/**
- * @param {any} document
- * @returns {Vocabulary}
- */
-function vocabulary(document) {
-  const words = (/** @type {unknown} */ list) => (Array.isArray(list) ? list.map(String) : []);
-  const nouns = words(document.nouns);
-  /** @type {[string, string[]][]} */
-  const groups = Object.entries(document.groups ?? {}).map(([name, some]) => [name, words(some)]);
-  return {
-    nouns,
-    attributes: words(document.attributes),
-    parts: Object.fromEntries(Object.entries(document.parts ?? {}).map(([noun, parts]) => [noun, words(parts)])),
-    examples: words(document.examples),
-    groups: groups.length ? groups : [["nouns", nouns]],
-  };
+/** What `GET /v1/models` says; nothing, where it could not be asked. @param {any} document @returns {Catalogue} */
+export function catalogue({ models = [], default: standard = "" }) {
+  const read = (/** @type {any} */ model) => ({
+    ...model,
+    available: model.available !== false, // null: the server cannot tell
+    vocabulary: model.vocabulary && { ...model.vocabulary, groups: Object.entries(model.vocabulary.groups) },
+  });
+  return { default: standard, models: models.map(read) };
 }
 
 /** Attributes that stand before a noun; those of parts ("long neck") are two words. @param {Vocabulary} known */
@@ -58,7 +29,6 @@ export function withArticle(word) {
 
 /**
  * The prompt with another noun, its adjectives kept: "a tall vase" becomes "a tall lamp".
- *
  * @param {string} prompt
  * @param {string} noun
  * @param {Vocabulary} known
@@ -70,7 +40,6 @@ export function withNoun(prompt, noun, known) {
 
 /**
  * The prompt with an adjective more, or without it where it has it.
- *
  * @param {string} prompt
  * @param {string} adjective
  * @param {Vocabulary} known
@@ -88,7 +57,6 @@ export function withAdjective(prompt, adjective, known) {
 /**
  * Prompts of different members of what a prompt allows: itself, then each time with one attribute more. Another seed
  * alone hardly changes a result. Beyond the last attribute the prompt itself is repeated.
- *
  * @param {string} prompt
  * @param {number} count
  * @param {Vocabulary | null} known
@@ -122,46 +90,7 @@ function used(prompt, known) {
 }
 
 /**
- * Three prompts of known words, close to one with unknown words: "a red mushrom" gives "a mushroom". A noun that it
- * has is kept with its adjectives; else come the nouns that are spelled most alike.
- *
- * @param {string} prompt
- * @param {Record<string, string>} meant Known words that the server takes for unknown ones.
- * @param {Vocabulary} known
- * @returns {string[]}
- */
-export function nearby(prompt, meant, known) {
-  const words = (prompt.toLowerCase().match(/[a-z]+/g) ?? []).map((word) => meant[word] ?? word);
-  const kept = words.filter((word) => adjectives(known).includes(word)).slice(0, 3);
-  const named = words.filter((word) => known.nouns.includes(word));
-  if (named.length) return [...new Set(named)].slice(0, 3).map((noun) => withArticle([...kept, noun].join(" ")));
-  const distance = (/** @type {string} */ noun) =>
-    Math.min(...words.map((word) => edits(word, noun) / Math.max(word.length, noun.length)), 1);
-  const closest = known.nouns.map((noun) => ({ noun, far: distance(noun) })).sort((a, b) => a.far - b.far);
-  return closest.slice(0, 3).map(({ noun }) => withArticle([...kept, noun].join(" ")));
-}
-
-/**
- * How many letters must be put in, taken out or changed.
- *
- * @param {string} a
- * @param {string} b
- */
-function edits(a, b) {
-  let row = Array.from({ length: b.length + 1 }, (_, index) => index);
-  for (let i = 1; i <= a.length; i += 1) {
-    const next = [i];
-    for (let j = 1; j <= b.length; j += 1) {
-      next.push(Math.min(next[j - 1] + 1, row[j] + 1, row[j - 1] + (a[i - 1] === b[j - 1] ? 0 : 1)));
-    }
-    row = next;
-  }
-  return row[b.length];
-}
-
-/**
  * A prompt by chance, of a noun and now and then an adjective.
- *
  * @param {Vocabulary} known
  * @param {() => number} [random]
  */

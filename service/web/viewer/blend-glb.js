@@ -5,8 +5,14 @@ import { readJson, withJson } from "./glb.js";
 /** @typedef {{ POSITION: Float32Array, NORMAL?: Float32Array, TANGENT?: Float32Array }} Vertices attributes of one primitive */
 
 const SIZES = /** @type {Record<string, number>} */ ({ VEC3: 3, VEC4: 4 });
-const BYTES = /** @type {Record<number, number>} */ ({ 5120: 1, 5121: 1, 5122: 2, 5123: 2, 5126: 4 });
-const LARGEST = /** @type {Record<number, number>} */ ({ 5120: 127, 5121: 255, 5122: 32767, 5123: 65535 });
+/** The kinds of numbers: how a `DataView` names them, how many bytes one has, and which of them stands for 1. */
+const KINDS = /** @type {Record<number, { name: "Int8" | "Uint8" | "Int16" | "Uint16" | "Float32", bytes: number, largest: number }>} */ ({
+  5120: { name: "Int8", bytes: 1, largest: 127 },
+  5121: { name: "Uint8", bytes: 1, largest: 255 },
+  5122: { name: "Int16", bytes: 2, largest: 32767 },
+  5123: { name: "Uint16", bytes: 2, largest: 65535 },
+  5126: { name: "Float32", bytes: 4, largest: 1 },
+});
 
 /**
  * Blend the vertices of a result with those of its source.
@@ -81,11 +87,11 @@ function blend(bytes, json, index, before, share, name) {
   }
   if (name !== "POSITION") normalize(after, size);
   const { start, stride, view } = place(bytes, json, index);
-  const { componentType: kind, normalized } = accessor;
-  const largest = normalized ? LARGEST[kind] : 1;
-  const stored = kind === 5126 ? after : after.map((value) => Math.round(value * largest));
-  const write = writer(view, kind);
-  for (let i = 0; i < stored.length; i++) write(start + Math.floor(i / size) * stride + BYTES[kind] * (i % size), stored[i]);
+  const kind = KINDS[accessor.componentType];
+  const largest = accessor.normalized ? kind.largest : 1;
+  const stored = kind.name === "Float32" ? after : after.map((value) => Math.round(value * largest));
+  const write = /** @type {const} */ (`set${kind.name}`);
+  for (let i = 0; i < stored.length; i++) view[write](start + Math.floor(i / size) * stride + kind.bytes * (i % size), stored[i], true);
   if (name !== "POSITION") return;
   accessor.min = [Infinity, Infinity, Infinity];
   accessor.max = [-Infinity, -Infinity, -Infinity];
@@ -93,17 +99,6 @@ function blend(bytes, json, index, before, share, name) {
     accessor.min[i % 3] = Math.min(accessor.min[i % 3], stored[i]);
     accessor.max[i % 3] = Math.max(accessor.max[i % 3], stored[i]);
   }
-}
-
-/** @param {DataView} view @param {number} kind of the numbers @returns {(at: number, value: number) => void} */
-function writer(view, kind) {
-  return /** @type {Record<number, (at: number, value: number) => void>} */ ({
-    5120: (at, value) => view.setInt8(at, value),
-    5121: (at, value) => view.setUint8(at, value),
-    5122: (at, value) => view.setInt16(at, value, true),
-    5123: (at, value) => view.setUint16(at, value, true),
-    5126: (at, value) => view.setFloat32(at, value, true),
-  })[kind];
 }
 
 /** @param {Float32Array} vectors @param {number} size of each; only its first three numbers have a length */
@@ -125,33 +120,25 @@ function values(buffer, json, index) {
   const { count, type, componentType, normalized } = json.accessors[index];
   const { start, stride, view } = place(buffer, json, index);
   const size = SIZES[type];
-  const read = reader(view, componentType, normalized === true);
+  const kind = KINDS[componentType];
+  const read = /** @type {const} */ (`get${kind.name}`);
   const out = new Float32Array(size * count);
-  for (let i = 0; i < out.length; i++) out[i] = read(start + Math.floor(i / size) * stride + BYTES[componentType] * (i % size));
+  for (let i = 0; i < out.length; i++) {
+    const value = view[read](start + Math.floor(i / size) * stride + kind.bytes * (i % size), true);
+    out[i] = normalized ? Math.max(value / kind.largest, -1) : value;
+  }
   return out;
-}
-
-/** @param {DataView} view @param {number} type of the numbers @param {boolean} normalized @returns {(at: number) => number} */
-function reader(view, type, normalized) {
-  const plain = /** @type {Record<number, (at: number) => number>} */ ({
-    5120: (at) => view.getInt8(at),
-    5121: (at) => view.getUint8(at),
-    5122: (at) => view.getInt16(at, true),
-    5123: (at) => view.getUint16(at, true),
-    5126: (at) => view.getFloat32(at, true),
-  })[type];
-  return normalized ? (at) => Math.max(plain(at) / LARGEST[type], -1) : plain;
 }
 
 /** @param {ArrayBuffer} buffer @param {Record<string, any>} json @param {number} index where an accessor's bytes are */
 export function place(buffer, json, index) {
   const { bufferView, byteOffset = 0, componentType, type, sparse } = json.accessors[index];
   const held = json.bufferViews?.[bufferView];
-  if (!held || sparse || held.buffer !== 0 || Object.keys(held.extensions ?? {}).length || !BYTES[componentType] || !SIZES[type]) {
+  if (!held || sparse || held.buffer !== 0 || Object.keys(held.extensions ?? {}).length || !KINDS[componentType] || !SIZES[type]) {
     throw new Error("The file is compressed: only whole steps of it can be downloaded.");
   }
   const view = new DataView(buffer);
   const chunk = 20 + view.getUint32(12, true) + 8;
-  const size = BYTES[componentType] * SIZES[type];
+  const size = KINDS[componentType].bytes * SIZES[type];
   return { start: chunk + (held.byteOffset ?? 0) + byteOffset, stride: held.byteStride ?? size, size, view };
 }

@@ -56,10 +56,7 @@ export function defaultDirection() {
 
 /** Steers a camera around a box: pointer, touch and the commands of the keyboard. */
 export class CameraRig {
-  /**
-   * @param {HTMLElement} surface takes the pointer
-   * @param {() => void} changed the picture is old
-   */
+  /** @param {HTMLElement} surface takes the pointer @param {() => void} changed the picture is old */
   constructor(surface, changed) {
     this.camera = makeCamera();
     this.box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
@@ -175,15 +172,9 @@ export class CameraRig {
   }
 }
 
-/**
- * @typedef {EventTarget & { rig: CameraRig, ready: boolean, ownBox: Box3 }} Linkable
- */
+/** @typedef {EventTarget & { rig: CameraRig, ready: boolean, ownBox: Box3 }} Linkable */
 
-/**
- * Let viewers move together. All frame the box around all of them, so that sizes can be compared.
- * @param {...Linkable} viewers
- * @returns {() => void} undo it
- */
+/** Let viewers move together. All frame the box around all of them, so that sizes can be compared. @param {...Linkable} viewers */
 export function linkCameras(...viewers) {
   let busy = false;
   const follow = (/** @type {Event} */ event) => {
@@ -218,12 +209,4 @@ export function linkCameras(...viewers) {
     viewer.addEventListener("ready", settle);
   }
   if (viewers.some((viewer) => viewer.ready)) settle();
-  return () => {
-    for (const viewer of viewers) {
-      viewer.removeEventListener("camerachange", follow);
-      viewer.removeEventListener("camerareset", reset);
-      viewer.removeEventListener("ready", settle);
-      viewer.rig.setBox(viewer.ownBox);
-    }
-  };
 }

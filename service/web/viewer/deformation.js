@@ -22,8 +22,6 @@ import { weld } from "./weld.js";
  * @property {number} max
  * @property {number} p99
  * @property {number} count of the values: 0 if nothing can be measured
- * @property {number} collapsed faces that lost their area (stretch only)
- * @property {number} diagonal of the source's bounding box, world units
  */
 
 /** A mesh that can be moved between the two. The source's geometry is kept aside and comes back with `dispose`. */
@@ -74,11 +72,7 @@ class Blend {
     }
   }
 
-  /**
-   * Let the way lead through a shape.
-   * @param {number} t the share at which it does
-   * @param {Pair} pair
-   */
+  /** Let the way lead through a shape. @param {number} t the share at which it does @param {Pair} pair */
   pass(t, { after, normals, tangents }) {
     const values = { position: after, normal: normals ?? normalsOf(after, this.original.index), tangent: tangents };
     for (const { name, knots } of this.tracks) {
@@ -138,11 +132,7 @@ export class Deformation {
     this.furthest = Math.max(this.furthest, t);
   }
 
-  /**
-   * Measure the whole deformation, whatever is shown at the moment.
-   * @param {Measure} kind
-   * @returns {Measured}
-   */
+  /** Measure the whole deformation, whatever is shown at the moment. @param {Measure} kind @returns {Measured} */
   measure(kind) {
     const known = this.measured.get(kind);
     if (known) return known;
@@ -151,8 +141,6 @@ export class Deformation {
       before: worldPositions(blend.mesh, blend.before),
       after: worldPositions(blend.mesh, blend.after),
     }));
-    const diagonal = measures.boxDiagonal(ends.map(({ before }) => before));
-    let collapsed = 0;
     /** @type {Float64Array[]} */
     let own;
     /** @type {Float64Array[]} */
@@ -164,13 +152,12 @@ export class Deformation {
         kind === "texture"
           ? textureStretches(ends)
           : ends.map(({ blend, before, after }) => measures.stretch(before, after, blend.corners));
-      for (const faces of own) for (const value of faces) if (value === Infinity) collapsed++;
       vertices = ends.map(({ blend, before }, i) => {
         const areas = measures.doubleAreas(before, blend.corners);
         return measures.averageToVertices(own[i], areas, blend.corners, weld(blend.before));
       });
     }
-    const result = { vertices, ...measures.summarize(own), collapsed, diagonal };
+    const result = { vertices, ...measures.summarize(own) };
     this.measured.set(kind, result);
     return result;
   }
@@ -274,7 +261,7 @@ function normalsOf(positions, index) {
  * @param {Float32Array} positions
  * @returns {Float64Array}
  */
-function worldPositions(mesh, positions) {
+export function worldPositions(mesh, positions) {
   mesh.updateWorldMatrix(true, false);
   const out = new Float64Array(positions.length);
   const point = new Vector3();

@@ -49,10 +49,7 @@ export class FieldWorker {
 }
 
 export class FieldView {
-  /**
-   * @param {import("./viewer.js").MeshViewer} viewer
-   * @param {(place: number[]) => void} onSource where the pointer put the source
-   */
+  /** @param {import("./viewer.js").MeshViewer} viewer @param {(place: number[]) => void} onSource where the pointer put the source */
   constructor(viewer, onSource) {
     this.viewer = viewer;
     this.onSource = onSource;
@@ -87,7 +84,6 @@ export class FieldView {
 
   /**
    * Colour the surface.
-   *
    * @param {Float32Array | null} values of its vertices, 0 to `most`; null: as it is
    * @param {number} most
    */
@@ -128,7 +124,6 @@ export class FieldView {
 
   /**
    * What the colours mean.
-   *
    * @param {string} label
    * @param {{ least: number, most: number }} values
    * @param {string} [unit]
@@ -160,23 +155,20 @@ export class FieldView {
   }
 
   /** @param {{ clientX: number, clientY: number }} event @returns {number[] | null} the place on the surface below the pointer */
-  placeAt({ clientX, clientY }) {
+  placeAt(event) {
     const { mesh } = this;
     if (!mesh) return null;
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
     this.viewer.rig.camera.updateMatrixWorld();
-    this.caster.setFromCamera(new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height), this.viewer.rig.camera);
+    this.caster.setFromCamera(new Vector2(...this.viewer.surface.place(event)), this.viewer.rig.camera);
     return this.caster.intersectObject(mesh, false)[0]?.point.toArray() ?? null;
   }
 
   /** @param {PointerEvent} event @returns {boolean} whether the pointer is on the source */
   #grips(event) {
     if (!this.marker.visible) return false;
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
     this.viewer.rig.camera.updateMatrixWorld();
     const seen = this.marker.position.clone().project(this.viewer.rig.camera);
-    const apart = Math.hypot(((seen.x + 1) / 2) * width + left - event.clientX, ((1 - seen.y) / 2) * height + top - event.clientY);
-    return apart < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other);
+    return this.viewer.surface.apart(event, seen) < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other);
   }
 
   /** A click puts the source somewhere; from where it is, it is dragged. What begins elsewhere turns the camera. @param {PointerEvent} event */

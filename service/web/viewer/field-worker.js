@@ -6,7 +6,7 @@
  * @typedef {{ faces: number, vertices: number, bytes: number, readMs: number, levels: number, scalars: Named[] }} Opened
  * @typedef {{ name: string, outputs: number, labels: number[] }} Named Scalars of the field, or pieces with their numbers.
  * @typedef {{ level: number, glb: ArrayBuffer, faces: number, vertices: number, ms: number }} Level
- * @typedef {{ values: Float32Array, source: number[], farthest: number, place: number[], ms: number, prepareMs: number, flips: number }} Heat
+ * @typedef {{ values: Float32Array, source: number[], farthest: number, place: number[], ms: number, flips: number }} Heat
  * @typedef {{ values: Float32Array, eigenvalue: number, least: number, most: number, ms: number }} Mode `ms`: of all functions, once for a level
  * @typedef {{ points: Float32Array, ms: number }} Samples
  * @typedef {{ values: Float32Array, least: number, most: number, ms: number }} Learned `values` of pieces are places in their labels
@@ -56,13 +56,11 @@ const tasks = {
 
   /**
    * Distances from a place on the surface, or from the vertex that is farthest from it.
-   *
    * @param {{ level: number, place: number[] }} given
    * @returns {Heat}
    */
   heat({ level, place }) {
     const { positions, indices } = meshOf(level);
-    const begin = performance.now();
     const { solver, flips } = solverOf(level, positions, indices);
     const ready = performance.now();
     const source = nearest(positions, place);
@@ -77,14 +75,12 @@ const tasks = {
       farthest: values[far],
       place: placeOf(positions, far),
       ms: done - ready,
-      prepareMs: ready - begin,
       flips,
     };
   },
 
   /**
    * An eigenfunction of the Laplacian, by its number from 1.
-   *
    * @param {{ level: number, number: number }} given
    * @returns {Mode}
    */
@@ -102,7 +98,6 @@ const tasks = {
 
   /**
    * What the field holds beside its surface, by its place among them.
-   *
    * @param {{ level: number, scalars: number, output: number }} given
    * @returns {Learned}
    */

@@ -24,12 +24,13 @@ export class FrontArrow {
   /**
    * @param {import("./stage.js").Stage} stage
    * @param {import("./cameras.js").CameraRig} rig
-   * @param {HTMLCanvasElement} canvas
+   * @param {import("./surface.js").Surface} surface
    * @param {(degrees: number, done: boolean) => void} turned by the pointer; 0 is +Z, 90 is +X
    */
-  constructor(stage, rig, canvas, turned) {
+  constructor(stage, rig, surface, turned) {
     this.rig = rig;
-    this.canvas = canvas;
+    this.surface = surface;
+    this.canvas = surface.canvas;
     this.turned = turned;
     this.center = new Vector3();
     this.radius = 1;
@@ -42,8 +43,8 @@ export class FrontArrow {
     this.stop = new AbortController();
     const options = { signal: this.stop.signal, capture: true };
     // Before the camera's own listeners: what takes the arrow does not turn the camera.
-    canvas.addEventListener("pointerdown", (event) => this.#take(event), options);
-    canvas.addEventListener("pointermove", (event) => this.#hover(event), options);
+    this.canvas.addEventListener("pointerdown", (event) => this.#take(event), options);
+    this.canvas.addEventListener("pointermove", (event) => this.#hover(event), options);
   }
 
   /** @param {number} degrees @param {boolean} faint whether it is only a guess */
@@ -79,11 +80,9 @@ export class FrontArrow {
 
   /** @param {PointerEvent} event @returns {Vector3 | null} from the middle, where the pointer is on the ground */
   #onGround(event) {
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    const pointer = new Vector2((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
     const caster = new Raycaster();
     this.rig.camera.updateMatrixWorld();
-    caster.setFromCamera(pointer, this.rig.camera);
+    caster.setFromCamera(new Vector2(...this.surface.place(event)), this.rig.camera);
     const found = caster.ray.intersectPlane(new Plane(new Vector3(0, 1, 0), -this.center.y), new Vector3());
     return found ? found.sub(this.center) : null;
   }

@@ -5,10 +5,7 @@ const MAGIC = 0x46546c67; // "glTF"
 const JSON_CHUNK = 0x4e4f534a;
 const BINARY_CHUNK = 0x004e4942;
 
-/**
- * @param {ArrayBuffer} buffer
- * @returns {boolean} whether it begins as a GLB
- */
+/** @param {ArrayBuffer} buffer @returns {boolean} whether it begins as a GLB */
 export function isGlb(buffer) {
   return buffer.byteLength >= 20 && new DataView(buffer).getUint32(0, true) === MAGIC;
 }
@@ -43,22 +40,28 @@ export function readJson(buffer) {
  * @returns {ArrayBuffer}
  */
 export function withJson(buffer, json) {
+  if (!isGlb(buffer)) return new TextEncoder().encode(JSON.stringify(json)).buffer;
+  return joined(json, [new Uint8Array(buffer, 20 + new DataView(buffer).getUint32(12, true))]);
+}
+
+/** A GLB of its JSON and what follows it. @param {Record<string, any>} json @param {Uint8Array[]} rest @returns {ArrayBuffer} */
+function joined(json, rest) {
   const text = new TextEncoder().encode(JSON.stringify(json));
-  if (!isGlb(buffer)) return text.buffer;
-  const rest = new Uint8Array(buffer, 20 + new DataView(buffer).getUint32(12, true));
   const padded = text.length + ((4 - (text.length % 4)) % 4);
-  const out = new Uint8Array(20 + padded + rest.length).fill(0x20, 20, 20 + padded);
+  const length = rest.reduce((sum, part) => sum + part.length, 20 + padded);
+  const out = new Uint8Array(length).fill(0x20, 20, 20 + padded);
   const view = new DataView(out.buffer);
-  [MAGIC, 2, out.length, padded, JSON_CHUNK].forEach((word, i) => view.setUint32(4 * i, word, true));
+  [MAGIC, 2, length, padded, JSON_CHUNK].forEach((word, i) => view.setUint32(4 * i, word, true));
   out.set(text, 20);
-  out.set(rest, 20 + padded);
+  let at = 20 + padded;
+  for (const part of rest) {
+    out.set(part, at);
+    at += part.length;
+  }
   return out.buffer;
 }
 
-/**
- * @param {ArrayBuffer} glb
- * @returns {Uint8Array | null} the binary chunk; null if there is none
- */
+/** @param {ArrayBuffer} glb @returns {Uint8Array | null} the binary chunk; null if there is none */
 export function binaryChunk(glb) {
   const view = new DataView(glb);
   const at = 20 + view.getUint32(12, true);
@@ -72,21 +75,8 @@ export function binaryChunk(glb) {
  * @returns {ArrayBuffer} a GLB
  */
 export function writeGlb(json, parts) {
-  const text = new TextEncoder().encode(JSON.stringify(json));
-  const padded = text.length + ((4 - (text.length % 4)) % 4);
   const length = parts.reduce((sum, part) => sum + part.length, 0);
-  const out = new Uint8Array(28 + padded + length).fill(0x20, 20, 20 + padded);
-  const view = new DataView(out.buffer);
-  [MAGIC, 2, out.length, padded, JSON_CHUNK].forEach((word, i) => view.setUint32(4 * i, word, true));
-  out.set(text, 20);
-  view.setUint32(20 + padded, length, true);
-  view.setUint32(24 + padded, BINARY_CHUNK, true);
-  let at = 28 + padded;
-  for (const part of parts) {
-    out.set(part, at);
-    at += part.length;
-  }
-  return out.buffer;
+  return joined(json, [new Uint8Array(Uint32Array.of(length, BINARY_CHUNK).buffer), ...parts]);
 }
 
 /**

@@ -60,10 +60,7 @@ export class HeatGeodesics {
     this.phi = new Float64Array(vertices);
   }
 
-  /**
-   * @param {number} source a vertex
-   * @returns {Float64Array} (V) infinite on parts without the source
-   */
+  /** @param {number} source a vertex @returns {Float64Array} (V) infinite on parts without the source */
   distances(source) {
     const { rank, phi, vertices } = this;
     const start = rank[source];
@@ -192,7 +189,6 @@ export class HeatGeodesics {
 
 /**
  * L in rows: neighbours and their weights, none below zero, and the diagonal.
- *
  * @param {Uint32Array} faces
  * @param {Float64Array} half
  * @param {number} vertices
@@ -248,11 +244,7 @@ function assemble(faces, half, vertices) {
   return { begin, middle, columns: columns.subarray(0, out), values: values.subarray(0, out), diagonal };
 }
 
-/**
- * The pivots of an incomplete Cholesky factor of L with the pattern of L.
- *
- * @param {ReturnType<typeof assemble>} rows
- */
+/** The pivots of an incomplete Cholesky factor of L with the pattern of L. @param {ReturnType<typeof assemble>} rows */
 function pivotsOf({ begin, middle, columns, values, diagonal }) {
   const pivots = new Float64Array(diagonal.length);
   for (let v = 0; v < pivots.length; v++) {

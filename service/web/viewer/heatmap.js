@@ -20,9 +20,7 @@ import { colorRow, cssGradient, pieceColors, positionOf, ticks } from "./colorma
  * @property {number} min
  * @property {number} max
  * @property {number} p99 99 % of the vertices (displacement) or faces (others) are below
- * @property {{ min: number, max: number, p99: number } | null} percent of the source's bounding-box diagonal
  * @property {string} problem why there is nothing to see, or empty
- * @property {number} collapsed faces without area in the result, not counted elsewhere
  * @property {"linear" | "log"} scale
  * @property {[number, number]} range values at the ends of the colours; what is above has the last one
  * @property {string} gradient the colours as a CSS image, from left to right
@@ -42,15 +40,10 @@ const ISOLINES = `float level = vHeat * COUNT;
           float band = smoothstep(0.25 - fwidth(level), 0.25 + fwidth(level), abs(fract(level) - 0.5));
           if (vHeat >= 0.0) heatColor *= stripes > 0.5 ? mix(0.4, 1.0, band) : mix(0.25, 1.0, smoothstep(0.6, 1.4, beside));`;
 
-/**
- * @param {Measure} kind
- * @param {Measured} measured
- * @returns {Legend}
- */
+/** @param {Measure} kind @param {Measured} measured @returns {Legend} */
 export function makeLegend(kind, measured) {
   const { map, label, unit, scale } = KINDS[kind];
-  const { min, max, p99, collapsed, diagonal } = measured;
-  const percentOf = (/** @type {number} */ value) => (100 * value) / diagonal;
+  const { min, max, p99 } = measured;
   /** @type {[number, number]} */
   const range = kind !== "displacement" ? [1, Math.max(p99, 1.05)] : [0, p99 > 0 ? p99 : max];
   const legend = { range, scale };
@@ -61,12 +54,7 @@ export function makeLegend(kind, measured) {
     min,
     max,
     p99,
-    percent:
-      kind === "displacement" && diagonal > 0
-        ? { min: percentOf(min), max: percentOf(max), p99: percentOf(p99) }
-        : null,
     problem: measured.count > 0 ? "" : "Nothing here has a texture.",
-    collapsed,
     ...legend,
     gradient: cssGradient(map),
     ticks: ticks(legend),
@@ -127,10 +115,7 @@ export class HeatMaterial extends MeshStandardMaterial {
 
 /** Colours on the meshes of a deformation; `dispose` puts their materials back. */
 export class Heatmap {
-  /**
-   * @param {import("./deformation.js").Deformation} deformation
-   * @param {Measure} kind
-   */
+  /** @param {import("./deformation.js").Deformation} deformation @param {Measure} kind */
   constructor(deformation, kind) {
     const measured = deformation.measure(kind);
     this.legend = makeLegend(kind, measured);

@@ -15,11 +15,7 @@
 
 const TOLERANCE = 1e-9;
 
-/**
- * @param {Float32Array} positions (3V)
- * @param {Uint32Array} indices (3F) with at most two faces at an edge
- * @returns {Intrinsic}
- */
+/** @param {Float32Array} positions (3V) @param {Uint32Array} indices (3F) with at most two faces at an edge @returns {Intrinsic} */
 export function delaunay(positions, indices) {
   const faces = indices.slice();
   const count = faces.length;
@@ -78,7 +74,6 @@ function cotangent(sides, e) {
 
 /**
  * Flip until every inner edge is Delaunay.
- *
  * @param {Uint32Array} faces @param {Float64Array} sides @param {Int32Array} twin
  * @returns {number} of flips
  */

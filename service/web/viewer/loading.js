@@ -10,7 +10,6 @@ import { GLTFLoader } from "../vendor/three/addons/loaders/GLTFLoader.js";
 import { isGlb, readJson } from "./glb.js";
 
 /** @typedef {"glb" | "gltf" | "obj" | "ply" | "stl"} Format */
-/** @typedef {{ root: import("three").Object3D, animations: import("three").AnimationClip[] }} Loaded */
 
 /**
  * What is needed of a file to number its faces as the service does: of a glTF its JSON and the nodes of its objects.
@@ -35,7 +34,7 @@ let ktx2;
  * @param {ArrayBuffer} buffer
  * @param {Format} format
  * @param {import("three").WebGLRenderer} renderer asks it which textures the machine can show
- * @returns {Promise<Loaded>}
+ * @returns {Promise<import("three").Object3D>}
  * @throws {Error} the message is for people
  */
 export async function parseAsset(buffer, format, renderer) {
@@ -51,10 +50,10 @@ export async function parseAsset(buffer, format, renderer) {
   }
   requireTriangles(root);
   origins.set(root, { format: kind, buffer });
-  return { root, animations: [] };
+  return root;
 }
 
-/** @param {ArrayBuffer} buffer @param {import("three").WebGLRenderer} renderer @returns {Promise<Loaded>} */
+/** @param {ArrayBuffer} buffer @param {import("three").WebGLRenderer} renderer @returns {Promise<import("three").Object3D>} */
 async function parseGltf(buffer, renderer) {
   const json = readJson(buffer);
   const used = new Set(json.extensionsUsed ?? []);
@@ -95,7 +94,7 @@ async function parseGltf(buffer, renderer) {
   requireTriangles(root);
   const nodes = [...gltf.parser.associations].filter(([, found]) => found?.nodes !== undefined);
   origins.set(root, { format: "glb", json, nodes: new Map(nodes.map(([object, found]) => [object, Number(found.nodes)])) });
-  return { root, animations: gltf.animations };
+  return root;
 }
 
 /** @param {ArrayBuffer} buffer @param {"obj" | "ply" | "stl"} kind @returns {Promise<import("three").Object3D>} */
@@ -127,10 +126,7 @@ function localManager() {
   return manager;
 }
 
-/**
- * What a mesh without a material looks like.
- * @param {import("three").BufferGeometry} geometry
- */
+/** What a mesh without a material looks like. @param {import("three").BufferGeometry} geometry */
 export function clay(geometry) {
   const colored = geometry.hasAttribute("color");
   return new MeshStandardMaterial({
@@ -169,10 +165,7 @@ function reason(error) {
   return (error instanceof Error ? error.message : String(error)).replace(/^THREE\.\w+: /, "");
 }
 
-/**
- * Free everything that an asset keeps on the GPU.
- * @param {import("three").Object3D} root
- */
+/** Free everything that an asset keeps on the GPU. @param {import("three").Object3D} root */
 export function disposeAsset(root) {
   root.traverse((object) => {
     if (!(/** @type {any} */ (object).geometry)) return;

@@ -155,21 +155,3 @@ export function summarize(parts) {
   const p99 = sorted[low] + (position - low) * (sorted[high] - sorted[low]);
   return { min: sorted[0], max: sorted[count - 1], p99, count };
 }
-
-/**
- * Length of the diagonal of the box around all positions.
- * @param {ArrayLike<number>[]} parts
- * @returns {number} 0 where there are none
- */
-export function boxDiagonal(parts) {
-  const low = [Infinity, Infinity, Infinity];
-  const high = [-Infinity, -Infinity, -Infinity];
-  for (const positions of parts) {
-    for (let i = 0; i < positions.length; i++) {
-      const value = positions[i];
-      if (value < low[i % 3]) low[i % 3] = value;
-      if (value > high[i % 3]) high[i % 3] = value;
-    }
-  }
-  return high[0] < low[0] ? 0 : Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
-}

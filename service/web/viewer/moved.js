@@ -53,7 +53,6 @@ function copyOf(bytes) {
 
 /**
  * Which accessors move; throws where the files are not alike.
- *
  * @param {Record<string, any>} before @param {Record<string, any>} after
  * @returns {Move[]}
  */

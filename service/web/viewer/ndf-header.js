@@ -10,11 +10,7 @@ const [MAX_BITS, MAX_OCTAVES, MAX_LAYERS, MAX_SCALARS] = [16, 32, 32, 64];
 const MAX_STEP = 400; // of the exponents n: 2^(n / 4) is 1e30 at most
 const MAX_UNPACKED = 2 ** 26; // of all sections; those of 16,000 faces, 32 features and 64 scalars take less than 10 MB
 
-/**
- * @param {any} header
- * @param {number} size The bytes of all sections.
- * @throws {Error}
- */
+/** @param {any} header @param {number} size The bytes of all sections. @throws {Error} */
 export function checkHeader(header, size) {
   const { vertices, faces, features, octaves, bits, centre, scale, widths, sections, scalars = [] } = header ?? {};
   if (!(whole(faces, 1, MAX_FACES) && whole(vertices, 1, 3 * faces))) throw new Error("The .ndf states impossible counts.");

@@ -19,7 +19,6 @@ const known = new WeakMap();
 
 /**
  * One output, or the piece, at places of the base.
- *
  * @param {Scalars} scalars
  * @param {Uint32Array} corners Of the base, three for each place.
  * @param {Float32Array} weights

@@ -8,7 +8,6 @@ import { BLOCK, makeNetwork } from "./ndf-network.js";
 /** @typedef {import("./ndf.js").NeuralField} NeuralField */
 /**
  * A level: its vertices in world coordinates, and for each the three corners of the base and their weights.
- *
  * @typedef {{ positions: Float32Array, indices: Uint32Array, corners: Uint32Array, weights: Float32Array }} Unfolded
  */
 
@@ -17,7 +16,6 @@ const known = new WeakMap();
 
 /**
  * The mesh of a level: every edge of the base in 2^level parts.
- *
  * @param {NeuralField} field
  * @param {number} level
  * @param {boolean} [simd] False: without WebAssembly.
@@ -32,7 +30,6 @@ export function unfold(field, level, simd = true) {
 
 /**
  * Where the vertices of a level lie: three corners of the base (3V) and their weights (3V); and the faces.
- *
  * @param {NeuralField} field
  * @param {number} parts
  */
@@ -119,7 +116,6 @@ function patternOf(parts) {
 
 /**
  * A function from corners and weights to points (3V) of the surface, in the world.
- *
  * @param {NeuralField} field
  * @param {boolean} simd
  */

@@ -18,11 +18,7 @@ export { scalarsAt } from "./ndf-scalars.js";
 export { unfold } from "./ndf-unfold.js";
 
 
-/**
- * @param {Uint8Array} data
- * @returns {Promise<NeuralField>}
- * @throws {Error} The file is damaged, incomplete, or of another version.
- */
+/** @param {Uint8Array} data @returns {Promise<NeuralField>} @throws {Error} The file is damaged, incomplete, or of another version. */
 export async function readField(data) {
   const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
   if (data.length < 12 || data[0] !== 78 || data[1] !== 68 || data[2] !== 70) throw new Error("The file is not a .ndf.");
@@ -135,7 +131,6 @@ function decodeBase(symbols, steps, vertices, count, bits) {
 
 /**
  * Unpacks a section of 16-bit numbers, whose low bytes come first, then the high ones.
- *
  * @param {Uint8Array} data @param {number} size
  */
 async function numbers(data, size) {

@@ -54,7 +54,7 @@ export class SharedRenderer extends EventTarget {
     this.gl.shadowMap.enabled = true;
     this.gl.shadowMap.type = PCFShadowMap;
     this.maxSize = Math.min(4096, context.getParameter(context.MAX_RENDERBUFFER_SIZE));
-    /** @type {Set<(now: number) => boolean>} */
+    /** @type {Set<() => boolean>} */
     this.waiting = new Set();
     this.frame = 0;
     this.environment = makeEnvironment(this.gl);
@@ -75,24 +75,23 @@ export class SharedRenderer extends EventTarget {
 
   /**
    * Call back before the next picture.
-   * @param {(now: number) => boolean} draw returns whether it wants another frame after this one
+   * @param {() => boolean} draw returns whether it wants another frame after this one
    */
   request(draw) {
     this.waiting.add(draw);
-    if (!this.frame) this.frame = requestAnimationFrame((now) => this.#run(now));
+    if (!this.frame) this.frame = requestAnimationFrame(() => this.#run());
   }
 
-  /** @param {(now: number) => boolean} draw */
+  /** @param {() => boolean} draw */
   cancel(draw) {
     this.waiting.delete(draw);
   }
 
-  /** @param {number} now */
-  #run(now) {
+  #run() {
     this.frame = 0;
     const turn = [...this.waiting];
     this.waiting.clear();
-    for (const draw of turn) if (draw(now)) this.request(draw);
+    for (const draw of turn) if (draw()) this.request(draw);
   }
 
   /**

@@ -55,7 +55,6 @@ export function whiteNoise(positions, indices, count, seed = 1) {
 
 /**
  * White noise of five times as many places, of which the most crowded one goes, again and again.
- *
  * @param {Float32Array} positions (3V)
  * @param {Uint32Array} indices (3F)
  * @param {number} count
@@ -105,7 +104,6 @@ export function blueNoise(positions, indices, count, seed = 1) {
 
 /**
  * Pairs that are nearer than `reach` and face the same way: the two sides of a thin wall do not crowd each other.
- *
  * @param {Float32Array} points @param {Float32Array} normals @param {number} reach
  */
 function neighbours(points, normals, reach) {

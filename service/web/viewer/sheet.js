@@ -45,7 +45,7 @@ export async function drawSheet(columns, rows, { cell = 320, background, ink, fo
       for (const [x, shape] of row.shapes.entries()) {
         if (!shape) continue;
         signal?.throwIfAborted();
-        const { root } = await parseAsset(shape.slice(0), "glb", renderer.gl);
+        const root = await parseAsset(shape.slice(0), "glb", renderer.gl);
         dress(root, renderer.gl);
         stage.scene.add(root);
         stage.enclose(boundsOf(root));
@@ -77,7 +77,7 @@ export async function drawSheet(columns, rows, { cell = 320, background, ink, fo
 
 /** @param {ArrayBuffer} shape @param {import("./renderer.js").SharedRenderer} renderer @returns {Promise<Box3>} */
 async function boxOf(shape, renderer) {
-  const { root } = await parseAsset(withoutMaterials(shape), "glb", renderer.gl);
+  const root = await parseAsset(withoutMaterials(shape), "glb", renderer.gl);
   const box = boundsOf(root);
   disposeAsset(root);
   return box;

@@ -54,7 +54,7 @@ export async function snapshotAsset(buffer, { format = "glb", dark = false, ...o
   const renderer = acquireRenderer();
   const stage = new Stage();
   try {
-    const { root } = await parseAsset(buffer, format, renderer.gl);
+    const root = await parseAsset(buffer, format, renderer.gl);
     try {
       dress(root, renderer.gl);
       stage.scene.environment = renderer.environment.texture;

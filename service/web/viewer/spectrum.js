@@ -62,7 +62,6 @@ export function spectrum(solver, count) {
 
 /**
  * Make functions orthonormal under M, and orthogonal to the constants of all parts, whose eigenvalue is 0.
- *
  * @param {Float64Array[]} basis @param {Float64Array} mass @param {Uint32Array[]} parts
  */
 function orthonormalise(basis, mass, parts) {
@@ -96,7 +95,6 @@ function inner(a, b, mass) {
 
 /**
  * Eigenvalues, ascending, and eigenvectors of a small symmetric matrix, by Jacobi's rotations.
- *
  * @param {Float64Array[]} matrix is changed
  */
 function eigen(matrix) {

@@ -41,10 +41,7 @@ export class Stage {
     this.ground.visible = this.contact.floor.visible = false;
   }
 
-  /**
-   * Set light and ground up for a box.
-   * @param {Box3} box world units
-   */
+  /** Set light and ground up for a box. @param {Box3} box world units */
   enclose(box) {
     const center = box.getCenter(new Vector3());
     const radius = Math.max(box.max.distanceTo(box.min) / 2, 1e-12);
@@ -66,10 +63,7 @@ export class Stage {
     this.key.shadow.needsUpdate = this.contact.needsUpdate = true;
   }
 
-  /**
-   * Draw what is needed before the picture itself.
-   * @param {import("three").WebGLRenderer} gl
-   */
+  /** Draw what is needed before the picture itself. @param {import("three").WebGLRenderer} gl */
   prepare(gl) {
     /** @type {import("three").Object3D[]} */
     const overlays = [];

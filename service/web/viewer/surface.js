@@ -7,12 +7,7 @@ let count = 0;
 /** @typedef {{ resized: (aspect: number) => void, changed: () => void, themed: (dark: boolean) => void }} Listeners */
 
 export class Surface {
-  /**
-   * @param {HTMLElement} container
-   * @param {string} label
-   * @param {string} instructions
-   * @param {Listeners} listeners
-   */
+  /** @param {HTMLElement} container @param {string} label @param {string} instructions @param {Listeners} listeners */
   constructor(container, label, instructions, listeners) {
     this.container = container;
     this.listeners = listeners;
@@ -77,6 +72,18 @@ export class Surface {
   get aspect() {
     const { clientWidth, clientHeight } = this.container;
     return clientWidth && clientHeight ? clientWidth / clientHeight : 1;
+  }
+
+  /** @param {{ clientX: number, clientY: number }} event @returns {[number, number]} in the picture, each from -1 to 1, up being positive */
+  place({ clientX, clientY }) {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    return [(2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height];
+  }
+
+  /** @param {{ clientX: number, clientY: number }} event @param {{ x: number, y: number }} seen a place as `place` returns it @returns {number} pixels between the two */
+  apart(event, seen) {
+    const [x, y] = this.place(event);
+    return Math.hypot(((seen.x - x) * this.canvas.clientWidth) / 2, ((seen.y - y) * this.canvas.clientHeight) / 2);
   }
 
   /** @returns {boolean} whether the background is dark */

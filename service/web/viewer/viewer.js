@@ -18,7 +18,6 @@ import { withoutMaterials } from "./glb.js";
 import { Heatmap } from "./heatmap.js";
 import { INSTRUCTIONS, listenToKeys } from "./keyboard.js";
 import { disposeAsset, meshesOf, parseAsset, triangleCount } from "./loading.js";
-import { Playback } from "./playback.js";
 import { acquireRenderer, releaseRenderer } from "./renderer.js";
 import { drawSnapshot, snapshotAsset } from "./snapshot.js";
 import { boundsOf, dress, Stage } from "./stage.js";
@@ -30,29 +29,22 @@ import { Wireframe } from "./wireframe.js";
 export { linkCameras, snapshotAsset, TopologyError };
 
 /** @typedef {import("./loading.js").Format} Format */
-/** @typedef {{ vertices: number, triangles: number, meshes: number, animations: string[] }} AssetInfo */
+/** @typedef {{ vertices: number, triangles: number, meshes: number }} AssetInfo */
 
-/**
- * Events: `ready` (something was loaded), `camerachange` and `camerareset`, `error` (its `detail` is the Error; also
- * what a call rejects with), `contextlost` and `contextrestored`.
- */
+/** Events: `ready` (something was loaded), `camerachange` and `camerareset`, `contextlost` and `contextrestored`. */
 export class MeshViewer extends EventTarget {
   /** @type {import("./renderer.js").SharedRenderer | null} */ #renderer = null;
   /** @type {import("three").Object3D | null} */ #root = null;
   /** @type {Deformation | null} */ #deformation = null;
   /** @type {Heatmap | null} */ #heatmap = null;
   /** @type {Wireframe | null} */ #wireframe = null;
-  /** @type {Playback | null} */ #playback = null;
   /** @type {FrontArrow | null} */ #front = null;
   #converted = false;
   #grounded = true; // the ground lies under the shape that is shown
   #disposed = false;
   #turn = 0;
 
-  /**
-   * @param {HTMLElement} container
-   * @param {{ label?: string }} options `label` is the viewer's name for people who do not see it
-   */
+  /** @param {HTMLElement} container @param {{ label?: string }} options `label` is the viewer's name for people who do not see it */
   constructor(container, { label = "3D model" } = {}) {
     super();
     this.stage = new Stage();
@@ -91,27 +83,24 @@ export class MeshViewer extends EventTarget {
    */
   async load(buffer, { format = "glb", keepCamera = false } = {}) {
     const turn = ++this.#turn;
-    return this.#reporting(async () => {
-      const renderer = this.#start();
-      const { root, animations } = await parseAsset(buffer, format, renderer.gl);
-      if (turn !== this.#turn) {
-        disposeAsset(root);
-        throw new DOMException("Another file was loaded meanwhile.", "AbortError");
-      }
-      this.#clear();
-      dress(root, renderer.gl);
-      this.#root = root;
-      this.#playback = new Playback(root, animations);
-      this.#converted = meshesOf(root).length > 0 && !["glb", "gltf"].includes(format);
-      this.stage.scene.environment = renderer.environment.texture;
-      this.stage.scene.add(root);
-      this.#wireframe?.attach(root);
-      const kept = keepCamera && this.rig.touched;
-      this.#frame();
-      if (!kept) this.rig.reset();
-      this.dispatchEvent(new Event("ready"));
-      return this.info;
-    });
+    const renderer = this.#start();
+    const root = await parseAsset(buffer, format, renderer.gl);
+    if (turn !== this.#turn) {
+      disposeAsset(root);
+      throw new DOMException("Another file was loaded meanwhile.", "AbortError");
+    }
+    this.#clear();
+    dress(root, renderer.gl);
+    this.#root = root;
+    this.#converted = meshesOf(root).length > 0 && !["glb", "gltf"].includes(format);
+    this.stage.scene.environment = renderer.environment.texture;
+    this.stage.scene.add(root);
+    this.#wireframe?.attach(root);
+    const kept = keepCamera && this.rig.touched;
+    this.#frame();
+    if (!kept) this.rig.reset();
+    this.dispatchEvent(new Event("ready"));
+    return this.info;
   }
 
   /** @returns {import("three").Object3D | null} what is loaded */
@@ -128,7 +117,6 @@ export class MeshViewer extends EventTarget {
       vertices: meshes.reduce((sum, mesh) => sum + vertices(mesh), 0),
       triangles: meshes.reduce((sum, mesh) => sum + triangleCount(mesh), 0),
       meshes: meshes.length,
-      animations: this.#playback?.names ?? [],
     };
   }
 
@@ -139,28 +127,26 @@ export class MeshViewer extends EventTarget {
    */
   async setDeformed(buffer) {
     const turn = this.#turn;
-    return this.#reporting(async () => {
-      const source = this.#root;
-      if (!source) throw new Error("Load the source before its result.");
-      const { root } = await parseAsset(withoutMaterials(buffer), "glb", this.#start().gl);
-      try {
-        if (turn !== this.#turn || source !== this.#root) {
-          throw new DOMException("Another file was loaded meanwhile.", "AbortError");
-        }
-        const morph = this.#deformation?.morph ?? 0;
-        const heat = this.#heatmap?.legend.kind ?? "none";
-        this.clearDeformed();
-        const pairs = pairMeshes(source, root, this.#converted);
-        this.#deformation = new Deformation(pairs);
-        this.#wireframe?.refresh();
-        this.setMorph(morph);
-        this.#frame();
-        if (!this.rig.touched) this.resetView();
-        this.setHeatmap(heat);
-      } finally {
-        disposeAsset(root);
+    const source = this.#root;
+    if (!source) throw new Error("Load the source before its result.");
+    const root = await parseAsset(withoutMaterials(buffer), "glb", this.#start().gl);
+    try {
+      if (turn !== this.#turn || source !== this.#root) {
+        throw new DOMException("Another file was loaded meanwhile.", "AbortError");
       }
-    });
+      const morph = this.#deformation?.morph ?? 0;
+      const heat = this.#heatmap?.legend.kind ?? "none";
+      this.clearDeformed();
+      const pairs = pairMeshes(source, root, this.#converted);
+      this.#deformation = new Deformation(pairs);
+      this.#wireframe?.refresh();
+      this.setMorph(morph);
+      this.#frame();
+      if (!this.rig.touched) this.resetView();
+      this.setHeatmap(heat);
+    } finally {
+      disposeAsset(root);
+    }
   }
 
   /**
@@ -171,7 +157,7 @@ export class MeshViewer extends EventTarget {
    */
   async addWaypoint(buffer, t) {
     const deformation = this.#deformation;
-    const { root } = await parseAsset(withoutMaterials(buffer), "glb", this.#start().gl);
+    const root = await parseAsset(withoutMaterials(buffer), "glb", this.#start().gl);
     try {
       if (!this.#root || !deformation || deformation !== this.#deformation) return;
       deformation.pass(t, pairMeshes(this.#root, root, this.#converted));
@@ -209,16 +195,6 @@ export class MeshViewer extends EventTarget {
   }
 
   /**
-   * Play an animation of the file, or none. Nothing plays by itself.
-   * @param {number | null} index
-   */
-  playAnimation(index) {
-    this.#playback?.play(index);
-    this.stage.refreshShadow();
-    this.invalidate();
-  }
-
-  /**
    * Show which side is taken as the front. The event `frontchange` says where the pointer turned it.
    * @param {number | null} degrees 0 is +Z, 90 is +X; null shows nothing
    * @param {boolean} faint whether it is only a guess
@@ -228,7 +204,7 @@ export class MeshViewer extends EventTarget {
     if (degrees === null) this.#front?.hide();
     else {
       const turned = (/** @type {number} */ to, /** @type {boolean} */ done) => this.dispatchEvent(new CustomEvent("frontchange", { detail: { degrees: to, done } }));
-      this.#front ??= new FrontArrow(this.stage, this.rig, this.surface.canvas, turned);
+      this.#front ??= new FrontArrow(this.stage, this.rig, this.surface, turned);
       this.#front.show(degrees, faint);
     }
     // The camera makes room for it once.
@@ -336,18 +312,16 @@ export class MeshViewer extends EventTarget {
     this.invalidate();
   };
 
-  #draw = (/** @type {number} */ now) => {
+  #draw = () => {
     const { context, canvas } = this.surface;
     // While the context is lost the last picture stays.
     if (!this.#renderer || this.#renderer.lost || !this.#root) return false;
     if (!this.surface.fit(this.#renderer.maxSize)) return false;
     const moving = this.rig.update();
     this.#ground();
-    const playing = this.#playback?.advance(now) ?? false;
-    if (playing) this.stage.refreshShadow();
     context.clearRect(0, 0, canvas.width, canvas.height);
     this.#renderer.draw(this.stage, this.rig.camera, context, canvas.width, canvas.height);
-    return (moving || playing) && this.surface.visible;
+    return moving && this.surface.visible;
   };
 
   /** Put the ground under the shape that is shown. */
@@ -374,27 +348,10 @@ export class MeshViewer extends EventTarget {
   #clear() {
     this.clearDeformed();
     this.#wireframe?.detach();
-    this.#playback?.play(null);
-    this.#playback = null;
     if (this.#root) {
       this.#root.removeFromParent();
       disposeAsset(this.#root);
     }
     this.#root = null;
-  }
-
-  /**
-   * @template T
-   * @param {() => Promise<T>} work
-   * @returns {Promise<T>}
-   */
-  async #reporting(work) {
-    try {
-      return await work();
-    } catch (error) {
-      const superseded = error instanceof DOMException && error.name === "AbortError";
-      if (!superseded) this.dispatchEvent(new CustomEvent("error", { detail: error }));
-      throw error;
-    }
   }
 }

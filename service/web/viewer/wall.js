@@ -120,9 +120,7 @@ export class Wall {
 
   /** @param {PointerEvent} event @returns {Hit | null} the point of a shape nearest to where a pointer points */
   at(event) {
-    const { left, top, width, height } = this.viewer.surface.canvas.getBoundingClientRect();
-    const pointer = new Vector2((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
-    this.caster.setFromCamera(pointer, this.viewer.rig.camera);
+    this.caster.setFromCamera(new Vector2(...this.viewer.surface.place(event)), this.viewer.rig.camera);
     const [hit] = this.caster.intersectObjects(this.shapes.flatMap(({ node }) => meshes(node)), false);
     if (!hit) return null;
     const shape = this.shapes.findIndex(({ node }) => node === hit.object || node === hit.object.parent);

@@ -3,11 +3,7 @@
 
 /** @typedef {{ t: number, values: Float32Array }} Knot a share of the way, and all values there */
 
-/**
- * Add a knot in its place, or replace the one at the same share.
- * @param {Knot[]} knots ascending
- * @param {Knot} knot
- */
+/** Add a knot in its place, or replace the one at the same share. @param {Knot[]} knots ascending @param {Knot} knot */
 export function addKnot(knots, knot) {
   const at = knots.findIndex(({ t }) => t >= knot.t);
   if (at < 0) knots.push(knot);

@@ -50,11 +50,7 @@ function pictureChunks(still) {
   return found;
 }
 
-/**
- * @param {string} name
- * @param {Uint8Array[]} parts
- * @returns {Uint8Array<ArrayBuffer>} padded to an even length
- */
+/** @param {string} name @param {Uint8Array[]} parts @returns {Uint8Array<ArrayBuffer>} padded to an even length */
 function chunk(name, parts) {
   const size = parts.reduce((sum, part) => sum + part.length, 0);
   const made = bytes(8 + size + (size % 2), (view) => view.setUint32(4, size, true));
@@ -67,10 +63,7 @@ function chunk(name, parts) {
   return made;
 }
 
-/**
- * @param {number} length
- * @param {(view: DataView) => void} write
- */
+/** @param {number} length @param {(view: DataView) => void} write */
 function bytes(length, write) {
   const made = new Uint8Array(length);
   write(new DataView(made.buffer));

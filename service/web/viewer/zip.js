@@ -15,7 +15,6 @@ const TYPES = /** @type {Record<string, string>} */ ({ png: "image/png", jpg: "i
 
 /**
  * What the viewer can read of a file: the asset inside a ZIP, any other file as it is.
- *
  * @param {ArrayBuffer} buffer
  * @param {string} format
  * @returns {Promise<{buffer: ArrayBuffer, format: string}>} of a glTF with its files a GLB; an OBJ without its materials
@@ -41,7 +40,6 @@ function hasLinks(glb) {
 
 /**
  * The files of a ZIP, each unpacked when it is asked for.
- *
  * @param {ArrayBuffer} buffer
  * @returns {Map<string, () => Promise<ArrayBuffer>>} by name, in the ZIP's order
  * @throws {Error} the message is for people
@@ -95,7 +93,6 @@ async function content(buffer, { method, start, packed, size }) {
 
 /**
  * A glTF with the buffers and images that it refers to, as a GLB; images that are missing become white.
- *
  * @param {ArrayBuffer} asset
  * @param {(uri: string) => Promise<ArrayBuffer | null>} read
  * @returns {Promise<ArrayBuffer>}
@@ -145,11 +142,7 @@ async function embedded(asset, read) {
 /** A picture of one white pixel. */
 const WHITE = fromBase64("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg==");
 
-/**
- * @param {string} uri
- * @param {(uri: string) => Promise<ArrayBuffer | null>} read
- * @returns {Promise<Uint8Array | null>}
- */
+/** @param {string} uri @param {(uri: string) => Promise<ArrayBuffer | null>} read @returns {Promise<Uint8Array | null>} */
 async function linked(uri, read) {
   const inline = /^data:[^,]*;base64,/i.exec(uri);
   if (inline) return fromBase64(uri.slice(inline[0].length));
@@ -162,11 +155,7 @@ function fromBase64(text) {
   return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 }
 
-/**
- * @param {ArrayBuffer} zip
- * @param {Map<string, Entry>} entries
- * @param {string} main
- */
+/** @param {ArrayBuffer} zip @param {Map<string, Entry>} entries @param {string} main */
 function reader(zip, entries, main) {
   const folder = main.slice(0, main.lastIndexOf("/") + 1);
   return async (/** @type {string} */ uri) => {

@@ -51,13 +51,13 @@ def test_keys_that_belong_to_the_page_are_left_to_it(page: Page) -> None:
     assert page.evaluate("kept.some(Boolean)") is False
 
 
-def test_linked_cameras_move_together_until_they_are_let_go(page: Page) -> None:
+def test_linked_cameras_move_together(page: Page) -> None:
     found = page.evaluate(
         """async () => {
           const [a, b] = [await show("source.glb"), await show("bent.glb")];
           const far = (x, y) => Math.hypot(...x.rig.state.position.map((value, i) => value - y.rig.state.position[i]));
           const apart = far(a, b);
-          const release = linkCameras(a, b);
+          linkCameras(a, b);
           const joined = far(a, b);
           const before = pixels(b);
           a.rig.rotate(0.6, 0.2);
@@ -68,9 +68,7 @@ def test_linked_cameras_move_together_until_they_are_let_go(page: Page) -> None:
           const back = far(a, b);
           a.resetView();
           const home = [far(a, b), a.rig.touched, b.rig.touched];
-          release();
-          a.rig.rotate(0.5, 0);
-          return { apart, joined, followed, changed, back, home, released: far(a, b) };
+          return { apart, joined, followed, changed, back, home };
         }"""
     )
     assert found["apart"] > 0.01  # the bent box is wider
@@ -78,7 +76,6 @@ def test_linked_cameras_move_together_until_they_are_let_go(page: Page) -> None:
         assert found[moment] == pytest.approx(0, abs=1e-9), moment
     assert found["home"] == [pytest.approx(0, abs=1e-9), False, False]
     assert found["changed"] > 250
-    assert found["released"] > 0.1
 
 
 def test_a_drag_turns_and_the_wheel_waits_for_the_focus(page: Page) -> None:

@@ -57,8 +57,6 @@ def test_every_kind_of_file_is_drawn_and_meets_its_result(page: Page, site: View
         assert (found["refused"], found["half"]) == ("", pytest.approx(made.displacement / 2, rel=1e-3))
     if made.format != "glb":
         assert found["facts"]["vertices"] <= len(VERTS)
-    diagonal = 100 * found["displacement"]["max"] / found["displacement"]["percent"]["max"]
-    assert diagonal > made.displacement
     if name not in {"draco", "meshopt", "strip"}:  # faces that stand upright grow as their box does, lying ones do not
         assert found["stretch"]["max"] == pytest.approx(GROWTH, rel=1e-3)
         assert found["stretch"]["min"] == pytest.approx(1.0, rel=1e-3)
@@ -105,7 +103,6 @@ def test_a_known_deformation_has_its_known_heat(page: Page) -> None:
     legend = found["legend"]
     assert legend["max"] == pytest.approx(0.4, rel=1e-5)
     assert legend["min"] == 0
-    assert legend["percent"]["max"] == pytest.approx(100 * 0.4 / (1 + 1.4**2 + 0.8**2) ** 0.5, rel=1e-5)
     assert legend["label"] == "Displacement"
     assert "#440154" in legend["gradient"]
     assert found["heated"] > 500
@@ -154,14 +151,12 @@ def test_another_topology_is_refused_and_what_was_shown_stays(page: Page, site: 
         """async () => {
           const viewer = await show("source.glb");
           const before = pixels(viewer);
-          const told = [];
-          viewer.addEventListener("error", (event) => told.push(event.detail.code));
           const failures = [];
           for (const name of ["other.glb", "finer.glb"]) {
             failures.push(await failure(viewer.setDeformed(await fetchBytes(`/files/${name}`))));
           }
           await drawn();
-          return { failures, told, changed: difference(before, pixels(viewer)) };
+          return { failures, changed: difference(before, pixels(viewer)) };
         }"""
     )
     assert [failure["code"] for failure in found["failures"]] == ["topology", "topology"]
@@ -169,7 +164,6 @@ def test_another_topology_is_refused_and_what_was_shown_stays(page: Page, site: 
         " ,", ","
     )
     assert "side by side" in found["failures"][1]["message"]
-    assert found["told"] == ["topology", "topology"]
     assert found["changed"] == 0
 
 

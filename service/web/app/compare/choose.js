@@ -14,7 +14,6 @@ const LISTED = 100;
 
 /**
  * Ask for another job with a result, and go to the comparison.
- *
  * @param {any} job
  * @param {import("../scope.js").Scope} scope
  */

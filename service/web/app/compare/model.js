@@ -20,11 +20,7 @@ function row(label, a, b) {
   return { label, values: [a, b], same: a === b };
 }
 
-/**
- * Why a job has nothing to compare; empty where it has.
- *
- * @param {any} job
- */
+/** Why a job has nothing to compare; empty where it has. @param {any} job */
 export function obstacle(job) {
   if ((job.kind ?? "text_deform") !== "text_deform") return "This job does not deform an asset, so it has no shape to compare.";
   if (job.state === "succeeded") return "";
@@ -34,7 +30,6 @@ export function obstacle(job) {
 
 /**
  * What was asked of two jobs: that which tells jobs apart always, the other parameters where they differ.
- *
  * @param {[any, any]} jobs
  * @param {[any, any]} reports `report.json` of each; null where there is none.
  * @returns {Row[]}
@@ -69,7 +64,6 @@ function valueText(value) {
 
 /**
  * The figures of two results, side by side; those that neither report has are left out.
- *
  * @param {[any, any]} reports
  * @returns {Row[]}
  */

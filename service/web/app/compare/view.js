@@ -3,12 +3,12 @@
 import { announce } from "../announce.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { CHANGED, isDeleted } from "../deletions.js";
-import { button, fill, h, icon } from "../dom.js";
+import { button, fill, h, icon, panel } from "../dom.js";
 import { ago, jobTitle } from "../format.js";
 import { isTerminal } from "../history.js";
 import { copyText } from "../job/files.js";
 import { stateBadge } from "../jobs/card.js";
-import { PairStage } from "../pair-stage.js";
+import { COLOURS, PairStage } from "../pair-stage.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { askedRows, figureRows, obstacle } from "./model.js";
@@ -18,11 +18,7 @@ const LETTERS = ["A", "B"];
 const GONE = "There is no such job here: it was deleted, or belongs to another key.";
 
 export class CompareView {
-  /**
-   * @param {HTMLElement} root
-   * @param {import("../scope.js").Scope} scope
-   * @param {[string, string]} ids
-   */
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {[string, string]} ids */
   constructor(root, scope, ids) {
     this.scope = scope;
     this.ids = ids;
@@ -44,10 +40,10 @@ export class CompareView {
       { class: "job-head" },
       h("a", { class: "back", href: "#/jobs" }, icon("back"), "Jobs"),
       h("h1", null, "Comparison"),
-      h("p", { class: "meta" }, "Both cameras move together, at the same scale."),
+      h("p", { class: "row meta" }, "Both cameras move together, at the same scale."),
       h(
         "div",
-        { class: "actions", role: "group", "aria-label": "Actions" },
+        { class: "row", role: "group", "aria-label": "Actions" },
         h("a", { class: "button", href: swap }, icon("turn"), "Swap"),
         button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       ),
@@ -94,7 +90,7 @@ export class CompareView {
     if (known === title) return;
     fill(
       this.body,
-      h("div", { class: waiting ? "compare-note" : "problem" }, icon(waiting ? "clock" : "info"), h("div", null, h("strong", null, title), text ? h("span", null, text) : null, waiting ? null : h("a", { href: "#/jobs" }, "All jobs"))),
+      h("div", { class: "problem" }, icon(waiting ? "clock" : "info"), h("div", null, h("strong", null, title), text ? h("span", null, text) : null, waiting ? null : h("a", { href: "#/jobs" }, "All jobs"))),
     );
     announce(title);
   }
@@ -113,7 +109,7 @@ export class CompareView {
       "section",
       { class: "panel compare-head", "aria-label": `Job ${LETTERS[i]}` },
       letter,
-      h("div", null, h("h2", null, link), h("p", { class: "meta small" }, stateBadge(job.state), h("span", null, `${job.asset.filename} · variation ${job.params?.seed ?? 0} · ${ago(job.created_at)}`)), wrong ? h("p", { class: "small" }, wrong) : null),
+      h("div", null, h("h2", null, link), h("p", { class: "row meta small" }, stateBadge(job.state), h("span", null, `${job.asset.filename} · variation ${job.params?.seed ?? 0} · ${ago(job.created_at)}`)), wrong ? h("p", { class: "small" }, wrong) : null),
     );
   }
 
@@ -137,7 +133,7 @@ export class CompareView {
     const stage = new PairStage(this.scope, {
       label: "Both results",
       tags: [`A · ${jobTitle(a)}`, `B · ${jobTitle(b)}`],
-      colours: [["none", "Material"], ["displacement", "Displacement"]],
+      colours: COLOURS.slice(0, 2),
       always: true,
     });
     const note = h("p", { class: "small muted", role: "status" });
@@ -159,10 +155,9 @@ export class CompareView {
 function table(title, rows) {
   const id = `compare-${title.toLowerCase()}`;
   const cell = (/** @type {string} */ text) => h("td", null, text || "–");
-  return h(
-    "section",
-    { class: "panel", "aria-labelledby": id },
-    h("div", { class: "panel-head" }, h("h2", { id }, title)),
+  return panel(
+    id,
+    title,
     h(
       "table",
       { class: "compare-table", "aria-labelledby": id },

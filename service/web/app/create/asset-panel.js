@@ -5,6 +5,7 @@ import { Asset, exampleAsset, formatOf, SURFACE_FORMATS } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
+import { fileInput, takeDrops } from "../picking.js";
 import { ViewerBox } from "../viewer-box.js";
 
 export const EXAMPLES = [
@@ -19,10 +20,7 @@ const ADVICE =
   "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files; or points with normals (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).";
 
 export class AssetPanel {
-  /**
-   * @param {import("../scope.js").Scope} scope
-   * @param {(asset: Asset | null) => void} onChange
-   */
+  /** @param {import("../scope.js").Scope} scope @param {(asset: Asset | null) => void} onChange */
   constructor(scope, onChange) {
     this.scope = scope;
     this.onChange = onChange;
@@ -34,10 +32,8 @@ export class AssetPanel {
     this.guide = null;
     this.box = new ViewerBox("Asset", scope);
     this.box.tag.hidden = true;
-    this.input = h("input", {
-      type: "file", class: "visually-hidden", id: "asset-file", tabindex: "-1", "aria-label": "Asset file",
-      accept: [...SURFACE_FORMATS.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(","),
-    });
+    const accept = [...SURFACE_FORMATS.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(",");
+    this.input = fileInput("asset-file", "Asset file", accept, ([file]) => this.take(file));
     this.facts = h("p", { class: "facts", id: "asset-facts" });
     this.large = h("p", { class: "small muted", hidden: true }, `Over ${bytes(LARGEST_BYTES)}: after a reload, choose it again.`);
     this.problem = h("div", { class: "field-problem", role: "alert", hidden: true });
@@ -45,7 +41,11 @@ export class AssetPanel {
     this.examples = h("div", { class: "chips", role: "group", "aria-label": "Example assets" });
     this.stage = h("div", { class: "stage" });
     this.element = this._build();
-    this._wire();
+    takeDrops(scope, this.element, (files, target) => {
+      const place = target instanceof Element && target.closest("[data-drop='guide']");
+      if (this.guide && (place || files[0].type.startsWith("image/"))) this.guide(files);
+      else this.take(files[0]);
+    });
   }
 
   _build() {
@@ -58,7 +58,7 @@ export class AssetPanel {
     this.stage.append(
       this.box.element,
       h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop it here")),
-      button("Reset view", () => [this.box, this.other].forEach((box) => box?.resetView()), { icon: "reset", quiet: true, class: "stage-reset" }),
+      button("Reset view", () => [this.box, this.other].forEach((box) => box?.resetView()), { icon: "reset", quiet: true, class: "button-quiet stage-reset" }),
     );
     return h(
       "section",
@@ -68,43 +68,12 @@ export class AssetPanel {
       this.problem,
       h(
         "div",
-        { class: "asset-bar" },
+        { class: "row asset-bar" },
         h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, `Or drop a ${WORDS} anywhere on this page.`), h("span", { class: "without-mouse" }, WORDS))),
         h("div", { class: "row" }, choose, this.input),
       ),
-      h("div", { class: "example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
+      h("div", { class: "row example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
     );
-  }
-
-  _wire() {
-    const { scope, element, input } = this;
-    scope.listen(input, "change", () => {
-      const file = input.files?.[0];
-      if (file) this.take(file);
-      input.value = "";
-    });
-    let depth = 0;
-    const veil = (/** @type {boolean} */ on) => element.classList.toggle("dropping", on);
-    scope.listen(document, "dragenter", (event) => {
-      if (!carriesFile(event)) return;
-      depth += 1;
-      veil(true);
-    });
-    scope.listen(document, "dragleave", () => {
-      depth = Math.max(0, depth - 1);
-      if (!depth) veil(false);
-    });
-    scope.listen(document, "dragover", (event) => carriesFile(event) && event.preventDefault());
-    scope.listen(document, "drop", (event) => {
-      depth = 0;
-      veil(false);
-      const files = [...(event.dataTransfer?.files ?? [])];
-      if (!files.length) return;
-      event.preventDefault();
-      const place = event.target instanceof Element && event.target.closest("[data-drop='guide']");
-      if (this.guide && (place || files[0].type.startsWith("image/"))) this.guide(files);
-      else this.take(files[0]);
-    });
   }
 
   /** Show another view beside that of the asset. @param {ViewerBox} box */
@@ -185,17 +154,9 @@ export class AssetPanel {
     fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, parts.join(" · ")), ...warnings.map((text) => h("span", null, text)));
   }
 
-  /**
-   * @param {string} text Empty: all is well.
-   * @param {string} [advice]
-   */
+  /** @param {string} text Empty: all is well. @param {string} [advice] */
   refuse(text, advice = "") {
     this.problem.hidden = !text;
     fill(this.problem, text ? h("strong", null, text) : null, advice ? h("span", null, " ", advice) : null);
   }
-}
-
-/** @param {DragEvent} event */
-function carriesFile(event) {
-  return event.dataTransfer?.types.includes("Files") ?? false;
 }

@@ -4,10 +4,14 @@
  *
  * @typedef {{input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}} FieldRow
  */
-import { fill, h } from "../dom.js";
+import { client } from "../client.js";
+import { h, invalid, labelled, say } from "../dom.js";
+import { fieldProblem, numbersOf } from "../params.js";
+
+/** @typedef {import("../params.js").Field} Field */
 
 /**
- * @param {import("../params.js").Field} field
+ * @param {Pick<Field, "name" | "label" | "help" | "type" | "choices">} field
  * @param {[string, string]} empty What stands where nothing was chosen, and where nothing was typed.
  * @param {() => void} onInput
  * @returns {FieldRow}
@@ -21,26 +25,100 @@ export function fieldRow(field, [unchosen, untyped], onInput) {
       ? h("select", common, h("option", { value: "" }, unchosen), (field.choices ?? []).map(([value, label]) => h("option", { value }, label)))
       : h("input", { ...common, type: "text", inputmode: field.type === "text" ? null : "decimal", placeholder: untyped, autocomplete: "off" });
   input.addEventListener("input", onInput);
-  const row = h(
-    "div",
-    { class: "field" },
-    h("label", { class: "field-label", for: id }, field.label),
-    input,
-    problem,
-    h("p", { class: "small muted", id: `${id}-help` }, field.help),
-  );
+  const row = labelled(id, field.label, input, problem, h("p", { class: "small muted", id: `${id}-help` }, field.help));
   return { input, problem, row };
 }
 
-/**
- * Show what is wrong with a field; empty: nothing.
- *
- * @param {{input: HTMLElement, problem: HTMLElement}} field
- * @param {string} text
- */
+/** Show what is wrong with a field; empty: nothing. @param {{input: HTMLElement, problem: HTMLElement}} field @param {string} text */
 export function markField(field, text) {
-  field.problem.hidden = !text;
-  fill(field.problem, text);
-  if (text) field.input.setAttribute("aria-invalid", "true");
-  else field.input.removeAttribute("aria-invalid");
+  say(field.problem, text);
+  invalid(field.input, text !== "");
+}
+
+/** The rows of a form, of which the less usual ones stand under Advanced. */
+export class FieldRows {
+  /** @param {() => void} onInput */
+  constructor(onInput) {
+    this.onInput = onInput;
+    /** @type {Map<string, FieldRow & {field: Field}>} */
+    this.rows = new Map();
+    this.more = h("div", { class: "advanced-grid" });
+    this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"), this.more);
+  }
+
+  /** Make the row of a parameter. @param {Field} field @param {[string, string]} empty As in `fieldRow`. */
+  add(field, empty) {
+    const row = fieldRow(field, empty, () => (this._mark(field.name), this.onInput()));
+    this.rows.set(field.name, { ...row, field });
+    return row.row;
+  }
+
+  /** Return whether all that was typed can be sent; what cannot is said beside it. */
+  settle() {
+    const good = [...this.rows.keys()].map((name) => this._mark(name)).every(Boolean);
+    if (!good) this._unfold();
+    return good;
+  }
+
+  /** Say what the server refused beside its rows. @param {any[]} errors @returns {boolean} whether there is a row for all of it */
+  refuse(errors) {
+    const placed = errors.map(({ loc, msg }) => {
+      const row = this.rows.get((loc ?? []).findLast((/** @type {any} */ part) => this.rows.has(part)));
+      if (row) markField(row, String(msg ?? "Not allowed."));
+      return row !== undefined;
+    });
+    this._unfold();
+    return placed.length > 0 && placed.every(Boolean);
+  }
+
+  _unfold() {
+    if (this.more.querySelector('[aria-invalid="true"]')) this.advanced.open = true;
+  }
+
+  /** @param {string} name @returns {boolean} whether what was typed can be sent */
+  _mark(name) {
+    const row = this.rows.get(name);
+    if (!row) return true;
+    const text = fieldProblem(row.field, row.input.value);
+    markField(row, text);
+    return !text;
+  }
+}
+
+/** The numbers of a kind of job as rows: the usual ones first. */
+export class NumberRows extends FieldRows {
+  /** @param {string} kind @param {string[]} usual Their names. @param {() => void} onInput */
+  constructor(kind, usual, onInput) {
+    super(onInput);
+    this.kind = kind;
+    this.usual = usual;
+    this.first = h("div", { class: "advanced-grid" });
+  }
+
+  /** Ask the server which there are. @param {AbortSignal} signal */
+  async load(signal) {
+    const { kinds } = await client.json("v1/limits", { signal });
+    for (const field of numbersOf(kinds.find((/** @type {any} */ kind) => kind.name === this.kind)?.params)) {
+      (this.usual.includes(field.name) ? this.first : this.more).append(this.add(field, ["", String(field.standard)]));
+    }
+  }
+
+  /** @param {string} name @returns {number | undefined} what a parameter is where nothing is typed */
+  standard(name) {
+    return this.rows.get(name)?.field.standard;
+  }
+
+  /** Show the parameters of another job. @param {Record<string, any>} params */
+  fill(params) {
+    for (const [name, value] of Object.entries(params)) {
+      const row = this.rows.get(name);
+      if (row && value !== this.standard(name)) row.input.value = String(value);
+    }
+  }
+
+  /** @returns {Record<string, number>} what was typed */
+  values() {
+    const typed = [...this.rows].filter(([, { input }]) => input.value.trim());
+    return Object.fromEntries(typed.map(([name, { input }]) => [name, Number(input.value)]));
+  }
 }

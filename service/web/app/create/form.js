@@ -28,7 +28,6 @@ export function intro(words, stressed, lead) {
 
 /**
  * How long a job would take, in words.
- *
  * @param {any} found What `POST /v1/jobs:validate` says.
  * @param {number} variations
  */

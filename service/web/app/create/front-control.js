@@ -2,14 +2,13 @@
 /** Which side of the asset is its front: an arrow in the view, a slider, a search, and a way back to "automatic". */
 import { announce } from "../announce.js";
 import { isAbort } from "../client.js";
-import { button, h } from "../dom.js";
+import { button, h, say } from "../dom.js";
 import { slider } from "../job/stage-controls.js";
 
 const STEP = 5;
 
 /**
  * The angle that a value of the parameter `orientation` means.
- *
  * @param {string} value "auto", "keep", an angle in degrees, or empty
  * @returns {number | null} 0 to 359; null where the model decides
  */
@@ -42,7 +41,7 @@ export class FrontControl {
     this.reset = button("Automatic", () => this._choose(""), { class: "chip chip-small" });
     this.find = button("Find", () => this._find(), { class: "chip chip-small", title: "Ask the model which side it would take" });
     this.note = h("p", { class: "small muted front-note", "aria-live": "polite", hidden: true });
-    this.element = h("div", { class: "front-control", hidden: true }, row, this.find, this.reset, this.note);
+    this.element = h("div", { class: "row front-control", hidden: true }, row, this.find, this.reset, this.note);
     row.hidden = false;
     box.ready.then(() => {
       box.viewer?.addEventListener("frontchange", (/** @type {CustomEvent<{degrees: number}>} */ event) => this._choose(String(event.detail.degrees)));
@@ -50,9 +49,9 @@ export class FrontControl {
     });
   }
 
-  /** Offer the choice: the server has the parameter. */
-  offer() {
-    this.element.hidden = false;
+  /** Offer the choice, or no more: a target mesh leaves no front to find. @param {boolean} on */
+  offer(on) {
+    this.element.hidden = !on;
     this._draw();
   }
 
@@ -98,8 +97,7 @@ export class FrontControl {
 
   /** @param {string} text */
   _say(text) {
-    this.note.textContent = text;
-    this.note.hidden = text === "";
+    say(this.note, text);
   }
 
   /** @param {string} value */
@@ -117,6 +115,6 @@ export class FrontControl {
     this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: found by what the asset is" : `${angle} degrees from +Z towards +X`);
     this.reset.hidden = this.value === "";
     this.find.hidden = chosen !== null;
-    if (!this.element.hidden) this.box.front(angle ?? 0, angle === null);
+    this.box.viewer?.setFront(this.element.hidden ? null : (angle ?? 0), angle === null);
   }
 }

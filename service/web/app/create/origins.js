@@ -18,11 +18,7 @@ export function exampleOrigin(id) {
  * @property {Record<string, Asset>} others Its files besides the asset, by the names of their parts.
  */
 
-/**
- * @param {string} from The id of a job, or what `exampleOrigin` returns.
- * @param {AbortSignal} signal
- * @returns {Promise<Origin>}
- */
+/** @param {string} from The id of a job, or what `exampleOrigin` returns. @param {AbortSignal} signal @returns {Promise<Origin>} */
 export async function originOf(from, signal) {
   if (from.startsWith(EXAMPLE)) return exampleOf(from.slice(EXAMPLE.length), signal);
   const job = await client.get(from, signal);

@@ -1,7 +1,7 @@
 // @ts-check
 /** The prompt, the words that the model knows, and what is wrong with the prompt. */
-import { button, fill, h, icon } from "../dom.js";
-import { count } from "../format.js";
+import { button, fill, h, icon, invalid, labelled } from "../dom.js";
+import { count, titled } from "../format.js";
 import { showRefusal } from "../refusal.js";
 import { adjectives, surprise, withAdjective, withNoun } from "../vocabulary.js";
 
@@ -23,17 +23,7 @@ export class PromptField {
     this.note = h("p", { class: "prior-note", id: "prompt-note" });
     this.chips = h("div", { class: "chips", role: "group", "aria-label": "Suggested prompts" });
     this.words = h("div", null);
-    this.element = h(
-      "div",
-      { class: "field" },
-      h("label", { class: "field-label", for: "prompt" }, "Prompt"),
-      this.input,
-      this.length,
-      this.problem,
-      this.chips,
-      this.words,
-      this.note,
-    );
+    this.element = labelled("prompt", "Prompt", this.input, this.length, this.problem, this.chips, this.words, this.note);
     this.input.addEventListener("input", () => this._changed());
     this.input.addEventListener("keydown", (event) => {
       // A prompt has no lines: Enter starts.
@@ -112,7 +102,7 @@ export class PromptField {
       { class: "words" },
       h("summary", null, `All ${known.nouns.length} nouns and ${adjectives(known).length} adjectives`),
       known.groups.flatMap(([name, nouns]) => {
-        const title = name[0].toUpperCase() + name.slice(1);
+        const title = titled(name);
         const chips = nouns.map((noun) => chip(noun, () => withNoun(this.value, noun, known)));
         return [h("p", { class: "field-label" }, title), h("div", { class: "chips", role: "group", "aria-label": title }, chips)];
       }),
@@ -130,10 +120,9 @@ export class PromptField {
   refuse(error) {
     this.problem.hidden = !error;
     this.chips.classList.toggle("replaced", Boolean(error));
-    if (error) this.input.setAttribute("aria-invalid", "true");
-    else this.input.removeAttribute("aria-invalid");
+    invalid(this.input, Boolean(error));
     if (!error) return void fill(this.problem);
-    showRefusal(this.problem, error, this.value, this.model?.vocabulary ?? null, (text) => {
+    showRefusal(this.problem, error, (text) => {
       this.set(text);
       this.input.focus();
     });

@@ -1,23 +1,20 @@
 // @ts-check
 /** The settings of a new job: everything but its asset and its prompt. */
-import { button, fill, h, uniqueId } from "../dom.js";
-import { fieldRow, markField } from "./field-rows.js";
+import { button, fill, h, labelled, uniqueId } from "../dom.js";
+import { FieldRows, markField } from "./field-rows.js";
 import { figure } from "../format.js";
 import { isUnused } from "../groups.js";
-import { fieldProblem, formOf, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
+import { formOf, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
 
 export class SettingsPanel {
-  /**
-   * @param {() => void} onChange
-   * @param {(model: import("../vocabulary.js").Model | null) => void} onModel
-   */
+  /** @param {() => void} onChange @param {(model: import("../vocabulary.js").Model | null) => void} onModel */
   constructor(onChange, onModel) {
     this.onChange = onChange;
     this.onModel = onModel;
     /** @type {import("../vocabulary.js").Catalogue} */
     this.catalogue = { default: "", models: [] };
     this.model = h("select", { id: "model", on: { change: () => this._modelChanged() } });
-    this.modelRow = h("div", { class: "field" }, h("label", { class: "field-label", for: "model" }, "Model"), this.model);
+    this.modelRow = labelled("model", "Model", this.model);
     this.preset = radios("preset", PRESETS, "preview", onChange);
     this.seed = integerField("seed", 0, MAX_SEED, onChange);
     this.seed.input.value = String(randomSeed());
@@ -25,12 +22,9 @@ export class SettingsPanel {
     this.variations.input.value = "1";
     this.morph = h("input", { id: "morph", type: "checkbox", on: { change: onChange } });
     this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
-    /** @type {Map<string, {input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}>} */
-    this.fields = new Map();
     /** @type {import("../params.js").Form} */
     this.offered = formOf(null);
-    this.advancedGrid = h("div", { class: "advanced-grid" });
-    this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"));
+    this.fields = new FieldRows(onChange);
     this.kept = nothingKept();
     this.keptText = h("p", null);
     const drop = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._drop() } }, "Drop them");
@@ -40,8 +34,7 @@ export class SettingsPanel {
 
   _build() {
     const also = (/** @type {HTMLInputElement} */ input, /** @type {string} */ text) => h("label", { class: "check", for: input.id }, input, h("span", null, text));
-    this.advanced.append(
-      this.advancedGrid,
+    this.fields.advanced.append(
       also(this.morph, "Also make an animated GLB, from before to after"),
       also(this.subdivide, "Split long edges first, so that large triangles can bend; the result has more triangles"),
     );
@@ -57,11 +50,11 @@ export class SettingsPanel {
       h(
         "div",
         { class: "pair" },
-        h("div", { class: "field" }, h("label", { class: "field-label", for: "seed" }, "Variation"), h("div", { class: "joined" }, this.seed.input, random), this.seed.problem),
-        h("div", { class: "field" }, h("label", { class: "field-label", for: "variations" }, "How many"), this._stepper(), this.variations.problem),
+        labelled("seed", "Variation", h("div", { class: "joined" }, this.seed.input, random), this.seed.problem),
+        labelled("variations", "How many", this._stepper(), this.variations.problem),
       ),
       this.keptRow,
-      this.advanced,
+      this.fields.advanced,
     );
   }
 
@@ -79,27 +72,9 @@ export class SettingsPanel {
     );
   }
 
-  /** @param {import("../params.js").Field} field */
-  _field(field) {
-    return fieldRow(field, ["As the quality says", "automatic"], () => {
-      this._check(field);
-      this.onChange();
-    });
-  }
-
-  /** @param {import("../params.js").Field} field */
-  _check(field) {
-    const found = this.fields.get(field.name);
-    if (!found) return true;
-    const text = fieldProblem(field, found.input.value);
-    markField(found, text);
-    return !text;
-  }
-
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
   check() {
-    const good = this.offered.fields.map((field) => this._check(field)).every(Boolean);
-    if (!good) this.advanced.open = true;
+    const good = this.fields.settle();
     for (const field of [this.seed, this.variations]) markField(field, field.check());
     return good && !this.seed.check() && !this.variations.check();
   }
@@ -109,26 +84,14 @@ export class SettingsPanel {
     /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]'))?.focus();
   }
 
-  /**
-   * Show what the server says of a parameter beside it.
-   *
-   * @param {any[]} errors Of a problem document.
-   * @returns {boolean} Whether each of them has found its place.
-   */
+  /** Say what the server refused beside it. @param {any[]} errors @returns {boolean} whether each of them has found its place */
   refuse(errors) {
-    const places = errors.map((error) => {
-      const name = (error.loc ?? []).findLast((/** @type {any} */ part) => this.fields.has(part));
-      const field = this.fields.get(name);
-      if (field) markField(field, String(error.msg ?? "Not allowed."));
-      return field !== undefined;
-    });
-    if (places.some(Boolean)) this.advanced.open = true;
-    return places.length > 0 && places.every(Boolean);
+    return this.fields.refuse(errors);
   }
 
   /** What the preset would choose. @param {Record<string, any>} params */
   resolved(params) {
-    for (const [name, field] of this.fields) {
+    for (const [name, field] of this.fields.rows) {
       const value = params[name];
       if (field.input.value !== "" || value === undefined || value === null) continue;
       if (field.input instanceof HTMLInputElement) field.input.placeholder = typeof value === "number" ? figure(value) : String(value) || "none";
@@ -139,13 +102,12 @@ export class SettingsPanel {
   /** @param {import("../params.js").Form} form */
   offerFields(form) {
     this.offered = form;
-    this.fields = new Map(form.fields.map((field) => [field.name, this._field(field)]));
-    fill(this.advancedGrid, [...this.fields.values()].map((field) => field.row));
+    fill(this.fields.more, form.fields.map((field) => this.fields.add(field, ["As the quality says", "automatic"])));
   }
 
   /** Show those that a kind of guidance has. @param {string} kind */
   suit(kind) {
-    for (const [name, { row }] of this.fields) row.hidden = isUnused(name, kind, this.offered.groups);
+    for (const [name, { row }] of this.fields.rows) row.hidden = isUnused(name, kind, this.offered.groups);
   }
 
   /** @param {import("../vocabulary.js").Catalogue} catalogue */
@@ -190,10 +152,7 @@ export class SettingsPanel {
     return Math.min(MAX_VARIATIONS, Math.max(1, Math.round(Number(this.variations.input.value)) || 1));
   }
 
-  /**
-   * @param {string} prompt
-   * @returns {import("../params.js").Wish}
-   */
+  /** @param {string} prompt @returns {import("../params.js").Wish} */
   wish(prompt) {
     return {
       prompt,
@@ -203,19 +162,24 @@ export class SettingsPanel {
       variations: this.variationCount,
       morph: this.morph.checked,
       subdivide: this.subdivide.checked,
-      advanced: Object.fromEntries([...this.fields].map(([name, field]) => [name, field.input.value])),
+      advanced: Object.fromEntries([...this.fields.rows].map(([name, field]) => [name, field.input.value])),
       kept: this.kept,
     };
   }
 
+  /** Whether a parameter can be set, as the form is now. @param {string} name */
+  offers(name) {
+    return this.fields.rows.get(name)?.row.hidden === false;
+  }
+
   /** What was typed for a parameter; empty where the quality decides. @param {string} name */
   value(name) {
-    return this.fields.get(name)?.input.value ?? "";
+    return this.fields.rows.get(name)?.input.value ?? "";
   }
 
   /** @param {string} name @param {string} value */
   setValue(name, value) {
-    const input = this.fields.get(name)?.input;
+    const input = this.fields.rows.get(name)?.input;
     if (!input) return;
     input.value = value;
     // A value that is not among the choices, such as an angle.
@@ -246,14 +210,13 @@ export class SettingsPanel {
     this.morph.checked = morph;
     this.subdivide.checked = subdivide;
     this._keep(kept);
-    for (const name of this.fields.keys()) this.setValue(name, advanced[name] ?? "");
-    this.advanced.open = [...this.fields.values()].some(({ input }) => input.value !== "");
+    for (const name of this.fields.rows.keys()) this.setValue(name, advanced[name] ?? "");
+    this.fields.advanced.open = [...this.fields.rows.values()].some(({ input }) => input.value !== "");
   }
 }
 
 /**
  * A field for a whole number, and what is wrong with what is in it.
- *
  * @param {string} id
  * @param {number} min
  * @param {number} max

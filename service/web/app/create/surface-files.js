@@ -2,8 +2,9 @@
 /** What a surface fit takes besides its asset: a base of its own, pairs of points that belong together, and values to learn along it. */
 import { Asset, FORMATS } from "../assets.js";
 import { announce } from "../announce.js";
-import { button, fill, h } from "../dom.js";
+import { button, fill, h, labelled } from "../dom.js";
 import { bytes } from "../format.js";
+import { fileInput } from "../picking.js";
 import { markField } from "./field-rows.js";
 
 /** @type {Record<string, { label: string, choose: string, formats: string[], help: string }>} */
@@ -17,7 +18,6 @@ const MOST_ANCHORS = 256;
 
 /**
  * Pairs of points, one in each line: `1,0,0 : 0,0,1`, or as `--anchor` has them.
- *
  * @param {string} text
  * @returns {{ anchors: Anchor[], problem: string }}
  */
@@ -49,7 +49,7 @@ export class SurfaceFiles {
       this.onChange();
     });
     const help = h("p", { class: "small muted", id: "anchors-help" }, "In each line a point of the base, and the point of the surface where it goes.");
-    const anchors = h("div", { class: "field" }, h("label", { class: "field-label", for: "anchors" }, "Anchors"), this.input, this.problem, help);
+    const anchors = labelled("anchors", "Anchors", this.input, this.problem, help);
     this.element = h("div", { class: "surface-files" }, this.rows.base.element, anchors, this.rows.scalars.element);
   }
 
@@ -57,13 +57,7 @@ export class SurfaceFiles {
   _row(part) {
     const { label, choose, formats, help } = PARTS[part];
     const problem = h("p", { class: "field-problem", role: "alert", hidden: true });
-    const input = h("input", {
-      type: "file", class: "visually-hidden", id: `${part}-file`, tabindex: "-1", "aria-label": `${label} file`, accept: formats.map((format) => `.${format}`).join(","),
-    });
-    input.addEventListener("change", () => {
-      const [file] = input.files ?? [];
-      input.value = "";
-      if (!file) return;
+    const input = fileInput(`${part}-file`, `${label} file`, formats.map((format) => `.${format}`).join(","), ([file]) => {
       const known = formats.includes(file.name.toLowerCase().split(".").pop() ?? "");
       markField({ input: pick, problem }, known ? "" : `${file.name} isn't supported. Use ${formats.map((format) => format.toUpperCase()).join(", ")}.`);
       if (known) this.use(part, new Asset(file, file.name));

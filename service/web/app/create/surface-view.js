@@ -1,22 +1,24 @@
 // @ts-check
 /** The form for a surface fit: any surface becomes a file of a few kilobytes. Its parameters are those that the server declares. */
-import { Asset } from "../assets.js";
-import { client, isAbort, MeshdeformError } from "../client.js";
+import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { lastDraft } from "../drafts.js";
-import { recentJobs } from "../jobs/recent.js";
+import { recentJobs } from "../jobs/card.js";
 import { checkpointEvery } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
-import { NumberRows } from "./number-rows.js";
+import { NumberRows } from "./field-rows.js";
+import { originOf } from "./origins.js";
 import { SurfaceFiles } from "./surface-files.js";
 
 const KIND = "surface_fit";
 /** What most fits need; the others stand under Advanced. */
 const FIRST = ["base_faces", "steps", "level", "seed"];
+/** Enough for a mesh to deform: a quarter of the time of the defaults, off by 0.06 % of the diagonal on average in place of 0.03 %. */
+const QUICK = { base_faces: 500, steps: 300 };
 const CHECKPOINTS = "checkpoint_every_steps"; // ten on the way, if nobody says otherwise
 
 export class SurfaceView {
@@ -24,8 +26,9 @@ export class SurfaceView {
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
    * @param {string | null} from A job to begin with.
+   * @param {boolean} [quick] Whether the surface is to become an asset: the numbers are then those of a quick fit.
    */
-  constructor(root, scope, from) {
+  constructor(root, scope, from, quick = false) {
     this.scope = scope;
     this.turn = 0; // of the last check: an answer to an earlier one is out of date
     this.check = debounced(() => this._check(), 450, scope);
@@ -37,7 +40,9 @@ export class SurfaceView {
     this.estimate = h("p", { class: "estimate", id: "estimate" });
     this.form = new JobForm(scope, "New surface fit", "Fit", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._bad(error) });
     this.form.button.setAttribute("aria-describedby", "estimate");
+    const hint = "A quick fit, which is enough for a mesh to deform. With both numbers empty, the fit takes four times as long and is twice as precise.";
     this.form.element.append(
+      ...(quick ? [h("p", { class: "small muted" }, hint)] : []),
       this.numbers.first,
       this.problem,
       this.numbers.advanced,
@@ -50,11 +55,11 @@ export class SurfaceView {
       h("div", { class: "create" }, this.assets.element, this.form.element),
       recentJobs(scope),
     );
-    this._begin(from);
+    this._begin(from, quick);
   }
 
-  /** @param {string | null} from */
-  async _begin(from) {
+  /** @param {string | null} from @param {boolean} quick */
+  async _begin(from, quick) {
     const asset = from ? this._again(from) : this._firstAsset();
     try {
       await this.numbers.load(this.scope.signal);
@@ -62,7 +67,7 @@ export class SurfaceView {
       if (!this.scope.over && !isAbort(error)) fill(this.problem, problemBox(error));
     }
     if (this.scope.over) return;
-    this.numbers.fill((await asset) ?? {});
+    this.numbers.fill((await asset) ?? (quick ? QUICK : {}));
     this.check();
   }
 
@@ -77,14 +82,12 @@ export class SurfaceView {
   /** @param {string} id @returns {Promise<Record<string, any> | null>} The parameters of a job whose file is used again. */
   async _again(id) {
     try {
-      const job = await client.get(id, this.scope.signal);
-      const asset = new Asset(await client.file(id, "asset", this.scope.signal), job.asset.filename);
+      const { job, asset, others } = await originOf(id, this.scope.signal);
       if (!this.assets.choices) await this.assets.use(asset);
       if (job.kind !== KIND) return null;
-      for (const part of ["base", "scalars"])
-        if (job.files?.[part]) this.files.use(part, new Asset(await client.file(id, part, this.scope.signal), job.files[part].filename));
+      for (const [part, file] of Object.entries(others)) this.files.use(part, file);
       if (job.params.anchors) this.files.restore(job.params.anchors);
-      if (job.params.anchors || job.files?.base || job.files?.scalars) this.numbers.advanced.open = true;
+      if (job.params.anchors || Object.keys(others).length) this.numbers.advanced.open = true;
       return job.params;
     } catch (error) {
       if (!isAbort(error)) fill(this.problem, problemBox(error));
@@ -139,8 +142,7 @@ export class SurfaceView {
       return void fill(this.problem);
     }
     if (found?.status === 404) for (const file of [this.assets.asset, ...Object.values(this.files.parts)]) file?.forgetUpload();
-    const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
-    fill(this.problem, this.numbers.blame(errors) ? null : problemBox(error));
+    fill(this.problem, this.numbers.refuse(errorsOf(error)) ? null : problemBox(error));
   }
 
   _ready() {
@@ -151,7 +153,7 @@ export class SurfaceView {
 
   async _send() {
     this.turn += 1;
-    const asset = /** @type {Asset} */ (this.assets.asset);
+    const asset = /** @type {import("../assets.js").Asset} */ (this.assets.asset);
     const job = await client.submit(...(await asset.submission(this._document(), this.files.parts)));
     return routeHash({ name: "job", id: job.id });
   }

@@ -1,12 +1,12 @@
 // @ts-check
 /** The form for a new job. */
 import { toast } from "../announce.js";
-import { client, isAbort, MeshdeformError } from "../client.js";
+import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { exampleSection } from "../examples/gallery.js";
 import { percent } from "../format.js";
-import { recentJobs } from "../jobs/recent.js";
+import { recentJobs } from "../jobs/card.js";
 import { documents, fileKey, formOf, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
 import { isAboutNegative, isAboutPrompt } from "../refusal.js";
@@ -94,7 +94,7 @@ export class CreateView {
   /** @param {string | null} from */
   async _begin(from) {
     this.fields = this._learnFields();
-    const models = client.models(this.scope.signal).catch((error) => (isAbort(error) ? null : {}));
+    const models = client.models(this.scope.signal).catch(() => ({}));
     const last = await lastDraft();
     if (this.scope.over) return;
     // The draft of another job is not the one that is asked for.
@@ -163,13 +163,12 @@ export class CreateView {
     const form = formOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
     this.settings.offerFields(form);
-    if (form.fields.some((field) => field.name === "orientation")) this.front.offer();
+    this.front.offer(this.settings.offers("orientation"));
     return form.fields;
   }
 
   /**
    * Use the asset of a job, or of an example.
-   *
    * @param {string} from
    * @returns {Promise<import("../params.js").Wish | null>} Its settings.
    */
@@ -205,6 +204,7 @@ export class CreateView {
     if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
     this.settings.suit(this.guide.target ? "target" : this.guide.isEmpty || this.prompt.value || this.control.further.any ? "sds" : "silhouettes");
+    this.front.offer(this.settings.offers("orientation"));
     const { variationCount } = this.settings;
     this.form.rename(variationCount > 1 ? `Deform, ${variationCount} variations` : "Deform");
     this.check();
@@ -275,10 +275,7 @@ export class CreateView {
     }
   }
 
-  /**
-   * @param {any} found
-   * @param {import("../params.js").Wish} wish
-   */
+  /** @param {any} found @param {import("../params.js").Wish} wish */
   _good(found, wish) {
     this.steps = found.params.steps;
     this.prompt.refuse(null);
@@ -298,7 +295,7 @@ export class CreateView {
     this.estimate.textContent = "";
     const code = error instanceof MeshdeformError ? error.code : "";
     const about = isAboutPrompt(error) && error instanceof MeshdeformError;
-    const further = about && this.control.further.refuse(error, !this.prompt.value, this.prompt.model?.vocabulary ?? null);
+    const further = about && this.control.further.refuse(error, !this.prompt.value);
     if (!further) this.control.further.accept();
     if (!further && about && isAboutNegative(error, this.prompt.value)) {
       this.prompt.refuse(null);
@@ -308,15 +305,15 @@ export class CreateView {
     this.prompt.refuse(about && !further ? error : null);
     if (about) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof MeshdeformError) {
-      const fit = h("a", { class: "chip", href: routeHash({ name: "surface", from: null }) }, "Fit a surface to it");
+      const fit = h("a", { class: "chip", href: routeHash({ name: "surface", from: null, quick: true }) }, "Fit a surface to it");
       const { surface } = error.problem; // points, a grid or a network
       this.assets.refuse(error.message, surface ? "Fit one first, and deform the mesh that it becomes." : error.advice);
       return void fill(this.problem, surface ? fit : null);
     }
     if (error instanceof MeshdeformError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
     if (error instanceof MeshdeformError && this.guide.refuse(error)) return void fill(this.problem);
-    const errors = error instanceof MeshdeformError && Array.isArray(error.problem.errors) ? error.problem.errors : null;
-    const placed = errors && (this.control.refuse(errors) || this.settings.refuse(errors));
+    const errors = errorsOf(error);
+    const placed = errors.length > 0 && (this.control.refuse(errors) || this.settings.refuse(errors));
     fill(this.problem, placed ? null : problemBox(error));
   }
 

@@ -16,10 +16,7 @@ import { h } from "../dom.js";
 import { goalWords } from "../format.js";
 import { routeHash } from "../router.js";
 
-/**
- * @param {AbortSignal} signal
- * @returns {Promise<Example[]>}
- */
+/** @param {AbortSignal} signal @returns {Promise<Example[]>} */
 export async function gallery(signal) {
   return (await client.json("web/examples/gallery.json", { signal })).examples;
 }
@@ -35,7 +32,7 @@ function card({ id, label, picture, document }) {
       "div",
       { class: "card-text" },
       h("h3", null, h("a", { class: "card-link", href: routeHash({ name: "example", id }) }, goalWords(document))),
-      h("div", { class: "card-meta" }, h("span", { class: "small muted" }, label)),
+      h("div", { class: "row card-meta" }, h("span", { class: "small muted" }, label)),
     ),
   );
 }
@@ -45,11 +42,7 @@ export function exampleCards(examples) {
   return h("ul", { class: "card-grid gallery" }, examples.map(card));
 }
 
-/**
- * The examples below the form.
- *
- * @param {import("../scope.js").Scope} scope
- */
+/** The examples below the form. @param {import("../scope.js").Scope} scope */
 export function exampleSection(scope) {
   const element = h("section", { class: "recent", "aria-labelledby": "examples-title", hidden: true });
   gallery(scope.signal).then(

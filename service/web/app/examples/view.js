@@ -11,7 +11,7 @@ import { askedPanel } from "../job/asked.js";
 import { copyText } from "../job/files.js";
 import { qualityPanel } from "../job/results.js";
 import { slider } from "../job/stage-controls.js";
-import { PairStage } from "../pair-stage.js";
+import { COLOURS, PairStage } from "../pair-stage.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
@@ -19,12 +19,7 @@ import { exampleCards, gallery } from "./gallery.js";
 
 /** @typedef {import("./gallery.js").Example} Example */
 
-/**
- * Show all examples.
- *
- * @param {HTMLElement} root
- * @param {import("../scope.js").Scope} scope
- */
+/** Show all examples. @param {HTMLElement} root @param {import("../scope.js").Scope} scope */
 export async function showExamples(root, scope) {
   const lead = h("p", { class: "lead" }, "Look at a result, then run it yourself.");
   fill(root, h("h1", null, "Examples"), lead);
@@ -38,11 +33,7 @@ export async function showExamples(root, scope) {
 }
 
 export class ExampleView {
-  /**
-   * @param {HTMLElement} root
-   * @param {import("../scope.js").Scope} scope
-   * @param {string} id
-   */
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {string} id */
   constructor(root, scope, id) {
     this.root = root;
     this.scope = scope;
@@ -74,11 +65,11 @@ export class ExampleView {
     this.stage = new PairStage(this.scope, {
       label: "Before and after",
       tags: ["Before", "After"],
-      colours: [["none", "Material"], ["displacement", "Displacement"], ["stretch", "Stretch"], ["texture", "Texture"]],
+      colours: COLOURS,
     });
     const morph = slider("morph-slider", "Morph", 100, () => {
       const share = Number(morph.input.value) / 100;
-      this.stage?.views[1].morph(share);
+      this.stage?.views[1].viewer?.setMorph(share);
       morph.value.textContent = percent(share);
       morph.input.setAttribute("aria-valuetext", `${morph.input.value} percent`);
     });
@@ -92,10 +83,10 @@ export class ExampleView {
         { class: "job-head" },
         h("a", { class: "back", href: routeHash({ name: "examples" }) }, icon("back"), "Examples"),
         h("h1", { class: "prompt-title" }, `“${title}”`),
-        h("p", { class: "meta" }, [label, quality, `variation ${asked.params.seed}`].filter(Boolean).join(" · ")),
+        h("p", { class: "row meta" }, [label, quality, `variation ${asked.params.seed}`].filter(Boolean).join(" · ")),
         h(
           "div",
-          { class: "actions", role: "group", "aria-label": "Actions" },
+          { class: "row", role: "group", "aria-label": "Actions" },
           this.start,
           button("Change it first", () => this._edit(example), { icon: "edit" }),
           button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),

@@ -1,10 +1,10 @@
 // @ts-check
 /** The form for a family: a collection of assets, of which a job finds the parts, the correspondences and a model. */
-import { client, isAbort, MeshdeformError } from "../client.js";
+import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { intro, JobForm, kindsNav } from "../create/form.js";
-import { NumberRows } from "../create/number-rows.js";
+import { NumberRows } from "../create/field-rows.js";
 import { fill, h } from "../dom.js";
-import { recentJobs } from "../jobs/recent.js";
+import { recentJobs } from "../jobs/card.js";
 import { MeshZone } from "../mesh-zone.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
@@ -14,11 +14,7 @@ export const KIND = "family_fit";
 const FIRST = ["points", "parts"];
 
 export class FamilyView {
-  /**
-   * @param {HTMLElement} root
-   * @param {import("../scope.js").Scope} scope
-   * @param {string | null} from A job to begin with.
-   */
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {string | null} from A job to begin with. */
   constructor(root, scope, from) {
     this.scope = scope;
     this.zone = new MeshZone(scope, {
@@ -87,7 +83,6 @@ export class FamilyView {
   _refuse(error) {
     const found = error instanceof MeshdeformError ? error : null;
     if (found?.code.startsWith("asset_")) return this.zone.refuse([found.message, found.advice].filter(Boolean).join(" "));
-    const errors = Array.isArray(found?.problem.errors) ? found.problem.errors : [];
-    if (!this.numbers.blame(errors)) fill(this.problem, problemBox(error));
+    if (!this.numbers.refuse(errorsOf(error))) fill(this.problem, problemBox(error));
   }
 }

@@ -1,6 +1,5 @@
 // @ts-check
 /** What can be done with a job. */
-import { toast } from "../announce.js";
 import { Asset } from "../assets.js";
 import { client } from "../client.js";
 import { compareWith } from "../compare/choose.js";
@@ -10,10 +9,10 @@ import { button, fill, h } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
 import { count, roughly } from "../format.js";
 import { isTerminal } from "../history.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
 import { checkpointEvery, refinement } from "../params.js";
-import { described } from "../problem-box.js";
+import { orToast } from "../problem-box.js";
 import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { copyLink, copyText, download } from "./files.js";
@@ -34,17 +33,14 @@ export class JobActions {
     this.scope = scope;
     this.onChange = onChange;
     this.chosenStep = chosenStep;
-    this.element = h("div", { class: "actions", role: "group", "aria-label": "Actions" });
+    this.element = h("div", { class: "row", role: "group", "aria-label": "Actions" });
     this.key = "";
     this.busy = false;
     /** What was typed for a new version, for whoever closes the dialog by mistake. */
     this.typed = "";
   }
 
-  /**
-   * @param {string} state
-   * @param {number[]} checkpoints
-   */
+  /** @param {string} state @param {number[]} checkpoints */
   show(state, checkpoints) {
     const key = `${state} ${checkpoints.length > 0}`;
     this.checkpoints = checkpoints;
@@ -90,33 +86,25 @@ export class JobActions {
     if (name) location.hash = routeHash({ name, from: this.job.id });
   }
 
-  async _cancel() {
-    try {
+  _cancel() {
+    return orToast("Not canceled", async () => {
       await client.cancel(this.job);
       this.onChange();
-    } catch (error) {
-      toast(`Not canceled. ${described(error).detail || described(error).title}`);
-    }
+    });
   }
 
-  async _retry() {
-    try {
+  _retry() {
+    return orToast("Not retried", async () => {
       const job = await client.retry(this.job);
       location.hash = routeHash({ name: "job", id: job.id });
-    } catch (error) {
-      toast(`Not retried. ${described(error).detail || described(error).title}`);
-    }
+    });
   }
 
-  /**
-   * The same variation at the next quality.
-   *
-   * @param {{title: string, document: any}} better
-   */
+  /** The same variation at the next quality. @param {{title: string, document: any}} better */
   async _refine({ title, document }) {
     if (this.busy) return;
     this.busy = true;
-    try {
+    await orToast("Not refined", async () => {
       const asset = new Asset(await client.file(this.job, "asset", this.scope.signal), this.job.asset.filename);
       const checked = await client.validate(...(await asset.submission(document)));
       document.params.checkpoint_every_steps = checkpointEvery(checked.params.steps);
@@ -129,11 +117,8 @@ export class JobActions {
       const time = seconds === null ? "How long is unknown yet" : `About ${roughly(seconds)}`;
       const body = [h("p", null, `${count(checked.params.steps)} steps. ${time}.`)];
       ask({ title: `Refine at quality ${title}?`, body, action: "Refine", act: start }, this.scope);
-    } catch (error) {
-      if (!this.scope.over) toast(`Not refined. ${described(error).detail || described(error).title}`);
-    } finally {
-      this.busy = false;
-    }
+    });
+    this.busy = false;
   }
 
   _delete() {
@@ -172,7 +157,7 @@ export class JobActions {
         action: "Start",
         explain: (error, place) => {
           if (!isAboutPrompt(error)) return false;
-          showRefusal(place, error, prompt.value, null, (text) => {
+          showRefusal(place, error, (text) => {
             prompt.value = this.typed = text;
             place.replaceChildren();
             prompt.focus();

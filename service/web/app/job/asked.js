@@ -2,7 +2,7 @@
 /** What a job was asked to keep and to hold: in words, and over its first view. */
 import { withoutPrompts } from "../create/control/further.js";
 import { controlOf, controlWords, promptWords } from "../create/control/model.js";
-import { h } from "../dom.js";
+import { h, panel } from "../dom.js";
 import { counted } from "../format.js";
 import { plainParams } from "../groups.js";
 import { toggle } from "./stage-controls.js";
@@ -11,12 +11,7 @@ import { toggle } from "./stage-controls.js";
 export function askedPanel(job) {
   const words = [...guideWords(job), ...controlWords(controlOf(plainParams(job.params)))];
   if (!words.length) return null;
-  return h(
-    "section",
-    { class: "panel", "aria-labelledby": "asked-title" },
-    h("div", { class: "panel-head" }, h("h2", { id: "asked-title" }, "Control")),
-    h("ul", { class: "asked" }, words.map((text) => h("li", null, text))),
-  );
+  return panel("asked-title", "Control", h("ul", { class: "asked" }, words.map((text) => h("li", null, text))));
 }
 
 /** @param {any} job @returns {string[]} what guides it besides its prompt */
@@ -30,7 +25,6 @@ function guideWords({ files = {}, ...job }) {
 
 /**
  * A button that shows over a view what is kept, and where handles lead; null where nothing was asked.
- *
  * @param {any} job
  * @param {import("../viewer-box.js").ViewerBox} box Shows the asset.
  * @param {import("../scope.js").Scope} scope

@@ -1,23 +1,19 @@
 // @ts-check
 /** The result of a job about a family: its wall; and where shapes were made, one of them as its file describes it. */
-import { toast } from "../announce.js";
 import { client, isAbort } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { percent } from "../format.js";
 import { stemOf } from "../names.js";
+import { orToast } from "../problem-box.js";
 import { filesOf } from "../../viewer/zip.js";
 import { ViewerBox } from "../viewer-box.js";
-import { saveBytes } from "./files.js";
-import { handOnButtons } from "./hand-on.js";
+import { handOnButtons, saveBytes } from "./files.js";
 import { PictureStage } from "./picture-stage.js";
 import { slider } from "./stage-controls.js";
 import { WallView } from "./wall-view.js";
 
 export class FamilyStage extends PictureStage {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   */
+  /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
     super(job, scope);
     this.flat = false; // nothing can be drawn here
@@ -39,12 +35,7 @@ export class FamilyStage extends PictureStage {
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
   }
 
-  /**
-   * Show what the job made.
-   *
-   * @param {any} report
-   * @param {string[]} names Of its artifacts.
-   */
+  /** Show what the job made. @param {any} report @param {string[]} names Of its artifacts. */
   async finished(report, names) {
     this.report = report;
     const read = (/** @type {string} */ name) => client.bytes(`v1/jobs/${this.job.id}/artifacts/${name}`, { signal: this.scope.signal });
@@ -110,12 +101,10 @@ export class FamilyStage extends PictureStage {
     return read ? { bytes: await read(), name: `${stemOf(this.job)}-${this.name}` } : null;
   }
 
-  async _download() {
-    try {
+  _download() {
+    return orToast("Not downloaded", async () => {
       const mesh = await this._mesh();
       if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
-    } catch (error) {
-      toast(`Not downloaded. ${error instanceof Error ? error.message : ""}`);
-    }
+    });
   }
 }

@@ -8,34 +8,28 @@ import { client, isAbort, isOffline } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { bytes, count, counted, figure } from "../format.js";
 import { stemOf } from "../names.js";
+import { orToast } from "../problem-box.js";
 import { ViewerBox } from "../viewer-box.js";
-import { saveBytes } from "./files.js";
-import { handOnButtons } from "./hand-on.js";
-import { sizesTable } from "./sizes-table.js";
-import { chooser, showLegend, slider, toggle } from "./stage-controls.js";
+import { handOnButtons, saveBytes } from "./files.js";
+import { PictureStage } from "./picture-stage.js";
+import { chooser, drawnPicture, showLegend, slider, toggle } from "./stage-controls.js";
 
 const AGAIN_MS = 3000;
 const MODES = 10; // as field-worker.js computes
 const SAMPLES = 2000;
 const FIRST_FACES = 40_000; // levels come by themselves up to about as many
 
-export class FieldStage {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   */
+export class FieldStage extends PictureStage {
+  /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
-    this.job = job;
-    this.scope = scope;
+    super(job, scope);
     this.flat = false; // nothing can be drawn here
-    /** The step whose shape is chosen: none can be. */
-    this.chosenStep = null;
     this.box = new ViewerBox("Surface", scope);
     this.legend = h("div", { class: "legend", hidden: true });
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
     this.facts = h("p", { class: "small muted field-facts", role: "status" });
     this.beside = h("table", { class: "field-sizes", hidden: true });
-    this.wires = toggle("Wireframe", (on) => this.box.wireframe(on));
+    this.wires = toggle("Wireframe", (on) => this.box.viewer?.setWireframe(on));
     this.heats = toggle("Distances", (on) => this._heat(on ? (this.source ?? this.opposite) : null));
     this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
     this.farther.disabled = true;
@@ -45,7 +39,7 @@ export class FieldStage {
     this.modes.input.value = "0";
     this.scalars = chooser("field-scalars", "Scalars", () => this._scalar(Number(this.scalars.input.value)));
     const stripes = toggle("Stripes", (on) => this.view.stripe(on));
-    this.tools = h("div", { class: "stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, stripes, this.wires, reset);
+    this.tools = h("div", { class: "row stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, stripes, this.wires, reset);
     const save = button("Download this level", () => this._download(), { icon: "download" });
     const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
     this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture, handOnButtons(async () => this._mesh()));
@@ -106,10 +100,7 @@ export class FieldStage {
     });
   }
 
-  /**
-   * @param {number[]} checkpoints Steps whose mesh is kept.
-   * @param {boolean} finished
-   */
+  /** @param {number[]} checkpoints Steps whose mesh is kept. @param {boolean} finished */
   async offer(checkpoints, finished) {
     if (finished) {
       if (!this.opened && !this.opening) this.ready = this._open();
@@ -137,13 +128,9 @@ export class FieldStage {
     this._tell();
   }
 
-  /** Fields have no front. */
-  front() {}
-
   /** Show the picture that the job made, where nothing can be drawn. @param {Blob} picture */
   showPicture(picture) {
-    const image = h("img", { src: this.scope.url(picture), alt: "The input, above, and the field, below, from four sides" });
-    this.element.querySelector(".stage")?.append(h("div", { class: "stage-picture" }, image));
+    this.element.querySelector(".stage")?.append(drawnPicture(this.scope, picture, "The input, above, and the field, below, from four sides"));
   }
 
   async _open() {
@@ -361,16 +348,35 @@ export class FieldStage {
     if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
   }
 
-  async _picture() {
-    try {
-      saveBytes(await this.box.picture(), `${stemOf(this.job)}-level${this.shown?.level ?? 0}.png`);
-    } catch (error) {
-      toast(`No picture. ${error instanceof Error ? error.message : ""}`);
-    }
+  _picture() {
+    return orToast("No picture", async () => saveBytes(await this.box.picture(), `${stemOf(this.job)}-level${this.shown?.level ?? 0}.png`));
   }
 }
 
 /** @param {number} value */
 function milliseconds(value) {
   return `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
+}
+
+/**
+ * @param {HTMLElement} table
+ * @param {any} report
+ * @param {{bytes: number, time: string, faces: number}} field What was loaded, how long it took to unfold, and to how many triangles.
+ */
+function sizesTable(table, report, field) {
+  const packed = report?.packed;
+  table.hidden = !packed;
+  if (!packed) return;
+  const top = `level ${report.levels.at(-1).level}`;
+  const rows = [["This field", counted(field.faces, "triangle"), bytes(field.bytes), field.time]];
+  for (const [what, { faces, bits, draco, meshopt }] of [["input", packed.input], [top, packed.top_level]])
+    for (const [name, found] of [["Draco", draco], ["meshopt", meshopt]])
+      rows.push([`${name}, ${what}, ${bits} bits`, counted(faces, "triangle"), found ? bytes(found.bytes) : "not installed", found ? `${found.unpack_ms.toFixed(1)} ms where the job ran` : ""]);
+  const cell = (/** @type {string} */ text, /** @type {number} */ i) => h(i ? "td" : "th", i ? null : { scope: "row" }, text);
+  fill(
+    table,
+    h("caption", { class: "small muted" }, "As precise as the field: what other formats need"),
+    h("thead", null, h("tr", null, ["What", "Triangles", "Bytes", "To unpack"].map((text) => h("th", { scope: "col" }, text)))),
+    h("tbody", null, rows.map((row) => h("tr", null, row.map(cell)))),
+  );
 }

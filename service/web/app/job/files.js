@@ -1,27 +1,28 @@
 // @ts-check
-/** Save files to the user's disk, and copy text. */
+/** Save files to the user's disk, copy text, and hand a mesh that was made here to the form for a deformation. */
 import { announce, toast } from "../announce.js";
-import { client, isAbort } from "../client.js";
-import { h } from "../dom.js";
-import { currentKey } from "../key.js";
-import { currentLink } from "../link.js";
+import { Asset } from "../assets.js";
+import { client } from "../client.js";
+import { button, h } from "../dom.js";
+import { keepDraft, lastDraft } from "../drafts.js";
+import { currentKey, currentLink } from "../key.js";
 import { artifactName } from "../names.js";
-import { described } from "../problem-box.js";
+import { orToast } from "../problem-box.js";
+import { routeHash } from "../router.js";
 
 // Smaller files go through the page, which names them; larger ones are streamed to the disk under the server's name.
 const NAMED_BYTES = 256 << 20;
 
 /**
  * Save a file of the server.
- *
  * @param {string} path
  * @param {string} name
  * @param {number} size
  * @param {boolean} signable Whether the server signs addresses of it, which need no key.
  * @param {import("../scope.js").Scope} scope
  */
-export async function download(path, name, size, signable, scope) {
-  try {
+export function download(path, name, size, signable, scope) {
+  return orToast("Not downloaded", async () => {
     if (size <= NAMED_BYTES || currentLink() || (currentKey() && !signable)) {
       const response = await client.request(path, { signal: scope.signal });
       return saveBytes(await response.blob(), name);
@@ -29,60 +30,46 @@ export async function download(path, name, size, signable, scope) {
     if (!currentKey()) return save(client.url(path), name);
     const { url } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
     save(client.url(url), name);
-  } catch (error) {
-    if (!isAbort(error)) toast(`Not downloaded. ${described(error).detail || described(error).title}`);
-  }
+  });
 }
 
 /**
  * Let the service make an artifact of a finished job, and save it.
- *
  * @param {any} job
  * @param {string} name
  * @param {import("../scope.js").Scope} scope
  */
-export async function downloadMade(job, name, scope) {
+export function downloadMade(job, name, scope) {
   const path = `v1/jobs/${job.id}/artifacts/${name}`;
   announce(`Making ${name}`);
-  try {
+  return orToast("Not made", async () => {
     const { size } = await client.json(path, { method: "POST", signal: scope.signal });
     await download(path, artifactName(job, name), size, true, scope);
-  } catch (error) {
-    if (!isAbort(error)) toast(`Not made. ${described(error).detail || described(error).title}`);
-  }
+  });
 }
 
 /**
  * Copy an address of an artifact or a job that needs no key, and say how long it works.
- *
  * @param {string} path
  * @param {import("../scope.js").Scope} scope
  * @param {string} [opens] What it opens, where that is more than what was asked for.
  */
-export async function copyLink(path, scope, opens = "") {
-  try {
+export function copyLink(path, scope, opens = "") {
+  return orToast("No link", async () => {
     const { url, expires_at } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
     const until = new Date(expires_at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
     await copyText(client.url(url), `Link copied. It ${opens}needs no key and works until ${until}`);
-  } catch (error) {
-    if (!isAbort(error)) toast(`No link. ${described(error).detail || described(error).title}`);
-  }
+  });
 }
 
-/**
- * @param {Blob} blob
- * @param {string} name
- */
+/** @param {Blob} blob @param {string} name */
 export function saveBytes(blob, name) {
   const url = URL.createObjectURL(blob);
   save(url, name);
   setTimeout(() => URL.revokeObjectURL(url), 10000);
 }
 
-/**
- * @param {string} url
- * @param {string} name
- */
+/** @param {string} url @param {string} name */
 function save(url, name) {
   const link = h("a", { href: url, download: name });
   document.body.append(link);
@@ -90,10 +77,7 @@ function save(url, name) {
   link.remove();
 }
 
-/**
- * @param {string} path
- * @param {string} name
- */
+/** @param {string} path @param {string} name */
 export function copyCurl(path, name) {
   // A shell reads nothing in single quotes; the key stays where it is.
   const quoted = (/** @type {string} */ text) => `'${text.replaceAll("'", "'\\''")}'`;
@@ -101,10 +85,7 @@ export function copyCurl(path, name) {
   return copyText(`curl ${key}-o ${quoted(name)} ${quoted(client.url(path))}`, "Command copied");
 }
 
-/**
- * @param {string} text
- * @param {string} done
- */
+/** @param {string} text @param {string} done */
 export async function copyText(text, done) {
   try {
     await navigator.clipboard.writeText(text);
@@ -118,4 +99,31 @@ export async function copyText(text, done) {
     field.remove();
     toast(copied ? done : "This browser does not let the page copy.");
   }
+}
+
+/**
+ * Two buttons; none for who looks by a link, who may start nothing.
+ * @param {() => Promise<{bytes: ArrayBuffer, name: string} | null>} mesh Returns a GLB; null while there is none.
+ */
+export function handOnButtons(mesh) {
+  if (currentLink()) return null;
+  const use = (/** @type {"asset" | "target"} */ part) => async () => {
+    const made = await mesh();
+    if (made) await handOn(new Asset(new Blob([made.bytes], { type: "model/gltf-binary" }), made.name), part);
+  };
+  return h("div", { class: "row" }, button("Deform this mesh", use("asset"), { icon: "spark" }), button("Use as target", use("target"), { class: "button-quiet" }));
+}
+
+/** What else was typed in the form stays. @param {Asset} mesh @param {"asset" | "target"} part */
+async function handOn(mesh, part) {
+  const last = await lastDraft();
+  const { wish = {}, asset = null, files = {} } = last ?? {};
+  const { target: _, ...others } = files;
+  keepDraft({
+    from: null,
+    wish: { ...wish, guide: { ...wish.guide, align: "", landmarks: [], target: part === "target" } },
+    asset: part === "asset" ? mesh : asset,
+    files: part === "target" ? { target: mesh } : others,
+  });
+  location.hash = routeHash({ name: "create", from: null });
 }

@@ -1,12 +1,10 @@
 // @ts-check
 /** The result of a job of a kind that has no shape to be turned: the picture that it made. */
 import { fill, h } from "../dom.js";
+import { drawnPicture } from "./stage-controls.js";
 
 export class PictureStage {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   */
+  /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
     this.job = job;
     this.scope = scope;
@@ -17,14 +15,13 @@ export class PictureStage {
     this.element = h("section", { class: "job-stage single", "aria-label": "Result" }, this.frame);
   }
 
-  /** Shapes on the way are not shown. */
-  offer() {}
+  /** Shapes on the way are not shown. @param {...any} _ @returns {any} */
+  offer(..._) {}
 
   front() {}
 
   /** @param {Blob} picture */
   showPicture(picture) {
-    const image = h("img", { src: this.scope.url(picture), alt: "The result, as the job drew it" });
-    fill(this.frame, h("div", { class: "stage-picture" }, image));
+    fill(this.frame, drawnPicture(this.scope, picture, "The result, as the job drew it"));
   }
 }

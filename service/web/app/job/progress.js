@@ -24,10 +24,7 @@ export class ProgressPanel {
     scope.add(() => clearInterval(timer));
   }
 
-  /**
-   * @param {import("../history.js").History} history
-   * @param {any} job
-   */
+  /** @param {import("../history.js").History} history @param {any} job */
   show(history, job) {
     const { progress, state } = history;
     if (history.seq !== this.read.seq) this.read = { seq: history.seq, at: Date.now(), gap: Date.now() - this.read.at };

@@ -1,11 +1,13 @@
 // @ts-check
-/** What a job produced: its quality in words, its files, its settings, its log. */
-import { button, h, icon } from "../dom.js";
+/** What a job produced: its quality in words or what it taught, its files, its settings, its log. */
+import { button, h, icon, panel } from "../dom.js";
 import { bytes, count, counted } from "../format.js";
 import { plainParams } from "../groups.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
+import { routeHash } from "../router.js";
+import { withArticle } from "../vocabulary.js";
 import { copyCurl, copyLink, download, downloadMade } from "./files.js";
 import { isDeformation } from "./shapes.js";
 
@@ -50,20 +52,10 @@ const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
 /** @param {any} report */
 export function qualityPanel(report) {
   const left = skipped(report);
-  return h(
-    "section",
-    { class: "panel", "aria-labelledby": "quality-title" },
-    h("div", { class: "panel-head" }, h("h2", { id: "quality-title" }, "Quality")),
-    findingList(findings(report)),
-    left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null,
-  );
+  return panel("quality-title", "Quality", findingList(findings(report)), left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null);
 }
 
-/**
- * @param {any} job
- * @param {any[]} artifacts
- * @param {import("../scope.js").Scope} scope
- */
+/** @param {any} job @param {any[]} artifacts @param {import("../scope.js").Scope} scope */
 export function filesPanel(job, artifacts, scope) {
   const order = Object.keys(FILES);
   // Who came by a link reads what there is.
@@ -91,10 +83,9 @@ export function filesPanel(job, artifacts, scope) {
     const words = h("div", null, h("strong", null, name), h("span", { class: "small muted" }, `${FILES[name]} · made when you download it`));
     return h("li", { class: "file" }, words, h("div", { class: "row" }, make));
   };
-  return h(
-    "section",
-    { class: "panel", "aria-labelledby": "files-title" },
-    h("div", { class: "panel-head" }, h("h2", { id: "files-title" }, "Files")),
+  return panel(
+    "files-title",
+    "Files",
     h(
       "ul",
       { class: "files" },
@@ -107,10 +98,7 @@ export function filesPanel(job, artifacts, scope) {
   );
 }
 
-/**
- * @param {string[]} order
- * @param {string} name
- */
+/** @param {string[]} order @param {string} name */
 function rank(order, name) {
   const found = order.indexOf(name);
   return found < 0 ? order.length : found;
@@ -141,6 +129,35 @@ export function parametersPanel(job, report) {
     h("dl", { class: "parameters" }, Object.entries(params).flatMap(([name, value]) => entry(name, value))),
     report?.versions ? h("p", { class: "small muted" }, `Meshdeform ${report.versions.meshdeform}, torch ${report.versions.torch}${report.device ? `, on ${report.device}` : ""}`) : null,
     h("p", { class: "small muted" }, h("code", null, job.id)),
+  );
+}
+
+/** @param {any} job */
+export function isLesson(job) {
+  return job.kind === "prior_teach";
+}
+
+/** What the report of a lesson says, in sentences. @param {any} report @returns {import("../quality.js").Finding[]} */
+export function lessonFindings(report) {
+  const { new: learned, old_before: before, old_after: after } = report.retrieval;
+  const word = withArticle(report.noun);
+  return [
+    { tone: learned.share >= 0.75 ? "good" : "warn", text: `${learned.hits} of ${learned.pictures} pictures that it had not seen look like ${word} to the model`, note: "Held-out pictures of your meshes" },
+    { tone: after.hits >= before.hits - 2 ? "good" : "warn", text: `${after.hits} of ${after.pictures} old words that were tried are still known`, note: `Before the lesson: ${before.hits}` },
+    { tone: "plain", text: `The weights of step ${report.steps.best} are kept`, note: report.stopped_early ? `Stopped after ${report.steps.done} steps, as more did not help` : `${report.steps.done} steps` },
+    ...report.warnings.map((/** @type {string} */ text) => ({ tone: /** @type {const} */ ("warn"), text, note: "" })),
+  ];
+}
+
+/** @param {any} job @param {any} report */
+export function lessonPanel(job, report) {
+  const prompt = withArticle(report.noun);
+  return panel(
+    "lesson-title",
+    "What it learned",
+    findingList(lessonFindings(report)),
+    // Who came by a link makes no jobs.
+    currentLink() ? null : h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),
   );
 }
 

@@ -8,6 +8,7 @@
  * @property {string} label What the slider says.
  * @property {string} name What a downloaded file says; empty: the result.
  */
+import { Asset, FORMATS, formatOf } from "../assets.js";
 import { client } from "../client.js";
 import { count } from "../format.js";
 
@@ -50,17 +51,13 @@ export class ShapeCache {
     scope.add(() => this.known.clear());
   }
 
-  /**
-   * @param {string} path
-   * @returns {Promise<ArrayBuffer>} Not to be changed: others read it too.
-   */
+  /** @param {string} path @returns {Promise<ArrayBuffer>} Not to be changed: others read it too. */
   async get(path) {
     return this.known.get(path) ?? this._keep(path, await client.bytes(path, { signal: this.scope.signal }));
   }
 
   /**
    * A shape to be shown: of a large one only its vertices are fetched.
-   *
    * @param {string} path Of a file, not of a shape that the server makes for each request.
    * @param {ArrayBuffer} source What the shape was made of.
    * @returns {Promise<ArrayBuffer>} Not to be changed: others read it too. It has the materials of the source.
@@ -104,4 +101,19 @@ export class ShapeCache {
     this.known.set(path, mesh);
     return mesh;
   }
+}
+
+/**
+ * What a job deforms: its asset. Earlier editions fitted a mesh to points, distance grids and networks first.
+ * @param {any} job
+ * @param {import("../scope.js").Scope} scope
+ * @returns {Promise<{buffer: ArrayBuffer, format: string}>} The file whose triangles the result has.
+ */
+export async function sourceOf(job, scope) {
+  const options = { signal: scope.signal };
+  const buffer = await client.bytes(`v1/jobs/${job.id}/asset`, options);
+  const asset = new Asset(new Blob([buffer]), job.asset.filename);
+  // A file without a known ending is a GLB.
+  if (!asset.format || (await asset.drawn())) return { buffer, format: formatOf(job.asset.filename, FORMATS) || "glb" };
+  return { buffer: await client.bytes(`v1/jobs/${job.id}/artifacts/source.glb`, options), format: "glb" };
 }

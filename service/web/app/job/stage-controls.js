@@ -3,12 +3,7 @@
 import { fill, h } from "../dom.js";
 import { figure } from "../format.js";
 
-/**
- * @param {string} label
- * @param {[string, string][]} options
- * @param {string} chosen
- * @param {(value: string) => void} onChange
- */
+/** @param {string} label @param {[string, string][]} options @param {string} chosen @param {(value: string) => void} onChange */
 export function segmented(label, options, chosen, onChange) {
   const name = `segment-${label.toLowerCase()}`;
   return h(
@@ -21,10 +16,7 @@ export function segmented(label, options, chosen, onChange) {
   );
 }
 
-/**
- * @param {string} label
- * @param {(on: boolean) => void} onChange
- */
+/** @param {string} label @param {(on: boolean) => void} onChange */
 export function toggle(label, onChange) {
   const element = h("button", { type: "button", class: "button button-toggle", "aria-pressed": "false" }, label);
   element.addEventListener("click", () => {
@@ -37,7 +29,6 @@ export function toggle(label, onChange) {
 
 /**
  * A slider with its label and its value.
- *
  * @param {string} id
  * @param {string} label
  * @param {number} max
@@ -53,7 +44,6 @@ export function slider(id, label, max, onInput, between = null) {
 
 /**
  * A list with its label, of which one thing is chosen.
- *
  * @param {string} id
  * @param {string} label
  * @param {() => void} onChange
@@ -64,9 +54,13 @@ export function chooser(id, label, onChange) {
   return { input, row };
 }
 
+/** The picture that a job made, over the place of its views. @param {import("../scope.js").Scope} scope @param {Blob} picture @param {string} alt */
+export function drawnPicture(scope, picture, alt) {
+  return h("div", { class: "stage-picture" }, h("img", { src: scope.url(picture), alt }));
+}
+
 /**
  * Explain the colours of a heat map.
- *
  * @param {HTMLElement} legend
  * @param {import("../viewer-box.js").Scale | null} scale
  */

@@ -1,6 +1,6 @@
 // @ts-check
 /** Before and after of a job in 3D: the shapes on the way, morphing, heat maps, wireframe, and files of what is shown. */
-import { announce, toast } from "../announce.js";
+import { announce } from "../announce.js";
 import { isAbort, isOffline, MeshdeformError } from "../client.js";
 import { formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
@@ -8,33 +8,26 @@ import { percent } from "../format.js";
 import { isTerminal } from "../history.js";
 import { shapeName } from "../names.js";
 import { unpacked } from "../../viewer/zip.js";
-import { linkViews, ViewerBox } from "../viewer-box.js";
+import { COLOURS, PairStage } from "../pair-stage.js";
+import { orToast } from "../problem-box.js";
 import { askedToggle } from "./asked.js";
 import { saveBytes } from "./files.js";
-import { ShapeCache, shapesOf } from "./shapes.js";
-import { sourceOf } from "./source.js";
-import { segmented, showLegend, slider, toggle } from "./stage-controls.js";
+import { ShapeCache, shapesOf, sourceOf } from "./shapes.js";
+import { showLegend, slider } from "./stage-controls.js";
 import { Way } from "./way.js";
 
 /** @typedef {import("./shapes.js").Shape} Shape */
 
 const PLAY_MS = 450;
 const AGAIN_MS = 3000;
-const HEATMAPS = /** @type {[("none" | "displacement" | "stretch" | "texture"), string][]} */ ([
-  ["none", "Material"],
-  ["displacement", "Displacement"],
-  ["stretch", "Stretch"],
-  ["texture", "Texture"],
-]);
 
-export class JobStage {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   */
+export class JobStage extends PairStage {
+  /** @param {any} job @param {import("../scope.js").Scope} scope */
   constructor(job, scope) {
+    super(scope, { label: "Before and after", tags: ["Before", "After"], colours: COLOURS });
     this.job = job;
-    this.scope = scope;
+    this.before = this.views[0];
+    this.after = this.views[1];
     this.cache = new ShapeCache(scope);
     this.source = new ArrayBuffer(0);
     this.format = formatOf(job.asset.filename) || "glb";
@@ -48,13 +41,7 @@ export class JobStage {
     this.gone = new Set();
     this.busy = false;
     this.loaded = false;
-    this.comparable = false;
-    this.flat = false; // nothing can be drawn here
-    this.kind = /** @type {"none" | "displacement" | "stretch" | "texture"} */ ("none");
     this.playing = 0;
-    this.before = new ViewerBox("Before", scope);
-    this.after = new ViewerBox("After", scope);
-    this.legend = h("div", { class: "legend", hidden: true });
     this.play = button("Play", () => this._toggle(), { icon: "play", quiet: true, class: "button-quiet" });
     this.step = slider("scrubber", "Step", 0, () => this._scrub(), this.play);
     this.morph = slider("morph-slider", "Morph", 100, () => this._morph());
@@ -62,12 +49,14 @@ export class JobStage {
     this.morph.input.addEventListener("change", () => this.way?.reach(this._share()));
     /** The way to the shape that is shown; null where straight lines lead there. @type {Way | null} */
     this.way = null;
-    this.heatmaps = segmented("Colour", HEATMAPS, "none", (kind) => this._heatmap(/** @type {any} */ (kind)));
+    this.colours.hidden = false;
     this.save = button("Download this shape", () => this._download(), { icon: "download" });
     this.picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
     this.turntable = button("Save turntable", () => this._turntable(), { icon: "turn", class: "button-quiet" });
     this.keep = h("div", { class: "row stage-keep", hidden: true }, this.save, this.picture, this.turntable);
-    this.element = this._build();
+    const asked = askedToggle(job, this.before, scope);
+    if (asked) this.both?.before(asked);
+    this.element.append(this.step.row, this.morph.row, this.keep);
     // Until its own shape is there, the source must not pass for it.
     if (job.state === "succeeded" || job.origin?.step) this.after.say("Loading the shape…", "", "", true);
     this._tag();
@@ -75,39 +64,14 @@ export class JobStage {
     scope.add(() => clearTimeout(this.playing));
   }
 
-  _build() {
-    const wireframe = toggle("Wireframe", (on) => {
-      this.before.wireframe(on);
-      this.after.wireframe(on);
-    });
-    const compare = toggle("Side by side", (on) => this.element.classList.toggle("single", !on));
-    const wide = window.matchMedia("(min-width: 700px)").matches;
-    compare.setAttribute("aria-pressed", String(wide));
-    const reset = button("Reset view", () => {
-      this.before.resetView();
-      this.after.resetView();
-    }, { icon: "reset", quiet: true, class: "button-quiet" });
-    return h(
-      "section",
-      { class: wide ? "job-stage" : "job-stage single", "aria-label": "Before and after" },
-      h("div", { class: "stage pair-stage" }, this.before.element, this.after.element, this.legend),
-      h("div", { class: "stage-tools" }, this.heatmaps, wireframe, askedToggle(this.job, this.before, this.scope), compare, reset),
-      this.step.row,
-      this.morph.row,
-      this.keep,
-    );
-  }
-
   async _load() {
-    linkViews(this.before, this.after);
     try {
       ({ buffer: this.source, format: this.format } = await sourceOf(this.job, this.scope));
       // Where it cannot be unpacked, the views say so.
       const asReceived = { buffer: this.source, format: this.format };
       ({ buffer: this.source, format: this.format } = await unpacked(this.source, this.format).catch(() => asReceived));
       // Each viewer has a copy: what it reads it may keep.
-      const load = (/** @type {ViewerBox} */ box) => box.load(this.source.slice(0), this.format);
-      const [found] = await Promise.all([load(this.before), load(this.after)]);
+      const [found] = await Promise.all(this.views.map((view) => view.load(this.source.slice(0), this.format)));
       this.flat = found === null;
       this.element.classList.toggle("flat", this.flat);
       this.loaded = true;
@@ -121,7 +85,6 @@ export class JobStage {
 
   /**
    * Say which shapes there are; the newest is shown, unless the user looks at another.
-   *
    * @param {number[]} checkpoints Steps whose mesh is kept.
    * @param {boolean} finished Whether there is a result.
    * @param {number} lastStep
@@ -143,19 +106,13 @@ export class JobStage {
     const turn = orientation?.turn_deg;
     if (typeof turn !== "number" || !["found", "given", "continued"].includes(orientation.source)) return;
     await this.before.ready;
-    this.before.front(turn);
+    this.before.viewer?.setFront(turn);
   }
 
   /** The step that the slider is at; null at the source and at the result. */
   get chosenStep() {
     const shape = this.shapes[this.chosen];
     return shape?.name.startsWith("step") ? shape.step : null;
-  }
-
-  /** Show the picture that the job made, where nothing can be drawn. @param {Blob} picture */
-  showPicture(picture) {
-    const image = h("img", { src: this.scope.url(picture), alt: "Before, above, and after, below, from four sides" });
-    this.element.querySelector(".pair-stage")?.append(h("div", { class: "stage-picture" }, image));
   }
 
   _position() {
@@ -229,7 +186,7 @@ export class JobStage {
 
   _showSource() {
     this.after.say("");
-    this.after.morph(0);
+    this.after.viewer?.setMorph(0);
     this.shown = "";
     this._tag();
   }
@@ -246,7 +203,7 @@ export class JobStage {
       this.way = this.comparable && !shape.name ? new Way(shape.path, this.cache, this.after, () => this._morph()) : null;
       this.morph.input.max = this.way ? "150" : "100";
       this.morph.row.hidden = !this.comparable;
-      this.heatmaps.hidden = !this.comparable;
+      this.colours.hidden = !this.comparable;
       this._morph();
       this._legend();
     } catch (error) {
@@ -254,10 +211,7 @@ export class JobStage {
     }
   }
 
-  /**
-   * @param {Shape} shape
-   * @param {unknown} error
-   */
+  /** @param {Shape} shape @param {unknown} error */
   async _missing(shape, error) {
     // A checkpoint gives way to newer ones: the next one will do.
     if (error instanceof MeshdeformError && error.status === 404) {
@@ -286,12 +240,12 @@ export class JobStage {
     if (share !== 100) this.way?.open(share);
     this.morph.value.textContent = percent(share / 100);
     this.morph.input.setAttribute("aria-valuetext", `${share} percent`);
-    if (this.shown) this.after.morph(share / 100);
+    if (this.shown) this.after.viewer?.setMorph(share / 100);
     this._tag();
   }
 
-  /** @param {"none" | "displacement" | "stretch" | "texture"} kind */
-  _heatmap(kind) {
+  /** @param {import("../pair-stage.js").Colour} kind */
+  async colour(kind) {
     this.kind = kind;
     this._legend();
   }
@@ -305,24 +259,18 @@ export class JobStage {
     const shape = this.shapes.find(({ path }) => path === this.shown);
     if (!shape) return;
     const share = this.comparable ? this._share() : 100;
-    try {
+    await orToast("Not downloaded", async () => {
       const mesh = await this.cache.get(shape.path);
       const straight = () => this.after.blended(this.source, this.format, mesh, share / 100);
       const bytes = share === 100 ? mesh : ((await this.way?.reach(share)) ?? (await straight()));
       saveBytes(new Blob([bytes], { type: "model/gltf-binary" }), shapeName(this.job, shape.name, share));
-    } catch (error) {
-      if (!isAbort(error)) toast(`Not downloaded. ${error instanceof Error ? error.message : ""}`);
-    }
+    });
   }
 
   /** Save a picture of the second view. */
-  async _picture() {
+  _picture() {
     const shape = this.shapes.find(({ path }) => path === this.shown);
-    try {
-      saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", this._share(), "png"));
-    } catch (error) {
-      toast(`No picture. ${error instanceof Error ? error.message : ""}`);
-    }
+    return orToast("No picture", async () => saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", this._share(), "png")));
   }
 
   /** Save an animated picture that goes around the second view's shape once. */
@@ -331,12 +279,7 @@ export class JobStage {
     const name = shapeName(this.job, ["turntable", shape?.name].filter(Boolean).join("-"), Number(this.morph.input.value), "webp");
     this.turntable.disabled = true;
     announce("Making the turntable");
-    try {
-      saveBytes(await this.after.turntable(), name);
-    } catch (error) {
-      if (!isAbort(error)) toast(`No turntable. ${error instanceof Error ? error.message : ""} The command meshdeform animate makes one too.`);
-    } finally {
-      this.turntable.disabled = false;
-    }
+    await orToast("No turntable", async () => saveBytes(await this.after.turntable(), name), "The command meshdeform animate makes one too.");
+    this.turntable.disabled = false;
   }
 }

@@ -1,8 +1,9 @@
 // @ts-check
 /** New shapes of a family that was found: what kind, of which members, and the job that makes them. */
-import { client, isAbort, MeshdeformError } from "../client.js";
-import { NumberRows } from "../create/number-rows.js";
-import { fill, h, uniqueId } from "../dom.js";
+import { client, errorsOf, isAbort } from "../client.js";
+import { NumberRows } from "../create/field-rows.js";
+import { JobForm } from "../create/form.js";
+import { fill, h, panel, uniqueId } from "../dom.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { segmented } from "./stage-controls.js";
@@ -32,27 +33,30 @@ export class SynthesisPanel {
     this.scope = scope;
     this.onMembers = onMembers;
     this.mode = "sample";
-    this.busy = false;
     this.turn = 0; // which of two members a click chooses
     this.numbers = new NumberRows("family_synthesize", ["count"], () => {});
     this.members = [0, 1].map((number) => this._select(number));
-    this.keep = h("fieldset", { class: "synthesis-keep" }, h("legend", { class: "field-label" }, "Parts to keep"));
+    this.keep = h("fieldset", { class: "row synthesis-keep" }, h("legend", { class: "field-label" }, "Parts to keep"));
     this.problem = h("div", { class: "problem-slot" });
-    this.start = h("button", { type: "submit", class: "button button-primary" }, "Make shapes");
-    this.form = h(
-      "form",
-      { class: "synthesis", "aria-label": "New shapes", novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } },
+    this.hint = h("p", { class: "small muted" }, "Or click a shape on the wall.");
+    this.form = new JobForm(scope, "New shapes", "Make shapes", {
+      ready: () => this.numbers.settle(),
+      send: () => this._send(),
+      refuse: (error) => this.numbers.refuse(errorsOf(error)) || fill(this.problem, problemBox(error)),
+    });
+    this.form.element.className = "synthesis";
+    this.form.button.classList.remove("button-large");
+    this.form.element.append(
       segmented("Kind of shapes", MODES.map(([mode, label]) => /** @type {[string, string]} */ ([mode, label])), this.mode, (mode) => this._choose(mode)),
-      this.members.map(({ row }) => row),
-      h("p", { class: "small muted" }, "Or click a shape on the wall."),
+      ...this.members.map(({ row }) => row),
+      this.hint,
       this.keep,
       this.numbers.first,
       this.numbers.advanced,
       this.problem,
-      h("div", { class: "row" }, this.start),
+      h("div", { class: "row" }, this.form.button),
     );
-    this.hint = /** @type {HTMLElement} */ (this.form.querySelector("p"));
-    this.element = h("section", { class: "panel", "aria-labelledby": "synthesis-title" }, h("div", { class: "panel-head" }, h("h2", { id: "synthesis-title" }, "New shapes")), this.form);
+    this.element = panel("synthesis-title", "New shapes", this.form.element);
     this._choose(this.mode);
     this.numbers.load(scope.signal).catch((error) => !isAbort(error) && fill(this.problem, problemBox(error)));
   }
@@ -90,7 +94,7 @@ export class SynthesisPanel {
     }
     this.hint.hidden = !wanted.length;
     this.keep.hidden = mode !== "complete";
-    this.start.textContent = mode === "search" ? "Find shapes" : "Make shapes";
+    this.form.rename(mode === "search" ? "Find shapes" : "Make shapes");
     this._changed();
   }
 
@@ -114,27 +118,13 @@ export class SynthesisPanel {
     return [...this.keep.querySelectorAll("input")].filter(({ checked }) => checked).map(({ value }) => value);
   }
 
-  /** @param {Event} event */
-  async _submit(event) {
-    event.preventDefault();
-    if (this.busy || !this.numbers.settle()) return;
+  async _send() {
     fill(this.problem);
-    this.busy = true;
-    this.start.setAttribute("aria-disabled", "true");
-    try {
-      const keep = this.mode === "complete" ? { keep: this._kept() } : {};
-      const params = { ...this.numbers.values(), mode: this.mode, members: this._members(), ...keep };
-      const files = { family: { job_id: this.job.id, artifact: FAMILY }, collection: await this._collection() };
-      const job = await client.submit(null, { kind: "family_synthesize", params }, { files, signal: this.scope.signal });
-      if (!this.scope.over) location.hash = routeHash({ name: "job", id: job.id });
-    } catch (error) {
-      if (this.scope.over || isAbort(error)) return;
-      const errors = error instanceof MeshdeformError && Array.isArray(error.problem?.errors) ? error.problem.errors : [];
-      if (!this.numbers.blame(errors)) fill(this.problem, problemBox(error));
-    } finally {
-      this.busy = false;
-      this.start.removeAttribute("aria-disabled");
-    }
+    const keep = this.mode === "complete" ? { keep: this._kept() } : {};
+    const params = { ...this.numbers.values(), mode: this.mode, members: this._members(), ...keep };
+    const files = { family: { job_id: this.job.id, artifact: FAMILY }, collection: await this._collection() };
+    const job = await client.submit(null, { kind: "family_synthesize", params }, { files, signal: this.scope.signal });
+    return routeHash({ name: "job", id: job.id });
   }
 
   /** The assets with their parts, if the job wrote them; else the collection again. */

@@ -7,7 +7,7 @@ import { fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { plainParams } from "../groups.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
@@ -18,9 +18,8 @@ import { askedPanel } from "./asked.js";
 import { FamilyStage } from "./family-stage.js";
 import { FieldStage } from "./field-stage.js";
 import { PictureStage } from "./picture-stage.js";
-import { isLesson, lessonPanel } from "./lesson.js";
 import { ProgressPanel } from "./progress.js";
-import { filesPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
+import { filesPanel, isLesson, lessonPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
 import { SynthesisPanel } from "./synthesis-panel.js";
@@ -36,11 +35,7 @@ const SAID = /** @type {Record<string, string>} */ ({
 });
 
 export class JobView {
-  /**
-   * @param {HTMLElement} root
-   * @param {import("../scope.js").Scope} scope
-   * @param {string} id
-   */
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {string} id */
   constructor(root, scope, id) {
     this.root = root;
     this.scope = scope;
@@ -93,7 +88,7 @@ export class JobView {
           ? h("p", { class: "small muted" }, "You see this job by a link. It shows no other job, and changes nothing.")
           : h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
         h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
-        h("p", { class: "meta" }, this.badge, meta(job)),
+        h("p", { class: "row meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
       h(

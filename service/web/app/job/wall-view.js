@@ -8,10 +8,7 @@ import { slider } from "./stage-controls.js";
 const TURN = 35; // degrees: a look at front and side
 
 export class WallView {
-  /**
-   * @param {import("../scope.js").Scope} scope
-   * @param {(shape: number) => void} onChoose
-   */
+  /** @param {import("../scope.js").Scope} scope @param {(shape: number) => void} onChoose */
   constructor(scope, onChoose) {
     this.scope = scope;
     this.onChoose = onChoose;
@@ -26,10 +23,7 @@ export class WallView {
     scope.add(() => this.wall?.dispose());
   }
 
-  /**
-   * @param {ArrayBuffer} buffer
-   * @returns {Promise<boolean>} whether it is shown
-   */
+  /** @param {ArrayBuffer} buffer @returns {Promise<boolean>} whether it is shown */
   async show(buffer) {
     const { aboutWall, Wall } = await import("../../viewer/wall.js");
     this.about = aboutWall(buffer);

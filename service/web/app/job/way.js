@@ -4,7 +4,7 @@
  * and exactly the one at which the slider stops. Where the server makes none, straight lines remain.
  */
 import { isAbort, MeshdeformError } from "../client.js";
-import { currentLink } from "../link.js";
+import { currentLink } from "../key.js";
 
 const ALONG = [50, 25, 75];
 const BEYOND = [150, 125];
@@ -31,10 +31,7 @@ export class Way {
     this.beyond = false;
   }
 
-  /**
-   * Load what the view needs on the way to a share, once.
-   * @param {number} share in percent
-   */
+  /** Load what the view needs on the way to a share, once. @param {number} share in percent */
   async open(share) {
     // First what is missing most.
     const wanted = [...(share > 100 && !this.beyond ? BEYOND : []), ...(this.along ? [] : ALONG)];
@@ -63,7 +60,7 @@ export class Way {
   async _reach(share) {
     try {
       const file = await this.cache.get(`${this.path}?strength=${share / 100}`);
-      if (!this.passed.has(share)) await this.box.pass(file.slice(0), share / 100);
+      if (!this.passed.has(share)) await this.box.viewer?.addWaypoint(file.slice(0), share / 100);
       this.passed.add(share);
       this.onChange();
       return file;

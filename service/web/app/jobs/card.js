@@ -1,5 +1,5 @@
 // @ts-check
-/** A job in a list: its picture, state, prompt and file. */
+/** A job in a list: its picture, state, prompt and file; and the newest ones below a form. */
 import { client } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, jobTitle, percent, roughly, STATE_WORDS } from "../format.js";
@@ -30,7 +30,7 @@ export class JobCard {
     this.meta = h("span", { class: "small muted" });
     this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, this.heading || jobTitle(job));
     this.box = h("input", { type: "checkbox", "aria-label": `Select ${this.heading || jobTitle(job)}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
-    this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "card-meta" }, this.badge, this.meta)));
+    this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "row card-meta" }, this.badge, this.meta)));
     this.state = "";
     this.show(job);
   }
@@ -68,4 +68,22 @@ export class JobCard {
       if (!this.scope.over) fill(this.picture, h("span", { class: "card-glyph" }, icon("check")));
     }
   }
+}
+
+/** The newest jobs, below the form for a new one. @param {import("../scope.js").Scope} scope */
+export function recentJobs(scope) {
+  const element = h("section", { class: "recent", "aria-labelledby": "recent-title", hidden: true });
+  client.jobPage({ limit: 6, signal: scope.signal }).then(
+    ({ jobs }) => {
+      if (!jobs.length || scope.over) return;
+      element.hidden = false;
+      fill(
+        element,
+        h("div", { class: "section-head" }, h("h2", { id: "recent-title" }, "Recent jobs"), h("a", { href: "#/jobs" }, "All jobs")),
+        h("ul", { class: "card-grid" }, jobs.map((/** @type {any} */ job) => new JobCard(job, scope, { level: "h3" }).element)),
+      );
+    },
+    () => {}, // The form works without them.
+  );
+  return element;
 }

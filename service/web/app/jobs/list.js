@@ -217,10 +217,7 @@ export class ListView {
     for (const id of [...this.cards.keys()]) if (!ids.has(id) && id >= oldest) this._forget(id);
   }
 
-  /**
-   * @param {any[]} jobs Newest first.
-   * @param {boolean} atFront
-   */
+  /** @param {any[]} jobs Newest first. @param {boolean} atFront */
   _take(jobs, atFront) {
     // The first variation comes first, not the newest.
     const order = this.group || !atFront ? jobs : [...jobs].reverse();
@@ -264,10 +261,7 @@ export class ListView {
   }
 }
 
-/**
- * @param {string | null} chosen
- * @param {() => string} search
- */
+/** @param {string | null} chosen @param {() => string} search */
 function filter(chosen, search) {
   const select = h(
     "select",

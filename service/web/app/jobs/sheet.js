@@ -2,7 +2,7 @@
 /** The contact sheet of a group: a row for each finished variation, a column for each strength. */
 import { announce } from "../announce.js";
 import { client, isAbort, MeshdeformError } from "../client.js";
-import { button, fill, h } from "../dom.js";
+import { button, fill, h, invalid, labelled, say } from "../dom.js";
 import { saveBytes } from "../job/files.js";
 import { stemOf } from "../names.js";
 import { described } from "../problem-box.js";
@@ -11,7 +11,6 @@ const MOST_STRENGTHS = 6;
 
 /**
  * Strengths in percent from what was typed; null where it is no list of them.
- *
  * @param {string} text Such as "50, 100, 130".
  */
 export function strengthsOf(text) {
@@ -21,10 +20,7 @@ export function strengthsOf(text) {
 }
 
 export class SheetPanel {
-  /**
-   * @param {import("../scope.js").Scope} scope
-   * @param {() => any[]} jobs The finished ones, in order.
-   */
+  /** @param {import("../scope.js").Scope} scope @param {() => any[]} jobs The finished ones, in order. */
   constructor(scope, jobs) {
     this.scope = scope;
     this.jobs = jobs;
@@ -39,8 +35,8 @@ export class SheetPanel {
       h("summary", null, h("h2", null, "Contact sheet")),
       h(
         "div",
-        { class: "sheet-form" },
-        h("div", { class: "field" }, h("label", { class: "field-label", for: "sheet-strengths" }, "Strengths in percent"), this.input, h("p", { class: "small muted", id: "sheet-help" }, "100 is the result, 0 the asset, up to 150.")),
+        { class: "row sheet-form" },
+        labelled("sheet-strengths", "Strengths in percent", this.input, h("p", { class: "small muted", id: "sheet-help" }, "100 is the result, 0 the asset, up to 150.")),
         this.make,
       ),
       this.problem,
@@ -100,9 +96,7 @@ export class SheetPanel {
 
   /** @param {string} text */
   _refuse(text) {
-    this.problem.hidden = !text;
-    this.problem.textContent = text;
-    if (text) this.input.setAttribute("aria-invalid", "true");
-    else this.input.removeAttribute("aria-invalid");
+    say(this.problem, text);
+    invalid(this.input, text !== "");
   }
 }

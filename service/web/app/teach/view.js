@@ -1,8 +1,9 @@
 // @ts-check
 /** Teach the builtin model a word: its meshes, its names, and a job that learns them. */
-import { client, MeshdeformError } from "../client.js";
+import { client, errorsOf, MeshdeformError } from "../client.js";
+import { fieldRow, markField } from "../create/field-rows.js";
 import { intro, JobForm } from "../create/form.js";
-import { fill, h, uniqueId } from "../dom.js";
+import { fill, h, labelled, uniqueId } from "../dom.js";
 import { MeshZone } from "../mesh-zone.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
@@ -11,10 +12,7 @@ import { adjectives, catalogue } from "../vocabulary.js";
 const STEPS = 600;
 
 export class TeachView {
-  /**
-   * @param {HTMLElement} root
-   * @param {import("../scope.js").Scope} scope
-   */
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope */
   constructor(root, scope) {
     this.scope = scope;
     this.zone = new MeshZone(scope, {
@@ -28,7 +26,8 @@ export class TeachView {
     this.steps = textField("Most steps", String(STEPS), `Training ends earlier when it no longer helps. Default: ${STEPS}.`);
     this.replace = h("input", { id: "teach-replace", type: "checkbox" });
     this.model = h("select", { id: "teach-model" });
-    this.modelRow = h("div", { class: "field", hidden: true }, h("label", { class: "field-label", for: "teach-model" }, "Add the word to"), this.model);
+    this.modelRow = labelled("teach-model", "Add the word to", this.model);
+    this.modelRow.hidden = true;
     this.problem = h("div", { class: "problem-slot" });
     const form = new JobForm(scope, "New word", "Teach", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._refuse(error) });
     form.element.append(
@@ -95,30 +94,18 @@ export class TeachView {
 
   /** @param {unknown} error */
   _refuse(error) {
-    const errors = error instanceof MeshdeformError && Array.isArray(error.problem?.errors) ? error.problem.errors : [];
-    const place = errors[0]?.loc?.at(-1) === "noun" || errors[0]?.loc?.includes("noun");
-    if (place && error instanceof MeshdeformError) return this.noun.refuse(`${error.message} ${/replace/.test(error.advice) ? "Choose another word, or allow a new meaning under Advanced." : error.advice}`);
+    if (errorsOf(error)[0]?.loc?.includes("noun") && error instanceof MeshdeformError) return this.noun.refuse(`${error.message} ${/replace/.test(error.advice) ? "Choose another word, or allow a new meaning under Advanced." : error.advice}`);
     fill(this.problem, problemBox(error));
   }
 }
 
-/**
- * @param {string} label
- * @param {string} placeholder
- * @param {string} help
- */
+/** A row for a text, and the function that says what is wrong with it. @param {string} label @param {string} placeholder @param {string} help */
 function textField(label, placeholder, help) {
-  const id = uniqueId("teach");
-  const input = h("input", { id, type: "text", placeholder, autocomplete: "off", autocapitalize: "none", "aria-describedby": `${id}-help ${id}-problem` });
-  const problem = h("p", { class: "field-problem", id: `${id}-problem`, hidden: true, "aria-live": "polite" });
-  const row = h("div", { class: "field" }, h("label", { class: "field-label", for: id }, label), input, problem, h("p", { class: "small muted", id: `${id}-help` }, help));
+  const row = fieldRow({ name: uniqueId("teach"), label, help, type: "text" }, ["", placeholder], () => {});
   /** @param {string} text Empty: all is well. */
   const refuse = (text) => {
-    problem.hidden = !text;
-    fill(problem, text);
-    if (!text) return input.removeAttribute("aria-invalid");
-    input.setAttribute("aria-invalid", "true");
-    input.focus();
+    markField(row, text);
+    if (text) row.input.focus();
   };
-  return { input, row, refuse };
+  return { ...row, refuse };
 }

@@ -8,10 +8,7 @@
 /** @typedef {{ corners: number[], columns: number }} Polygon `columns`: how many numbers its line has */
 /** @typedef {{ positions: Float64Array, corners: Uint32Array, counts: number[] }} ObjFaces `counts`: triangles of each mesh */
 
-/**
- * @param {string} text of the file
- * @returns {ObjFaces | null} null where it has no faces, or one that refers to no vertex
- */
+/** @param {string} text of the file @returns {ObjFaces | null} null where it has no faces, or one that refers to no vertex */
 export function readObjFaces(text) {
   /** @type {number[]} */
   const places = [];

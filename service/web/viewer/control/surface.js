@@ -4,6 +4,7 @@
  * scene depth first, of each its primitives, those that share their vertices together.
  */
 import { Matrix4, Vector3 } from "../../vendor/three/three.module.js";
+import { worldPositions } from "../deformation.js";
 import { meshesOf, originOf, triangleCount } from "../loading.js";
 import { floats } from "../topology.js";
 import { weld } from "../weld.js";
@@ -77,11 +78,7 @@ export function numberedSurface(root, excluded = []) {
   return ofFaces(floats(mesh.geometry.attributes.position, 3, null), cornersOf(mesh, 4), [triangleCount(mesh)]);
 }
 
-/**
- * @param {Float32Array} positions
- * @param {Uint32Array} corners
- * @param {number[]} counts
- */
+/** @param {Float32Array} positions @param {Uint32Array} corners @param {number[]} counts */
 function ofFaces(positions, corners, counts) {
   let first = 0;
   const parts = counts.map((count, node) => ({ node, mesh: node, material: null, first: (first += count) - count, count }));
@@ -144,19 +141,11 @@ class Joined {
   /** @param {import("three").Mesh} mesh @param {number} mode @param {{ node: number, mesh: number, material: number }} names */
   add(mesh, mode, names) {
     const positions = floats(mesh.geometry.attributes.position, 3, null);
-    const skinned = /** @type {any} */ (mesh).isSkinnedMesh ? /** @type {import("three").SkinnedMesh} */ (mesh) : null;
-    const [seen, at] = [mesh.matrixWorld, placement(mesh)];
-    const [point, shown, places] = [new Vector3(), /** @type {number[]} */ ([]), /** @type {number[]} */ ([])];
-    for (let i = 0; i < positions.length; i += 3) {
-      point.fromArray(positions, i).applyMatrix4(at);
-      places.push(point.x, point.y, point.z);
-      if (skinned) {
-        point.fromArray(positions, i);
-        skinned.applyBoneTransform(i / 3, point);
-        point.applyMatrix4(seen);
-      }
-      shown.push(point.x, point.y, point.z);
-    }
+    const at = placement(mesh);
+    const point = new Vector3();
+    const places = Array.from(positions);
+    for (let i = 0; i < places.length; i += 3) point.fromArray(positions, i).applyMatrix4(at).toArray(places, i);
+    const shown = /** @type {any} */ (mesh).isSkinnedMesh ? Array.from(worldPositions(mesh, positions)) : places;
     const corners = Array.from(cornersOf(mesh, mode), (corner) => corner + this.vertices);
     const count = corners.length / 3;
     this.parts.push({ ...names, first: this.faces, count });

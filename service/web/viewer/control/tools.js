@@ -40,10 +40,7 @@ const nothing = () => {};
 const DEAF = { painted: nothing, boxed: nothing, picked: nothing, held: () => 0, moved: nothing, chosen: nothing, pointed: nothing, begun: nothing, done: nothing, dropped: nothing };
 
 export class ControlTools {
-  /**
-   * @param {import("../viewer.js").MeshViewer} viewer
-   * @param {Partial<Listeners>} listeners those of the tools that are used
-   */
+  /** @param {import("../viewer.js").MeshViewer} viewer @param {Partial<Listeners>} listeners those of the tools that are used */
   constructor(viewer, listeners) {
     this.viewer = viewer;
     this.listeners = { ...DEAF, ...listeners };
@@ -130,10 +127,9 @@ export class ControlTools {
   }
 
   /** @param {{ clientX: number, clientY: number }} event */
-  #aim({ clientX, clientY }) {
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+  #aim(event) {
     this.viewer.rig.camera.updateMatrixWorld();
-    this.caster.setFromCamera(new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height), this.viewer.rig.camera);
+    this.caster.setFromCamera(new Vector2(...this.viewer.surface.place(event)), this.viewer.rig.camera);
     return this.caster.ray;
   }
 
@@ -157,13 +153,12 @@ export class ControlTools {
 
   /** @param {PointerEvent} event @param {Place[]} places @returns {number} the nearest that the pointer is on; -1: none */
   #grip(event, places) {
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
     let best = event.pointerType === "mouse" ? GRIP.mouse : GRIP.other;
     let found = -1;
     this.viewer.rig.camera.updateMatrixWorld();
     places.forEach((place, i) => {
       const seen = new Vector3().fromArray(place).project(this.viewer.rig.camera);
-      const apart = Math.hypot(((seen.x + 1) / 2) * width + left - event.clientX, ((1 - seen.y) / 2) * height + top - event.clientY);
+      const apart = this.viewer.surface.apart(event, seen);
       if (apart >= best || Math.abs(seen.z) > 1) return;
       best = apart;
       found = i;
@@ -226,7 +221,6 @@ export class ControlTools {
 
   /**
    * Let the camera have the fingers that a tool has held; the one that came last is on its way there.
-   *
    * @param {PointerEvent[]} fingers
    */
   #handOver(fingers) {

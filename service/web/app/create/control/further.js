@@ -39,7 +39,6 @@ export function written(prompts) {
 
 /**
  * `params.prompts` of a request.
- *
  * @param {Further[]} prompts
  * @param {Region[]} regions Of all actions.
  * @returns {Record<string, any>[]}
@@ -58,7 +57,6 @@ export function furtherParams(prompts, regions) {
 
 /**
  * The prompts of a job and, as the list of all regions has them, their regions.
- *
  * @param {any[]} asked `params.prompts`.
  * @returns {{prompts: Further[], regions: Region[]}}
  */
@@ -80,7 +78,6 @@ export function promptName(prompts, id) {
 
 /**
  * Give prompts of an earlier state the words and weights that they have now: those are not what is undone.
- *
  * @param {Further[]} now
  * @param {Further[]} earlier
  */
@@ -93,7 +90,6 @@ export function keepWords(now, earlier) {
 
 /**
  * What of the prompts cannot be sent, in a sentence; empty where all is fine.
- *
  * @param {Further[]} prompts
  * @param {Region[]} regions
  */

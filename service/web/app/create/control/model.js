@@ -32,12 +32,7 @@ export function isEmpty(control) {
   return !Object.keys(controlParams({ ...control, prompts: [], regions: withoutPrompts(control.regions) })).length;
 }
 
-/**
- * The parameters of a request.
- *
- * @param {Control} control
- * @returns {Record<string, any>}
- */
+/** The parameters of a request. @param {Control} control @returns {Record<string, any>} */
 export function controlParams({ regions, handles, symmetry, falloff, prompts }) {
   // A box or a painted region that is still empty selects nothing.
   const chosen = withoutPrompts(regions).filter((region) => !region.faces || region.faces.length);
@@ -85,7 +80,6 @@ export function regionWords(region) {
 
 /**
  * The further prompts of a job, with their weights and what they pull at.
- *
  * @param {any[]} prompts
  * @returns {string[]}
  */
@@ -99,7 +93,6 @@ export function promptWords(prompts) {
 
 /**
  * All that is asked, in sentences for a list; `promptWords` says the prompts.
- *
  * @param {Control} control
  * @returns {string[]}
  */
@@ -126,10 +119,7 @@ export function facesText(faces) {
   return faces.map((item) => (Array.isArray(item) ? item.join("-") : item)).join(", ");
 }
 
-/**
- * @param {string} text
- * @returns {(number | [number, number])[] | null} Null where it is no list of numbers and ranges.
- */
+/** @param {string} text @returns {(number | [number, number])[] | null} Null where it is no list of numbers and ranges. */
 export function facesOf(text) {
   const items = text.split(/[\s,]+(?!-)/).filter(Boolean);
   /** @type {(number | [number, number])[]} */
@@ -151,7 +141,6 @@ export function falloffProblem(text) {
 
 /**
  * What cannot be sent, in a sentence; empty where all is fine.
- *
  * @param {Control} control
  * @param {boolean} subdivided Whether the long edges are split first, which numbers the triangles anew.
  */

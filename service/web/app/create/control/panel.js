@@ -1,30 +1,26 @@
 // @ts-check
 /** What stays and what goes where: the tools below the view, and the lists in the form. */
 import { announce, toast } from "../../announce.js";
-import { button, fill, h } from "../../dom.js";
+import { button, fill, h, labelled, say } from "../../dom.js";
 import { placeOf } from "../../groups.js";
 import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES } from "./model.js";
 import { isPromptAction, keepWords, promptAction, promptName, withoutPrompts } from "./further.js";
 import { PromptRows } from "./prompt-rows.js";
-import { handleRow, regionRow } from "./rows.js";
-import { named, partOptions } from "./parts.js";
+import { handleRow, named, partOptions, regionRow } from "./rows.js";
 import { Toolbar } from "./toolbar.js";
 import { ControlView } from "./view.js";
 
 /** @typedef {import("./model.js").Control} Control */
 /** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
-/** @typedef {import("./parts.js").Named} Named */
-/** @typedef {import("./parts.js").Parts} Parts */
+/** @typedef {import("./rows.js").Named} Named */
+/** @typedef {import("./rows.js").Parts} Parts */
 
 /** @type {Parts} */
 const NO_PARTS = { nodes: [], materials: [], mesh_names: [] };
 const MOST_REGIONS = 64;
 
 export class ControlPanel {
-  /**
-   * @param {import("../../viewer-box.js").ViewerBox} box
-   * @param {() => void} onChange
-   */
+  /** @param {import("../../viewer-box.js").ViewerBox} box @param {() => void} onChange */
   constructor(box, onChange) {
     this.onChange = onChange;
     this.control = noControl();
@@ -74,13 +70,9 @@ export class ControlPanel {
     );
     const addPart = button("Add part", () => this._addPart(), { class: "chip" });
     this.partRow = h("div", { class: "row part-row", hidden: true }, this.part, addPart);
-    this.falloffRow = h(
-      "div",
-      { class: "field", hidden: true },
-      h("label", { class: "field-label", for: "control-falloff" }, "Fall-off"),
-      this.falloff,
-      h("p", { class: "small muted", id: "control-falloff-help" }, "How far the surface bends to join what is kept, as a share of the asset's diagonal."),
-    );
+    const help = h("p", { class: "small muted", id: "control-falloff-help" }, "How far the surface bends to join what is kept, as a share of the asset's diagonal.");
+    this.falloffRow = labelled("control-falloff", "Fall-off", this.falloff, help);
+    this.falloffRow.hidden = true;
     this.falloff.addEventListener("input", () => {
       this.control.falloff = this.falloff.value;
       this.changed();
@@ -100,7 +92,7 @@ export class ControlPanel {
       this.falloffRow,
       this.problem,
       h("div", { class: "row" }, this.undoButton, this.clearButton),
-      h("div", { class: "field" }, h("label", { class: "field-label", for: "control-symmetry" }, "Symmetry"), this.symmetry),
+      labelled("control-symmetry", "Symmetry", this.symmetry),
     );
     fold.addEventListener("toggle", () => this._place());
     return fold;
@@ -343,8 +335,7 @@ export class ControlPanel {
     this._place();
     const further = this.further?.fault ?? "";
     const problem = controlProblem({ ...this.control, prompts: [] }, this.subdivided) || this.view.problem;
-    this.problem.hidden = !problem;
-    this.problem.textContent = problem;
+    say(this.problem, problem);
     this.further?.say(further);
   }
 
@@ -373,8 +364,7 @@ export class ControlPanel {
       return own.length === errors.length;
     }
     /** @type {HTMLDetailsElement} */ (this.element).open = true;
-    this.problem.hidden = false;
-    this.problem.textContent = own.map((error) => String(error.msg ?? "Not allowed.")).join(" ");
+    say(this.problem, own.map((error) => String(error.msg ?? "Not allowed.")).join(" "));
     return own.length === errors.length;
   }
 

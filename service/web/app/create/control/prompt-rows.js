@@ -1,7 +1,8 @@
 // @ts-check
 /** Further prompts below the first: their words, their weights, and where each pulls. */
 import { announce } from "../../announce.js";
-import { button, fill, h } from "../../dom.js";
+import { errorsOf } from "../../client.js";
+import { button, fill, h, invalid, say } from "../../dom.js";
 import { placeOf } from "../../groups.js";
 import { showRefusal } from "../../refusal.js";
 import { furtherProblem, MOST_PROMPTS, promptAction, promptName, regionsOf, written } from "./further.js";
@@ -16,7 +17,7 @@ export class PromptRows {
   /** @param {import("./panel.js").ControlPanel} panel */
   constructor(panel) {
     this.panel = panel;
-    /** What the model refuses, by the ids of prompts: the error, and the words that it knows. @type {Map<number, {error: unknown, known: any}>} */
+    /** What the model refuses, by the ids of prompts. @type {Map<number, unknown>} */
     this.refused = new Map();
     this.list = h("ul", { class: "control-rows", "aria-label": "Further prompts" });
     this.problem = h("p", { class: "field-problem", role: "status", hidden: true });
@@ -62,12 +63,7 @@ export class PromptRows {
     for (const each of this.prompts) if (each.where === "all" && regionsOf(this.panel.control.regions, each.id).length) each.where = "in";
   }
 
-  /**
-   * Take a tool in hand for the regions of a prompt.
-   *
-   * @param {Further} each
-   * @param {"paint" | "box" | "part"} tool
-   */
+  /** Take a tool in hand for the regions of a prompt. @param {Further} each @param {"paint" | "box" | "part"} tool */
   _pick(each, tool) {
     const { panel } = this;
     if (each.where === "all") each.where = "in";
@@ -141,7 +137,7 @@ export class PromptRows {
       h("div", { class: "control-head" }, h("label", { class: "field-label", for: id }, name), button(`Remove ${name.toLowerCase()}`, () => this._remove(each.id), { icon: "trash", quiet: true, class: "button-quiet" })),
       input,
       place,
-      h("div", { class: "further-how" }, h("label", null, h("span", { class: "small muted" }, "Weight"), weight.input), h("label", null, h("span", { class: "small muted" }, "Where"), where)),
+      h("div", { class: "row further-how" }, h("label", null, h("span", { class: "small muted" }, "Weight"), weight.input), h("label", null, h("span", { class: "small muted" }, "Where"), where)),
       tools,
       regions.length ? h("ul", { class: "control-rows", "aria-label": `Regions of ${name.toLowerCase()}, listed` }, regions) : null,
     );
@@ -151,8 +147,7 @@ export class PromptRows {
 
   /** @param {string} text What cannot be sent; empty: all is well. */
   say(text) {
-    this.problem.hidden = !text;
-    this.problem.textContent = text;
+    say(this.problem, text);
   }
 
   /** Return whether the prompts can be sent; what cannot is said. */
@@ -175,21 +170,19 @@ export class PromptRows {
 
   /**
    * Say which of the prompts the model does not understand, with what it would.
-   *
    * @param {import("../../client.js").MeshdeformError} error
    * @param {boolean} alone Whether the request has no prompt of its own.
-   * @param {import("../../vocabulary.js").Vocabulary | null} known
    * @returns {boolean} Whether it is one of these.
    */
-  refuse(error, alone, known) {
-    const [first] = Array.isArray(error.problem.errors) ? error.problem.errors : [];
+  refuse(error, alone) {
+    const [first] = errorsOf(error);
     const sent = written(this.prompts);
     const [name, number] = placeOf(first ?? {});
     const at = name === "prompts" ? Number(number) : !first && alone && sent.length === 1 ? 0 : -1;
     const found = sent[at];
     if (!found) return false;
     this.accept();
-    this.refused.set(found.id, { error, known });
+    this.refused.set(found.id, error);
     this._refusal(found.id);
     return true;
   }
@@ -200,12 +193,9 @@ export class PromptRows {
     const found = this.refused.get(id);
     if (!field) return;
     field.place.hidden = !found;
-    if (!found) {
-      field.input.removeAttribute("aria-invalid");
-      return void fill(field.place);
-    }
-    field.input.setAttribute("aria-invalid", "true");
-    showRefusal(field.place, found.error, field.input.value, found.known, (text) => {
+    invalid(field.input, found !== undefined);
+    if (!found) return void fill(field.place);
+    showRefusal(field.place, found, (text) => {
       field.input.value = text;
       field.input.dispatchEvent(new Event("input"));
       field.input.focus();

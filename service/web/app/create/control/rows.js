@@ -1,6 +1,6 @@
 // @ts-check
-/** The lists of the control panel: a row with its fields for each region and each handle. */
-import { button, h, uniqueId } from "../../dom.js";
+/** The lists of the control panel: a row with its fields for each region and each handle, and the parts of an asset in words. */
+import { button, h, invalid, uniqueId } from "../../dom.js";
 import { counted } from "../../format.js";
 import { AXES, facesOf, facesText, regionWords } from "./model.js";
 
@@ -12,7 +12,6 @@ import { AXES, facesOf, facesText, regionWords } from "./model.js";
 
 /**
  * A field for a number.
- *
  * @param {string} label For screen readers.
  * @param {() => number | null | undefined} get
  * @param {(value: number) => void} set
@@ -28,19 +27,14 @@ export function numberField(label, get, set) {
   input.addEventListener("input", () => {
     const text = input.value.trim().replace(",", ".");
     const wrong = text === "" || !Number.isFinite(Number(text));
-    if (wrong) input.setAttribute("aria-invalid", "true");
-    else input.removeAttribute("aria-invalid");
+    invalid(input, wrong);
     set(wrong ? /** @type {any} */ (get()) : Number(text));
   });
   show();
   return { input, show };
 }
 
-/**
- * @param {string} name
- * @param {() => number[]} get
- * @param {(place: number[]) => void} set
- */
+/** @param {string} name @param {() => number[]} get @param {(place: number[]) => void} set */
 export function placeFields(name, get, set) {
   const fields = AXES.map((axis, i) =>
     numberField(`${name} ${axis}`, () => get()[i], (value) => set(get().map((old, at) => (at === i ? value : old)))),
@@ -98,8 +92,8 @@ export function regionRow(region, number, { changed, moved, purposes, remove, ed
     const input = h("input", { type: "text", id, autocomplete: "off", placeholder: "0-12, 40" });
     input.addEventListener("input", () => {
       const faces = facesOf(input.value);
-      if (!faces) return void input.setAttribute("aria-invalid", "true");
-      input.removeAttribute("aria-invalid");
+      invalid(input, !faces);
+      if (!faces) return;
       region.faces = faces;
       changed();
     });
@@ -158,3 +152,17 @@ export function rounded(place, size) {
   return place.map((value) => Number((Math.round(value / step) * step).toPrecision(7)));
 }
 
+/** @typedef {{index: number, name: string}} Named */
+/** @typedef {{nodes: Named[], materials: Named[], mesh_names: Named[]}} Parts */
+
+/** The name of a part, or its number where no name says which it is. @param {Named} part @param {Named[]} all */
+export function named(part, all) {
+  return part.name && all.filter(({ name }) => name === part.name).length === 1 ? part.name : part.index;
+}
+
+/** The parts of an asset, to choose one; a value is a selection as JSON. @param {Parts} parts */
+export function partOptions({ nodes, materials }) {
+  const group = (/** @type {string} */ kind, /** @type {string} */ label, /** @type {Named[]} */ list) =>
+    h("optgroup", { label }, list.map((part) => h("option", { value: JSON.stringify({ [kind]: named(part, list) }) }, part.name || `${kind} ${part.index}`)));
+  return [group("node", "Nodes", nodes), group("material", "Materials", materials)];
+}

@@ -56,12 +56,7 @@ export class Toolbar {
     if (input) input.checked = true;
   }
 
-  /**
-   * Offer what new regions can be for.
-   *
-   * @param {[string, string][]} purposes
-   * @param {string} chosen
-   */
+  /** Offer what new regions can be for. @param {[string, string][]} purposes @param {string} chosen */
   offer(purposes, chosen) {
     const { panel } = this;
     const choice = segmented("New regions", purposes, chosen, (action) => {

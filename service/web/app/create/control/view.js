@@ -7,10 +7,7 @@ import { rounded } from "./rows.js";
 /** @typedef {import("../../../viewer/control/tools.js").Box} Box */
 
 export class ControlView {
-  /**
-   * @param {import("../../viewer-box.js").ViewerBox} box
-   * @param {import("./panel.js").ControlPanel} panel
-   */
+  /** @param {import("../../viewer-box.js").ViewerBox} box @param {import("./panel.js").ControlPanel} panel */
   constructor(box, panel) {
     this.box = box;
     this.panel = panel;
@@ -117,7 +114,6 @@ export class ControlView {
 
   /**
    * Number the faces without the nodes that stay out of the run; what was painted stays where it is.
-   *
    * @param {(string | number)[]} nodes
    */
   exclude(nodes) {
@@ -151,7 +147,6 @@ export class ControlView {
 
   /**
    * Say where the asset is clicked, until another tool is taken.
-   *
    * @param {((place: number[]) => void) | null} listener Null: the tool that was in hand is taken again.
    * @param {() => void} stopped Called when another tool is taken.
    */

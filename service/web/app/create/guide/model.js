@@ -23,7 +23,6 @@ export function noGuide() {
 
 /**
  * The parts of a job that its guide needs, by name.
- *
  * @template T
  * @param {T | null} target
  * @param {T[]} pictures
@@ -36,7 +35,6 @@ export function guideFiles(target, pictures) {
 
 /**
  * The parameters of a request.
- *
  * @param {Guide} guide
  * @param {boolean} target Whether there is a target mesh.
  * @param {string} prompt
@@ -65,11 +63,7 @@ export function wrapped(degrees) {
   return turned > 180 ? turned - 360 : turned;
 }
 
-/**
- * What cannot be sent, in a sentence; empty where all is fine.
- *
- * @param {Guide} guide
- */
+/** What cannot be sent, in a sentence; empty where all is fine. @param {Guide} guide */
 export function guideProblem({ pictures }) {
   if (pictures.some(({ azimuth, elevation }) => !(Math.abs(azimuth) <= 360 && Math.abs(elevation) <= 90))) return "An azimuth is at most 360 degrees, an elevation at most 90.";
   const same = pictures.findIndex((one, i) => pictures.slice(0, i).some((other) => Math.abs(wrapped(one.azimuth - other.azimuth)) < 1 && Math.abs(one.elevation - other.elevation) < 1));

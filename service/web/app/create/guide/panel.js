@@ -2,9 +2,11 @@
 /** A target mesh in place of the prompt, or pictures from one to four sides: alone, or beside it. */
 import { announce } from "../../announce.js";
 import { Asset, formatOf } from "../../assets.js";
-import { button, fill, h } from "../../dom.js";
+import { errorsOf } from "../../client.js";
+import { button, fill, h, say } from "../../dom.js";
 import { bytes } from "../../format.js";
 import { placeOf } from "../../groups.js";
+import { fileInput } from "../../picking.js";
 import { numberField, placeFields } from "../control/rows.js";
 import { guideFiles, guideProblem, MOST_PICTURES, noGuide, GUIDE_PARAMS } from "./model.js";
 import { PictureView } from "./picture-view.js";
@@ -32,14 +34,8 @@ export class GuidePanel {
     this.pictures = new PictureView(assets, scope, this);
     /** @type {(() => void)[]} */
     this.shows = [];
-    this.input = h("input", { type: "file", class: "visually-hidden", id: "target-file", tabindex: "-1", "aria-label": "Target mesh file", accept: ".glb,.obj,.ply,.stl,.zip" });
-    this.pictureInput = h("input", { type: "file", class: "visually-hidden", id: "picture-file", tabindex: "-1", "aria-label": "Picture file", multiple: true, accept: "image/png,image/jpeg,image/webp" });
-    for (const input of [this.input, this.pictureInput]) {
-      input.addEventListener("change", () => {
-        this.take([...(input.files ?? [])]);
-        input.value = "";
-      });
-    }
+    this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files));
+    this.pictureInput = fileInput("picture-file", "Picture file", "image/png,image/jpeg,image/webp", (files) => this.take(files), true);
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
     this.draw = button("Draw it", () => askForSketch((mesh, part) => void (part === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target, or as the asset" });
     this.choosePicture = button("Add a picture", () => this.pictureInput.click(), { class: "chip", title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
@@ -49,11 +45,7 @@ export class GuidePanel {
     this._show();
   }
 
-  /**
-   * Take files that were chosen or dropped.
-   *
-   * @param {File[]} files
-   */
+  /** Take files that were chosen or dropped. @param {File[]} files */
   take(files) {
     const pictures = files.filter(({ name }) => PICTURES.test(name));
     if (pictures.length) return this._takePictures(pictures);
@@ -114,10 +106,7 @@ export class GuidePanel {
     return { ...structuredClone(this.guide), target: this.target !== null };
   }
 
-  /**
-   * @param {import("./model.js").Guide | null | undefined} guide As `value` gave it.
-   * @param {Record<string, Asset>} files
-   */
+  /** @param {import("./model.js").Guide | null | undefined} guide As `value` gave it. @param {Record<string, Asset>} files */
   restore(guide, files) {
     const { align, landmarks, pictures } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
     this.target = files.target ?? null;
@@ -180,7 +169,7 @@ export class GuidePanel {
     pairs.hidden = !this.targets.possible;
     const add = button("Add a pair", () => this.addPair(this.targets.places), { class: "chip" });
     return [
-      h("div", { class: "guide-head" }, h("strong", null, "Target mesh"), h("span", { class: "muted" }, `${target.name} · ${bytes(target.size)}`), button("Remove the target", () => this.remove(), { icon: "trash", quiet: true, class: "button-quiet" })),
+      h("div", { class: "row guide-head" }, h("strong", null, "Target mesh"), h("span", { class: "muted" }, `${target.name} · ${bytes(target.size)}`), button("Remove the target", () => this.remove(), { icon: "trash", quiet: true, class: "button-quiet" })),
       h("label", { class: "field-label", for: "target-align" }, "Alignment"),
       align,
       h("div", { class: "chips" }, pairs, add),
@@ -244,8 +233,7 @@ export class GuidePanel {
 
   /** @param {string} text Empty: all is well. */
   _refuse(text) {
-    this.problem.hidden = !text;
-    this.problem.textContent = text;
+    say(this.problem, text);
   }
 
   /** Return whether it can be sent; what cannot is said. */
@@ -258,7 +246,7 @@ export class GuidePanel {
 
   /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
   refuse(error) {
-    const errors = Array.isArray(error.problem.errors) ? error.problem.errors : [];
+    const errors = errorsOf(error);
     const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(placeOf(each)[0]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
     const part = String(error.problem.part ?? error.problem.file ?? "");
     if (this.isEmpty || !(own || part === "target" || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;

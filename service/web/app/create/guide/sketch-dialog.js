@@ -3,6 +3,8 @@
 import { announce } from "../../announce.js";
 import { client, isAbort } from "../../client.js";
 import { button, fill, h } from "../../dom.js";
+import { titled } from "../../format.js";
+import { fileInput } from "../../picking.js";
 import { problemBox } from "../../problem-box.js";
 import { Scope } from "../../scope.js";
 import { ViewerBox } from "../../viewer-box.js";
@@ -13,11 +15,6 @@ const PAUSE_MS = 250;
 /** @param {string} text In base64. */
 function decoded(text) {
   return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-}
-
-/** @param {string} name Of a parameter, such as `back_height`. */
-function words(name) {
-  return (name[0].toUpperCase() + name.slice(1)).replaceAll("_", " ");
 }
 
 /** @param {string} family @returns {File} */
@@ -39,11 +36,7 @@ class SketchDialog {
     this.guesses = h("div", { class: "sketch-guesses", role: "radiogroup", "aria-label": "Guesses" });
     this.fields = h("div", { class: "sketch-fields", role: "group", "aria-label": "Parameters" });
     this.place = h("div", { class: "sketch-view" });
-    this.input = h("input", { type: "file", class: "visually-hidden", id: "sketch-file", tabindex: "-1", "aria-label": "Drawing file", accept: "image/png,image/jpeg,image/webp" });
-    this.input.addEventListener("change", () => {
-      this._take(this.input.files?.[0]);
-      this.input.value = "";
-    });
+    this.input = fileInput("sketch-file", "Drawing file", "image/png,image/jpeg,image/webp", ([file]) => this._take(file));
     this.undo = button("Undo", () => this.pad.undo(), { class: "chip" });
     this.clear = button("Clear", () => this.pad.clear(), { class: "chip" });
     this.guess = button("Guess what it is", () => this._guess(), { class: "button" });
@@ -125,7 +118,7 @@ class SketchDialog {
     const image = h("img", { alt: "", width: 96, height: 96 });
     this._picture(guess, image);
     const radio = h("input", { type: "radio", name: "sketch-guess", class: "visually-hidden", ".checked": first, on: { change: () => this._choose(guess) } });
-    return h("label", { class: "sketch-guess" }, radio, image, h("span", null, `${words(guess.family)} ${Math.round(guess.probability * 100)} %`));
+    return h("label", { class: "sketch-guess" }, radio, image, h("span", null, `${titled(guess.family)} ${Math.round(guess.probability * 100)} %`));
   }
 
   /** Without WebGL the words remain. @param {any} guess @param {HTMLImageElement} image */
@@ -153,9 +146,9 @@ class SketchDialog {
 
   /** @param {any} about @param {(value: number | string) => void} set */
   _field(about, set) {
-    const label = words(about.name);
+    const label = titled(about.name);
     if (about.options) {
-      const options = about.options.map((/** @type {string} */ value) => h("option", { value }, words(value)));
+      const options = about.options.map((/** @type {string} */ value) => h("option", { value }, titled(value)));
       const choice = h("select", { "aria-label": label, on: { change: () => set(choice.value) } }, options);
       choice.value = about.value;
       return h("label", null, h("span", { class: "small muted" }, label), choice);

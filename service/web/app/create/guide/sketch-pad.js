@@ -39,12 +39,7 @@ export class SketchPad {
     this._changed();
   }
 
-  /**
-   * Draw on a picture from now on.
-   *
-   * @param {Blob} file
-   * @returns {Promise<boolean>} whether the browser can read it
-   */
+  /** Draw on a picture from now on. @param {Blob} file @returns {Promise<boolean>} whether the browser can read it */
   async take(file) {
     const picture = await createImageBitmap(file).catch(() => null);
     if (!picture) return false;
