@@ -15,10 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 import meshdeform
-from meshdeform.cli.animate import animate
-from meshdeform.cli.apply import apply
 from meshdeform.cli.batch import batch
-from meshdeform.cli.convert import convert
 from meshdeform.cli.doctor import doctor
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
 from meshdeform.cli.form import form_command
@@ -28,6 +25,7 @@ from meshdeform.cli.kinds import family_fit, family_synthesize, surface_fit, tea
 from meshdeform.cli.models import models
 from meshdeform.cli.options import JsonOption
 from meshdeform.cli.output import emit
+from meshdeform.cli.results import animate, apply, convert
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
@@ -121,24 +119,24 @@ def _options(
     pass
 
 
-@clean_errors
-def evaluate() -> None:
-    """Say what has become of `meshdeform eval`."""
-    raise OutcomeError(
+_GONE = {
+    "eval": OutcomeError(
         ExitCode.USAGE,
         "usage",
         "meshdeform eval is no part of the package any more.",
         "In a clone of the repository, use: python -m training.evaluation (docs/quality.md).",
-    )
+    ),
+    "submit": ParameterError(
+        "meshdeform submit is now meshdeform run --url URL, which also follows the job and saves its artifacts.",
+        advice="Name the service with --url; with --detach it prints the id of the job and does not wait.",
+    ),
+}
 
 
 @clean_errors
-def submit() -> None:
+def gone(ctx: typer.Context) -> None:
     """Say what has become of this command."""
-    raise ParameterError(
-        "meshdeform submit is now meshdeform run --url URL, which also follows the job and saves its artifacts.",
-        advice="Name the service with --url; with --detach it prints the id of the job and does not wait.",
-    )
+    raise _GONE[str(ctx.info_name)]
 
 
 for _panel, _commands in {
@@ -152,8 +150,8 @@ for _panel, _commands in {
     for _each in _commands:
         _forms = getattr(_each, "forms", ())
         app.command(cls=form_command(*_forms) if _forms else None, rich_help_panel=_panel)(_each)
-app.command("eval", hidden=True, context_settings=_ANYTHING)(evaluate)
-app.command(hidden=True, context_settings=_ANYTHING)(submit)
+for _name in _GONE:
+    app.command(_name, hidden=True, context_settings=_ANYTHING)(gone)
 app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 
 

@@ -3,7 +3,7 @@
 Every parameter that is one word or number becomes an option with the name of the parameter, its help and its choices:
 `steps` is `--steps`. A group of parameters, or a choice among groups, is descended into: `scale` in `guidance` is
 `--guidance.scale`, and also `--scale` unless something else has that name. Parameters that are not simple are written
-by NAME=VALUE (`--set`) or in the short forms of `meshdeform.cli.written`.
+by NAME=VALUE (`--set`) or in the short forms of `meshdeform.cli.request`.
 """
 
 from __future__ import annotations

@@ -14,8 +14,7 @@ from meshdeform.cli.local import LocalJob, read_asset
 from meshdeform.cli.options import JsonOption, SetOption, file_argument
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.report_lines import orientation_line
-from meshdeform.cli.request import make_request, merge_params
-from meshdeform.cli.written import ALSO
+from meshdeform.cli.request import ALSO, make_request, merge_params
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest

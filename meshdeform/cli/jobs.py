@@ -35,14 +35,13 @@ from meshdeform.cli.options import (
     complete_states,
     output_option,
 )
-from meshdeform.cli.output import ago, duration, emit, note, plain, table
-from meshdeform.cli.progress import show_progress
+from meshdeform.cli.output import ago, duration, emit, note, plain, show_progress, table
 from meshdeform.cli.request import make_request, merge_params, parse_labels
 from meshdeform.errors import ConflictError, MeshdeformError, NotFoundError, UnavailableError
 
 if TYPE_CHECKING:
     from meshdeform.api.jobs import EventView, JobView
-    from meshdeform.cli.progress import ProgressView
+    from meshdeform.cli.output import ProgressView
     from meshdeform.client import Client
     from meshdeform.requests.document import JobRequest
 

@@ -16,10 +16,18 @@ from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, overlaid, with_options, written
 from meshdeform.cli.jobs import refuse_other_place, run_on_service
 from meshdeform.cli.local import check_free, check_glb, run_here, write_all
-from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, output_option
+from meshdeform.cli.options import (
+    ForceOption,
+    Here,
+    JobPlace,
+    Printed,
+    SetOption,
+    file_argument,
+    file_option,
+    output_option,
+)
 from meshdeform.cli.report_lines import print_result
-from meshdeform.cli.request import make_request, merge_params
-from meshdeform.cli.written import ANCHOR
+from meshdeform.cli.request import ANCHOR, make_request, merge_params
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
 
 if TYPE_CHECKING:
@@ -116,7 +124,7 @@ def unfold(
     intrinsic: Annotated[
         Path | None, typer.Option(help="Also write the intrinsic Delaunay triangulation to this .npz.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Unfold FIELD, a file that surface-fit wrote, into a mesh.
 
@@ -316,7 +324,6 @@ def teach(
         Path | None,
         file_option("The family.safetensors that family-fit found in the meshes: members are new shapes of it."),
     ] = None,
-    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None,
     *,
     here: Here,
     place: JobPlace,
@@ -331,7 +338,7 @@ def teach(
     params = {"noun": noun, "synonyms": synonym or [], "front_deg": front, **written(ctx)}
     request = make_request("", params, more={"kind": "prior_teach"})
     data, filename = _packed(meshes)
-    refuse_other_place(place, here={"--device": device, **here.written()}, there={})
+    refuse_other_place(place, here=here.written(), there={})
     if place.url:
         sent: dict[str, Path | bytes] = {"meshes": data, **({"family": family} if family else {})}
         run_on_service(request, sent, place, output or Path(_slug(noun)), printed, filename=filename)
@@ -350,7 +357,7 @@ def teach(
     }
     files: dict[str, Path | InputFile] = {"meshes": InputFile(data, filename), **({"family": family} if family else {})}
     inputs = [*meshes, Path(request.params.model or "builtin")]
-    run = run_here(request, files, paths, here, quiet=printed.quiet, device=device, inputs=inputs)
+    run = run_here(request, files, paths, here, quiet=printed.quiet, inputs=inputs)
     print_result(request.kind, run, paths, printed)
 
 

@@ -26,7 +26,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings
 from meshdeform.cli.exits import ExitCode, OutcomeError
-from meshdeform.cli.progress import ProgressView, show_progress
+from meshdeform.cli.output import ProgressView, show_progress
 from meshdeform.errors import AlignmentError, ParameterError, UnavailableError
 from meshdeform.support.collector import collection_paused
 
@@ -228,13 +228,12 @@ def run_here(
     here: Here,
     *,
     quiet: bool,
-    device: str | None = None,
     whole_folder: bool = False,
     also: Sequence[Path] = (),
     inputs: Sequence[Path] = (),
 ) -> FinishedRun:
     """Check and run a job of any kind and show its progress; the arguments are those of `LocalJob` and its check."""
-    settings = load_settings(device=device, threads=here.threads)
+    settings = load_settings(device=here.device, threads=here.threads)
     job = LocalJob(request, files, outputs, settings, here.checkpoint, here.resume, whole_folder)
     job.check(force=here.force, also=also, inputs=inputs)
     with show_progress(quiet=quiet) as progress:

@@ -191,6 +191,7 @@ class JobPlace(Place):
 class Here:
     """How a job runs on this machine."""
 
+    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None
     threads: Annotated[int | None, typer.Option(min=0, help="CPU threads; 0: all cores.")] = None
     checkpoint: Annotated[
         Path | None,

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.animate import check_animation, drawn_animation
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
@@ -16,8 +15,8 @@ from meshdeform.cli.jobs import refuse_other_place, run_on_service
 from meshdeform.cli.local import check_glb, run_here, write_all
 from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, output_option
 from meshdeform.cli.report_lines import print_result
-from meshdeform.cli.request import make_request, merge_params, parse_files, parse_labels
-from meshdeform.cli.written import DEFORMATION, parse_pictures
+from meshdeform.cli.request import DEFORMATION, make_request, merge_params, parse_files, parse_labels, parse_pictures
+from meshdeform.cli.results import check_animation, drawn_animation
 from meshdeform.requests.choices import JobKind
 
 __all__ = ["run"]
@@ -59,7 +58,6 @@ def run(
         ),
     ] = None,
     param: SetOption = None,
-    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel="Method")] = None,
     file: Annotated[
         list[str] | None,
         typer.Option(
@@ -110,7 +108,7 @@ def run(
         )
     refuse_other_place(
         place,
-        here={"--report": report, "--preview": preview, "--animate": animate, "--device": device, **here.written()},
+        here={"--report": report, "--preview": preview, "--animate": animate, **here.written()},
         there={"--label": label, "--idempotency-key": idempotency_key, **place.written()},
     )
     if kind is not JobKind.TEXT_DEFORM:
@@ -130,9 +128,9 @@ def run(
         **({"morph.glb": output.with_suffix(".morph.glb")} if request.output.morph else {}),
     }
     drawn = {"animation": animate} if animate else {}
-    run = run_here(request, files, paths, here, quiet=printed.quiet, device=device, also=list(drawn.values()))
+    run = run_here(request, files, paths, here, quiet=printed.quiet, also=list(drawn.values()))
     if animate is not None:
-        data = drawn_animation(asset, output, animate.suffix, load_settings(device=device, threads=here.threads))
+        data = drawn_animation(asset, output, animate.suffix, load_settings(device=here.device, threads=here.threads))
         write_all({animate: data}, what=animate, advice="Choose another path with --animate.")
     print_result(kind, run, paths | drawn, printed)
 

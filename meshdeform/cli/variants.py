@@ -21,8 +21,7 @@ from meshdeform.cli.options import (
     file_option,
     output_option,
 )
-from meshdeform.cli.output import note
-from meshdeform.cli.progress import show_progress
+from meshdeform.cli.output import note, show_progress
 from meshdeform.cli.request import make_request, merge_params
 from meshdeform.errors import ParameterError
 
