@@ -42,6 +42,7 @@ _MAGICS = (
 _MAX_PLY_HEADER = 64 * 1024
 _OBJ_FACE = re.compile(rb"(?:^|[\r\n])[ \t]*f[ \t]")
 _OBJ_VERTEX = re.compile(rb"(?:^|[\r\n])[ \t]*v[ \t]")
+_STL_HEAD = 4096
 _STL_FACET = re.compile(rb"\bfacet\b[^\r\n]*", re.IGNORECASE)
 
 
@@ -114,12 +115,18 @@ def _ply_counts(data: Data) -> tuple[int, int]:
 
 
 def is_ascii_stl(data: Data) -> bool:
-    """Return whether an STL file is text; some binary ones start with `solid`, too."""
-    return bytes(data[:5]).lower() == b"solid" and not _binary_stl_fits(data)
+    """Return whether an STL file is text; some binary ones start with `solid`, too, and some have bytes after the end.
 
-
-def _binary_stl_fits(data: Data) -> bool:
-    return len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(bytes(data[80:84]), "little")
+    Where the size fits the number of facets exactly, or is larger and the head has zeros, it is binary; else a text
+    names a facet, or its end, early on.
+    """
+    head = bytes(data[:_STL_HEAD]).lstrip().lower()
+    if not head.startswith(b"solid"):
+        return False
+    declared = 84 + 50 * int.from_bytes(bytes(data[80:84]), "little")
+    if len(data) == declared or (len(data) > declared and b"\0" in bytes(data[:84])):
+        return False
+    return b"facet" in head or b"endsolid" in head or len(data) < declared
 
 
 def _stl_counts(data: Data) -> tuple[int, int]:
