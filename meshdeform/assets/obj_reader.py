@@ -8,7 +8,6 @@ Blender write them; the PBR extension (`Pm`, `Pr`).
 
 from __future__ import annotations
 
-import codecs
 import posixpath
 import re
 import warnings
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.archive import Archive, not_found, not_readable
 from meshdeform.assets.build import Primitive, linear_color
 from meshdeform.assets.materials import portable_picture
+from meshdeform.assets.other_formats import plain_text
 from meshdeform.assets.polygons import cut_polygons
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
 
@@ -59,7 +59,7 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
     A primitive for each object, group and material, the last one first; and sentences about what became of the file.
     Vertices of a primitive differ in their index of the position, the texture coordinates or the normal. Where only
     some corners have texture coordinates, the others have (0, 0) of the file. Normals are given if all corners have
-    them. Colours of vertices take precedence over materials.
+    them. Colours of vertices replace the colour of a material, and a texture that was found replaces both.
 
     Raises
     ------
@@ -78,6 +78,10 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
     if len(states) > most_parts:
         raise AssetTooLargeError(f"The file has {len(states)} parts; the limit is {most_parts}.")
     looks, notices = _read_materials(lines, archive)
+    if tables[b"v"].shape[1] == 6 and any(look.texture for look in looks.values()):
+        notices.append(
+            "The file has textures and colours of vertices: where there is a texture, colours were left out."
+        )
     titles: dict[str, None] = {}
     primitives = []
     members = groups[cut.polygons]
@@ -106,7 +110,7 @@ class _Lines:
     """The lines of an OBJ by their keyword. They have the numbers that an editor shows: line 0 is empty."""
 
     def __init__(self, data: bytes) -> None:
-        text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").translate(_BLANKS)
+        text = plain_text(data).replace(b"\r\n", b"\n").translate(_BLANKS)
         text = b"\n%s\n" % text
         if b"\\\n" in text:
             text = _CONTINUED.sub(lambda m: m[0].replace(b"\\\n", b" ") + b"\n" * m[0].count(b"\\\n"), text)
@@ -282,14 +286,17 @@ def _primitive(
     kept = [True, bool(rows[:, 1].any()), bool(rows[:, 2].all())]
     first, index = _distinct(rows[:, kept])
     v, vt, vn = rows[first].T - 1
+    look, material = (look, material) if look else (_Material(), "")
     colors = None
-    if tables[b"v"].shape[1] == 6:
+    if tables[b"v"].shape[1] == 6 and not look.texture:
         values = tables[b"v"][v, 3:]
         if not np.isnan(values).all():
             values = np.where(np.isnan(values).any(axis=1, keepdims=True), 1.0, values)
             colors = np.column_stack([np.clip(values * 255.0, 0.0, 255.0).round(), np.full(len(v), 255.0)])
-            colors, look = colors.astype(np.uint8), None
-    look, material = (look, material) if look else (_Material(), "")
+            colors = colors.astype(np.uint8)
+    base_color = look.shown_color
+    if colors is not None and base_color is not None:
+        base_color = (1.0, 1.0, 1.0, base_color[3])
     # OBJ counts v upwards, glTF downwards.
     texcoords = np.where(vt[:, None] < 0, 0.0, tables[b"vt"][vt]) * [1.0, -1.0] + [0.0, 1.0] if kept[1] else None
     return Primitive(
@@ -300,7 +307,7 @@ def _primitive(
         colors=colors,
         name=title,
         material=material,
-        base_color=look.shown_color,
+        base_color=base_color,
         metallic=look.metallic,
         roughness=look.roughness,
         texture=look.texture,
@@ -418,7 +425,7 @@ class _Libraries:
 
 def _statements(library: bytes) -> Iterator[tuple[str, str]]:
     """Yield the keyword, in lower case, and the rest of each line of a material library."""
-    for line in library.decode("utf-8-sig", "replace").splitlines():
+    for line in plain_text(library).decode("utf-8", "replace").splitlines():
         key, _, value = line.replace("\t", " ").strip().partition(" ")
         yield key.lower(), value.strip()
 

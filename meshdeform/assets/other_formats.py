@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 
 from meshdeform.assets.container import Data
@@ -11,10 +12,9 @@ from meshdeform.errors import (
     AssetFormatError,
     AssetTooLargeError,
     AssetTruncatedError,
-    AssetUnsupportedError,
 )
 
-__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "no_triangles", "refuse_other_format"]
+__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "no_triangles", "plain_text", "refuse_other_format"]
 
 _WRITE = "bpy.ops.export_scene.gltf(filepath='out.glb')"
 _READ_BY_BLENDER = "blender -b --python-expr \"import bpy; bpy.ops.wm.{}(filepath='in.{}'); {}\""
@@ -85,7 +85,17 @@ def refuse_other_format(head: bytes, ending: str) -> None:
         )
 
 
+def plain_text(data: Data) -> bytes:
+    """Return a text without its byte order mark, as UTF-8 where the mark says UTF-16."""
+    text = bytes(data)
+    if text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return text.decode("utf-16", "replace").encode()
+    return text.removeprefix(codecs.BOM_UTF8)
+
+
 def _obj_counts(data: Data) -> tuple[int, int]:
+    if bytes(data[:2]) in {codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE}:
+        data = plain_text(data)
     if b"\0" in bytes(data[:4096]):
         raise AssetFormatError("The file is named .obj, but its content is binary.")
     return sum(1 for _ in _OBJ_VERTEX.finditer(data)), sum(1 for _ in _OBJ_FACE.finditer(data))
@@ -107,11 +117,7 @@ def _ply_counts(data: Data) -> tuple[int, int]:
             counts[words[1].decode("ascii", "replace")] = int(words[2])
     if declared > len(data):  # an element takes at least one byte in every PLY encoding
         raise AssetTruncatedError(f"The PLY header declares {declared} elements, but the file has {len(data)} bytes.")
-    if not counts["face"] and counts.get("tristrips"):
-        raise AssetUnsupportedError(
-            "The PLY file has triangle strips in place of faces.", advice="Export it with faces (element face)."
-        )
-    return counts["vertex"], counts["face"]
+    return counts["vertex"], counts["face"] or counts.get("tristrips", 0)  # of strips, their triangles are not counted
 
 
 def is_ascii_stl(data: Data) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -100,8 +100,11 @@ def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str,
         The file cannot be parsed, or a face uses what it does not have.
     """
     header = _header(data)
-    elements = _elements(data, header)
+    notices: list[str] = []
+    elements = _elements(data, header, notices)
     vertex, face = elements.get("vertex", PlyElement(0)), elements.get("face", PlyElement(0))
+    if not face.count and "tristrips" in elements:
+        face = _of_strips(elements["tristrips"])
     name = next((name for name in _INDICES if name in face.lists), None)
     if name is None:
         return [], ()
@@ -117,7 +120,7 @@ def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str,
     of_polygon = np.repeat(sizes >= 3, sizes)
     cut = cut_polygons(places[corners[of_polygon]], sizes[polygon])
     faces, triangles = polygon[cut.polygons], np.flatnonzero(of_polygon)[cut.triangles]
-    notices = list(cut.notices())
+    notices += cut.notices()
     if header.order and vertex.columns["x"].itemsize == 4:
         notices += rounded(places)
     reader = _Mesh(vertex, face, places, sizes, corners, _textures(header, archive, notices), notices)
@@ -249,7 +252,25 @@ def read_elements(data: bytes) -> dict[str, PlyElement]:
     AssetError
         The file cannot be parsed.
     """
-    return _elements(data, _header(data))
+    return _elements(data, _header(data), [])
+
+
+def _of_strips(strips: PlyElement) -> PlyElement:
+    """Return the triangles of strips of vertices, which -1 ends; every second one is turned, and flat ones are none."""
+    name = next((name for name in _INDICES if name in strips.lists), None)
+    if name is None:
+        return PlyElement(0)
+    sizes, items = strips.lists[name]
+    corners = np.insert(items.astype(np.int64), np.cumsum(sizes)[:-1], -1)
+    place, ended = np.arange(len(corners)), corners < 0
+    start = np.maximum.accumulate(np.where(ended, place + 1, 0))
+    first = np.flatnonzero(~(ended[:-2] | ended[1:-1] | ended[2:]))
+    triangles = np.stack([corners[first + k] for k in range(3)], axis=1)
+    turned = (first - start[first]) % 2 == 1
+    triangles[turned] = triangles[turned][:, [1, 0, 2]]
+    a, b, c = triangles.T
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    return PlyElement(len(triangles), lists={name: (np.full(len(triangles), 3), triangles.reshape(-1))})
 
 
 def _header(data: bytes) -> _Header:
@@ -283,34 +304,68 @@ def _header(data: bytes) -> _Header:
     return _Header(order, comments, [each for each in elements if each[2]], found.end())
 
 
-def _elements(data: bytes, header: _Header) -> dict[str, PlyElement]:
-    return dict(_binary(data, header) if header.order else _text(data, header))
+def _elements(data: bytes, header: _Header, notices: list[str]) -> dict[str, PlyElement]:
+    return dict(_binary(data, header)) if header.order else _text(data, header, notices)
 
 
 def _truncated(name: str) -> AssetTruncatedError:
     return AssetTruncatedError(f"The PLY file ends before the last {name!r}, or has a number that cannot be read.")
 
 
-def _text(data: bytes, header: _Header) -> Iterator[tuple[str, PlyElement]]:
+def _text(data: bytes, header: _Header, notices: list[str]) -> dict[str, PlyElement]:
+    """Read a text as one sequence of numbers; where that does not end with the file, line by line."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # numpy warns, and stops, where there is no number
         try:
             values = np.fromstring(data[header.end :], np.float64, sep=" ")
         except (DeprecationWarning, ValueError) as error:
             raise AssetError("The PLY file has a number that cannot be read.", advice="Export it again.") from error
-    at = 0
+    elements, fault = None, None
+    try:
+        elements, end = _in_sequence(values, header)
+        if end == len(values):
+            return elements
+    except AssetTruncatedError as error:
+        fault = error
+    by_line = _by_line(data[header.end :], values, header)
+    if by_line is None and fault is not None:
+        raise fault
+    notices.append("The PLY file has more numbers than its header declares; what they might be was left out.")
+    return by_line or elements or {}
+
+
+def _in_sequence(values: _Floats, header: _Header) -> tuple[dict[str, PlyElement], int]:
+    """Return the elements, and where the last one ends."""
+    elements, at = {}, 0
     for name, count, properties in header.elements:
-        if not any(each.length for each in properties):
-            end = at + count * len(properties)
-            if end > len(values):
-                raise _truncated(name)
-            table = values[at:end].reshape(count, -1)
-            columns = {each.name: _typed(table[:, k], each.type) for k, each in enumerate(properties)}
-            yield name, PlyElement(count, columns)
-        else:
-            element, end = _ragged_text(values, at, name, count, properties)
-            yield name, element
+        starts, end = _starts(values, at, name, count, properties)
+        elements[name], _ = _rows(values, starts, np.full(count, len(values)), name, properties)
         at = end
+    return elements, at
+
+
+def _by_line(body: bytes, values: _Floats, header: _Header) -> dict[str, PlyElement] | None:
+    """Return elements whose rows are lines; None if they are not. Numbers after a list that was not declared so go."""
+    letters = np.frombuffer(body, np.uint8)
+    inside = letters > ord(" ")
+    first = inside & ~np.concatenate([[False], inside[:-1]])
+    line = np.cumsum(letters == ord("\n"))[first]
+    lengths = np.bincount(line) if len(line) == len(values) else np.zeros(0, np.int64)
+    lengths = lengths[lengths > 0]
+    if len(lengths) < sum(count for _, count, _ in header.elements):
+        return None
+    ends = np.cumsum(lengths)
+    elements, row = {}, 0
+    for name, count, properties in header.elements:
+        own = ends[row : row + count]
+        try:
+            element, read = _rows(values, own - lengths[row : row + count], own, name, properties)
+        except AssetTruncatedError:
+            return None
+        doubtful = bool(element.lists) and bool((read != own).any())
+        elements[name] = replace(element, columns={}) if doubtful else element
+        row += count
+    return elements
 
 
 def _typed(values: _Floats, kind: str) -> NDArray[Any]:
@@ -321,34 +376,38 @@ def _typed(values: _Floats, kind: str) -> NDArray[Any]:
     return np.clip(np.nan_to_num(values), limits.min, limits.max).astype(kind)
 
 
-def _ragged_text(
-    values: _Floats, at: int, name: str, count: int, properties: list[_Property]
-) -> tuple[PlyElement, int]:
-    """Read rows with lists from a text, in one pass for each property and all rows of the same length."""
-    starts = np.full(count, at, np.int64)
+def _starts(values: _Floats, at: int, name: str, count: int, properties: list[_Property]) -> tuple[_Index, int]:
+    """Return where each row of an element begins, and where the last one ends."""
     first = _row_lengths(values, at, properties) if count else []
     length = sum(first)
-    end = at + count * length
-    regular = end <= len(values)
-    if regular:
-        starts += length * np.arange(count)
-        offset = 0
-        for each, size in zip(properties, first, strict=True):
-            regular &= not each.length or bool((values[starts + offset] == size - 1).all())
-            offset += size
-    if not regular:
-        starts, end = _walk(values, at, name, count, properties)
-    element, place = PlyElement(count), starts
+    starts, end = at + length * np.arange(count), at + count * length
+    regular, offset = end <= len(values), 0
+    for each, size in zip(properties, first, strict=False):
+        regular = regular and (not each.length or bool((values[starts + offset] == size - 1).all()))
+        offset += size
+    return (starts, end) if regular else _walk(values, at, name, count, properties)
+
+
+def _rows(
+    values: _Floats, starts: _Index, ends: _Index, name: str, properties: list[_Property]
+) -> tuple[PlyElement, _Index]:
+    """Read rows that begin at `starts` and do not pass `ends`, one property of all of them at once; and say how far."""
+    element, place = PlyElement(len(starts)), starts
     for each in properties:
+        if (place >= ends).any():
+            raise _truncated(name)
         if not each.length:
             element.columns[each.name] = _typed(values[place], each.type)
             place = place + 1
             continue
-        sizes = values[place].astype(np.int64)
+        given = values[place]
+        if not ((given >= 0) & (given <= ends - place - 1)).all():
+            raise _truncated(name)
+        sizes = given.astype(np.int64)
         flat = np.repeat(place + 1 - (np.cumsum(sizes) - sizes), sizes) + np.arange(int(sizes.sum()))
         element.lists[each.name] = sizes, _typed(values[flat], each.type)
         place = place + 1 + sizes
-    return element, end
+    return element, place
 
 
 def _row_lengths(values: _Floats, at: int, properties: list[_Property]) -> list[int]:

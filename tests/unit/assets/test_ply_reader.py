@@ -90,6 +90,32 @@ def test_colors_of_faces_split_the_vertices(order: str) -> None:
     assert len(attribute(same, "COLOR_0")) == 4
 
 
+def test_strips_become_triangles_that_face_the_same_way() -> None:
+    head = header("ascii", 4, 0, vertex_lines="").replace(
+        b"element face 0\nproperty list uchar int", b"element tristrips 1\nproperty list int int"
+    )
+    places = "".join(f"{x} {y} {z}\n" for x, y, z in [SQUARE[0], SQUARE[1], SQUARE[3], SQUARE[2]]).encode()
+    for strip, triangles in ((b"4 0 1 2 3\n", 2), (b"9 0 1 2 -1 1 3 2 2 2\n", 2), (b"3 0 1 2\n", 1)):
+        data = head + places + strip
+        surface = load_asset(data, "a.ply").surface
+        a, b, c = surface.positions[surface.triangles].transpose(1, 0, 2)
+        assert (len(surface.triangles), area(data)) == (triangles, 0.5 * triangles)
+        assert (np.cross(b - a, c - a)[:, 2] > 0).all()
+
+
+def test_lines_that_are_longer_than_declared_are_read_line_by_line() -> None:
+    """MeshLab wrote nine numbers where its header has four bytes."""
+    lines = ["property list uchar float texcoord", *(f"property uchar {band}" for band in ("red", "green", "blue"))]
+    data = header("ascii", 4, 2, *lines) + "".join(f"{x} {y} {z}\n" for x, y, z in SQUARE).encode()
+    data += b"3 0 1 2 6 0 0 1 0 1 1 9 1 1 1 1 1 1 1 1 1\n3 0 2 3 6 0 0 1 1 0 1 9 1 1 1 1 1 1 1 1 1\n"
+    assert area(data) == 1
+    assert attribute(data, "TEXCOORD_0").shape == (4, 2)
+    assert attribute(data, "COLOR_0") is None
+    assert any("more numbers than its header declares" in warning for warning in notable(load_asset(data, "a.ply")))
+    plain = header("ascii", 4, 1) + "".join(f"{x}\n{y} {z}\n" for x, y, z in SQUARE).encode() + b"4 0\n1 2 3\n"
+    assert area(plain) == 1  # rows need not be lines
+
+
 def test_bytes_of_colors_are_srgb_and_floats_are_too() -> None:
     bands = "".join(f"property {{}} {band}\n" for band in ("red", "green", "blue"))
     for kind, value in (("uchar", 188), ("float", 188 / 255), ("ushort", 188 * 257)):
