@@ -176,6 +176,13 @@ class AssetExternalError(AssetError):
     advice = "Send the .gltf and its files as a ZIP, or pack them into a .glb: gltf-transform copy in.gltf out.glb"
 
 
+class AssetNotFetchedError(AssetError):
+    """The asset could not be fetched from the URL in the request."""
+
+    code = "asset_not_fetched"
+    advice = "Send the file as the part `asset`, or as an upload, or name a public https:// URL that answers with it."
+
+
 class AssetUnsupportedError(AssetError):
     """The asset needs something that Meshdeform cannot decode."""
 

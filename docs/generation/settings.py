@@ -10,7 +10,7 @@ from meshdeform.settings import Settings
 
 SOURCE = "meshdeform/settings.py"
 _BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<", "minLength": "length ≥"}
-_KINDS = {"string": "text", "integer": "whole number", "number": "number", "array": "list"}
+_KINDS = {"string": "text", "integer": "whole number", "number": "number", "array": "list", "boolean": "`true` or `false`"}
 
 
 def page(text: str) -> str:
@@ -42,6 +42,8 @@ def _kind(schema: dict[str, Any]) -> str:
 
 def _default(name: str) -> str:
     value = Settings.model_fields[name].get_default(call_default_factory=True)
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
     return f"`{value}`" if value not in ("", []) else ""
 
 
