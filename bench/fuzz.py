@@ -65,7 +65,7 @@ def outcome(name: str, data: bytes) -> str:
     surface = asset.surface
     for morph in (False, True):
         result = asset.replace(surface.positions, surface.normals, surface.tangents, morph=morph)
-        again = load_asset(result, "result.glb", Limits(max_primitives=2**40, max_bare_elements=2**40)).surface
+        again = load_asset(result, "result.glb", Limits.unlimited()).surface
         if again.triangles.tobytes() != surface.triangles.tobytes():
             raise AssertionError("the triangles read back differ")
     return "accepted"

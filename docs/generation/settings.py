@@ -42,8 +42,6 @@ def _kind(schema: dict[str, Any]) -> str:
 
 def _default(name: str) -> str:
     value = Settings.model_fields[name].get_default(call_default_factory=True)
-    if isinstance(value, bool):
-        return f"`{str(value).lower()}`"
     return f"`{value}`" if value not in ("", []) else ""
 
 

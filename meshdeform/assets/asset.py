@@ -124,6 +124,16 @@ class Asset:
         """List the nodes, meshes, materials and joints of the surface, and which triangles belong to each."""
         return read_parts(self._document, self._blocks)
 
+    def polygons(self) -> list[dict[str, Any]]:
+        """List the polygons that the triangles of each primitive were cut from, where they were."""
+        found = []
+        for block in self._blocks:
+            for p in block.primitives:
+                extras = self._document.root["meshes"][block.mesh]["primitives"][p].get("extras")
+                if isinstance(extras, dict) and isinstance(extras.get("polygons"), list):
+                    found.append({"node": block.node, "primitive": p, "runs": extras["polygons"]})
+        return found
+
     def joint_weights(self, joints: Collection[int]) -> NDArray[np.float64]:
         """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1."""
         return corner_weights(self._document, self._blocks, joints)

@@ -46,6 +46,9 @@ class Primitive:
         Of the material.
     texture : bytes
         The material's encoded base colour image, PNG or JPEG; others and empty ones are left out.
+    polygons : tuple of (int, int)
+        The polygons that the triangles were cut from, in their order: of how many corners, and how many of these
+        follow each other. One of n corners has n - 2 triangles. Written as `extras.polygons`; empty if there are none.
     """
 
     verts: NDArray[Any]
@@ -59,6 +62,7 @@ class Primitive:
     metallic: float = 0.0
     roughness: float = 0.8
     texture: bytes = b""
+    polygons: tuple[tuple[int, int], ...] = ()
 
 
 def build_glb(
@@ -180,7 +184,10 @@ def _write(document: Document, primitive: Primitive, origin: NDArray[np.float64]
     document.items("accessors").append(
         {"bufferView": view, "componentType": component, "count": len(corners), "type": "SCALAR"}
     )
-    return {"attributes": attributes, "indices": len(document.items("accessors")) - 1}
+    written: Json = {"attributes": attributes, "indices": len(document.items("accessors")) - 1}
+    if primitive.polygons:
+        written["extras"] = {"polygons": [list(run) for run in primitive.polygons]}
+    return written
 
 
 def linear_color(color: Sequence[float]) -> tuple[float, float, float]:

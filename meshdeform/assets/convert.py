@@ -50,7 +50,7 @@ def convert_to_glb(data: bytes, kind: str, limits: Limits, archive: Archive) -> 
     elif kind == "ply":
         primitives, notices = read_ply(data, archive)
     else:
-        primitives, notices = read_stl(data)
+        primitives, notices = read_stl(data, limits.max_primitives)
     if not primitives:
         raise AssetEmptyError("The file has no faces.")
     faces = sum(len(primitive.faces) for primitive in primitives)

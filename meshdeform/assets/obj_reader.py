@@ -12,7 +12,7 @@ import posixpath
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,8 @@ _NUMBER = re.compile(rb"[-+]?(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?|[-+]?(inf|infinity|
 _CORNER = re.compile(rb"[-+]?\d+(/([-+]?\d+)?){0,2}")
 # `-s 1 1 1`, `-mm 0 1`, `-clamp on`: options of a texture come before its name.
 _OPTIONS = re.compile(r"(?:-(?:[ost](?: +[-+.\deE]+){1,3}|mm +\S+ +\S+|[a-z]+ +\S+) +)*", re.IGNORECASE)
+_UNREAD = (b"p", b"l", b"curv", b"curv2", b"surf", b"vp")
+"""Keywords of points, lines, curves and free-form surfaces."""
 _ELEMENTS = {b"v": ("vertex", 3, 6), b"vt": ("texture coordinate", 1, 2), b"vn": ("normal", 3, 3)}
 """What a keyword lists, and how many numbers it has at least and at most."""
 
@@ -71,13 +73,15 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
     if not (np.abs(tables[b"v"][:, :3]) <= np.finfo(np.float32).max).all():  # NaN compares false
         raise AssetNotFiniteError("The file has vertices that are not finite 32-bit floats.")
     faces, sizes, corners = _faces(lines)
+    if not len(faces):
+        return [], ()
     cut = cut_polygons(tables[b"v"][corners[:, 0] - 1, :3], sizes)
     groups, states = _groups(lines, faces)
-    if not states:
-        return [], ()
     if len(states) > most_parts:
         raise AssetTooLargeError(f"The file has {len(states)} parts; the limit is {most_parts}.")
     looks, notices = _read_materials(lines, archive)
+    if unread := [keyword.decode() for keyword in _UNREAD if len(lines.of(keyword))]:
+        notices.append(f"Only faces are read; lines of the OBJ were left out: {', '.join(unread)}.")
     if tables[b"v"].shape[1] == 6 and any(look.texture for look in looks.values()):
         notices.append(
             "The file has textures and colours of vertices: where there is a texture, colours were left out."
@@ -89,10 +93,9 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
     for rows, (*names, material) in zip(
         np.split(order, np.flatnonzero(np.diff(members[order])) + 1), states, strict=True
     ):
-        if (sizes[cut.polygons[rows]] == 4).all():  # quads alone: the first halves of all, then the second ones
-            rows = np.concatenate([rows[::2], rows[1::2]])
         title = _title([*names, material if len(looks) > 1 else ""], titles)
-        primitives.append(_primitive(tables, corners[cut.triangles[rows]], title, looks.get(material), material))
+        primitive = _primitive(tables, corners[cut.triangles[rows]], title, looks.get(material), material)
+        primitives.append(replace(primitive, polygons=cut.runs(rows)))
     return primitives, (*cut.notices(), *notices)
 
 

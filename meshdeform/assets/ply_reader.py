@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.archive import Archive, not_found, not_readable
 from meshdeform.assets.build import Primitive, rounded
 from meshdeform.assets.materials import portable_picture
-from meshdeform.assets.polygons import cut_polygons
+from meshdeform.assets.polygons import Triangulation, cut_polygons
 from meshdeform.errors import AssetError, AssetFormatError, AssetNotFiniteError, AssetTruncatedError
 
 __all__ = ["PlyElement", "linked_pictures", "read_elements", "read_ply"]
@@ -120,11 +120,31 @@ def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str,
     of_polygon = np.repeat(sizes >= 3, sizes)
     cut = cut_polygons(places[corners[of_polygon]], sizes[polygon])
     faces, triangles = polygon[cut.polygons], np.flatnonzero(of_polygon)[cut.triangles]
-    notices += cut.notices()
+    notices += [*cut.notices(), *_left_out(header, vertex)]
     if header.order and vertex.columns["x"].itemsize == 4:
         notices += rounded(places)
     reader = _Mesh(vertex, face, places, sizes, corners, _textures(header, archive, notices), notices)
-    return list(reader.primitives(faces, triangles)), tuple(notices)
+    return list(reader.primitives(faces, triangles, cut)), tuple(notices)
+
+
+def _left_out(header: _Header, vertex: PlyElement) -> list[str]:
+    """Return a sentence about elements and properties that are not read."""
+    uvs = next((names for names in _COORDINATES if all(name in vertex.columns for name in names)), ())
+    read = {
+        "vertex": {*"xyz", "nx", "ny", "nz", *_COLOR, *uvs},
+        "face": {*_INDICES, "texcoord", "texnumber", *_COLOR},
+        "tristrips": {*_INDICES},
+    }
+    names = []
+    for name, count, properties in header.elements:
+        if name not in read:
+            names += [name] if count else []
+        else:
+            names += [f"{name} {each.name}" for each in properties if each.name not in read[name]]
+    if not names:
+        return []
+    listed = ", ".join(name[:40] for name in names[:6]) + (" ..." if len(names) > 6 else "")
+    return [f"The PLY file has more than a mesh with colours and textures; left out: {listed}."]
 
 
 def linked_pictures(data: bytes) -> list[str]:
@@ -177,15 +197,15 @@ class _Mesh:
             of_faces = None
         self._colors, self._face_colors = colors, of_faces
 
-    def primitives(self, faces: _Index, triangles: _Index) -> Iterator[Primitive]:
+    def primitives(self, faces: _Index, triangles: _Index, cut: Triangulation) -> Iterator[Primitive]:
         """Yield the primitives of triangles (T, 3) of corners, in faces (T,)."""
         number = np.zeros(len(faces), np.int64)
         if len(self._textures) > 1 and "texnumber" in self._face.columns:
             number = self._face.columns["texnumber"].astype(np.int64)[faces]
         for texture in np.unique(number).tolist():
-            some = number == texture
+            some = np.flatnonzero(number == texture)
             picture = self._textures[texture] if 0 <= texture < len(self._textures) else b""
-            yield self._primitive(faces[some], triangles[some], picture, texture)
+            yield replace(self._primitive(faces[some], triangles[some], picture, texture), polygons=cut.runs(some))
 
     def _primitive(self, faces: _Index, triangles: _Index, picture: bytes, texture: int) -> Primitive:
         corners = triangles.reshape(-1)

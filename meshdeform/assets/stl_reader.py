@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.build import Primitive, rounded
 from meshdeform.assets.other_formats import is_ascii_stl
-from meshdeform.errors import AssetError, AssetNotFiniteError
+from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
 
 __all__ = ["read_stl"]
 
@@ -24,7 +24,7 @@ _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _FLAG = 0x8000
 
 
-def read_stl(data: bytes) -> tuple[list[Primitive], tuple[str, ...]]:
+def read_stl(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, ...]]:
     """Read the solids of an STL, with sentences about what became of it.
 
     Corners are not merged, and normals of facets are those that flat shading gives.
@@ -33,11 +33,13 @@ def read_stl(data: bytes) -> tuple[list[Primitive], tuple[str, ...]]:
 
     Raises
     ------
+    AssetTooLargeError
+        It has more solids than this.
     AssetError
         A number cannot be read, or a facet of a text has not three corners.
     """
     if is_ascii_stl(data):
-        return _read_text(data), ()
+        return _read_text(data, most_parts), ()
     count = int.from_bytes(data[80:84], "little")
     facets = np.frombuffer(data, _FACET, count, 84)
     corners = facets["corners"].astype(np.float64)
@@ -45,8 +47,10 @@ def read_stl(data: bytes) -> tuple[list[Primitive], tuple[str, ...]]:
     return [solid], rounded(solid.verts)
 
 
-def _read_text(data: bytes) -> list[Primitive]:
+def _read_text(data: bytes, most_parts: int) -> list[Primitive]:
     heads = list(_SOLID.finditer(data))
+    if len(heads) > most_parts:
+        raise AssetTooLargeError(f"The file has {len(heads)} parts; the limit is {most_parts}.")
     ends = [head.start() for head in heads[1:]] + [len(data)]
     found = []
     for number, end in enumerate(ends):

@@ -24,7 +24,6 @@ from meshdeform.api.limits import MAX_FETCH_S
 from meshdeform.errors import AssetNotFetchedError, AssetTooLargeError, ParameterError, WebhookAddressError
 from meshdeform.webhooks.addresses import Destination, find_destination, parse_networks
 from meshdeform.webhooks.lookups import LOOKUP_S
-from meshdeform.webhooks.sender import CONNECT_S, PinnedNetwork, network_error
 from service.http.bodies import ReceivedFile, clean_filename
 from service.jobs.documents import FileSource
 from service.jobs.sources import Submission
@@ -91,6 +90,8 @@ async def _find(app: AppState, owner_id: str, url: str) -> Destination:
 
 def _fetch(destination: Destination, filename: str, path: Path, max_bytes: int) -> ReceivedFile:
     import httpcore
+
+    from meshdeform.webhooks.sender import CONNECT_S, PinnedNetwork, network_error
 
     network = PinnedNetwork(destination.addresses, CONNECT_S, time.monotonic() + MAX_FETCH_S)
     url = httpcore.URL(

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshdeform.assets import load_asset
-from meshdeform.errors import AssetError, MeshdeformError
+from meshdeform.assets import Limits, load_asset
+from meshdeform.errors import AssetError, AssetTooLargeError, MeshdeformError
 from tests.cases import each_case
 from tests.unit.assets.builders import unpack
 from tests.unit.assets.test_replace import accessor
@@ -65,6 +65,11 @@ def test_solids_of_a_text_become_meshes_with_their_names() -> None:
     root, _, _ = unpack(load_asset(data, "a.stl").to_bytes())
     assert [node["name"] for node in root["nodes"]] == ["left arm", "geometry_1"]
     assert len(load_asset(data, "a.stl").surface.triangles) == 3
+
+
+def test_an_stl_has_no_more_parts_than_a_scene_may_have() -> None:
+    with pytest.raises(AssetTooLargeError, match="3 parts"):
+        load_asset((b"solid a\n" + TEXT + b"endsolid\n") * 3, "a.stl", Limits(max_primitives=2))
 
 
 @each_case("old", [b"vertex 1 0 0\n", b"vertex 0 1 0"])
