@@ -34,7 +34,7 @@ from bench.parametric_families import PARTS, Member, family, labels_document, pa
 from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.assemble import assemble
 from meshdeform.assets.family_file import FamilyFile, read_family
-from meshdeform.cli.family import packed as with_labels
+from meshdeform.cli.kinds import packed as with_labels
 from meshdeform.families.assembly import Assembler
 from meshdeform.families.boundary import boundary_defects
 from meshdeform.families.collection import sample_shape

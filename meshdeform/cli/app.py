@@ -15,24 +15,21 @@ import typer
 from typer.core import TyperGroup
 
 import meshdeform
-from meshdeform.cli.animate import animate
-from meshdeform.cli.apply import ApplyCommand, apply
-from meshdeform.cli.batch import BatchCommand, batch
-from meshdeform.cli.convert import convert
+from meshdeform.cli.batch import batch
 from meshdeform.cli.doctor import doctor
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
-from meshdeform.cli.family import FamilyFitCommand, FamilySynthesizeCommand, family_fit, family_synthesize
-from meshdeform.cli.inspect import InspectCommand, inspect
-from meshdeform.cli.jobs import BranchCommand, branch, cancel, delete, fetch, jobs, retry, wait, watch
+from meshdeform.cli.form import form_command
+from meshdeform.cli.inspect import inspect
+from meshdeform.cli.jobs import branch, cancel, delete, fetch, jobs, retry, wait, watch
+from meshdeform.cli.kinds import family_fit, family_synthesize, surface_fit, teach, unfold
 from meshdeform.cli.models import models
 from meshdeform.cli.options import JsonOption
 from meshdeform.cli.output import emit
-from meshdeform.cli.run import RunCommand, run
+from meshdeform.cli.results import animate, apply, convert
+from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
-from meshdeform.cli.surface_fit import SurfaceFitCommand, surface_fit, unfold
-from meshdeform.cli.teach import TeachCommand, teach
-from meshdeform.cli.variants import VariantsCommand, variants
+from meshdeform.cli.variants import variants
 from meshdeform.errors import ParameterError
 from meshdeform.support.collector import skip_last_collections
 from meshdeform.support.threads import limit_spinning
@@ -57,7 +54,7 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _show_version(as_json: JsonOption = False) -> None:
+def version(as_json: JsonOption = False) -> None:
     """Print the version."""
     if as_json:
         emit({"meshdeform": meshdeform.__version__, "python": platform.python_version()})
@@ -122,56 +119,39 @@ def _options(
     pass
 
 
-@clean_errors
-def evaluate() -> None:
-    """Say what has become of `meshdeform eval`."""
-    raise OutcomeError(
+_GONE = {
+    "eval": OutcomeError(
         ExitCode.USAGE,
         "usage",
         "meshdeform eval is no part of the package any more.",
         "In a clone of the repository, use: python -m training.evaluation (docs/quality.md).",
-    )
+    ),
+    "submit": ParameterError(
+        "meshdeform submit is now meshdeform run --url URL, which also follows the job and saves its artifacts.",
+        advice="Name the service with --url; with --detach it prints the id of the job and does not wait.",
+    ),
+}
 
 
 @clean_errors
-def submit() -> None:
+def gone(ctx: typer.Context) -> None:
     """Say what has become of this command."""
-    raise ParameterError(
-        "meshdeform submit is now meshdeform run --url URL, which also follows the job and saves its artifacts.",
-        advice="Name the service with --url; with --detach it prints the id of the job and does not wait.",
-    )
+    raise _GONE[str(ctx.info_name)]
 
 
-app.command(cls=RunCommand, rich_help_panel=_MACHINE)(run)
-app.command(cls=BatchCommand, rich_help_panel=_MACHINE)(batch)
-app.command(cls=ApplyCommand, rich_help_panel=_MACHINE)(apply)
-app.command(rich_help_panel=_MACHINE)(convert)
-app.command(cls=VariantsCommand, rich_help_panel=_MACHINE)(variants)
-app.command("family-fit", cls=FamilyFitCommand, rich_help_panel=_MACHINE)(family_fit)
-app.command("family-synthesize", cls=FamilySynthesizeCommand, rich_help_panel=_MACHINE)(family_synthesize)
-app.command(cls=InspectCommand, rich_help_panel=_MACHINE)(inspect)
-app.command(rich_help_panel=_MACHINE)(animate)
-app.command("surface-fit", cls=SurfaceFitCommand, rich_help_panel=_MACHINE)(surface_fit)
-app.command(rich_help_panel=_MACHINE)(unfold)
-app.command(rich_help_panel=_MACHINE)(sketch)
-app.command(cls=TeachCommand, rich_help_panel=_MACHINE)(teach)
-app.command("eval", hidden=True, context_settings=_ANYTHING)(evaluate)
-app.command(rich_help_panel=_MACHINE)(models)
-app.command(rich_help_panel=_MACHINE)(doctor)
-app.command("version", rich_help_panel=_MACHINE)(_show_version)
-app.command(hidden=True, context_settings=_ANYTHING)(submit)
-app.command(rich_help_panel=_CLIENT)(watch)
-app.command(rich_help_panel=_CLIENT)(wait)
-app.command(rich_help_panel=_CLIENT)(fetch)
-app.command(rich_help_panel=_CLIENT)(cancel)
-app.command(rich_help_panel=_CLIENT)(retry)
-app.command(cls=BranchCommand, rich_help_panel=_CLIENT)(branch)
-app.command(rich_help_panel=_CLIENT)(delete)
-app.command(rich_help_panel=_CLIENT)(jobs)
-app.command(rich_help_panel=_CLIENT)(mcp)
-app.command(rich_help_panel=_SERVICE)(serve)
-app.command(rich_help_panel=_SERVICE)(api)
-app.command(rich_help_panel=_SERVICE)(worker)
+for _panel, _commands in {
+    _MACHINE: (
+        *(run, batch, apply, convert, variants, family_fit, family_synthesize, inspect, animate, surface_fit),
+        *(unfold, sketch, teach, models, doctor, version),
+    ),
+    _CLIENT: (watch, wait, fetch, cancel, retry, branch, delete, jobs, mcp),
+    _SERVICE: (serve, api, worker),
+}.items():
+    for _each in _commands:
+        _forms = getattr(_each, "forms", ())
+        app.command(cls=form_command(*_forms) if _forms else None, rich_help_panel=_panel)(_each)
+for _name in _GONE:
+    app.command(_name, hidden=True, context_settings=_ANYTHING)(gone)
 app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 
 

@@ -11,8 +11,8 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
-from meshdeform.cli.form import form_command, of_kind, of_request, overlaid, written
-from meshdeform.cli.options import Place, Printed, SetOption
+from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
+from meshdeform.cli.options import Place, Printed, SetOption, file_option, output_option
 from meshdeform.cli.output import emit, note, table
 from meshdeform.cli.request import merge_params
 
@@ -20,17 +20,14 @@ if TYPE_CHECKING:
     from meshdeform.cli.batches.rows import Entry
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["BatchCommand", "batch"]
+__all__ = ["batch"]
 
 _WHAT, _HOW = "What", "How"
 _ROWS_AT_SERVICE = 8
 
-BatchCommand = form_command(
-    of_kind("text_deform"), of_request("output", _WHAT, only=("morph", "subdivide", "compact", "provenance"))
-)
-
 
 @clean_errors
+@with_options(of_kind("text_deform"), of_request("output", _WHAT, only=("morph", "subdivide", "compact", "provenance")))
 def batch(
     ctx: typer.Context,
     source: Annotated[
@@ -39,17 +36,12 @@ def batch(
             metavar="MANIFEST|FOLDER", help="A .csv, .tsv or .jsonl of rows, or a folder of assets.", exists=True
         ),
     ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="The folder of the batch.", file_okay=False, show_default=False)
-    ],
+    output: Annotated[Path, output_option("The folder of the batch.", file_okay=False)],
     prompt: Annotated[
         list[str] | None,
         typer.Option(help="With a folder: what each asset should become; repeatable.", rich_help_panel=_WHAT),
     ] = None,
-    prompts_file: Annotated[
-        Path | None,
-        typer.Option(help="A file of prompts, one per line.", exists=True, dir_okay=False, rich_help_panel=_WHAT),
-    ] = None,
+    prompts_file: Annotated[Path | None, file_option("A file of prompts, one per line.", _WHAT)] = None,
     seeds: Annotated[
         int | None,
         typer.Option(

@@ -3,7 +3,7 @@
 Every parameter that is one word or number becomes an option with the name of the parameter, its help and its choices:
 `steps` is `--steps`. A group of parameters, or a choice among groups, is descended into: `scale` in `guidance` is
 `--guidance.scale`, and also `--scale` unless something else has that name. Parameters that are not simple are written
-by NAME=VALUE (`--set`) or in the short forms of `meshdeform.cli.written`.
+by NAME=VALUE (`--set`) or in the short forms of `meshdeform.cli.request`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from enum import Enum
 from functools import partial
 from inspect import Parameter, Signature
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
 import typer
 from typer.core import TyperCommand
@@ -27,8 +27,19 @@ if TYPE_CHECKING:
 
 from meshdeform.cli.environment import complete_models
 
-__all__ = ["Form", "ShortForm", "form_command", "of_kind", "of_request", "overlaid", "parameter_choices", "written"]
+__all__ = [
+    "Form",
+    "ShortForm",
+    "form_command",
+    "of_kind",
+    "of_request",
+    "overlaid",
+    "parameter_choices",
+    "with_options",
+    "written",
+]
 
+_F = TypeVar("_F", bound=Callable[..., None])
 _META = "meshdeform.forms"
 _SENTENCE = re.compile(r"(?<=[a-z0-9)])[.:] ")
 
@@ -100,6 +111,16 @@ def form_command(*forms: Form) -> type[TyperCommand]:
         FORMS = forms
 
     return Command
+
+
+def with_options(*forms: Form) -> Callable[[_F], _F]:
+    """Give a command the options of these forms beside its own; the app makes them of `forms`."""
+
+    def add(command: _F) -> _F:
+        command.forms = forms  # type: ignore[attr-defined]
+        return command
+
+    return add
 
 
 def written(ctx: typer.Context, name: str = "params") -> dict[str, Any]:
@@ -183,9 +204,7 @@ def _leaves_of(form: Form, taken: set[str]) -> list[_Leaf]:
 
 
 def _short_option(short: ShortForm) -> Any:
-    return typer.Option(
-        None, short.option, metavar=short.metavar, help=short.help, rich_help_panel=short.panel, show_default=False
-    )
+    return typer.Option(None, short.option, metavar=short.metavar, help=short.help, rich_help_panel=short.panel)
 
 
 def _click_options(infos: Sequence[Parameter]) -> dict[str, Any]:
@@ -270,7 +289,6 @@ def _option(form: Form, path: tuple[str, ...], field: FieldInfo, kind: Any, name
         *flags,
         help=_help(field),
         rich_help_panel=form.panel,
-        show_default=False,
         # What only presets set, and no form shows, is for experts.
         hidden="x-of-preset" in extra and "x-form" not in extra,
         autocompletion=complete_models if path[-1] == "model" else None,

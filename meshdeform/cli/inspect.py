@@ -9,28 +9,27 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import form_command, of_kind, overlaid, written
-from meshdeform.cli.options import JsonOption, SetOption
+from meshdeform.cli.form import of_kind, overlaid, with_options, written
+from meshdeform.cli.local import LocalJob, read_asset
+from meshdeform.cli.options import JsonOption, SetOption, file_argument
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.report_lines import orientation_line
-from meshdeform.cli.request import make_request, merge_params
-from meshdeform.cli.written import ALSO
+from meshdeform.cli.request import ALSO, make_request, merge_params
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["InspectCommand", "inspect"]
+__all__ = ["inspect"]
 
 _SHOWN = 40
 _READ = ("guidance.model", "guidance.source_noun", "guidance.prompts")
 
-InspectCommand = form_command(of_kind("text_deform", short=ALSO, only=_READ))
-
 
 @clean_errors
+@with_options(of_kind("text_deform", short=ALSO, only=_READ))
 def inspect(
     ctx: typer.Context,
-    asset: Annotated[Path, typer.Argument(help="A GLB, OBJ, PLY or STL.", exists=True, dir_okay=False, readable=True)],
+    asset: Annotated[Path, file_argument("A GLB, OBJ, PLY or STL.")],
     prompt: Annotated[
         str, typer.Option(help="Also find the side that a job with this prompt would make the front.")
     ] = "",
@@ -46,11 +45,10 @@ def inspect(
     meshdeform inspect truck.glb --prompt "a car"
     """
     require("torch", "deform")
-    from meshdeform.assets import Limits, load_asset
+    from meshdeform.assets import Limits
     from meshdeform.runs.inspection import inspect_parts
 
-    limits = Limits.from_settings(load_settings())
-    found = inspect_parts(load_asset(asset.read_bytes(), asset.name, limits))
+    found = inspect_parts(read_asset(asset, Limits.from_settings(load_settings())))
     overrides = written(ctx)
     prompted = bool(prompt or overrides.get("guidance", {}).get("prompts"))
     if prompted:
@@ -70,7 +68,6 @@ def inspect(
 
 def _front(asset: Path, request: JobRequest) -> dict[str, Any]:
     """Return the orientation that a job would have, as its report would describe it."""
-    from meshdeform.cli.local import LocalJob
     from meshdeform.runs.text_deform import TextDeformRun
 
     job = LocalJob(request, {"asset": asset}, {}, load_settings())

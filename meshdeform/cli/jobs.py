@@ -21,7 +21,7 @@ import typer
 
 from meshdeform.cli.environment import command_line
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
-from meshdeform.cli.form import form_command, of_kind, overlaid, written
+from meshdeform.cli.form import of_kind, overlaid, with_options, written
 from meshdeform.cli.local import writing
 from meshdeform.cli.options import (
     JobIdArgument,
@@ -33,20 +33,19 @@ from meshdeform.cli.options import (
     SetOption,
     TimeoutOption,
     complete_states,
+    output_option,
 )
-from meshdeform.cli.output import ago, duration, emit, note, plain, table
-from meshdeform.cli.progress import show_progress
+from meshdeform.cli.output import ago, duration, emit, note, plain, show_progress, table
 from meshdeform.cli.request import make_request, merge_params, parse_labels
 from meshdeform.errors import ConflictError, MeshdeformError, NotFoundError, UnavailableError
 
 if TYPE_CHECKING:
     from meshdeform.api.jobs import EventView, JobView
-    from meshdeform.cli.progress import ProgressView
+    from meshdeform.cli.output import ProgressView
     from meshdeform.client import Client
     from meshdeform.requests.document import JobRequest
 
 __all__ = [
-    "BranchCommand",
     "Deadline",
     "branch",
     "cancel",
@@ -74,8 +73,6 @@ _ENDED = {
 }
 _PATIENCE_S = 120.0
 """Seconds that a service may be unreachable once it has responded: longer than a restart takes."""
-
-BranchCommand = form_command(of_kind("text_deform"))
 
 
 def refuse_other_place(place: JobPlace, *, here: Mapping[str, Any], there: Mapping[str, Any]) -> None:
@@ -151,18 +148,13 @@ def _submitted(
 @clean_errors
 def jobs(
     state: Annotated[
-        str | None,
-        typer.Option(help="Only jobs in this state, e.g. running.", autocompletion=complete_states, show_default=False),
+        str | None, typer.Option(help="Only jobs in this state, e.g. running.", autocompletion=complete_states)
     ] = None,
     label: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=TEXT", help="Only jobs with this label; repeatable.", show_default=False),
+        list[str] | None, typer.Option(metavar="NAME=TEXT", help="Only jobs with this label; repeatable.")
     ] = None,
     search: Annotated[
-        str,
-        typer.Option(
-            metavar="WORDS", help="Only jobs whose prompt, file names or labels have these words.", show_default=False
-        ),
+        str, typer.Option(metavar="WORDS", help="Only jobs whose prompt, file names or labels have these words.")
     ] = "",
     limit: Annotated[int, typer.Option(min=1, help="At most this many.")] = 20,
     *,
@@ -388,23 +380,16 @@ def _complete_names(incomplete: str) -> list[str]:
 @clean_errors
 def fetch(
     job_id: JobIdArgument,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", help="The folder; default: named after the job.", file_okay=False, show_default=False
-        ),
-    ] = None,
+    output: Annotated[Path | None, output_option("The folder; default: named after the job.", file_okay=False)] = None,
     name: Annotated[
         list[str] | None,
         typer.Option(
             help="Only this artifact; repeatable. Default: all. morph.glb and result.stl are made if needed.",
             autocompletion=_complete_names,
-            show_default=False,
         ),
     ] = None,
     step: Annotated[
-        int | None,
-        typer.Option(min=0, help="Instead: the shape at this checkpoint, as step-N.glb.", show_default=False),
+        int | None, typer.Option(min=0, help="Instead: the shape at this checkpoint, as step-N.glb.")
     ] = None,
     asset: Annotated[bool, typer.Option("--asset", help="Instead: the asset as it was submitted.")] = False,
     *,
@@ -538,13 +523,12 @@ def retry(job_id: JobIdArgument, *, place: Place, printed: Printed) -> None:
 
 
 @clean_errors
+@with_options(of_kind("text_deform"))
 def branch(
     ctx: typer.Context,
     job_id: JobIdArgument,
     prompt: Annotated[str, typer.Argument(help='What it should become from there, e.g. "a vase".')],
-    step: Annotated[
-        int | None, typer.Option(min=0, help="Step of the checkpoint; default: the last one.", show_default=False)
-    ] = None,
+    step: Annotated[int | None, typer.Option(min=0, help="Step of the checkpoint; default: the last one.")] = None,
     settings: SetOption = None,
     *,
     place: Place,

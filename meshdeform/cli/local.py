@@ -26,11 +26,12 @@ import typer
 
 from meshdeform.cli.environment import load_settings
 from meshdeform.cli.exits import ExitCode, OutcomeError
-from meshdeform.cli.progress import ProgressView, show_progress
+from meshdeform.cli.output import ProgressView, show_progress
 from meshdeform.errors import AlignmentError, ParameterError, UnavailableError
 from meshdeform.support.collector import collection_paused
 
 if TYPE_CHECKING:
+    from meshdeform.assets import Asset, Limits
     from meshdeform.cli.options import Here
     from meshdeform.priors.base import Prior
     from meshdeform.requests.document import JobRequest
@@ -46,6 +47,7 @@ __all__ = [
     "check_outputs",
     "ctrl_c_between_steps",
     "find_taught",
+    "read_asset",
     "run_here",
     "second_ctrl_c_ends",
     "write_all",
@@ -226,17 +228,24 @@ def run_here(
     here: Here,
     *,
     quiet: bool,
-    device: str | None = None,
     whole_folder: bool = False,
     also: Sequence[Path] = (),
     inputs: Sequence[Path] = (),
 ) -> FinishedRun:
     """Check and run a job of any kind and show its progress; the arguments are those of `LocalJob` and its check."""
-    settings = load_settings(device=device, threads=here.threads)
+    settings = load_settings(device=here.device, threads=here.threads)
     job = LocalJob(request, files, outputs, settings, here.checkpoint, here.resume, whole_folder)
     job.check(force=here.force, also=also, inputs=inputs)
     with show_progress(quiet=quiet) as progress:
         return job.run(progress)
+
+
+def read_asset(path: Path, limits: Limits) -> Asset:
+    """Return the asset in a file, with the files beside it that it names."""
+    from meshdeform.assets import load_asset
+    from meshdeform.assets.bundle import read_with_files
+
+    return load_asset(read_with_files(path, limits), path.name, limits)
 
 
 def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:

@@ -22,9 +22,7 @@ _STATES = {True: "available", False: "missing", None: "unknown"}
 def models(
     model: Annotated[
         str | None,
-        typer.Argument(
-            help="Only this model, with the words that it accepts.", autocompletion=complete_models, show_default=False
-        ),
+        typer.Argument(help="Only this model, with the words that it accepts.", autocompletion=complete_models),
     ] = None,
     *,
     place: Place,

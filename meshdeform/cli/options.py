@@ -31,6 +31,9 @@ __all__ = [
     "complete_job_ids",
     "complete_parameters",
     "complete_states",
+    "file_argument",
+    "file_option",
+    "output_option",
 ]
 
 MAX_STRENGTH = 1.5
@@ -73,6 +76,21 @@ def complete_job_ids(ctx: typer.Context, incomplete: str) -> list[tuple[str, str
     return []
 
 
+def output_option(text: str, **more: Any) -> Any:
+    """Return the option for where the result goes."""
+    return typer.Option("-o", "--output", help=text, **more)
+
+
+def file_option(text: str, panel: str | None = None) -> Any:
+    """Return an option that is a file that exists."""
+    return typer.Option(help=text, exists=True, dir_okay=False, rich_help_panel=panel)
+
+
+def file_argument(text: str) -> Any:
+    """Return an argument that is a file that exists."""
+    return typer.Argument(help=text, exists=True, dir_okay=False)
+
+
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and errors as JSON on standard error.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite files, whoever wrote them.")]
@@ -85,18 +103,14 @@ SetOption = Annotated[
         help="Any other parameter (docs/parameters.md); repeatable.",
         autocompletion=complete_parameters,
         rich_help_panel="Method",
-        show_default=False,
     ),
 ]
 TimeoutOption = Annotated[
     float | None, typer.Option(min=0.0, help="Wait at most this many seconds.", rich_help_panel=_SERVICE)
 ]
-JobIdArgument = Annotated[
-    str, typer.Argument(metavar="ID", help="The job: job_...", autocompletion=complete_job_ids, show_default=False)
-]
+JobIdArgument = Annotated[str, typer.Argument(metavar="ID", help="The job: job_...", autocompletion=complete_job_ids)]
 JobIdsArgument = Annotated[
-    list[str],
-    typer.Argument(metavar="ID...", help="The jobs: job_...", autocompletion=complete_job_ids, show_default=False),
+    list[str], typer.Argument(metavar="ID...", help="The jobs: job_...", autocompletion=complete_job_ids)
 ]
 
 
@@ -124,7 +138,6 @@ class Place:
             metavar="URL",
             help="Address of the service; default: http://127.0.0.1:8765.",
             rich_help_panel=_SERVICE,
-            show_default=False,
         ),
     ] = None
     api_key: Annotated[
@@ -132,8 +145,8 @@ class Place:
         typer.Option(
             envvar="MESHDEFORM_API_KEY",
             # Otherwise --help would print the key of whoever has set the variable.
-            show_envvar=True,
             show_default=False,
+            show_envvar=True,
             metavar="KEY",
             help="API key, if the service requires one. Other users of this machine can read it here: "
             "prefer the variable or a file.",
@@ -142,9 +155,7 @@ class Place:
     ] = None
     api_key_file: Annotated[
         Path | None,
-        typer.Option(
-            exists=True, dir_okay=False, help="A file with the API key.", rich_help_panel=_SERVICE, show_default=False
-        ),
+        typer.Option(exists=True, dir_okay=False, help="A file with the API key.", rich_help_panel=_SERVICE),
     ] = None
 
     def connect(self) -> Client:
@@ -163,7 +174,6 @@ class JobPlace(Place):
             metavar="URL",
             help="Run the job on this service: submit it, follow it, and save its artifacts.",
             rich_help_panel=_SERVICE,
-            show_default=False,
         ),
     ] = None
     detach: Annotated[
@@ -181,6 +191,7 @@ class JobPlace(Place):
 class Here:
     """How a job runs on this machine."""
 
+    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None
     threads: Annotated[int | None, typer.Option(min=0, help="CPU threads; 0: all cores.")] = None
     checkpoint: Annotated[
         Path | None,
@@ -188,7 +199,6 @@ class Here:
             help="Save the state to this file regularly and at Ctrl-C.",
             dir_okay=False,
             rich_help_panel="Interrupt and resume",
-            show_default=False,
         ),
     ] = None
     resume: Annotated[
@@ -198,7 +208,6 @@ class Here:
             exists=True,
             dir_okay=False,
             rich_help_panel="Interrupt and resume",
-            show_default=False,
         ),
     ] = None
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that no earlier run wrote.")] = False

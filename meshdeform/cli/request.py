@@ -1,31 +1,69 @@
-"""Build a job's request from command-line options. A pair that is not NAME=VALUE is a `typer.BadParameter`."""
+"""Build a job's request from command-line options, and read the short forms of what is not one word or number.
+
+A text that does not have its form is a `typer.BadParameter` at its option.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from meshdeform.cli.form import overlaid
+from meshdeform.cli.form import ShortForm, overlaid
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import JobKind
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["make_request", "make_settings", "merge_params", "parse_files", "parse_labels"]
+__all__ = [
+    "ALSO",
+    "ANCHOR",
+    "DEFORMATION",
+    "Pictures",
+    "make_request",
+    "make_settings",
+    "merge_params",
+    "parse_files",
+    "parse_labels",
+    "parse_pictures",
+    "read_anchor",
+    "read_handle",
+    "read_name",
+    "read_prompt",
+    "read_region",
+    "read_rigid",
+    "read_selection",
+    "split_pairs",
+]
+
+_MODES = ("rigid", "similarity")
+_HANDLE = "vertex=NUMBER:X,Y,Z or position=X,Y,Z:X,Y,Z, with a soft handle's @WEIGHT at the end"
+_ALSO = "--also"
+_WEIGHT = re.compile(r"^(.*\S)\s*:\s*(\d+(?:\.\d+)?|\.\d+)$", re.DOTALL)
+_OUTSIDE = "outside:"
+_PICTURE = "FILE@AZIMUTH or FILE@AZIMUTH,ELEVATION or FILE@AZIMUTH,ELEVATION,FOV, in degrees, such as front.png@0"
+
+
+def split_pairs(pairs: Sequence[str], option: str, form: str = "NAME=VALUE") -> Iterator[tuple[str, str]]:
+    """Yield the names and values of texts of the form NAME=VALUE."""
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals:
+            raise typer.BadParameter(f"{pair!r} is not {form}", param_hint=option)
+        yield name.strip(), value
 
 
 def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
     """Parse parameters written as NAME=VALUE, or GROUP.NAME=VALUE; a value that is not JSON is text."""
     parameters: dict[str, Any] = {}
-    for pair in pairs:
-        name, equals, value = pair.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{pair!r} is not NAME=VALUE", param_hint=option)
+    for name, value in split_pairs(pairs, option):
         try:
             read = json.loads(value)
         except ValueError:
@@ -49,13 +87,7 @@ def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
     """Parse labels written as NAME=TEXT."""
-    labels = {}
-    for pair in pairs:
-        name, equals, text = pair.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{pair!r} is not NAME=TEXT", param_hint="--label")
-        labels[name.strip()] = text
-    return labels
+    return dict(split_pairs(pairs, "--label", "NAME=TEXT"))
 
 
 def parse_files(pairs: Sequence[str] | None, kind: JobKind, first: Path) -> dict[str, Path]:
@@ -118,3 +150,241 @@ def make_request(
             advice="docs/parameters.md has every parameter with its bounds, docs/http.md those of other kinds.",
             errors=found,
         ) from error
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """The pictures of a command, and their directions: the parameter `silhouettes`."""
+
+    paths: list[Path] = field(default_factory=list)
+    views: list[dict[str, float]] = field(default_factory=list)
+
+    @property
+    def parts(self) -> dict[str, Path]:
+        """The pictures by the names of their parts."""
+        from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+
+        return dict(zip(SILHOUETTE_PARTS, self.paths, strict=False))
+
+
+def parse_pictures(texts: Sequence[str] | None) -> Pictures:
+    """Parse pictures written as FILE@AZIMUTH[,ELEVATION[,FOV]]."""
+    from meshdeform.requests.silhouettes import MAX_SILHOUETTES
+
+    found = Pictures()
+    for text in texts or ():
+        name, _, angles = text.rpartition("@")
+        path = Path(name)
+        try:
+            numbers = [float(part) for part in angles.split(",")]
+        except ValueError:
+            numbers = []
+        if not name or not 1 <= len(numbers) <= 3:
+            raise typer.BadParameter(f"{text!r} is not {_PICTURE}", param_hint="--silhouette")
+        if not path.is_file():
+            raise typer.BadParameter(f"there is no file {name}", param_hint="--silhouette")
+        found.paths.append(path)
+        found.views.append(dict(zip(("azimuth", "elevation", "fov"), numbers, strict=False)))
+    if len(found.paths) > MAX_SILHOUETTES:
+        raise typer.BadParameter(f"at most {MAX_SILHOUETTES} pictures", param_hint="--silhouette")
+    return found
+
+
+def read_prompt(text: str) -> dict[str, Any]:
+    """Read a prompt written as PROMPT[:WEIGHT][@[outside:]PLACE=VALUE]...; several places make one region.
+
+    What a text of this form cannot say, such as an `@` in a name, `--set prompts=` can.
+    """
+    first, *places = text.split("@")
+    weighted = _WEIGHT.match(first.strip())
+    words, weight = (weighted[1], float(weighted[2])) if weighted else (first.strip(), None)
+    if not words:
+        raise typer.BadParameter(f"{text!r} has no prompt before the weight or the place", param_hint=_ALSO)
+    outside = [place.strip().startswith(_OUTSIDE) for place in places]
+    if any(outside) and not all(outside):
+        raise typer.BadParameter(f"{text!r}: either all places of a prompt are {_OUTSIDE} or none", param_hint=_ALSO)
+    regions = [read_selection(place.strip().removeprefix(_OUTSIDE), _ALSO) for place in places]
+    return {
+        "prompt": words,
+        **({"weight": weight} if weight is not None else {}),
+        **({"regions": regions} if regions else {}),
+        **({"outside": True} if any(outside) else {}),
+    }
+
+
+def read_anchor(text: str) -> dict[str, list[float]]:
+    """Read a pair of points written as X,Y,Z:X,Y,Z."""
+    try:
+        base, surface = (_point(point) for point in text.split(":"))
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is not X,Y,Z:X,Y,Z", param_hint="--anchor") from error
+    return {"base": base, "surface": surface}
+
+
+def read_rigid(text: str) -> dict[str, Any]:
+    """Read a part written as [MODE:]PLACE=VALUE."""
+    mode, colon, rest = text.partition(":")
+    if not colon or mode.strip() not in _MODES:
+        mode, rest = _MODES[0], text
+    return {**read_selection(rest, "--rigid"), "mode": mode.strip()}
+
+
+def read_region(action: str, text: str) -> dict[str, Any]:
+    """Read a region of `--keep` or `--only`, written as PLACE=VALUE."""
+    return {**read_selection(text, f"--{action}"), "action": action}
+
+
+def read_handle(text: str) -> dict[str, Any]:
+    """Read a handle written as vertex=NUMBER:X,Y,Z[@WEIGHT] or position=X,Y,Z:X,Y,Z[@WEIGHT]."""
+    point, colon, goal = text.partition(":")
+    to, at, weight = goal.partition("@")
+    kind, _, where = point.partition("=")
+    parses: Mapping[str, Callable[[str], Any]] = {"vertex": int, "position": _point}
+    parse = parses.get(kind.strip())
+    if parse is None or not colon:
+        raise typer.BadParameter(f"{text!r} is not {_HANDLE}", param_hint="--handle")
+    try:
+        return {kind.strip(): parse(where), "to": _point(to), **({"weight": float(weight)} if at else {})}
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not {_HANDLE}", param_hint="--handle") from None
+
+
+def read_selection(text: str, option: str) -> dict[str, Any]:
+    """Read a selection written as PLACE=VALUE or PLACE:VALUE."""
+    at = min((text.index(sign) for sign in "=:" if sign in text), default=-1)
+    place, value = text[:at].strip(), text[at + 1 :].strip()
+    if at < 0 or place not in _PLACES or not value:
+        raise typer.BadParameter(f"{text!r} is not PLACE=VALUE with PLACE {', '.join(_PLACES)}", param_hint=option)
+    form, parse = _PLACES[place]
+    try:
+        return {place: parse(value)}
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not {place}={form}", param_hint=option) from None
+
+
+def _point(text: str) -> list[float]:
+    return _numbers(text, 3)
+
+
+def _numbers(text: str, *counts: int) -> list[float]:
+    found = [float(part) for part in text.split(",")]
+    if len(found) not in counts:
+        raise ValueError
+    return found
+
+
+def read_name(text: str) -> str | int:
+    """Read a name, or an index if it has digits only."""
+    return int(text) if text.isascii() and text.isdecimal() else text
+
+
+def _joint(text: str) -> dict[str, Any]:
+    name, comma, above = text.rpartition(",")
+    return {"name": read_name(name), "above": float(above)} if comma else {"name": read_name(text)}
+
+
+def _color(text: str) -> dict[str, Any]:
+    found = _numbers(text, 3, 4)
+    return {"rgb": found[:3], **({"within": found[3]} if len(found) == 4 else {})}
+
+
+def _shape(text: str, *points: str, radius: bool = True) -> dict[str, Any]:
+    """Read the points of these names, and a radius, as numbers one after the other."""
+    found = _numbers(text, 3 * len(points) + radius)
+    named: dict[str, Any] = {name: found[3 * k : 3 * k + 3] for k, name in enumerate(points)}
+    return {**named, **({"radius": found[-1]} if radius else {})}
+
+
+def _faces(text: str) -> list[Any]:
+    ranges = [[int(end) for end in part.split("-")] for part in text.split(",")]
+    if any(len(ends) > 2 for ends in ranges):
+        raise ValueError
+    return [ends[0] if len(ends) == 1 else ends for ends in ranges]
+
+
+_PLACES: Mapping[str, tuple[str, Callable[[str], Any]]] = {
+    "node": ("NAME", read_name),
+    "mesh": ("NAME", read_name),
+    "material": ("NAME", read_name),
+    "component": ("NUMBER", int),
+    "joint": ("NAME[,WEIGHT]", _joint),
+    "color": ("R,G,B[,DISTANCE]", _color),
+    "box": ("X,Y,Z,X,Y,Z", lambda text: _shape(text, "min", "max", radius=False)),
+    "sphere": ("X,Y,Z,RADIUS", lambda text: _shape(text, "center")),
+    "capsule": ("X,Y,Z,X,Y,Z,RADIUS", lambda text: _shape(text, "start", "end")),
+    "faces": ("0-99,200", _faces),
+}
+"""The forms of values of a selection's places, and what reads them."""
+
+ALSO = {
+    "prompts": [
+        ShortForm(
+            _ALSO,
+            "PROMPT[:WEIGHT][@PLACE=VALUE]",
+            'A further prompt that guides at the same time: "a rabbit:0.5" everywhere, "a rabbit@sphere=0,1,0,0.4" in '
+            "a region, written as for --keep, and @outside:sphere=... outside of it; repeatable.",
+            "Method",
+            read_prompt,
+        )
+    ]
+}
+DEFORMATION: Mapping[str, Sequence[ShortForm]] = {
+    **ALSO,
+    "exclude": [
+        ShortForm(
+            "--exclude",
+            "NODE",
+            "A node that is neither drawn nor deformed, such as a ground plane: its name, or its index; repeatable.",
+            "Method",
+            read_name,
+        )
+    ],
+    "rigid": [
+        ShortForm(
+            "--rigid",
+            "[MODE:]PLACE=VALUE",
+            "A part that keeps its shape: node=NAME, material=NAME or component=NUMBER (see inspect); repeatable. "
+            "With similarity: in front it may scale.",
+            "Method",
+            read_rigid,
+        )
+    ],
+    "regions": [
+        ShortForm(
+            "--keep",
+            "PLACE=VALUE",
+            "A region that does not move: node=, mesh=, material=, joint=NAME, component=, color=R,G,B, "
+            "box=X,Y,Z,X,Y,Z, sphere=X,Y,Z,RADIUS, capsule=X,Y,Z,X,Y,Z,RADIUS or faces=0-99,200; repeatable.",
+            "Control",
+            partial(read_region, "keep"),
+        ),
+        ShortForm(
+            "--only",
+            "PLACE=VALUE",
+            "A region outside of which nothing moves, written as for --keep; repeatable.",
+            "Control",
+            partial(read_region, "only"),
+        ),
+    ],
+    "handles": [
+        ShortForm(
+            "--handle",
+            "POINT:X,Y,Z[@WEIGHT]",
+            "A point of the surface, vertex=NUMBER or position=X,Y,Z, and where it goes; repeatable. "
+            "With @0.5, only half of the way.",
+            "Control",
+            read_handle,
+        )
+    ],
+}
+ANCHOR = {
+    "anchors": [
+        ShortForm(
+            "--anchor",
+            "X,Y,Z:X,Y,Z",
+            "A point of the base, and the point of SURFACE where it goes; repeatable.",
+            "Base, network and fit",
+            read_anchor,
+        )
+    ]
+}

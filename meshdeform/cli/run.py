@@ -8,69 +8,46 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.animate import check_animation, drawn_animation
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import form_command, of_kind, of_request, overlaid, written
+from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
 from meshdeform.cli.jobs import refuse_other_place, run_on_service
 from meshdeform.cli.local import check_glb, run_here, write_all
-from meshdeform.cli.options import Here, JobPlace, Printed, SetOption
+from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, output_option
 from meshdeform.cli.report_lines import print_result
-from meshdeform.cli.request import make_request, merge_params, parse_files, parse_labels
-from meshdeform.cli.written import DEFORMATION, parse_pictures
+from meshdeform.cli.request import DEFORMATION, make_request, merge_params, parse_files, parse_labels, parse_pictures
+from meshdeform.cli.results import check_animation, drawn_animation
 from meshdeform.requests.choices import JobKind
 
-__all__ = ["RunCommand", "run"]
+__all__ = ["run"]
 
 _OUTPUTS = "Outputs"
 _LOCAL = {JobKind.SURFACE_FIT: "surface-fit", JobKind.PRIOR_TEACH: "teach"}
 
-RunCommand = form_command(
+
+def _file(text: str) -> Any:
+    return typer.Option(help=text, rich_help_panel=_OUTPUTS, dir_okay=False)
+
+
+@clean_errors
+@with_options(
     of_kind("text_deform", short=DEFORMATION),
     of_request("output", _OUTPUTS),
     of_request("job", "Service", only=("kind", "priority", "deadline_s", "retention_s")),
 )
-
-
-def _file(text: str) -> Any:
-    return typer.Option(help=text, rich_help_panel=_OUTPUTS, dir_okay=False, show_default=False)
-
-
-@clean_errors
 def run(
     ctx: typer.Context,
-    asset: Annotated[
-        Path,
-        typer.Argument(
-            help="The GLB, OBJ, PLY, STL or ZIP, or what else jobs of --kind read.", exists=True, dir_okay=False
-        ),
-    ],
+    asset: Annotated[Path, file_argument("The GLB, OBJ, PLY, STL or ZIP, or what else jobs of --kind read.")],
     prompt: Annotated[
-        str,
-        typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.'),
+        str, typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.')
     ] = "",
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder.",
-            show_default=False,
-        ),
+        Path | None, output_option("The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder.")
     ] = None,
     report: Annotated[Path | None, _file("Where the report goes (default: beside the GLB).")] = None,
     preview: Annotated[Path | None, _file("Where the picture goes (default: beside the GLB).")] = None,
     animate: Annotated[Path | None, _file("Also draw source to result and back, as this .webp or .gif.")] = None,
-    target: Annotated[
-        Path | None,
-        typer.Option(
-            help="A mesh to deform towards, instead of a prompt.",
-            exists=True,
-            dir_okay=False,
-            rich_help_panel="Method",
-            show_default=False,
-        ),
-    ] = None,
+    target: Annotated[Path | None, file_option("A mesh to deform towards, instead of a prompt.", "Method")] = None,
     silhouette: Annotated[
         list[str] | None,
         typer.Option(
@@ -78,11 +55,9 @@ def run(
             help="A picture whose silhouette the result should have, seen from an azimuth in degrees: 0 from +Z, 90 "
             "from +X; a mask, or an object in front of a plain background; up to four. With a prompt, both guide.",
             rich_help_panel="Method",
-            show_default=False,
         ),
     ] = None,
     param: SetOption = None,
-    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.", rich_help_panel="Method")] = None,
     file: Annotated[
         list[str] | None,
         typer.Option(
@@ -94,10 +69,7 @@ def run(
         typer.Option(metavar="NAME=TEXT", help="A label of the job; repeatable.", rich_help_panel="Service"),
     ] = None,
     idempotency_key: Annotated[
-        str | None,
-        typer.Option(
-            help="The same key within a day returns the same job.", rich_help_panel="Service", show_default=False
-        ),
+        str | None, typer.Option(help="The same key within a day returns the same job.", rich_help_panel="Service")
     ] = None,
     *,
     here: Here,
@@ -136,7 +108,7 @@ def run(
         )
     refuse_other_place(
         place,
-        here={"--report": report, "--preview": preview, "--animate": animate, "--device": device, **here.written()},
+        here={"--report": report, "--preview": preview, "--animate": animate, **here.written()},
         there={"--label": label, "--idempotency-key": idempotency_key, **place.written()},
     )
     if kind is not JobKind.TEXT_DEFORM:
@@ -156,9 +128,9 @@ def run(
         **({"morph.glb": output.with_suffix(".morph.glb")} if request.output.morph else {}),
     }
     drawn = {"animation": animate} if animate else {}
-    run = run_here(request, files, paths, here, quiet=printed.quiet, device=device, also=list(drawn.values()))
+    run = run_here(request, files, paths, here, quiet=printed.quiet, also=list(drawn.values()))
     if animate is not None:
-        data = drawn_animation(asset, output, animate.suffix, load_settings(device=device, threads=here.threads))
+        data = drawn_animation(asset, output, animate.suffix, load_settings(device=here.device, threads=here.threads))
         write_all({animate: data}, what=animate, advice="Choose another path with --animate.")
     print_result(kind, run, paths | drawn, printed)
 

@@ -11,8 +11,9 @@ import typer
 from meshdeform.cli.environment import require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, check_glb, write_all
-from meshdeform.cli.options import ForceOption, JsonOption
+from meshdeform.cli.options import ForceOption, JsonOption, file_argument, output_option
 from meshdeform.cli.output import emit
+from meshdeform.cli.request import split_pairs
 from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -24,28 +25,14 @@ __all__ = ["sketch"]
 @clean_errors
 def sketch(
     drawing: Annotated[
-        Path | None,
-        typer.Argument(
-            help="The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.",
-            exists=True,
-            dir_okay=False,
-            show_default=False,
-        ),
+        Path | None, file_argument("The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.")
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", help="The GLB of the first guess. Default: DRAWING.glb here.", show_default=False
-        ),
-    ] = None,
+    output: Annotated[Path | None, output_option("The GLB of the first guess. Default: DRAWING.glb here.")] = None,
     family: Annotated[
         str, typer.Option(help="What the drawing shows, such as chair: no other family is considered.")
     ] = "",
     change: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", help="A parameter of the first guess as NAME=VALUE; may be repeated.", show_default=False
-        ),
+        list[str] | None, typer.Option("--set", help="A parameter of the first guess as NAME=VALUE; may be repeated.")
     ] = None,
     parameters: Annotated[
         bool, typer.Option("--parameters", help="List the families with their parameters, and end.")
@@ -64,7 +51,7 @@ def sketch(
     if parameters:
         _list(as_json=as_json)
         return
-    found = _guesses(drawing, family, _changes(change or []))
+    found = _guesses(drawing, family, {name: text.strip() for name, text in split_pairs(change or [], "--set")})
     output = output or Path(f"{drawing.stem if drawing else family}.glb")
     check_glb(output)
     paths = [output, *(output.with_suffix(f".{number}.glb") for number in range(2, len(found) + 1))]
@@ -104,17 +91,6 @@ def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list
         return [Guess.of(family, 1.0, changes)]
     first, *others = guess(drawing.read_bytes(), family=family)
     return [Guess.of(first.family, first.probability, {**first.values, **changes}), *others]
-
-
-def _changes(texts: Sequence[str]) -> dict[str, str]:
-    """Return NAME=VALUE texts as a dict."""
-    found = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--set")
-        found[name.strip()] = value.strip()
-    return found
 
 
 def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> None:

@@ -10,9 +10,18 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import form_command, of_kind, overlaid, written
-from meshdeform.cli.options import MAX_STRENGTH, ForceOption, QuietOption, SetOption
-from meshdeform.cli.output import note
+from meshdeform.cli.form import of_kind, overlaid, with_options, written
+from meshdeform.cli.local import LocalJob, read_asset, write_all
+from meshdeform.cli.options import (
+    MAX_STRENGTH,
+    ForceOption,
+    QuietOption,
+    SetOption,
+    file_argument,
+    file_option,
+    output_option,
+)
+from meshdeform.cli.output import note, show_progress
 from meshdeform.cli.request import make_request, merge_params
 from meshdeform.errors import ParameterError
 
@@ -22,29 +31,23 @@ if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
     from meshdeform.settings import Settings
 
-__all__ = ["VariantsCommand", "variants"]
+__all__ = ["variants"]
 
 _SHEET = "variants.png"
 
-VariantsCommand = form_command(of_kind("text_deform", hidden=("seed",)))
-
 
 @clean_errors
+@with_options(of_kind("text_deform", hidden=("seed",)))
 def variants(
     ctx: typer.Context,
-    asset: Annotated[Path, typer.Argument(help="The GLB, OBJ, PLY, STL or ZIP.", exists=True, dir_okay=False)],
+    asset: Annotated[Path, file_argument("The GLB, OBJ, PLY, STL or ZIP.")],
     prompt: Annotated[str, typer.Argument(help='What the asset should become, e.g. "a mushroom".')] = "",
     seeds: Annotated[str, typer.Option(help="Seeds, separated by commas: a run for each.")] = "0,1,2",
     strengths: Annotated[str, typer.Option(help="Strengths, separated by commas.")] = "0.5,1,1.5",
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="The folder for the results and the sheet.", file_okay=False)
-    ] = Path("variants"),
-    target: Annotated[
-        Path | None,
-        typer.Option(
-            help="A mesh to deform towards, instead of a prompt.", exists=True, dir_okay=False, show_default=False
-        ),
-    ] = None,
+    output: Annotated[Path, output_option("The folder for the results and the sheet.", file_okay=False)] = Path(
+        "variants"
+    ),
+    target: Annotated[Path | None, file_option("A mesh to deform towards, instead of a prompt.")] = None,
     param: SetOption = None,
     force: ForceOption = False,
     quiet: QuietOption = False,
@@ -109,14 +112,10 @@ def _made(
     quiet: bool,
 ) -> list[Path]:
     """Run each seed, write its strengths and the sheet, and return the paths."""
-    from meshdeform.assets import Limits, load_asset
-    from meshdeform.assets.bundle import read_with_files
-    from meshdeform.cli.local import LocalJob, write_all
-    from meshdeform.cli.progress import show_progress
+    from meshdeform.assets import Limits
     from meshdeform.rendering.variants import variant_sheet
 
-    limits = Limits.from_settings(settings)
-    source = load_asset(read_with_files(asset, limits), asset.name, limits)
+    source = read_asset(asset, Limits.from_settings(settings))
     paths, rows = [], []
     for seed, request in requests.items():
         note(f"Seed {seed}: {request.prompt}" if request.prompt else f"Seed {seed}", quiet=quiet)

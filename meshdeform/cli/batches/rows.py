@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import hashlib
 import json
 import re
@@ -51,10 +52,7 @@ def read_table(path: Path) -> list[Entry]:
     counts as left out.
     """
     separator = TABLE_SUFFIXES[path.suffix.lower()]
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{path} cannot be read: {error}.", advice="A manifest must be UTF-8 text.") from error
+    text = _read_text(path, "A manifest must be UTF-8 text.")
     lines = _cells(path, text, separator) if separator else _objects(path, text)
     entries = [_entry(f"{path.name}, line {number}", path.parent, members) for number, members in lines]
     if not entries:
@@ -79,13 +77,15 @@ def combine(place: Path, prompts: Sequence[str]) -> list[Entry]:
 
 def read_prompts(path: Path) -> list[str]:
     """Read one prompt per line; empty lines and lines that begin with # are skipped."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParameterError(
-            f"{path} cannot be read: {error}.", advice="The file must be UTF-8 text, one prompt per line."
-        ) from error
+    lines = _read_text(path, "The file must be UTF-8 text, one prompt per line.").splitlines()
     return [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+
+
+def _read_text(path: Path, advice: str) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParameterError(f"{path} cannot be read: {error}.", advice=advice) from error
 
 
 def _cells(path: Path, text: str, separator: str) -> Iterator[tuple[int, dict[str, Any]]]:
@@ -198,7 +198,7 @@ def make_rows(
     batch, which are kept; `occupied` are files in the folder of the batch, whose names are not taken. `check` is called
     with each request and whether it has a target, and raises if it is invalid. A ParameterError lists invalid rows.
     """
-    digest, wrong = _Digests(), list[dict[str, str]]()
+    digest, wrong = functools.cache(_digest), list[dict[str, str]]()
     found: dict[str, tuple[Entry, JobRequest]] = {}
     repeated = []
     for entry in entries:
@@ -207,7 +207,7 @@ def make_rows(
             try:
                 request = _request(entry, params, output or {})
                 check(request, entry.target is not None)
-                key = digest.key(entry, request)
+                key = _key(entry, request, digest)
             except MeshdeformError as error:
                 wrong.append({"place": entry.place, "code": error.code, "detail": _with_suggestions(error)})
                 break
@@ -256,26 +256,19 @@ def _refusal(wrong: list[dict[str, str]], total: int) -> ParameterError:
     )
 
 
-class _Digests:
-    """Computes keys of rows; each file is read once."""
+def _key(entry: Entry, request: JobRequest, digest: Callable[[Path], str]) -> str:
+    files = [digest(entry.asset), digest(entry.target) if entry.target else ""]
+    content = request.model_dump(mode="json", exclude_defaults=True, exclude={"params"})
+    content |= {"params": params} if (params := _chosen(request.params)) else {}
+    return hashlib.sha256(json.dumps([files, content, entry.name], sort_keys=True).encode()).hexdigest()
 
-    def __init__(self) -> None:
-        self._files: dict[Path, str] = {}
 
-    def key(self, entry: Entry, request: JobRequest) -> str:
-        files = [self._file(entry.asset), self._file(entry.target) if entry.target else ""]
-        content = request.model_dump(mode="json", exclude_defaults=True, exclude={"params"})
-        content |= {"params": params} if (params := _chosen(request.params)) else {}
-        return hashlib.sha256(json.dumps([files, content, entry.name], sort_keys=True).encode()).hexdigest()
-
-    def _file(self, path: Path) -> str:
-        if path not in self._files:
-            try:
-                with path.open("rb") as file:
-                    self._files[path] = hashlib.file_digest(file, "sha256").hexdigest()
-            except OSError as error:
-                raise ParameterError(f"{path} cannot be read: {error.strerror}.", advice="Check the path.") from error
-        return self._files[path]
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise ParameterError(f"{path} cannot be read: {error.strerror}.", advice="Check the path.") from error
 
 
 def _chosen(params: DeformParams) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from typing import IO, TYPE_CHECKING, Any, Protocol
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Row
 from meshdeform.cli.jobs import Deadline, follow, outcome_failure, save_artifacts, show_event
-from meshdeform.cli.progress import ProgressView
+from meshdeform.cli.output import ProgressView
 from meshdeform.errors import (
     AssetError,
     CheckpointError,

@@ -14,8 +14,7 @@ from meshdeform.cli.batches.runners import RowOutcome, Runner
 from meshdeform.cli.batches.summary import count_states, record_of, write_summary
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.local import writing
-from meshdeform.cli.output import duration, emit, note
-from meshdeform.cli.progress import BatchView, ProgressView, show_batch
+from meshdeform.cli.output import BatchView, ProgressView, duration, emit, note, show_batch
 from meshdeform.errors import UnavailableError
 
 __all__ = ["Session"]

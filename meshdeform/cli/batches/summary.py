@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.cli.batches.rows import Row
-from meshdeform.cli.local import writing
+from meshdeform.cli.local import read_asset, writing
 from meshdeform.support.files import write_files
 
 if TYPE_CHECKING:
@@ -180,8 +180,7 @@ def write_target_sets(folder: Path, rows: Sequence[Row], settings: Settings) -> 
     Returns the paths by name. A ParameterError tells that rows of one asset differ in `params.control.exclude` or
     `output.subdivide`.
     """
-    from meshdeform.assets import Limits, load_asset
-    from meshdeform.assets.bundle import read_with_files
+    from meshdeform.assets import Limits
     from meshdeform.assets.morph import MorphTarget
     from meshdeform.runs.strength import check_same_asset
 
@@ -196,7 +195,7 @@ def write_target_sets(folder: Path, rows: Sequence[Row], settings: Settings) -> 
         number = 2
         while path in files:  # assets of different folders may have the same name
             path, number = folder / f"{asset.stem}-{number}.targets.glb", number + 1
-        source = load_asset(read_with_files(asset, limits), asset.name, limits)
+        source = read_asset(asset, limits)
         pairs = [_row_result(source, row, folder, limits) for row in own]
         base = pairs[0][0]
         for row, (_, result) in zip(own, pairs, strict=True):

@@ -10,7 +10,7 @@ from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Entry, Row, make_rows
 from meshdeform.cli.batches.runners import RowOutcome
 from meshdeform.cli.batches.session import Session
-from meshdeform.cli.progress import ProgressView
+from meshdeform.cli.output import ProgressView
 from meshdeform.errors import ParameterError, UnavailableError
 
 

@@ -14,7 +14,7 @@ from meshdeform.cli.app import app
 from meshdeform.cli.batches import runners
 from meshdeform.cli.batches.rows import Row
 from meshdeform.cli.batches.runners import RowOutcome
-from meshdeform.cli.progress import ProgressView
+from meshdeform.cli.output import ProgressView
 from meshdeform.geometry.shapes import icosphere
 from tests.unit.assets.builders import unpack
 from tests.unit.assets.test_replace import accessor

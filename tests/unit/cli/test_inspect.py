@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
-from meshdeform.cli.written import read_handle, read_name, read_region, read_rigid
+from meshdeform.cli.request import read_handle, read_name, read_region, read_rigid
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, join, torus
 from meshdeform.requests.document import DeformParams

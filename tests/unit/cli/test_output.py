@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from meshdeform.cli import progress
+from meshdeform.cli import output
 from meshdeform.cli.output import ago, duration, plain, table
 from tests.cases import each_case
 
@@ -27,7 +27,7 @@ def test_nothing_from_outside_commands_the_terminal() -> None:
 
 def test_time_left_by_the_pace() -> None:
     now = [0.0]
-    pace = progress.Pace(lambda: now[0])
+    pace = output.Pace(lambda: now[0])
     assert pace.eta_s(1, 11) is None
     now[0] = 2.0
     assert pace.eta_s(2, 11) == pytest.approx(18.0)
@@ -39,8 +39,8 @@ def test_lines_are_bounded_and_have_no_control_characters(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [100.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    with progress.show_progress() as view:
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+    with output.show_progress() as view:
         view.phase("loading")
         view.phase("loading")
         for step in range(1, 1001):
@@ -55,7 +55,7 @@ def test_lines_are_bounded_and_have_no_control_characters(
 
 
 def test_quiet_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress.show_progress(quiet=True) as view:
+    with output.show_progress(quiet=True) as view:
         view.phase("loading")
         view.step(1, 1, 0.5)
     assert capsys.readouterr().err == ""

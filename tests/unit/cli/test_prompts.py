@@ -6,7 +6,7 @@ import pytest
 import typer
 
 from meshdeform.cli.report_lines import prompt_lines
-from meshdeform.cli.written import read_prompt
+from meshdeform.cli.request import read_prompt
 from meshdeform.requests.document import DeformParams
 from tests.cases import each_case
 

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.report_lines import silhouettes_line
-from meshdeform.cli.written import parse_pictures
+from meshdeform.cli.request import parse_pictures
 from meshdeform.errors import ParameterError, PromptError, SilhouetteError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest

@@ -1,0 +1,234 @@
+"""What is made of an asset or a result without a new run: `meshdeform apply`, `animate` and `convert`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from meshdeform.cli.environment import load_settings, require
+from meshdeform.cli.exits import clean_errors
+from meshdeform.cli.form import of_request, with_options, written
+from meshdeform.cli.local import check_free, read_asset, write_all
+from meshdeform.cli.options import MAX_STRENGTH, ForceOption, JsonOption, file_argument, file_option, output_option
+from meshdeform.cli.output import emit, plain
+from meshdeform.cli.request import make_request
+from meshdeform.errors import ParameterError
+
+if TYPE_CHECKING:
+    from meshdeform.assets import Asset, Limits
+    from meshdeform.requests.morph import MorphPath
+    from meshdeform.settings import Settings
+
+__all__ = ["animate", "apply", "check_animation", "convert", "drawn_animation"]
+
+_ANIMATED = (".webp", ".gif")
+_CONVERTED = (".glb", ".stl")
+_OBJ = (
+    "OBJ is not written any more. Convert the GLB with Blender, which keeps its materials: "
+    "docs/recipes.md has the command for USDZ, and wm.obj_export writes OBJ."
+)
+
+
+@clean_errors
+@with_options(of_request("output", "Morph", only=("morph_path",)))
+def apply(
+    ctx: typer.Context,
+    result: Annotated[Path, file_argument("The deformed GLB.")],
+    strength: Annotated[
+        float, typer.Option(help="0: the source; 1: the result; more: exaggerated.", min=0.0, max=MAX_STRENGTH)
+    ] = 1.0,
+    source: Annotated[
+        Path | None, file_option("The asset that was deformed. Default: the one that the report beside RESULT names.")
+    ] = None,
+    output: Annotated[Path | None, output_option("The GLB to write. Default: RESULT-60.glb.")] = None,
+    morph: Annotated[bool, typer.Option("--morph", help="Instead: the whole way, as an animation.")] = False,
+    compact: Annotated[bool, typer.Option("--compact", help="Drop data that the new shape made unused.")] = False,
+    force: ForceOption = False,
+) -> None:
+    """Write RESULT at another strength, or its morph. Needs the asset that was deformed, and no new run.
+
+    meshdeform apply mushroom.glb --strength 0.6 --source examples/sphere.glb
+
+    meshdeform apply mushroom.glb --morph --frames 12 --ping-pong
+    """
+    require("torch", "deform")
+    output_options = written(ctx, "output")
+    morph = morph or bool(output_options)
+    way = make_request("", {}, output=output_options).output.morph_path
+    ending = "morph" if morph else f"{100 * strength:g}"
+    path = output or result.with_name(f"{result.stem}{'.' if morph else '-'}{ending}.glb")
+    check_free([path], [result, source], force=force)
+    write_all({path: _at_strength(result, source, strength, way, morph=morph, compact=compact)}, what=path)
+    typer.echo(path)
+
+
+def _at_strength(
+    result: Path, source: Path | None, strength: float, way: MorphPath, *, morph: bool, compact: bool
+) -> bytes:
+    from meshdeform.assets import Limits
+    from meshdeform.runs.devices import use_threads
+    from meshdeform.runs.preparation import read_result
+    from meshdeform.runs.strength import AssetPath, matched, with_strength, write_morph
+
+    settings = load_settings()
+    use_threads(settings.threads)
+    data = result.read_bytes()
+    limits = Limits.from_settings(settings)
+    report = _report_of(result, hashlib.sha256(data).hexdigest())
+    asset = _source(result, report, source, limits)
+    exclude = report["params"].get("exclude", [])
+    if not morph:
+        return with_strength(asset, data, strength, exclude=exclude, limits=limits, compact=compact)
+    asset, end = matched(asset, read_result(data), exclude, limits)
+    path = AssetPath(asset, end.surface.positions)
+    return write_morph(asset, path, path.at(1), way, compact=compact, provenance=end.provenance)
+
+
+def _source(result: Path, report: dict[str, Any], source: Path | None, limits: Limits) -> Asset:
+    """Return the asset that was deformed, or raise ParameterError if it was not given and is not found."""
+    from meshdeform.assets import load_asset
+    from meshdeform.assets.bundle import read_with_files
+
+    if source is not None:
+        return read_asset(source, limits)
+    wanted = report["input"]
+    if not wanted:
+        raise ParameterError(
+            f"Beside {result.name} there is no report that names the asset it was made from.",
+            advice="Name the asset with --source.",
+        )
+    name = Path(wanted["filename"]).name
+    for folder in dict.fromkeys((result.parent.absolute(), Path.cwd())):
+        if (folder / name).is_file():
+            found = read_with_files(folder / name, limits)
+            if hashlib.sha256(found).hexdigest() == wanted["sha256"]:
+                return load_asset(found, name, limits)
+    raise ParameterError(
+        f"{result.name} was made from {name}, which is neither beside it nor in this folder, or has changed.",
+        advice="Name the asset with --source.",
+    )
+
+
+def _report_of(result: Path, sha256: str) -> dict[str, Any]:
+    """Return `input` and `params` of the report of this very result; empty ones if there is none."""
+    for path in (result.with_suffix(".report.json"), result.with_name("report.json")):
+        try:
+            report = json.loads(path.read_bytes())
+            if report["result"]["sha256"] == sha256 and {"filename", "sha256"} <= report["input"].keys():
+                return {"input": dict(report["input"]), "params": dict(report["params"])}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            continue
+    return {"input": {}, "params": {}}
+
+
+@clean_errors
+def animate(
+    source: Annotated[Path, typer.Argument(help="The asset before; alone: the asset to turn.", exists=True)],
+    result: Annotated[Path | None, typer.Argument(help="Its deformed GLB.", exists=True)] = None,
+    output: Annotated[Path, output_option("The .webp or .gif to write.")] = Path("animation.webp"),
+    force: ForceOption = False,
+) -> None:
+    """Draw SOURCE becoming RESULT and back, or one turn of SOURCE.
+
+    meshdeform animate examples/sphere.glb mushroom.glb -o mushroom.webp
+
+    meshdeform animate mushroom.glb -o turn.gif
+    """
+    require("torch", "deform")
+    check_animation(output, "--output")
+    check_free([output], [source, result], force=force)
+    write_all({output: drawn_animation(source, result, output.suffix, load_settings())}, what=output)
+    typer.echo(output)
+
+
+def check_animation(path: Path, option: str) -> None:
+    """Refuse a path whose suffix names no animated format, as a `typer.BadParameter`."""
+    if path.suffix.lower() not in _ANIMATED:
+        raise typer.BadParameter(f"{path.name} ends in neither .webp nor .gif", param_hint=option)
+
+
+def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Settings) -> bytes:
+    """Return a picture of a source that becomes its result, or of one turn of a source without one."""
+    from meshdeform.assets import Limits
+    from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
+    from meshdeform.rendering.studio import Pose
+    from meshdeform.runs.devices import use_threads
+    from meshdeform.runs.preparation import read_result, subdivided
+
+    use_threads(settings.threads)
+    limits = Limits.from_settings(settings)
+    asset = read_asset(source, limits)
+    before, kind = Pose(asset.surface.positions, asset.surface.normals), FORMATS[suffix.lower()]
+    if result is None:
+        return turntable_animation(asset.appearance(), before, kind=kind)
+    after = read_result(result.read_bytes()).surface
+    if len(asset.surface.triangles) < len(after.triangles):
+        asset, _ = subdivided(asset, limits)
+        before = Pose(asset.surface.positions, asset.surface.normals)
+    if asset.surface.triangles.tobytes() != after.triangles.tobytes():
+        raise ParameterError(
+            f"{result.name} was not made from {source.name}: their triangles differ.",
+            advice="Name the asset that was deformed, then its result.",
+        )
+    return morph_animation(asset.appearance(), before, Pose(after.positions, after.normals), kind=kind)
+
+
+@clean_errors
+def convert(
+    asset: Annotated[Path, file_argument("A GLB; or a glTF, OBJ, PLY, STL or ZIP.")],
+    output: Annotated[Path, output_option("The file to write; its ending says the format: .glb or .stl.")],
+    up: Annotated[Literal["y", "z"], typer.Option(help="Of an STL: the axis that points up. Slicers expect z.")] = "y",
+    unit: Annotated[
+        Literal["m", "cm", "mm"], typer.Option(help="Of an STL: the unit of lengths. Slicers expect mm.")
+    ] = "m",
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write ASSET as GLB or STL, and say of an STL whether its surface is closed.
+
+    meshdeform convert scan.ply -o scan.glb
+
+    meshdeform convert mushroom.glb -o mushroom.stl --up z --unit mm
+    """
+    require("numpy", "asset")
+    ending = output.suffix.lower()
+    if ending == ".obj" or output.name.lower().endswith(".obj.zip"):
+        raise ParameterError(_OBJ, advice="Choose .glb or .stl.")
+    if ending not in _CONVERTED:
+        raise typer.BadParameter(f"{output.name} ends in none of {', '.join(_CONVERTED)}", param_hint="--output")
+    check_free([output], [asset], force=force)
+    data, facts, words = _converted(asset, ending, up, unit)
+    write_all({output: data}, what=output)
+    if as_json:
+        emit({"file": str(output), **facts})
+        return
+    typer.echo(plain(str(output)))
+    typer.echo(plain(words), err=True)
+
+
+def _converted(
+    source: Path, ending: str, up: Literal["y", "z"], unit: Literal["m", "cm", "mm"]
+) -> tuple[bytes, dict[str, Any], str]:
+    """Return the file, and what is known of it as JSON and in words."""
+    from meshdeform.assets import Limits
+
+    asset = read_asset(source, Limits.from_settings(load_settings()))
+    if ending == ".glb":
+        warnings = list(asset.summary.warnings)
+        triangles = len(asset.surface.triangles)
+        words = "\n".join([f"{triangles:,} triangles.", *warnings])
+        return asset.to_bytes(), {"triangles": triangles, "warnings": warnings}, words
+    from meshdeform.assets.stl_file import write_stl
+
+    stl = write_stl(asset, up, unit)
+    closed = "closed" if stl.closed else "not closed"
+    facts = {"triangles": stl.triangles, "closed": stl.closed, "origin": list(stl.origin)}
+    words = f"{stl.triangles:,} triangles in {unit}, +{up.upper()} up; the surface is {closed}."
+    if any(stl.origin):
+        moved = ", ".join(f"{value:g}" for value in stl.origin)
+        words += f"\nThe surface lies far from the origin: places are relative to ({moved}), as the file's header says."
+    return stl.data, facts, words
