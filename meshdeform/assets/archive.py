@@ -197,7 +197,7 @@ def _entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipI
     found: dict[str, zipfile.ZipInfo] = {}
     for entry in entries:
         name = _decoded(entry).replace("\\", "/")
-        if entry.is_dir() or name.startswith("__MACOSX/"):
+        if not name or name.endswith("/") or name.startswith("__MACOSX/"):
             continue
         if name.startswith("/") or ":" in name.split("/")[0] or ".." in name.split("/"):
             raise AssetError(f"The ZIP names a file outside itself: {name[:100]!r}.", advice="Pack it again.")
