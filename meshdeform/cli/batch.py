@@ -12,7 +12,7 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
-from meshdeform.cli.options import Place, Printed, SetOption, file_option, output_option
+from meshdeform.cli.options import Place, Printed, SetOption, file_option, flag, option, output_option
 from meshdeform.cli.output import emit, note, table
 from meshdeform.cli.request import merge_params
 
@@ -38,45 +38,28 @@ def batch(
     ],
     output: Annotated[Path, output_option("The folder of the batch.", file_okay=False)],
     prompt: Annotated[
-        list[str] | None,
-        typer.Option(help="With a folder: what each asset should become; repeatable.", rich_help_panel=_WHAT),
+        list[str] | None, option("With a folder: what each asset should become; repeatable.", _WHAT)
     ] = None,
     prompts_file: Annotated[Path | None, file_option("A file of prompts, one per line.", _WHAT)] = None,
     seeds: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Run each row with this many seeds, which gives as many variations.", rich_help_panel=_WHAT
-        ),
+        int | None, option("Run each row with this many seeds, which gives as many variations.", _WHAT, min=1)
     ] = None,
     as_morph_targets: Annotated[
         bool,
-        typer.Option(
-            "--as-morph-targets",
-            help="Also write the results of each asset as named morph targets of one file.",
-            rich_help_panel=_WHAT,
-        ),
+        flag("--as-morph-targets", "Also write the results of each asset as named morph targets of one file.", _WHAT),
     ] = False,
     flat: Annotated[
-        bool,
-        typer.Option(
-            "--flat", help="Put all results into one folder: duck-a-tall-vase-seed7.glb.", rich_help_panel=_WHAT
-        ),
+        bool, flag("--flat", "Put all results into one folder: duck-a-tall-vase-seed7.glb.", _WHAT)
     ] = False,
     settings: SetOption = None,
     parallel: Annotated[
-        int | None,
-        typer.Option(min=1, help="Rows at the same time; default: 1 locally, 8 on a service.", rich_help_panel=_HOW),
+        int | None, option("Rows at the same time; default: 1 locally, 8 on a service.", _HOW, min=1)
     ] = None,
-    device: Annotated[
-        str | None, typer.Option(help="Locally: auto, cpu, cuda or cuda:N.", rich_help_panel=_HOW)
-    ] = None,
+    device: Annotated[str | None, option("Locally: auto, cpu, cuda or cuda:N.", _HOW)] = None,
     threads: Annotated[
-        int | None,
-        typer.Option(min=0, help="Locally: CPU threads per row; default: cores divided by rows.", rich_help_panel=_HOW),
+        int | None, option("Locally: CPU threads per row; default: cores divided by rows.", _HOW, min=0)
     ] = None,
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Retry rows that failed before.", rich_help_panel=_HOW)
-    ] = False,
+    retry_failed: Annotated[bool, flag("--retry-failed", "Retry rows that failed before.", _HOW)] = False,
     *,
     place: Place,
     printed: Printed,

@@ -37,7 +37,7 @@ import typer
 import meshdeform
 from meshdeform.cli.environment import load_settings, read_key, service_url
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
-from meshdeform.cli.options import JsonOption, Place
+from meshdeform.cli.options import DataDirOption, JsonOption, Place, option
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import MeshdeformError, install_command
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
@@ -716,12 +716,10 @@ def _workers(name: str, answer: httpx.Response) -> Finding:
 
 @clean_errors
 def doctor(
-    data_dir: Annotated[
-        Path | None, typer.Option(help="Folder of the service (MESHDEFORM_DATA_DIR; default: meshdeform-data).")
-    ] = None,
-    host: Annotated[str, typer.Option(help="Address that `serve` would listen on.")] = DEFAULT_HOST,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Port that `serve` would listen on.")] = DEFAULT_PORT,
-    timeout: Annotated[float, typer.Option(min=0.1, help="Seconds that one server may take to respond.")] = 5.0,
+    data_dir: DataDirOption = None,
+    host: Annotated[str, option("Address that `serve` would listen on.")] = DEFAULT_HOST,
+    port: Annotated[int, option("Port that `serve` would listen on.", min=1, max=65535)] = DEFAULT_PORT,
+    timeout: Annotated[float, option("Seconds that one server may take to respond.", min=0.1)] = 5.0,
     *,
     place: Place,
     as_json: JsonOption = False,

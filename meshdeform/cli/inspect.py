@@ -11,7 +11,7 @@ from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, overlaid, with_options, written
 from meshdeform.cli.local import LocalJob, read_asset
-from meshdeform.cli.options import JsonOption, SetOption, file_argument
+from meshdeform.cli.options import JsonOption, SetOption, file_argument, option
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.report_lines import orientation_line
 from meshdeform.cli.request import ALSO, make_request, merge_params
@@ -30,9 +30,7 @@ _READ = ("guidance.model", "guidance.source_noun", "guidance.prompts")
 def inspect(
     ctx: typer.Context,
     asset: Annotated[Path, file_argument("A GLB, OBJ, PLY or STL.")],
-    prompt: Annotated[
-        str, typer.Option(help="Also find the side that a job with this prompt would make the front.")
-    ] = "",
+    prompt: Annotated[str, option("Also find the side that a job with this prompt would make the front.")] = "",
     param: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -33,6 +33,8 @@ from meshdeform.cli.options import (
     SetOption,
     TimeoutOption,
     complete_states,
+    flag,
+    option,
     output_option,
 )
 from meshdeform.cli.output import ago, duration, emit, note, plain, show_progress, table
@@ -148,15 +150,13 @@ def _submitted(
 @clean_errors
 def jobs(
     state: Annotated[
-        str | None, typer.Option(help="Only jobs in this state, e.g. running.", autocompletion=complete_states)
+        str | None, option("Only jobs in this state, e.g. running.", autocompletion=complete_states)
     ] = None,
-    label: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=TEXT", help="Only jobs with this label; repeatable.")
-    ] = None,
+    label: Annotated[list[str] | None, option("Only jobs with this label; repeatable.", metavar="NAME=TEXT")] = None,
     search: Annotated[
-        str, typer.Option(metavar="WORDS", help="Only jobs whose prompt, file names or labels have these words.")
+        str, option("Only jobs whose prompt, file names or labels have these words.", metavar="WORDS")
     ] = "",
-    limit: Annotated[int, typer.Option(min=1, help="At most this many.")] = 20,
+    limit: Annotated[int, option("At most this many.", min=1)] = 20,
     *,
     place: Place,
     as_json: JsonOption = False,
@@ -383,15 +383,13 @@ def fetch(
     output: Annotated[Path | None, output_option("The folder; default: named after the job.", file_okay=False)] = None,
     name: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Only this artifact; repeatable. Default: all. morph.glb and result.stl are made if needed.",
+        option(
+            "Only this artifact; repeatable. Default: all. morph.glb and result.stl are made if needed.",
             autocompletion=_complete_names,
         ),
     ] = None,
-    step: Annotated[
-        int | None, typer.Option(min=0, help="Instead: the shape at this checkpoint, as step-N.glb.")
-    ] = None,
-    asset: Annotated[bool, typer.Option("--asset", help="Instead: the asset as it was submitted.")] = False,
+    step: Annotated[int | None, option("Instead: the shape at this checkpoint, as step-N.glb.", min=0)] = None,
+    asset: Annotated[bool, flag("--asset", "Instead: the asset as it was submitted.")] = False,
     *,
     place: Place,
     printed: Printed,
@@ -528,7 +526,7 @@ def branch(
     ctx: typer.Context,
     job_id: JobIdArgument,
     prompt: Annotated[str, typer.Argument(help='What it should become from there, e.g. "a vase".')],
-    step: Annotated[int | None, typer.Option(min=0, help="Step of the checkpoint; default: the last one.")] = None,
+    step: Annotated[int | None, option("Step of the checkpoint; default: the last one.", min=0)] = None,
     settings: SetOption = None,
     *,
     place: Place,

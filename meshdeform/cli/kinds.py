@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import io
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,11 +22,14 @@ from meshdeform.cli.options import (
     SetOption,
     file_argument,
     file_option,
+    flag,
+    option,
     output_option,
 )
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import ANCHOR, make_request, merge_params
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
+from meshdeform.support.files import zipped
 
 if TYPE_CHECKING:
     from meshdeform.runs.base import InputFile
@@ -61,7 +62,7 @@ def surface_fit(
         ),
     ] = None,
     meshes: Annotated[
-        bool, typer.Option("--meshes", help="Also write each level as a GLB, and the intrinsic triangulation.")
+        bool, flag("--meshes", "Also write each level as a GLB, and the intrinsic triangulation.")
     ] = False,
     base: Annotated[
         Path | None,
@@ -118,12 +119,8 @@ def _paths(output: Path, level: int | None) -> dict[str, Path]:
 def unfold(
     field: Annotated[Path, file_argument("The .ndf.")],
     output: Annotated[Path | None, output_option("The GLB to write. Default: FIELD.glb here.")] = None,
-    level: Annotated[
-        int, typer.Option(min=0, max=8, help="Each level has four times the faces of the one before.")
-    ] = 2,
-    intrinsic: Annotated[
-        Path | None, typer.Option(help="Also write the intrinsic Delaunay triangulation to this .npz.")
-    ] = None,
+    level: Annotated[int, option("Each level has four times the faces of the one before.", min=0, max=8)] = 2,
+    intrinsic: Annotated[Path | None, option("Also write the intrinsic Delaunay triangulation to this .npz.")] = None,
     force: ForceOption = False,
 ) -> None:
     """Unfold FIELD, a file that surface-fit wrote, into a mesh.
@@ -203,9 +200,7 @@ def family_synthesize(
             exists=True,
         ),
     ] = None,
-    member: Annotated[
-        list[str] | None, typer.Option(help="A member: two for interpolate, one for complete and search.")
-    ] = None,
+    member: Annotated[list[str] | None, option("A member: two for interpolate, one for complete and search.")] = None,
     output: Annotated[Path | None, output_option("The folder to write. Default: NAME-shapes.")] = None,
     param: SetOption = None,
     *,
@@ -250,38 +245,33 @@ def _part(collection: Path, labels: Path | None = None) -> InputFile:
 
 def packed(path: Path, most: int, labels: Path | None = None) -> bytes:
     """Return the ZIP of a folder, or the given one, with the labels; refuse none, or too many bytes, as AssetError."""
-    if path.is_file() and labels is None:
-        return path.read_bytes()
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        if path.is_dir():
-            chosen = sorted(each for each in path.rglob("*") if each.suffix.lower() in _ENDINGS and each.is_file())
-            if not chosen:
-                raise AssetEmptyError(
-                    f"The folder {path} holds no asset.", advice="Give a folder with 10 to 3,000 GLB, OBJ, PLY or STL."
-                )
-            total = sum(each.stat().st_size for each in chosen)
-            if total > most:
-                raise AssetError(f"The assets have {total} bytes; the limit is {most} (MESHDEFORM_MAX_UPLOAD_BYTES).")
-            for each in chosen:
-                archive.writestr(zipfile.ZipInfo(each.relative_to(path).as_posix()), each.read_bytes())
-            beside = path / "labels.json"
-            labels = labels or (beside if beside.is_file() else None)
-        else:
-            for name, data in _unpacked(path, most).items():
-                archive.writestr(zipfile.ZipInfo(name), data)
-        if labels is not None:
-            archive.writestr(zipfile.ZipInfo("labels.json"), labels.read_bytes())
-    return buffer.getvalue()
-
-
-def _unpacked(path: Path, most: int) -> dict[str, bytes]:
-    """Return the files of a ZIP but its labels, with the checks that the job makes."""
     from meshdeform.assets.collection import LABELS_FILE, unpacked
     from meshdeform.assets.limits import Limits
 
-    files = unpacked(path.read_bytes(), dataclasses.replace(Limits(), max_bytes=most))
-    return {name: data for name, data in files.items() if name != LABELS_FILE}
+    if path.is_file() and labels is None:
+        return path.read_bytes()
+    if path.is_dir():
+        files = _files_in(path, most)
+        beside = path / LABELS_FILE
+        labels = labels or (beside if beside.is_file() else None)
+    else:  # with the checks that the job makes
+        files = unpacked(path.read_bytes(), dataclasses.replace(Limits(), max_bytes=most))
+    if labels is not None:
+        files[LABELS_FILE] = labels.read_bytes()
+    return zipped(files)
+
+
+def _files_in(folder: Path, most: int) -> dict[str, bytes]:
+    """Return the assets in a folder by their names in it."""
+    paths = sorted(each for each in folder.rglob("*") if each.suffix.lower() in _ENDINGS and each.is_file())
+    if not paths:
+        raise AssetEmptyError(
+            f"The folder {folder} holds no asset.", advice="Give a folder with 10 to 3,000 GLB, OBJ, PLY or STL."
+        )
+    total = sum(each.stat().st_size for each in paths)
+    if total > most:
+        raise AssetError(f"The assets have {total} bytes; the limit is {most} (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    return {each.relative_to(folder).as_posix(): each.read_bytes() for each in paths}
 
 
 def _sources(family: Path, collection: Path | None) -> tuple[Path, Path]:
@@ -316,10 +306,8 @@ def teach(
     output: Annotated[
         Path | None, output_option("The file of weights, default: NOUN.safetensors; with --url a folder.")
     ] = None,
-    synonym: Annotated[list[str] | None, typer.Option(help="Another name of the same thing; repeatable.")] = None,
-    front: Annotated[
-        float, typer.Option(min=-360, max=360, help="Azimuth of the front of the meshes: 0 is +Z, 90 is +X.")
-    ] = 0.0,
+    synonym: Annotated[list[str] | None, option("Another name of the same thing; repeatable.")] = None,
+    front: Annotated[float, option("Azimuth of the front of the meshes: 0 is +Z, 90 is +X.", min=-360, max=360)] = 0.0,
     family: Annotated[
         Path | None,
         file_option("The family.safetensors that family-fit found in the meshes: members are new shapes of it."),

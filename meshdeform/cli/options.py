@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MAX_STRENGTH",
+    "DataDirOption",
     "ForceOption",
     "Here",
     "JobIdArgument",
@@ -33,6 +34,8 @@ __all__ = [
     "complete_states",
     "file_argument",
     "file_option",
+    "flag",
+    "option",
     "output_option",
 ]
 
@@ -81,9 +84,19 @@ def output_option(text: str, **more: Any) -> Any:
     return typer.Option("-o", "--output", help=text, **more)
 
 
+def option(text: str, panel: str | None = None, **more: Any) -> Any:
+    """Return an option by its help and the panel of the command's help that shows it."""
+    return typer.Option(help=text, rich_help_panel=panel, **more)
+
+
+def flag(name: str, text: str, panel: str | None = None) -> Any:
+    """Return an option without a value, which is off unless it is given."""
+    return typer.Option(name, help=text, rich_help_panel=panel)
+
+
 def file_option(text: str, panel: str | None = None) -> Any:
     """Return an option that is a file that exists."""
-    return typer.Option(help=text, exists=True, dir_okay=False, rich_help_panel=panel)
+    return option(text, panel, exists=True, dir_okay=False)
 
 
 def file_argument(text: str) -> Any:
@@ -91,9 +104,9 @@ def file_argument(text: str) -> Any:
     return typer.Argument(help=text, exists=True, dir_okay=False)
 
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and errors as JSON on standard error.")]
+JsonOption = Annotated[bool, flag("--json", "Print JSON, and errors as JSON on standard error.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite files, whoever wrote them.")]
+ForceOption = Annotated[bool, flag("--force", "Overwrite files, whoever wrote them.")]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -105,9 +118,8 @@ SetOption = Annotated[
         rich_help_panel="Method",
     ),
 ]
-TimeoutOption = Annotated[
-    float | None, typer.Option(min=0.0, help="Wait at most this many seconds.", rich_help_panel=_SERVICE)
-]
+TimeoutOption = Annotated[float | None, option("Wait at most this many seconds.", _SERVICE, min=0.0)]
+DataDirOption = Annotated[Path | None, option("Folder of the service (MESHDEFORM_DATA_DIR; default: meshdeform-data).")]
 JobIdArgument = Annotated[str, typer.Argument(metavar="ID", help="The job: job_...", autocompletion=complete_job_ids)]
 JobIdsArgument = Annotated[
     list[str], typer.Argument(metavar="ID...", help="The jobs: job_...", autocompletion=complete_job_ids)
@@ -133,30 +145,24 @@ class Place:
 
     url: Annotated[
         str | None,
-        typer.Option(
-            envvar="MESHDEFORM_URL",
-            metavar="URL",
-            help="Address of the service; default: http://127.0.0.1:8765.",
-            rich_help_panel=_SERVICE,
+        option(
+            "Address of the service; default: http://127.0.0.1:8765.", _SERVICE, envvar="MESHDEFORM_URL", metavar="URL"
         ),
     ] = None
     api_key: Annotated[
         str | None,
-        typer.Option(
+        option(
+            "API key, if the service requires one. Other users of this machine can read it here: "
+            "prefer the variable or a file.",
+            _SERVICE,
             envvar="MESHDEFORM_API_KEY",
             # Otherwise --help would print the key of whoever has set the variable.
             show_default=False,
             show_envvar=True,
             metavar="KEY",
-            help="API key, if the service requires one. Other users of this machine can read it here: "
-            "prefer the variable or a file.",
-            rich_help_panel=_SERVICE,
         ),
     ] = None
-    api_key_file: Annotated[
-        Path | None,
-        typer.Option(exists=True, dir_okay=False, help="A file with the API key.", rich_help_panel=_SERVICE),
-    ] = None
+    api_key_file: Annotated[Path | None, file_option("A file with the API key.", _SERVICE)] = None
 
     def connect(self) -> Client:
         """Return a client of the service, which the caller closes; nothing is sent yet."""
@@ -170,16 +176,9 @@ class JobPlace(Place):
     # Without the variable: the address alone decides where the job runs.
     url: Annotated[
         str | None,
-        typer.Option(
-            metavar="URL",
-            help="Run the job on this service: submit it, follow it, and save its artifacts.",
-            rich_help_panel=_SERVICE,
-        ),
+        option("Run the job on this service: submit it, follow it, and save its artifacts.", _SERVICE, metavar="URL"),
     ] = None
-    detach: Annotated[
-        bool,
-        typer.Option("--detach", help="Print the id of the job, and do not wait for it.", rich_help_panel=_SERVICE),
-    ] = False
+    detach: Annotated[bool, flag("--detach", "Print the id of the job, and do not wait for it.", _SERVICE)] = False
     timeout: TimeoutOption = None
 
     def written(self) -> dict[str, Any]:
@@ -191,26 +190,16 @@ class JobPlace(Place):
 class Here:
     """How a job runs on this machine."""
 
-    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None
-    threads: Annotated[int | None, typer.Option(min=0, help="CPU threads; 0: all cores.")] = None
+    device: Annotated[str | None, option("auto, cpu, cuda or cuda:N.")] = None
+    threads: Annotated[int | None, option("CPU threads; 0: all cores.", min=0)] = None
     checkpoint: Annotated[
         Path | None,
-        typer.Option(
-            help="Save the state to this file regularly and at Ctrl-C.",
-            dir_okay=False,
-            rich_help_panel="Interrupt and resume",
-        ),
+        option("Save the state to this file regularly and at Ctrl-C.", "Interrupt and resume", dir_okay=False),
     ] = None
     resume: Annotated[
-        Path | None,
-        typer.Option(
-            help="Continue from a file that --checkpoint wrote.",
-            exists=True,
-            dir_okay=False,
-            rich_help_panel="Interrupt and resume",
-        ),
+        Path | None, file_option("Continue from a file that --checkpoint wrote.", "Interrupt and resume")
     ] = None
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that no earlier run wrote.")] = False
+    force: Annotated[bool, flag("--force", "Overwrite files that no earlier run wrote.")] = False
 
     def written(self) -> dict[str, Any]:
         """Return the options that are only for this machine."""

@@ -60,10 +60,10 @@ def split_pairs(pairs: Sequence[str], option: str, form: str = "NAME=VALUE") -> 
         yield name.strip(), value
 
 
-def make_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
+def make_settings(pairs: Sequence[str]) -> dict[str, Any]:
     """Parse parameters written as NAME=VALUE, or GROUP.NAME=VALUE; a value that is not JSON is text."""
     parameters: dict[str, Any] = {}
-    for name, value in split_pairs(pairs, option):
+    for name, value in split_pairs(pairs, "--set"):
         try:
             read = json.loads(value)
         except ValueError:
@@ -117,11 +117,10 @@ def make_request(
     *,
     output: Mapping[str, Any] | None = None,
     more: Mapping[str, Any] | None = None,
-    place: str = "The request",
 ) -> JobRequest:
     """Build and validate a request; parameters that are None count as left out.
 
-    `more` are further members of the document, such as `priority`; `place` is the request's name in the ParameterError.
+    `more` are further members of the document, such as `priority`.
     """
     from pydantic import ValidationError
 
@@ -146,7 +145,7 @@ def make_request(
         ]
         sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in found]
         raise ParameterError(
-            f"{place} is not valid: {'; '.join(sentences)}.",
+            f"The request is not valid: {'; '.join(sentences)}.",
             advice="docs/parameters.md has every parameter with its bounds, docs/http.md those of other kinds.",
             errors=found,
         ) from error

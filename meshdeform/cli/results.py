@@ -13,7 +13,16 @@ from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_request, with_options, written
 from meshdeform.cli.local import check_free, read_asset, write_all
-from meshdeform.cli.options import MAX_STRENGTH, ForceOption, JsonOption, file_argument, file_option, output_option
+from meshdeform.cli.options import (
+    MAX_STRENGTH,
+    ForceOption,
+    JsonOption,
+    file_argument,
+    file_option,
+    flag,
+    option,
+    output_option,
+)
 from meshdeform.cli.output import emit, plain
 from meshdeform.cli.request import make_request
 from meshdeform.errors import ParameterError
@@ -39,14 +48,14 @@ def apply(
     ctx: typer.Context,
     result: Annotated[Path, file_argument("The deformed GLB.")],
     strength: Annotated[
-        float, typer.Option(help="0: the source; 1: the result; more: exaggerated.", min=0.0, max=MAX_STRENGTH)
+        float, option("0: the source; 1: the result; more: exaggerated.", min=0.0, max=MAX_STRENGTH)
     ] = 1.0,
     source: Annotated[
         Path | None, file_option("The asset that was deformed. Default: the one that the report beside RESULT names.")
     ] = None,
     output: Annotated[Path | None, output_option("The GLB to write. Default: RESULT-60.glb.")] = None,
-    morph: Annotated[bool, typer.Option("--morph", help="Instead: the whole way, as an animation.")] = False,
-    compact: Annotated[bool, typer.Option("--compact", help="Drop data that the new shape made unused.")] = False,
+    morph: Annotated[bool, flag("--morph", "Instead: the whole way, as an animation.")] = False,
+    compact: Annotated[bool, flag("--compact", "Drop data that the new shape made unused.")] = False,
     force: ForceOption = False,
 ) -> None:
     """Write RESULT at another strength, or its morph. Needs the asset that was deformed, and no new run.
@@ -181,10 +190,8 @@ def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Se
 def convert(
     asset: Annotated[Path, file_argument("A GLB; or a glTF, OBJ, PLY, STL or ZIP.")],
     output: Annotated[Path, output_option("The file to write; its ending says the format: .glb or .stl.")],
-    up: Annotated[Literal["y", "z"], typer.Option(help="Of an STL: the axis that points up. Slicers expect z.")] = "y",
-    unit: Annotated[
-        Literal["m", "cm", "mm"], typer.Option(help="Of an STL: the unit of lengths. Slicers expect mm.")
-    ] = "m",
+    up: Annotated[Literal["y", "z"], option("Of an STL: the axis that points up. Slicers expect z.")] = "y",
+    unit: Annotated[Literal["m", "cm", "mm"], option("Of an STL: the unit of lengths. Slicers expect mm.")] = "m",
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:

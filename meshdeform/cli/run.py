@@ -13,7 +13,7 @@ from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
 from meshdeform.cli.jobs import refuse_other_place, run_on_service
 from meshdeform.cli.local import check_glb, run_here, write_all
-from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, output_option
+from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, option, output_option
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import DEFORMATION, make_request, merge_params, parse_files, parse_labels, parse_pictures
 from meshdeform.cli.results import check_animation, drawn_animation
@@ -26,7 +26,7 @@ _LOCAL = {JobKind.SURFACE_FIT: "surface-fit", JobKind.PRIOR_TEACH: "teach"}
 
 
 def _file(text: str) -> Any:
-    return typer.Option(help=text, rich_help_panel=_OUTPUTS, dir_okay=False)
+    return option(text, _OUTPUTS, dir_okay=False)
 
 
 @clean_errors
@@ -50,27 +50,21 @@ def run(
     target: Annotated[Path | None, file_option("A mesh to deform towards, instead of a prompt.", "Method")] = None,
     silhouette: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="FILE@AZIMUTH",
-            help="A picture whose silhouette the result should have, seen from an azimuth in degrees: 0 from +Z, 90 "
+        option(
+            "A picture whose silhouette the result should have, seen from an azimuth in degrees: 0 from +Z, 90 "
             "from +X; a mask, or an object in front of a plain background; up to four. With a prompt, both guide.",
-            rich_help_panel="Method",
+            "Method",
+            metavar="FILE@AZIMUTH",
         ),
     ] = None,
     param: SetOption = None,
     file: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PART=FILE", help="A further file that jobs of --kind read; repeatable.", rich_help_panel="Service"
-        ),
+        list[str] | None, option("A further file that jobs of --kind read; repeatable.", "Service", metavar="PART=FILE")
     ] = None,
     label: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=TEXT", help="A label of the job; repeatable.", rich_help_panel="Service"),
+        list[str] | None, option("A label of the job; repeatable.", "Service", metavar="NAME=TEXT")
     ] = None,
-    idempotency_key: Annotated[
-        str | None, typer.Option(help="The same key within a day returns the same job.", rich_help_panel="Service")
-    ] = None,
+    idempotency_key: Annotated[str | None, option("The same key within a day returns the same job.", "Service")] = None,
     *,
     here: Here,
     place: JobPlace,

@@ -15,7 +15,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, read_key, require, service_url
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import JsonOption, Place
+from meshdeform.cli.options import DataDirOption, JsonOption, Place, flag, option
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import ParameterError
 from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["api", "keys", "mcp", "serve", "worker"]
 
-_HostOption = Annotated[str, typer.Option(help="Address to listen on.")]
-_PortOption = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
+_HostOption = Annotated[str, option("Address to listen on.")]
+_PortOption = Annotated[int, option("Port to listen on; 0 takes a free one.", min=0, max=65535)]
 _NoAuthOption = Annotated[
-    bool, typer.Option("--no-auth", help="Require no API key, whoever can reach the address (MESHDEFORM_AUTH=off).")
+    bool, flag("--no-auth", "Require no API key, whoever can reach the address (MESHDEFORM_AUTH=off).")
 ]
 
 
@@ -37,17 +37,12 @@ _NoAuthOption = Annotated[
 def serve(
     host: _HostOption = DEFAULT_HOST,
     port: _PortOption = DEFAULT_PORT,
-    data_dir: Annotated[
-        Path | None,
-        typer.Option(help="Folder for all stored data (MESHDEFORM_DATA_DIR; default: meshdeform-data)."),
-    ] = None,
-    model: Annotated[str | None, typer.Option(help="Diffusion model for jobs that name none.")] = None,
-    device: Annotated[str | None, typer.Option(help="auto, cpu, cuda or cuda:N.")] = None,
-    threads: Annotated[int | None, typer.Option(min=0, help="CPU threads of the worker; 0: all cores.")] = None,
+    data_dir: DataDirOption = None,
+    model: Annotated[str | None, option("Diffusion model for jobs that name none.")] = None,
+    device: Annotated[str | None, option("auto, cpu, cuda or cuda:N.")] = None,
+    threads: Annotated[int | None, option("CPU threads of the worker; 0: all cores.", min=0)] = None,
     no_auth: _NoAuthOption = False,
-    open_page: Annotated[
-        bool, typer.Option("--open", help="Open the web page in the browser when it is ready.")
-    ] = False,
+    open_page: Annotated[bool, flag("--open", "Open the web page in the browser when it is ready.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Run the whole service: API, worker and queue.
@@ -90,7 +85,7 @@ def api(
     host: _HostOption = DEFAULT_HOST,
     port: _PortOption = DEFAULT_PORT,
     access_log: Annotated[
-        bool | None, typer.Option(help="Log every request; the default if MESHDEFORM_LOG_FORMAT is json.")
+        bool | None, option("Log every request; the default if MESHDEFORM_LOG_FORMAT is json.")
     ] = None,
     no_auth: _NoAuthOption = False,
     as_json: JsonOption = False,
@@ -182,32 +177,25 @@ def _require_redis() -> None:
 
 keys = typer.Typer(help="Create, list and revoke the API keys of a service.", no_args_is_help=True)
 
-_KeysFolderOption = Annotated[
-    Path | None, typer.Option(help="Folder of the service (MESHDEFORM_DATA_DIR; default: meshdeform-data).")
-]
-
 
 @keys.command()
 @clean_errors
 def create(
     owner: Annotated[
         str,
-        typer.Option(
-            help="Whose jobs the key sees and creates: lower-case letters, digits, - and _. Keys may share an owner."
-        ),
+        option("Whose jobs the key sees and creates: lower-case letters, digits, - and _. Keys may share an owner."),
     ],
-    name: Annotated[str, typer.Option(help="A note on what the key is for.")] = "",
+    name: Annotated[str, option("A note on what the key is for.")] = "",
     requests_per_minute: Annotated[
-        int | None,
-        typer.Option(min=0, help="Requests per minute; 0: no limit. Default: MESHDEFORM_REQUESTS_PER_MINUTE."),
+        int | None, option("Requests per minute; 0: no limit. Default: MESHDEFORM_REQUESTS_PER_MINUTE.", min=0)
     ] = None,
     max_active_jobs: Annotated[
-        int | None, typer.Option(min=0, help="Unfinished jobs; 0: no limit. Default: MESHDEFORM_MAX_ACTIVE_JOBS.")
+        int | None, option("Unfinished jobs; 0: no limit. Default: MESHDEFORM_MAX_ACTIVE_JOBS.", min=0)
     ] = None,
     max_priority: Annotated[
-        int | None, typer.Option(min=-100, max=100, help="Highest priority of jobs. Default: MESHDEFORM_MAX_PRIORITY.")
+        int | None, option("Highest priority of jobs. Default: MESHDEFORM_MAX_PRIORITY.", min=-100, max=100)
     ] = None,
-    data_dir: _KeysFolderOption = None,
+    data_dir: DataDirOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Create a key and print it, once."""
@@ -226,8 +214,8 @@ def create(
 @keys.command(name="list")
 @clean_errors
 def list_(
-    owner: Annotated[str | None, typer.Option(help="Only keys of this owner.")] = None,
-    data_dir: _KeysFolderOption = None,
+    owner: Annotated[str | None, option("Only keys of this owner.")] = None,
+    data_dir: DataDirOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """List all keys, oldest first; their secrets are not stored."""
@@ -246,7 +234,7 @@ def list_(
 @clean_errors
 def revoke(
     key_id: Annotated[str, typer.Argument(metavar="ID", help="The id of the key, as `list` prints it: mdk_...")],
-    data_dir: _KeysFolderOption = None,
+    data_dir: DataDirOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Revoke a key permanently. Running services refuse it within 5 seconds."""
@@ -281,21 +269,20 @@ def _document(key: ApiKey) -> dict[str, Any]:
 def mcp(
     folder: Annotated[
         list[Path] | None,
-        typer.Option(
-            help="A folder in which tools may read assets and write results; repeatable. Default: the current folder.",
+        option(
+            "A folder in which tools may read assets and write results; repeatable. Default: the current folder.",
             exists=True,
             file_okay=False,
         ),
     ] = None,
     http: Annotated[
-        bool,
-        typer.Option("--http", help="Serve streamable HTTP at /mcp in place of standard input and output."),
+        bool, flag("--http", "Serve streamable HTTP at /mcp in place of standard input and output.")
     ] = False,
-    host: Annotated[str, typer.Option(help="With --http: address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="With --http: port; 0 takes a free one.")] = 8766,
+    host: Annotated[str, option("With --http: address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, option("With --http: port; 0 takes a free one.", min=0, max=65535)] = 8766,
     allowed_host: Annotated[
         list[str] | None,
-        typer.Option(help="With --http: a host name by which agents reach this server, with its port; repeatable."),
+        option("With --http: a host name by which agents reach this server, with its port; repeatable."),
     ] = None,
     *,
     place: Place,

@@ -11,7 +11,7 @@ import typer
 from meshdeform.cli.environment import require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, check_glb, write_all
-from meshdeform.cli.options import ForceOption, JsonOption, file_argument, output_option
+from meshdeform.cli.options import ForceOption, JsonOption, file_argument, flag, option, output_option
 from meshdeform.cli.output import emit
 from meshdeform.cli.request import split_pairs
 from meshdeform.errors import ParameterError
@@ -28,15 +28,11 @@ def sketch(
         Path | None, file_argument("The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.")
     ] = None,
     output: Annotated[Path | None, output_option("The GLB of the first guess. Default: DRAWING.glb here.")] = None,
-    family: Annotated[
-        str, typer.Option(help="What the drawing shows, such as chair: no other family is considered.")
-    ] = "",
+    family: Annotated[str, option("What the drawing shows, such as chair: no other family is considered.")] = "",
     change: Annotated[
-        list[str] | None, typer.Option("--set", help="A parameter of the first guess as NAME=VALUE; may be repeated.")
+        list[str] | None, flag("--set", "A parameter of the first guess as NAME=VALUE; may be repeated.")
     ] = None,
-    parameters: Annotated[
-        bool, typer.Option("--parameters", help="List the families with their parameters, and end.")
-    ] = False,
+    parameters: Annotated[bool, flag("--parameters", "List the families with their parameters, and end.")] = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:

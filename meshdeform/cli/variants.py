@@ -19,6 +19,7 @@ from meshdeform.cli.options import (
     SetOption,
     file_argument,
     file_option,
+    option,
     output_option,
 )
 from meshdeform.cli.output import note, show_progress
@@ -42,8 +43,8 @@ def variants(
     ctx: typer.Context,
     asset: Annotated[Path, file_argument("The GLB, OBJ, PLY, STL or ZIP.")],
     prompt: Annotated[str, typer.Argument(help='What the asset should become, e.g. "a mushroom".')] = "",
-    seeds: Annotated[str, typer.Option(help="Seeds, separated by commas: a run for each.")] = "0,1,2",
-    strengths: Annotated[str, typer.Option(help="Strengths, separated by commas.")] = "0.5,1,1.5",
+    seeds: Annotated[str, option("Seeds, separated by commas: a run for each.")] = "0,1,2",
+    strengths: Annotated[str, option("Strengths, separated by commas.")] = "0.5,1,1.5",
     output: Annotated[Path, output_option("The folder for the results and the sheet.", file_okay=False)] = Path(
         "variants"
     ),

@@ -8,13 +8,13 @@ import io
 import os
 import shutil
 import tempfile
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, cast
 
 from meshdeform.client.documents import UploadView
+from meshdeform.support.files import zipped
 
 __all__ = ["AssetLike", "LocalFile", "Meshes", "open_source", "packed_meshes"]
 
@@ -114,12 +114,7 @@ def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
             files[name] = file
     if not files:
         raise ValueError("There is no mesh to learn from: give GLB, OBJ, PLY or STL files, or folders with some.")
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, file in files.items():
-            # A fixed time of change, so that the same meshes are the same file.
-            archive.writestr(zipfile.ZipInfo(name), file.read_bytes(), zipfile.ZIP_DEFLATED)
-    return made.getvalue(), "meshes.zip"
+    return zipped({name: file.read_bytes() for name, file in files.items()}), "meshes.zip"
 
 
 def _meshes_in(path: Path) -> list[tuple[str, Path]]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
+import zipfile
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-__all__ = ["artifact_name", "result_name", "slug", "write_files"]
+__all__ = ["artifact_name", "result_name", "slug", "write_files", "zipped"]
 
 
 _MAX_LENGTH = 48
@@ -47,6 +49,15 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
         written = {path: _write_beside(path, data, cleanup) for path, data in contents.items()}
         for path, temporary in written.items():
             temporary.replace(path)
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """Return a ZIP of files by name, compressed; their time of change is fixed, so the same files are the same ZIP."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
+    return packed.getvalue()
 
 
 def _write_beside(path: Path, data: bytes, cleanup: ExitStack) -> Path:

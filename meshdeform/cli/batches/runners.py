@@ -65,8 +65,11 @@ class RowOutcome:
     error: dict[str, Any] | None = None
 
 
-def _failed(start: float, code: str, detail: str, advice: str) -> RowOutcome:
-    error = {"code": code, "detail": detail, "advice": advice}
+def _error(code: str, detail: str, advice: str) -> dict[str, str]:
+    return {"code": code, "detail": detail, "advice": advice}
+
+
+def _failed(start: float, error: dict[str, str]) -> RowOutcome:
     return RowOutcome("failed", round(time.monotonic() - start, 3), error=error)
 
 
@@ -100,13 +103,14 @@ class LocalRunner:
         process = self._process()
         answer = process.ask(self._order(row), progress)
         if answer is None:
-            return _failed(start, "worker_lost", process.exit_message(), "The machine may be out of memory.")
+            error = _error("worker_lost", process.exit_message(), "The machine may be out of memory.")
+            return _failed(start, error)
         self._idle.put(process)
         if answer["event"] == "failed":
             error = answer["error"]
             if error["code"] == UnavailableError.code:  # no result can be written: the next row would fail as well
                 raise UnavailableError(error["detail"], advice=error["advice"])
-            return _failed(start, **error)
+            return _failed(start, error)
         return RowOutcome("succeeded", answer["elapsed_s"], files=answer["files"], losses=answer["losses"])
 
     def close(self) -> None:
@@ -218,7 +222,7 @@ class ServiceRunner:
             return self._outcome(row, job, start)
         except (AssetError, RequestError, ModelError, NotFoundError, ConflictError) as error:
             # Refused by the service, or deleted meanwhile; other rows can go on.
-            return _failed(start, error.code, error.detail, error.advice_text)
+            return _failed(start, _error(error.code, error.detail, error.advice_text))
 
     def close(self) -> None:
         """Close the connections; jobs continue, and the same command finds them again."""
@@ -263,7 +267,7 @@ class ServiceRunner:
     def _outcome(self, row: Row, job: JobView, start: float) -> RowOutcome:
         seconds = time.monotonic() - start
         if (failure := outcome_failure(job)) is not None:
-            error = {"code": failure.name, "detail": failure.detail, "advice": failure.advice}
+            error = _error(failure.name, failure.detail, failure.advice)
             return RowOutcome(job.state.value, round(seconds, 3), job.id, error=error)
         saved = save_artifacts(self._client, job.id, self._folder / row.name)
         seconds = time.monotonic() - start
@@ -312,10 +316,6 @@ def _read(orders: queue.SimpleQueue[dict[str, Any]]) -> None:
         orders.put(json.loads(line))
     # The parent has ended, perhaps during a row, and nothing can record a result.
     os._exit(0)
-
-
-def _error(code: str, detail: str, advice: str) -> dict[str, str]:
-    return {"code": code, "detail": detail, "advice": advice}
 
 
 def _do(order: dict[str, Any], ticks: _Ticks) -> dict[str, Any]:

@@ -81,9 +81,9 @@ class AsyncConnection:
                     raise error
             await pause((busy if isinstance(error, IdempotencyBusyError) else patience).pause(error))
 
-    async def document(self, model: type[M], call: Call, patience: Patience | None = None) -> M:
+    async def document(self, model: type[M], call: Call) -> M:
         """Send a request, with retries, and return the document of the response; errors are those of `answered`."""
-        answer = await self.answered(call, patience)
+        answer = await self.answered(call)
         return read(model, answer.json(), answer.url)
 
 

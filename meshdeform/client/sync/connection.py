@@ -81,9 +81,9 @@ class Connection:
                     raise error
             pause((busy if isinstance(error, IdempotencyBusyError) else patience).pause(error))
 
-    def document(self, model: type[M], call: Call, patience: Patience | None = None) -> M:
+    def document(self, model: type[M], call: Call) -> M:
         """Send a request, with retries, and return the document of the response; errors are those of `answered`."""
-        answer = self.answered(call, patience)
+        answer = self.answered(call)
         return read(model, answer.json(), answer.url)
 
 
