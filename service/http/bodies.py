@@ -24,8 +24,7 @@ from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MIN_
 from meshdeform.errors import AssetTooLargeError, PromptError, RequestError, RequestTimeoutError
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from meshdeform.runs import file_parts
-from service.http.errors import parameter_error
-from service.http.wording import in_plain_words
+from service.http.errors import in_plain_words, parameter_error
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks

@@ -43,8 +43,7 @@ from service.http.queries import KNOWN_QUERY
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.fetching import take_along
-from service.jobs.intake import accept_job, validate
-from service.jobs.orienting import orient
+from service.jobs.intake import accept_job, orient, validate
 from service.jobs.routes import shown
 from service.jobs.sources import Submission, file_advice, missing_files
 from service.schemas import FoundOrientation, Validation
