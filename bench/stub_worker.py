@@ -32,11 +32,10 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.fake_kind import FakeKind
 from worker.__main__ import main as supervise
-from worker.context import WorkerContext
+from worker.attempt import JobRunner, WorkerContext
 from worker.health import new_worker_id
 from worker.process import Engine, InProcessWorker
 from worker.process import main as work
-from worker.runner import JobRunner
 
 STAMP = "ended_at"
 """The loss that holds the time of a step's end, in seconds since 1970."""

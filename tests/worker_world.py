@@ -22,8 +22,7 @@ from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.fake_kind import FakeKind
-from worker.context import WorkerContext
-from worker.runner import JobRunner
+from worker.attempt import JobRunner, WorkerContext
 
 __all__ = ["EVERY", "STEPS", "World", "away", "fail_for_a_while", "new_world", "working"]
 

@@ -1,33 +1,77 @@
-"""Run one attempt at a job, from the claim to its end: start, steps with checkpoints, results."""
+"""Run one attempt at a job, from the claim to exactly one of: succeeded, failed, canceled, handed back, or lost."""
 
 from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits
-from meshdeform.errors import CheckpointError, MeshdeformError, StaleAttemptError, UnavailableError
-from meshdeform.record.models import Artifact, Job, JobError, OriginMode, StoredFile
-from meshdeform.runs.base import InputFile, JobRun, RunInput
+from meshdeform.errors import CheckpointError, MeshdeformError, NotFoundError, StaleAttemptError, UnavailableError
+from meshdeform.record.leases import WorkerIdentity
+from meshdeform.record.models import Artifact, Job, JobError, JobState, OriginMode, StoredFile
+from meshdeform.record.repository import JobRecord
+from meshdeform.runs.base import InputFile, JobRun, RunInput, StartRun
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
-from meshdeform.support.telemetry import span
-from worker.context import WorkerContext
-from worker.outputs import CheckpointStore, Retry, store_results
-from worker.watch import JobWatch
+from meshdeform.support.telemetry import bound, span
+from worker.health import Pulse
+from worker.outputs import RETRY_FOR_S, CheckpointStore, Retry, store_results
+from worker.watch import CancelListener, JobWatch
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["Attempt", "Ended", "Outcome", "is_out_of_memory"]
+__all__ = ["Attempt", "Ended", "JobRunner", "Outcome", "WorkerContext", "is_out_of_memory"]
 
 _log = logging.getLogger(__name__)
 
 _OUT_OF_MEMORY = "OutOfMemoryError"
 # Messages of CUDA and its libraries for which torch has no exception class.
 _OUT_OF_MEMORY_WORDS = ("CUDA error: out of memory", "CUBLAS_STATUS_ALLOC_FAILED", "CUDNN_STATUS_ALLOC_FAILED")
+
+
+@dataclass(frozen=True)
+class WorkerContext:
+    """The settings, the record, the store, and the functions that start a run.
+
+    Attributes
+    ----------
+    listen : callable
+        Opens a listener for the cancellation of a job.
+    start : StartRun
+        Starts a run of any kind: `meshdeform.runs.start_run`, which imports the kind's dependencies.
+    load_prior : callable
+        Returns the prior of a model and keeps it between jobs.
+    stopping : callable
+        Returns True once this process is stopping: the job is then handed back after its current step.
+    worker : WorkerIdentity
+        The holder of this process's leases.
+    renew : callable
+        Ends this process after the job because its device ran out of memory; its successor has a clean context.
+    pulse : Pulse
+        Shows the supervisor that the worker makes progress.
+    retry_for_s : float
+        Maximum seconds of an outage of the store or the record before the job is left to another attempt.
+    """
+
+    settings: Settings
+    record: JobRecord
+    store: ObjectStore
+    listen: Callable[[str], AbstractContextManager[CancelListener]]
+    start: StartRun
+    load_prior: Callable[[str], Prior]
+    device: str
+    stopping: Callable[[], bool]
+    worker: WorkerIdentity
+    renew: Callable[[], None]
+    pulse: Pulse = field(default_factory=Pulse)
+    retry_for_s: float = RETRY_FOR_S
 
 
 class Outcome(Enum):
@@ -38,6 +82,13 @@ class Outcome(Enum):
     CANCELED = auto()
     HANDED_BACK = auto()
     OUT_OF_MEMORY = auto()
+
+
+_TERMINAL = {
+    Outcome.SUCCEEDED: JobState.SUCCEEDED,
+    Outcome.FAILED: JobState.FAILED,
+    Outcome.CANCELED: JobState.CANCELED,
+}
 
 
 @dataclass(frozen=True)
@@ -252,6 +303,98 @@ class Attempt:
     ) -> Ended:
         step_s = self._steps_s / self._steps if self._steps else None
         return Ended(outcome, results or [], error, step_s)
+
+
+@dataclass(frozen=True)
+class JobRunner:
+    """Runs jobs, one at a time, for the lifetime of its process."""
+
+    at: WorkerContext
+
+    def run(self, job_id: str) -> None:
+        """Run the next job, which need not be `job_id`: that is only the job for which the message was sent.
+
+        Errors of the job are recorded and not raised. If the record or the store does not answer for too long, the job
+        returns to the queue, or stays claimed until its lease expires if even that cannot be written.
+        `UnavailableError`: the record does not answer, so nothing is claimed.
+        """
+        failpoint("worker.told")
+        self.at.pulse.beat()
+        try:
+            job = self.at.record.leases.claim_next(self.at.worker.id, self.at.settings.lease_s)
+            if job is None:
+                _log.info("message for job %s, but no job is queued (a duplicate, or another worker has it)", job_id)
+                return
+            with bound(job_id=job.id, request_id=job.request_id or ""), _traced(job):
+                if job.id != job_id:
+                    _log.info("message for job %s; job %s comes first", job_id, job.id)
+                self._claimed(job)
+        finally:
+            self.at.pulse.rest()
+
+    def _claimed(self, job: Job) -> None:
+        _log.info("job %s: attempt %d", job.id, job.attempt)
+        failpoint("worker.claimed")
+        try:
+            ended = self._attempt(job)
+            # The watch has ended, so that nothing is written after this.
+            self._record(job, ended)
+        except (StaleAttemptError, NotFoundError):
+            _log.warning("job %s: attempt %d has lost its lease and stops", job.id, job.attempt)
+        except UnavailableError as error:
+            _log.error("job %s: attempt %d leaves the job to another one: %s", job.id, job.attempt, error.detail)
+            self._leave(job)
+        else:
+            failpoint("worker.ended")
+            _log.info("job %s: attempt %d %s", job.id, job.attempt, ended.outcome.name.lower())
+
+    def _attempt(self, job: Job) -> Ended:
+        at = self.at
+        with JobWatch(at.record.leases, at.worker, job, lambda: at.listen(job.id), at.settings.lease_s) as watch:
+            ended = Attempt(at, job, watch).run()
+            if watch.lost:
+                raise StaleAttemptError("The lease is lost.")
+        return ended
+
+    def _record(self, job: Job, ended: Ended) -> None:
+        """Record how the attempt ended, with retries; the record refuses it if another attempt has the job by then."""
+        retry = Retry(self._between, self.at.retry_for_s)
+        record, about = self.at.record, f"job {job.id}: its end"
+        if ended.outcome is Outcome.OUT_OF_MEMORY:
+            attempts = self.at.settings.max_attempts
+            try:
+                retry.until_answered(about, lambda: record.leases.out_of_memory(job.id, job.attempt, attempts))
+            finally:
+                self.at.renew()
+        elif ended.outcome is Outcome.HANDED_BACK:
+            retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt))
+        else:
+            state, error, results, step_s = _TERMINAL[ended.outcome], ended.error, ended.results, ended.step_s
+            retry.until_answered(
+                about,
+                lambda: record.leases.finish(job.id, job.attempt, state, error, results=results, step_s=step_s),
+            )
+
+    def _between(self) -> None:
+        self.at.pulse.beat()
+        if self.at.stopping():
+            raise UnavailableError("The worker is stopping.")
+
+    def _leave(self, job: Job) -> None:
+        try:
+            self.at.record.leases.release(job.id, job.attempt)
+        except MeshdeformError as error:
+            _log.warning("job %s: stays claimed until its lease expires: %s", job.id, error.detail)
+
+
+def _traced(job: Job) -> AbstractContextManager[None]:
+    """Open a span in the trace of the request that created the job."""
+    attributes: dict[str, str | int | float] = {
+        "job.id": job.id,
+        "job.kind": job.kind.value,
+        "job.attempt": job.attempt,
+    }
+    return span("attempt", attributes, traceparent=job.traceparent)
 
 
 def is_out_of_memory(error: BaseException | None) -> bool:

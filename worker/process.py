@@ -46,9 +46,8 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.support.collector import collection_paused
 from meshdeform.support.telemetry import configure_logging, start_tracing, stop_tracing
-from worker.context import WorkerContext
+from worker.attempt import JobRunner, WorkerContext
 from worker.health import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_worker_id
-from worker.runner import JobRunner
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior

@@ -351,7 +351,7 @@ def teach(
 
 def _packed(meshes: list[Path]) -> tuple[bytes, str]:
     """Return the meshes as the part of a job, with its file name: one file as it is, several as a ZIP."""
-    from meshdeform.client.sources import packed_meshes
+    from meshdeform.client.orders import packed_meshes
 
     try:
         data, filename = packed_meshes(meshes[0] if len(meshes) == 1 else meshes)

@@ -28,8 +28,8 @@ from meshdeform.client.documents import (
     Validation,
     Vocabulary,
 )
+from meshdeform.client.orders import AssetLike
 from meshdeform.client.problems import WaitTimeoutError
-from meshdeform.client.sources import AssetLike
 from meshdeform.client.sync.client import Client, Result
 
 __all__ = [

@@ -1,21 +1,54 @@
-"""Describe a job to post. Each request has its own idempotency key, so that a retry does not create a second job."""
+"""Describe a job to post, and open what is sent: a file, bytes, an open stream, a stored file, or a folder of meshes.
+
+Each request has its own idempotency key, so that a retry does not create a second job.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import io
 import json
 import os
 import re
+import shutil
+import tempfile
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import IO, Any, cast
 
 from pydantic import BaseModel
 
-from meshdeform.client.sources import AssetLike
+from meshdeform.client.documents import UploadView
 from meshdeform.requests.document import DeformParams, OutputOptions
+from meshdeform.support.files import zipped
 
-__all__ = ["Files", "Order", "Output", "Params", "checked_key", "parts_of", "refer"]
+__all__ = [
+    "AssetLike",
+    "Files",
+    "LocalFile",
+    "Meshes",
+    "Order",
+    "Output",
+    "Params",
+    "checked_key",
+    "open_source",
+    "packed_meshes",
+    "parts_of",
+    "refer",
+]
+
+AssetLike = str | os.PathLike[str] | bytes | IO[bytes] | UploadView | Mapping[str, str]
+"""A path; the bytes; a binary stream, read from its current position; an upload; or a reference such as
+`{"job_id": "job_...", "artifact": "result.glb"}`."""
+
+Meshes = AssetLike | Sequence[str | os.PathLike[str]]
+"""One mesh or ZIP as any asset, a folder, or several files and folders."""
+
+_IN_MEMORY = 2**20
+_ENDINGS = frozenset({".glb", ".obj", ".ply", ".stl"})
 
 Params = DeformParams | Mapping[str, Any]
 Output = OutputOptions | Mapping[str, Any]
@@ -132,3 +165,100 @@ def _plain(value: Any) -> Any:
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     raise TypeError(f"{type(value).__name__} is not a JSON value")
+
+
+@dataclass(frozen=True)
+class LocalFile:
+    """A local file, open and seekable, its size in bytes and its SHA-256 (hexadecimal)."""
+
+    filename: str
+    file: IO[bytes]
+    size: int
+    sha256: str
+
+
+def open_source(
+    asset: AssetLike, files: contextlib.ExitStack, filename: str | None = None
+) -> LocalFile | dict[str, str]:
+    """Open a local asset, or return the reference to a file of the service.
+
+    The stack closes the files opened here; the caller's own stream stays open.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    TypeError
+        The asset has another type.
+    """
+    if isinstance(asset, UploadView):
+        return {"upload_id": asset.id}
+    if isinstance(asset, Mapping):
+        return dict(asset)
+    if isinstance(asset, bytes | bytearray | memoryview):
+        return _measured(io.BytesIO(asset), filename or "asset.glb")
+    if isinstance(asset, str | os.PathLike):
+        path = Path(asset)
+        return _measured(files.enter_context(path.open("rb")), filename or path.name)
+    if hasattr(asset, "read"):
+        stream_name = getattr(asset, "name", None)
+        name = filename or (Path(stream_name).name if isinstance(stream_name, str) else "asset.glb")
+        return _measured(_copied(asset, files), name)
+    raise TypeError(
+        f"An asset must be a path, bytes, a binary stream, an upload or a reference, not {type(asset).__name__}."
+    )
+
+
+def _copied(stream: IO[bytes], files: contextlib.ExitStack) -> IO[bytes]:
+    # A request may have to be retried, and the stream may not be seekable.
+    copy = cast("IO[bytes]", files.enter_context(tempfile.SpooledTemporaryFile(_IN_MEMORY)))  # noqa: SIM115
+    shutil.copyfileobj(cast("Any", stream), copy, 256 * 1024)
+    return copy
+
+
+def _measured(file: IO[bytes], filename: str) -> LocalFile:
+    file.seek(0)
+    digest, size = hashlib.sha256(), 0
+    while part := file.read(256 * 1024):
+        digest.update(part)
+        size += len(part)
+    file.seek(0)
+    return LocalFile(filename, file, size, digest.hexdigest())
+
+
+def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
+    """Return what to send as the meshes of a lesson, with its file name if it has none of its own.
+
+    One file is sent as it is. A folder and several files are packed into a ZIP, in which subfolders keep their names.
+
+    Raises
+    ------
+    ValueError
+        There is no mesh, or two files would have one name in the ZIP.
+    OSError
+        A file cannot be read.
+    """
+    if isinstance(meshes, str | os.PathLike):
+        if not Path(meshes).is_dir():
+            return meshes, None
+        meshes = [meshes]
+    elif isinstance(meshes, bytes) or not isinstance(meshes, Sequence):
+        return meshes, None
+    files: dict[str, Path] = {}
+    for path in [Path(cast("str", each)) for each in meshes]:
+        for name, file in _meshes_in(path):
+            if name in files:
+                raise ValueError(f"Two meshes are called {name}; rename one of them.")
+            files[name] = file
+    if not files:
+        raise ValueError("There is no mesh to learn from: give GLB, OBJ, PLY or STL files, or folders with some.")
+    return zipped({name: file.read_bytes() for name, file in files.items()}), "meshes.zip"
+
+
+def _meshes_in(path: Path) -> list[tuple[str, Path]]:
+    """Return the meshes of a folder by their names in it, or the file itself."""
+    if not path.is_dir():
+        return [(path.name, path)]
+    found = sorted(file for file in path.rglob("*") if file.suffix.lower() in _ENDINGS and file.is_file())
+    within = [(file.relative_to(path), file) for file in found]
+    return [(name.as_posix(), file) for name, file in within if not any(part.startswith(".") for part in name.parts)]

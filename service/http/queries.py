@@ -8,8 +8,7 @@ from fastapi import Depends, Request
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 
-from service.http.errors import parameter_error
-from service.http.wording import did_you_mean
+from service.http.errors import did_you_mean, parameter_error
 
 __all__ = ["KNOWN_QUERY"]
 

@@ -1,4 +1,7 @@
-"""Accept a job: check everything, store the files, record the job, and notify the workers, in this order."""
+"""Accept a job: check everything, store the files, record the job, and notify the workers, in this order.
+
+`validate` and `orient` check a job in the same way, and create none.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from anyio import to_thread
 
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
@@ -17,10 +22,11 @@ from meshdeform.priors.public_names import public_names
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.requests.models import WEIGHTS_PART
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import Kind
+from meshdeform.runs.orientation_process import check_searchable, orientation_of
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
@@ -29,7 +35,7 @@ from service.http.bodies import ReceivedFile
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.estimates import estimate
 from service.jobs.sources import Submission
-from service.schemas import AssetFound, JobEstimate, PictureFound, Validation
+from service.schemas import AssetFound, FoundOrientation, JobEstimate, PictureFound, Validation
 from service.state import AppState
 
 if TYPE_CHECKING:
@@ -42,12 +48,14 @@ __all__ = [
     "check_words",
     "key_of",
     "new_job",
+    "orient",
     "record_job",
     "store_file",
     "validate",
 ]
 
 _log = logging.getLogger(__name__)
+_ORIENT_TIMEOUT_S = 240.0
 _CONTENT_TYPE = "application/octet-stream"
 
 
@@ -197,6 +205,44 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         params=params,
         estimate=JobEstimate(**asdict(expected)),
     )
+
+
+async def orient(app: AppState, owner_id: str, submission: Submission) -> FoundOrientation:
+    """Check a job as `validate` does, and search its front in a child process.
+
+    Raises
+    ------
+    AssetError, RequestError, ModelError
+        The job would not be accepted, or would not search its front.
+    DependencyError, UnavailableError
+        This server cannot search it, or cannot search it now.
+    """
+    params, asset = await app.take_in(owner_id, _searchable, app, owner_id, submission)
+    async with app.orienting.slot(owner_id):
+        return await to_thread.run_sync(_front, app, submission.document, params, asset)
+
+
+def _searchable(app: AppState, owner_id: str, submission: Submission) -> tuple[ResolvedParams, ReceivedFile]:
+    params = check_params(submission.document, app.settings, files=submission.names)
+    if not isinstance(params, ResolvedParams):
+        raise ParameterError("Jobs of this kind have no front.")
+    check_searchable(params)  # before the files are decoded
+    _, files, _ = check_job(app, owner_id, submission)
+    return params, files["asset"]
+
+
+def _front(app: AppState, request: JobRequest, params: ResolvedParams, asset: ReceivedFile) -> FoundOrientation:
+    found = orientation_of(
+        asset.path,
+        asset.filename,
+        request.prompt,
+        params,
+        subdivide=request.output.subdivide,
+        limits=app.assets.limits,
+        dtype=app.settings.dtype,
+        timeout_s=_ORIENT_TIMEOUT_S,
+    )
+    return FoundOrientation(**found)
 
 
 def store_file(

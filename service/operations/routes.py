@@ -30,7 +30,6 @@ from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import problem_responses
 from service.http.queries import KNOWN_QUERY
-from service.operations.model_documents import ModelList, ModelView
 from service.schemas import (
     ArtifactKindView,
     FileLimits,
@@ -39,6 +38,8 @@ from service.schemas import (
     JobLimits,
     KindView,
     LimitList,
+    ModelList,
+    ModelView,
     PartHealth,
     Readiness,
     RequestLimits,

@@ -46,6 +46,12 @@ class ContentRange:
     start: int
     end: int
 
+    def exceeded(self) -> AssetTooLargeError:
+        """Return the error for a body with more bytes."""
+        size = self.end - self.start
+        advice = "Send as many bytes as Content-Range or the upload's size announces."
+        return AssetTooLargeError(f"The body is longer than {size} bytes.", advice=advice, limit=size)
+
 
 def view(app: AppState, upload: Upload, *, offset: int | None = None) -> UploadView:
     """Return the public view of an upload, with a new signed URL while it is open; without its offset, look it up."""
@@ -165,11 +171,7 @@ async def receive_content(app: AppState, upload: Upload, part: ContentRange, bod
     try:
         async for chunk in body:
             if offset + len(block) + len(chunk) > part.end:
-                raise AssetTooLargeError(
-                    f"The body is longer than {part.end - part.start} bytes.",
-                    advice="Send as many bytes as Content-Range or the upload's size announces.",
-                    limit=part.end - part.start,
-                )
+                raise part.exceeded()
             block += chunk
             if len(block) >= _BLOCK:
                 await flush()

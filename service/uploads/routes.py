@@ -210,11 +210,7 @@ async def send_upload(
     part = parse_content_range(content_range, upload)
     declared = request.headers.get("content-length", "")
     if declared.isdigit() and int(declared) > part.end - part.start:
-        raise AssetTooLargeError(
-            f"The body is longer than {part.end - part.start} bytes.",
-            advice="Send as many bytes as Content-Range or the upload's size announces.",
-            limit=part.end - part.start,
-        )
+        raise part.exceeded()
     async with app.bodies.slot(upload.owner_id):
         offset = await receive_content(app, upload, part, body_of(request))
     return Response(status_code=204, headers={"Upload-Offset": str(offset)})

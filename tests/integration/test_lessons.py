@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
-from meshdeform.client.sources import packed_meshes
+from meshdeform.client.orders import packed_meshes
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from tests.client_flavors import opened

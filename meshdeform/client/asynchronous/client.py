@@ -37,12 +37,24 @@ from meshdeform.client.documents import (
     read,
 )
 from meshdeform.client.downloads import AFTERWARDS, is_same
-from meshdeform.client.orders import Files, Order, Output, Params, checked_key, parts_of, refer
+from meshdeform.client.orders import (
+    AssetLike,
+    Files,
+    LocalFile,
+    Meshes,
+    Order,
+    Output,
+    Params,
+    checked_key,
+    open_source,
+    packed_meshes,
+    parts_of,
+    refer,
+)
 from meshdeform.client.problems import succeeded
 from meshdeform.client.requests import Call, Endpoint, JobLike, artifact_path, identity, job_path
 from meshdeform.client.result import GLB, PREVIEW, REPORT, html_of, label
 from meshdeform.client.retries import Patience, Policy, left_s, pace
-from meshdeform.client.sources import AssetLike, LocalFile, Meshes, open_source, packed_meshes
 from meshdeform.errors import ChecksumError, JobNotFinishedError, MeshdeformError, NotFoundError, UnavailableError
 from meshdeform.requests.choices import JobKind
 

@@ -18,11 +18,10 @@ from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.client.documents import EventView, UploadView, read
 from meshdeform.client.downloads import PartialFile, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call
-from meshdeform.client.orders import Files, Order, refer
+from meshdeform.client.orders import Files, LocalFile, Order, open_source, refer
 from meshdeform.client.problems import error_of
 from meshdeform.client.requests import Call, Part, Piece, job_path
 from meshdeform.client.retries import Patience, left_s, unanswered, worth_a_retry
-from meshdeform.client.sources import LocalFile, open_source
 from meshdeform.client.sync.connection import Connection, pause, work
 from meshdeform.errors import (
     ConflictError,

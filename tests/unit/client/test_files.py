@@ -18,9 +18,8 @@ import httpx
 import pytest
 
 from meshdeform.client import AsyncClient, Client, JobView, Result, UploadView
-from meshdeform.client.orders import Order
+from meshdeform.client.orders import LocalFile, Order, open_source
 from meshdeform.client.retries import Policy
-from meshdeform.client.sources import LocalFile, open_source
 from meshdeform.errors import ChecksumError, MeshdeformError, NotFoundError, UnavailableError
 from tests.cases import each_case
 from tests.unit.client.test_documents import JOB
