@@ -6,9 +6,13 @@ A change here changes the file of each seed and number.
 from __future__ import annotations
 
 import base64
+import io
 import json
 import random
 import struct
+import zipfile
+import zlib
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,18 +25,30 @@ _NUMBERS = [-1, 0, 1, 2, 3, 4, 255, 2**16, 2**31 - 1, 2**31, 2**32 - 1, 2**32, 2
 _FLOATS = [-0.0, 0.5, 1e-300, 1e300, 3.4e38, -3.5e38, 1e-45]
 _TEXTS = ["", "VEC3", "MAT4", "SCALAR", "data:,", "data:;base64,####", "data:;base64,AAAA", "x.bin", "\ud800", "2.0"]
 _TYPES = [5120, 5121, 5122, 5123, 5125, 5126]
+_WORDS = [
+    *(b"-1", b"0", b"1e400", b"nan", b"4000000000", b"-2147483648", b"1/1/1", b"//", b"\\\n", b"#", b"\r", b"\0"),
+    *(b"\xff", b"\nf ", b"\nv ", b"\nvt 1", b"\nusemtl x", b"\nmtllib a b", b"\ng ", b"\nmap_Kd ../x", b"\nd 2"),
+    *(b"solid", b"facet", b"vertex", b"endsolid", b"COLOR=", b"list uchar int", b"element face 9", b"end_header\n"),
+    *(b"binary_big_endian", b"ascii", b"double", b"uchar", b"comment TextureFile x.png", b"property int texnumber"),
+]
+"""Pieces of texts, and what they do not expect."""
 
 
 @cache
 def corpus() -> list[tuple[str, bytes]]:
     """Return the undamaged files: (name, file)."""
     from meshdeform.assets import load_asset
+    from tests.unit.assets import test_ply_reader, test_stl_reader
+    from tests.unit.assets.archives import packed
     from tests.unit.assets.builders import quad
+    from tests.unit.assets.test_archive import MTL
+    from tests.unit.assets.test_archive import OBJ as OBJ_WITH_MTL
     from tests.unit.assets.test_compressed import draco_asset, draco_stream, meshopt_asset
     from tests.unit.assets.test_convert import OBJ, PLY, stl
     from tests.unit.assets.test_fuzz import kitchen_sink
     from tests.unit.assets.test_morph import with_targets
-    from tests.unit.assets.test_replace import rich
+    from tests.unit.assets.test_obj_reader import BODY
+    from tests.unit.assets.test_replace import DOT, rich
 
     examples = [(path.name, path.read_bytes()) for path in sorted((ROOT / "examples").glob("*.glb"))[:1]]
     embedded = load_asset(quad())
@@ -48,6 +64,14 @@ def corpus() -> list[tuple[str, bytes]]:
         ("mesh.obj", OBJ),
         ("mesh.ply", PLY),
         ("mesh.stl", stl()),
+        ("body.obj", BODY.encode()),
+        ("textured.ply", test_ply_reader.textured("a.png", "b.png", numbers=(1, 0))),
+        ("ragged.ply", test_ply_reader.binary("<", [(0, 1, 2), (0, 1, 2, 3)], [(9, 9, 9), (1, 2, 3)])),
+        ("big.ply", test_ply_reader.binary(">", [(0, 1, 2), (0, 2, 3)], [(9, 9, 9), (1, 2, 3)])),
+        ("magics.stl", test_stl_reader.binary(31, 0x8000, head=b"COLOR=abcd")),
+        ("text.stl", b"solid a\n" + test_stl_reader.TEXT * 2 + b"endsolid a\nsolid b\n" + test_stl_reader.TEXT),
+        ("obj.zip", packed({"a.obj": OBJ_WITH_MTL, "lib/things.mtl": MTL, "lib/wood.png": DOT})),
+        ("ply.zip", packed({"a.ply": test_ply_reader.textured("a.png"), "A.png": DOT})),
     ]
     return made + examples
 
@@ -60,11 +84,18 @@ def _as_gltf(glb: bytes) -> bytes:
     return json.dumps(root).encode()
 
 
-def mutant(seed: int, number: int) -> tuple[str, bytes]:
-    """Return the damaged file of a seed and a number."""
+_Way = Callable[[random.Random, bytes], bytes]
+
+
+def mutant(seed: int, number: int, kind: str = "") -> tuple[str, bytes]:
+    """Return the damaged file of a seed and a number; with a kind, `ply` for example, of such files alone."""
     chance = random.Random(f"{seed}/{number}")
-    name, data = chance.choice(corpus())
-    ways = [_flip, _flip, _cut, _lengths, _swap_parts]
+    name, data = chance.choice([each for each in corpus() if each[0].endswith(kind)])
+    ways: list[_Way] = [_flip, _flip, _cut, _lengths, _swap_parts]
+    if name.endswith((".obj", ".ply", ".stl")):
+        ways += [_words, _words, _words, _repeated]
+    if name.endswith(".zip"):
+        ways += [_inside] * 10
     if name.endswith((".glb", ".gltf")):
         ways += [_json_values, _json_values, _json_values, _json_values, _payload, _payload]
     if name.endswith(".glb"):
@@ -85,6 +116,39 @@ def _flip(chance: random.Random, data: bytes) -> bytes:
         at = chance.randrange(len(broken))
         broken[at] = chance.choice([broken[at] ^ 1 << chance.randrange(8), 0, 255, chance.randrange(256)])
     return bytes(broken)
+
+
+def _words(chance: random.Random, data: bytes) -> bytes:
+    """Write words over a text."""
+    broken = bytearray(data)
+    for _ in range(chance.choice([1, 2, 8])):
+        at = chance.randrange(len(broken) + 1)
+        broken[at : at + chance.choice([0, 0, 1, 4, 9])] = chance.choice(_WORDS)
+    return bytes(broken)
+
+
+def _repeated(chance: random.Random, data: bytes) -> bytes:
+    """Repeat a piece of a text very often."""
+    a, b = sorted(chance.randrange(len(data) + 1) for _ in range(2))
+    b = min(b, a + chance.choice([1, 2, 20, 500]))
+    return data[:b] + data[a:b] * chance.choice([10, 1000, LARGEST // max(b - a, 1)]) + data[b:]
+
+
+def _inside(chance: random.Random, data: bytes) -> bytes:
+    """Damage one of the files in a ZIP, and pack them again."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            files = {name: archive.read(name) for name in archive.namelist()}
+    except (zipfile.BadZipFile, zlib.error, OSError, ValueError, EOFError, NotImplementedError, RuntimeError):
+        return data
+    if files:
+        name = chance.choice(list(files))
+        files[name] = chance.choice([_flip, _cut, _swap_parts, _words, _repeated])(chance, files[name])[: LARGEST // 2]
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(zipfile.ZipInfo(name), content)
+    return written.getvalue()
 
 
 def _cut(chance: random.Random, data: bytes) -> bytes:

@@ -8,6 +8,7 @@
     │   ├── AssetTruncatedError        422  asset_truncated        bytes are missing, or a length is wrong
     │   ├── AssetTooLargeError         413  asset_too_large        exceeds a limit of this server
     │   ├── AssetExternalError         422  asset_external_uri     refers to a file that was not sent
+    │   ├── AssetNotFetchedError       422  asset_not_fetched      could not be fetched from its URL
     │   ├── AssetUnsupportedError      422  asset_unsupported      needs an extension that we cannot decode
     │   ├── AssetNotFiniteError        422  asset_not_finite       NaN or infinite positions
     │   ├── AssetEmptyError            422  asset_no_triangles     nothing to deform
@@ -59,6 +60,7 @@ __all__ = [
     "AssetError",
     "AssetExternalError",
     "AssetFormatError",
+    "AssetNotFetchedError",
     "AssetNotFiniteError",
     "AssetTooLargeError",
     "AssetTruncatedError",
@@ -174,6 +176,13 @@ class AssetExternalError(AssetError):
 
     code = "asset_external_uri"
     advice = "Send the .gltf and its files as a ZIP, or pack them into a .glb: gltf-transform copy in.gltf out.glb"
+
+
+class AssetNotFetchedError(AssetError):
+    """The asset could not be fetched from the URL in the request."""
+
+    code = "asset_not_fetched"
+    advice = "Send the file as the part `asset`, or as an upload, or name a public https:// URL that answers with it."
 
 
 class AssetUnsupportedError(AssetError):

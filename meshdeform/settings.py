@@ -128,6 +128,14 @@ class Settings(BaseSettings):
     )
     upload_ttl_s: float = Field(86_400.0, ge=60.0, description="How long an unused upload is kept.")
     signed_url_ttl_s: float = Field(3600.0, ge=1.0, description="How long a signed URL is valid.")
+    fetch_assets: bool = Field(
+        True, description="Whether requests may name the URL of an asset on the public internet, which the API fetches."
+    )
+    fetch_networks: _Networks = Field(
+        default_factory=list,
+        description="Networks besides the public internet that assets may be fetched from: CIDR blocks, separated by "
+        "commas. Plain http is allowed there.",
+    )
     webhook_networks: _Networks = Field(
         default_factory=list,
         description="Networks besides the public internet that webhooks may reach: CIDR blocks, separated by commas. "

@@ -10,7 +10,13 @@ from meshdeform.settings import Settings
 
 SOURCE = "meshdeform/settings.py"
 _BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<", "minLength": "length ≥"}
-_KINDS = {"string": "text", "integer": "whole number", "number": "number", "array": "list"}
+_KINDS = {
+    "string": "text",
+    "integer": "whole number",
+    "number": "number",
+    "array": "list",
+    "boolean": "`true` or `false`",
+}
 
 
 def page(text: str) -> str:

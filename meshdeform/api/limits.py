@@ -9,7 +9,9 @@ from __future__ import annotations
 __all__ = [
     "IDLE_S",
     "MAX_DOCUMENT_BYTES",
+    "MAX_FETCH_S",
     "MAX_FILENAME",
+    "MAX_INLINE_BYTES",
     "MAX_KEY",
     "MAX_PAGE",
     "MAX_SEARCH",
@@ -19,6 +21,12 @@ __all__ = [
 
 MAX_DOCUMENT_BYTES = 256 * 1024
 """Largest JSON document, and largest body of a route that takes no files, in bytes."""
+
+MAX_INLINE_BYTES = 32 * 2**20
+"""Largest JSON document that holds files as base64, in bytes."""
+
+MAX_FETCH_S = 30.0
+"""Longest time to fetch a file from a URL, in seconds."""
 
 MAX_FILENAME = 200
 """Maximum characters of a file name. Only the end of a longer name is kept."""

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import io
 import posixpath
+import unicodedata
 import zipfile
 import zlib
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from urllib.parse import unquote
 
@@ -24,13 +26,57 @@ from meshdeform.errors import (
     AssetUnsupportedError,
 )
 
-__all__ = ["ZIP_MAGIC", "Archive", "inspect_archive", "open_archive"]
+__all__ = ["ZIP_MAGIC", "Archive", "FileNames", "inspect_archive", "not_found", "not_readable", "open_archive"]
 
 ZIP_MAGIC = b"PK\x03\x04"
 _ENDINGS = (("glb", "gltf"), ("obj",), ("ply",), ("stl",))
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
-_ENCRYPTED = 1
+_ENCRYPTED, _UTF8 = 0x1, 0x800
 _BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, RuntimeError, ValueError)
+
+
+class FileNames:
+    """Names of files, found by links that programs and systems spell differently.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Normalised paths with forward slashes, relative to the folder of the asset's archive.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = dict.fromkeys(names)
+        self._alike: dict[str, list[str]] = {}
+        self._last: dict[str, list[str]] = {}
+        for name in self._names:
+            key = _key(name)
+            self._alike.setdefault(key, []).append(name)
+            self._last.setdefault(posixpath.basename(key), []).append(name)
+
+    def find(self, link: str, folder: str = "") -> tuple[str, bool] | None:
+        """Return the file that a link in a folder means, and whether it lies elsewhere and only its name fits.
+
+        Letter case, composed and decomposed letters, percent signs and backslashes make no difference, unless two
+        files differ in nothing else. A file elsewhere is meant if no other one has its name.
+        """
+        spellings = [text.replace("\\", "/") for text in dict.fromkeys((link, unquote(link)))]
+        for text in spellings:
+            name = posixpath.normpath(posixpath.join(folder, text))
+            if name in self._names:
+                return name, False
+            same = self._alike.get(_key(name), [])
+            if len(same) == 1:
+                return same[0], False
+        for text in spellings:
+            same = self._last.get(posixpath.basename(_key(text)), [])
+            if len(same) == 1:
+                return same[0], True
+        return None
+
+
+def _key(name: str) -> str:
+    """Return what two spellings of a name have in common."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 @dataclass(frozen=True)
@@ -43,30 +89,50 @@ class Archive:
         Name of the asset among them.
     files : dict of str to bytes
         By normalised name.
+    guessed : dict of str to str
+        The file that was taken for each link to a place where there is none.
     """
 
     main: str
     files: dict[str, bytes]
+    guessed: dict[str, str] = field(default_factory=dict)
 
     def find(self, link: str, beside: str = "") -> bytes | None:
-        """Return the file that a link of the file `beside` means, or None; letter case counts only if it decides."""
-        folder = posixpath.dirname(beside or self.main)
-        for text in (link, unquote(link)):
-            name = posixpath.normpath(posixpath.join(folder, text.replace("\\", "/")))
-            if name in self.files:
-                return self.files[name]
-            same = self._spellings.get(name.lower(), [])
-            if len(same) == 1:
-                return self.files[same[0]]
-        return None
+        """Return the file that a link of the file `beside` means, or None; see `FileNames.find`."""
+        found = self._names.find(link, posixpath.dirname(beside or self.main))
+        if found is None:
+            return None
+        name, elsewhere = found
+        if elsewhere:
+            self.guessed[link] = name
+        return self.files[name]
+
+    def notices(self) -> tuple[str, ...]:
+        """Return a sentence about links to places where there is no file."""
+        if not self.guessed:
+            return ()
+        taken = [f"{name} for {link[:60]!r}" for link, name in list(self.guessed.items())[:3]]
+        more = " ..." if len(self.guessed) > 3 else ""
+        return (f"Links lead nowhere, so files of the same name elsewhere were taken: {', '.join(taken)}{more}.",)
 
     @cached_property
-    def _spellings(self) -> dict[str, list[str]]:
-        """The names of the files by themselves in lower case: a hostile file may have a hundred thousand links."""
-        found: dict[str, list[str]] = {}
-        for name in self.files:
-            found.setdefault(name.lower(), []).append(name)
-        return found
+    def _names(self) -> FileNames:
+        """Built once: a hostile file may have a hundred thousand links."""
+        return FileNames(self.files)
+
+
+def not_readable(names: Sequence[str]) -> str:
+    """Return a sentence about pictures that cannot be read."""
+    return f"Textures cannot be read, and were left out: {_listed(names)}. Send PNG or JPEG."
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(name[:60] for name in names[:3]) + (" ..." if len(names) > 3 else "")
+
+
+def not_found(what: str, names: Sequence[str]) -> str:
+    """Return a sentence about files that an asset names, and that did not come with it."""
+    return f"{what} not found, and left out: {_listed(names)}. Send the asset with the files that it names as one ZIP."
 
 
 def open_archive(data: Data, limits: Limits) -> Archive:
@@ -130,8 +196,8 @@ def _entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipI
         )
     found: dict[str, zipfile.ZipInfo] = {}
     for entry in entries:
-        name = entry.filename.replace("\\", "/")
-        if entry.is_dir() or name.startswith("__MACOSX/"):
+        name = _decoded(entry).replace("\\", "/")
+        if not name or name.endswith("/") or name.startswith("__MACOSX/"):
             continue
         if name.startswith("/") or ":" in name.split("/")[0] or ".." in name.split("/"):
             raise AssetError(f"The ZIP names a file outside itself: {name[:100]!r}.", advice="Pack it again.")
@@ -154,6 +220,16 @@ def _entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipI
             )
         found[name] = entry
     return found
+
+
+def _decoded(entry: zipfile.ZipInfo) -> str:
+    """Return the name of an entry; Info-ZIP and macOS write UTF-8 without the flag that says so (APPNOTE, 4.4.4)."""
+    if entry.flag_bits & _UTF8 or entry.filename.isascii():
+        return entry.filename
+    try:
+        return entry.filename.encode("cp437").decode("utf-8")
+    except UnicodeError:
+        return entry.filename
 
 
 def _main(names: list[str]) -> str:

@@ -20,7 +20,7 @@ from meshdeform.assets.document import Document, Usage
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
-from meshdeform.assets.notices import coarseness_warnings, find_backdrop, up_axis_warnings
+from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
 from meshdeform.assets.parts import Parts, Rig, read_parts, read_rig, rig_accessors
 from meshdeform.assets.pose import pose_maps, posed_surface
 from meshdeform.assets.repair import rebuild_directions
@@ -83,7 +83,8 @@ class Asset:
         if self.backdrop is not None and self.backdrop.left:
             drawn = drawn[~self.backdrop.triangles]
         shape = self.surface.positions, drawn
-        notices = (*backdrops, *up_axis_warnings(*shape), *coarseness_warnings(*shape))
+        rounded = rounding_warnings(self.surface, self._blocks)
+        notices = (*backdrops, *up_axis_warnings(*shape), *coarseness_warnings(*shape), *rounded)
         self.summary = dataclasses.replace(
             summary,
             nodes=tuple(parts.nodes),
@@ -122,6 +123,16 @@ class Asset:
     def parts(self) -> Parts:
         """List the nodes, meshes, materials and joints of the surface, and which triangles belong to each."""
         return read_parts(self._document, self._blocks)
+
+    def polygons(self) -> list[dict[str, Any]]:
+        """List the polygons that the triangles of each primitive were cut from, where they were."""
+        found = []
+        for block in self._blocks:
+            for p in block.primitives:
+                extras = self._document.root["meshes"][block.mesh]["primitives"][p].get("extras")
+                if isinstance(extras, dict) and isinstance(extras.get("polygons"), list):
+                    found.append({"node": block.node, "primitive": p, "runs": extras["polygons"]})
+        return found
 
     def joint_weights(self, joints: Collection[int]) -> NDArray[np.float64]:
         """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1."""
@@ -325,10 +336,11 @@ def _unpack(archive: Archive, limits: Limits) -> tuple[bytes, tuple[str, ...]]:
     if kind == "zip":
         raise AssetFormatError(f"{archive.main} is a ZIP within a ZIP.", advice="Unpack it, and pack the files once.")
     if kind in {"glb", "gltf"}:
-        return pack_gltf(archive, limits), ()
+        return pack_gltf(archive, limits), archive.notices()
     from meshdeform.assets.convert import convert_to_glb
 
-    return convert_to_glb(data, kind, limits, archive)
+    packed, notices = convert_to_glb(data, kind, limits, archive)
+    return packed, (*notices, *archive.notices())
 
 
 def _bounds(corners: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
@@ -368,7 +380,7 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     elif kind not in {"glb", "gltf"}:
         from meshdeform.assets.convert import convert_to_glb
 
-        data, notices = convert_to_glb(data, kind, limits)
+        data, notices = convert_to_glb(data, kind, limits, Archive(filename or f"asset.{kind}", {}))
     document = Document.parse(data, limits, glb=data.startswith(GLB_MAGIC))
     summary = check_document(document.root, document.binary_length, limits, kind)
     usage = Usage.of(document.root, document.binary_length)

@@ -13,9 +13,13 @@ from meshdeform import __version__
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.materials import image_type
+from meshdeform.assets.notices import rounding_warning
 from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
 
-__all__ = ["Primitive", "build_glb"]
+__all__ = ["Primitive", "build_glb", "far_origin", "linear_color", "rounded"]
+
+_FAR = 32.0
+"""Distance from the origin, in diagonals, from which 32-bit floats round a mesh by more than a 500,000th of it."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,9 @@ class Primitive:
         Of the material.
     texture : bytes
         The material's encoded base colour image, PNG or JPEG; others and empty ones are left out.
+    polygons : tuple of (int, int)
+        The polygons that the triangles were cut from, in their order: of how many corners, and how many of these
+        follow each other. One of n corners has n - 2 triangles. Written as `extras.polygons`; empty if there are none.
     """
 
     verts: NDArray[Any]
@@ -55,6 +62,7 @@ class Primitive:
     metallic: float = 0.0
     roughness: float = 0.8
     texture: bytes = b""
+    polygons: tuple[tuple[int, int], ...] = ()
 
 
 def build_glb(
@@ -77,7 +85,8 @@ def build_glb(
 
     Returns
     -------
-    A valid GLB with float32 attributes, and 16-bit indices where they suffice.
+    A valid GLB with float32 attributes, and 16-bit indices where they suffice. Meshes far from the origin keep their
+    precision: their nodes have the way there as a translation, and the positions are small numbers.
     """
     if faces is None:
         primitives = list(verts)
@@ -91,9 +100,11 @@ def build_glb(
         "meshes": [],
     }
     document = Document(root, None, b"")
+    origin = far_origin([each.verts for each in primitives])
+    place = {} if origin is None else {"translation": origin.tolist()}
     materials: dict[tuple[str, Any], int] = {}
     for i, primitive in enumerate(primitives):
-        written = _write(document, primitive)
+        written = _write(document, primitive, origin)
         if primitive.material:
             key = (primitive.material, primitive.base_color)
             if key not in materials:
@@ -101,9 +112,36 @@ def build_glb(
                 document.items("materials").append(_material(document, primitive))
             written["material"] = materials[key]
         title = {"name": primitive.name} if primitive.name else {}
-        root["nodes"].append({**title, "mesh": i})
+        root["nodes"].append({**title, "mesh": i, **place})
         root["meshes"].append({**title, "primitives": [written]})
     return document.to_bytes()
+
+
+def far_origin(places: Sequence[NDArray[Any]]) -> NDArray[np.float64] | None:
+    """Return a round point near meshes that 32-bit floats would round too much; None for meshes that they hold.
+
+    Parameters
+    ----------
+    places : sequence of (V, 3) arrays
+    """
+    used = [np.asarray(each, np.float64) for each in places if len(each)]
+    if not used:
+        return None
+    low, high = (np.stack([extreme(each, axis=0) for each in used]) for extreme in (np.min, np.max))
+    low, high = low.min(axis=0), high.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    if not 0.0 < size < np.inf or np.abs([low, high]).max() < _FAR * size:
+        return None
+    step = 10.0 ** np.floor(np.log10(size))
+    return np.asarray(np.round((low + high) / 2 / step) * step)
+
+
+def rounded(places: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return a sentence about places (V, 3) of a file of 32-bit floats that are rounded in it already."""
+    if not len(places):
+        return ()
+    step = float(np.spacing(np.float32(np.abs(places).max())))
+    return rounding_warning(step, float(np.linalg.norm(np.ptp(places, axis=0))))
 
 
 def _material(document: Document, primitive: Primitive) -> Json:
@@ -113,8 +151,6 @@ def _material(document: Document, primitive: Primitive) -> Json:
     kind = image_type(primitive.texture)
     if kind in {"image/png", "image/jpeg"} and primitive.uvs is not None:
         shading["baseColorTexture"] = {"index": _texture(document, primitive.texture, kind)}
-        if primitive.base_color is not None:  # the texture takes the place of the colour
-            shading["baseColorFactor"] = [1.0, 1.0, 1.0, float(primitive.base_color[3])]
     material: Json = {"name": primitive.material, "pbrMetallicRoughness": shading}
     if primitive.base_color is not None and primitive.base_color[3] < 1.0:
         material["alphaMode"] = "BLEND"
@@ -132,8 +168,8 @@ def _texture(document: Document, data: bytes, kind: str) -> int:
     return len(textures) - 1
 
 
-def _write(document: Document, primitive: Primitive) -> Json:
-    verts = np.asarray(primitive.verts, np.float32)
+def _write(document: Document, primitive: Primitive, origin: NDArray[np.float64] | None) -> Json:
+    verts = np.asarray(primitive.verts if origin is None else primitive.verts - origin, np.float32)
     attributes = {"POSITION": document.append_accessor(verts, bounds=True)}
     if primitive.normals is not None:
         attributes["NORMAL"] = document.append_accessor(np.asarray(primitive.normals, np.float32))
@@ -148,7 +184,20 @@ def _write(document: Document, primitive: Primitive) -> Json:
     document.items("accessors").append(
         {"bufferView": view, "componentType": component, "count": len(corners), "type": "SCALAR"}
     )
-    return {"attributes": attributes, "indices": len(document.items("accessors")) - 1}
+    written: Json = {"attributes": attributes, "indices": len(document.items("accessors")) - 1}
+    if primitive.polygons:
+        written["extras"] = {"polygons": [list(run) for run in primitive.polygons]}
+    return written
+
+
+def linear_color(color: Sequence[float]) -> tuple[float, float, float]:
+    """Return an sRGB colour, 0 .. 1, as linear numbers (IEC 61966-2-1)."""
+    red, green, blue = _linear(np.array(color, np.float64)).tolist()
+    return red, green, blue
+
+
+def _linear(values: NDArray[Any]) -> NDArray[Any]:
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:
@@ -156,5 +205,5 @@ def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:
     if colors.dtype.kind == "f":
         return colors.astype(np.float32)
     values = colors / 255.0
-    values[:, :3] = np.where(values[:, :3] <= 0.04045, values[:, :3] / 12.92, ((values[:, :3] + 0.055) / 1.055) ** 2.4)
+    values[:, :3] = _linear(values[:, :3])
     return values.astype(np.float32)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import posixpath
 import zipfile
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from meshdeform.assets.archive import Archive
+from meshdeform.assets import ply_reader
+from meshdeform.assets.archive import Archive, FileNames
 from meshdeform.assets.container import GLB_MAGIC, Json, extension, index, integer, objects, text
 from meshdeform.assets.document import Document
 from meshdeform.assets.limits import Limits
@@ -23,6 +26,8 @@ from meshdeform.errors import AssetExternalError, AssetTooLargeError, AssetTrunc
 __all__ = ["pack_gltf", "read_with_files"]
 
 _DATE = (1980, 1, 1, 0, 0, 0)
+_DEPTH, _MOST_NAMES = 3, 5_000
+"""How deep below an asset files are looked for that lie elsewhere than it says, and among how many."""
 
 
 def pack_gltf(archive: Archive, limits: Limits) -> bytes:
@@ -84,7 +89,7 @@ def _check_references(root: Json) -> None:
 
 
 def read_with_files(path: Path, limits: Limits) -> bytes:
-    """Read a local file; a .gltf or .obj comes as a ZIP with the files beside it that it refers to.
+    """Read a local file; a .gltf, .obj or .ply comes as a ZIP with the files beside it that it refers to.
 
     Files outside its folder are left out: an asset from elsewhere must not carry off other files.
 
@@ -96,20 +101,65 @@ def read_with_files(path: Path, limits: Limits) -> bytes:
         The file cannot be read.
     """
     data = _read(path, limits.max_bytes)
-    links = {".gltf": _gltf_links, ".obj": linked_libraries}.get(path.suffix.lower())
-    files: dict[str, bytes] = {}
-    for link in links(data) if links else []:
-        _add(files, path.parent, link, limits)
-        if link.lower().endswith(".mtl") and link in files:
-            for picture in linked_pictures(files[link]):
-                _add(files, path.parent, posixpath.join(posixpath.dirname(link), picture), limits)
-    if not files:
+    links = {".gltf": _gltf_links, ".obj": linked_libraries, ".ply": ply_reader.linked_pictures}
+    folder = _Folder(path.parent, limits.max_bytes)
+    for link in links[path.suffix.lower()](data) if path.suffix.lower() in links else []:
+        name = folder.add(link)
+        if name and name.lower().endswith(".mtl"):
+            for picture in linked_pictures(folder.files[name]):
+                folder.add(picture, posixpath.dirname(name))
+    if not folder.files:
         return data
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
-        for name, content in {path.name: data, **files}.items():
+        for name, content in {path.name: data, **folder.files}.items():
             archive.writestr(zipfile.ZipInfo(name, _DATE), content)
     return packed.getvalue()
+
+
+class _Folder:
+    """Reads files in and below a folder that an asset links to.
+
+    Attributes
+    ----------
+    files : dict of str to bytes
+        Those that were read, by their path from the folder.
+    """
+
+    def __init__(self, folder: Path, max_bytes: int) -> None:
+        self._folder, self._left = folder, max_bytes
+        self.files: dict[str, bytes] = {}
+
+    def add(self, link: str, beside: str = "") -> str | None:
+        """Read the file that a link in the folder `beside` means, and return its name; None if there is none."""
+        name = posixpath.normpath(posixpath.join(beside, link))
+        if not self._is_inside(name):
+            found = self._names.find(link, beside)
+            if found is None or not self._is_inside(found[0]):
+                return None
+            name = found[0]
+        if name not in self.files:
+            self.files[name] = _read(self._folder / name, self._left)
+            self._left -= len(self.files[name])
+        return name
+
+    def _is_inside(self, name: str) -> bool:
+        path = self._folder / name
+        return path.is_file() and path.resolve().is_relative_to(self._folder.resolve())
+
+    @cached_property
+    def _names(self) -> FileNames:
+        """The files of the folder and, unless there are too many, of those below it."""
+        names: list[str] = []
+        own = 0
+        for root, folders, files in os.walk(self._folder):
+            above = Path(root).relative_to(self._folder)
+            folders[:] = [] if len(above.parts) >= _DEPTH else [name for name in folders if not name.startswith(".")]
+            names += [(above / name).as_posix() for name in files]
+            own = own or len(names)
+            if len(names) > _MOST_NAMES:
+                return FileNames(names[:own])
+        return FileNames(names)
 
 
 def _read(path: Path, limit: int) -> bytes:
@@ -120,13 +170,6 @@ def _read(path: Path, limit: int) -> bytes:
             advice="Raise MESHDEFORM_MAX_UPLOAD_BYTES, or use a smaller file.",
         )
     return path.read_bytes()
-
-
-def _add(files: dict[str, bytes], folder: Path, link: str, limits: Limits) -> None:
-    name = posixpath.normpath(link)
-    path = folder / name
-    if path.is_file() and path.resolve().is_relative_to(folder.resolve()):
-        files[name] = _read(path, limits.max_bytes - sum(map(len, files.values())))
 
 
 def _gltf_links(data: bytes) -> list[str]:

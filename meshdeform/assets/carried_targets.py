@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.surface import Block, Floats, unit_rows
+from meshdeform.assets.surface import Block, Floats, transformed_normals, unit_rows
 
 __all__ = ["carry_targets"]
 
@@ -86,12 +86,5 @@ def _direction(
     if base is None or new_base is None:
         return before.astype(np.float64)
     shown = base[:, :3].astype(np.float64) + before
-    if name == "NORMAL":
-        maps = _cofactors(maps)
-    turned = unit_rows(np.einsum("vij,vj->vi", maps, shown))
+    turned = transformed_normals(maps, shown) if name == "NORMAL" else unit_rows(np.einsum("vij,vj->vi", maps, shown))
     return np.asarray(turned * np.linalg.norm(shown, axis=1, keepdims=True) - new_base[:, :3])
-
-
-def _cofactors(maps: Floats) -> Floats:
-    a, b, c = maps[:, 0], maps[:, 1], maps[:, 2]
-    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)

@@ -17,10 +17,13 @@ from meshdeform.assets.scenegraph import (
     GPU_INSTANCING,
     LOOSE,
     TRIANGLES,
+    VISIBILITY,
+    Instance,
     check_extensions,
     check_geometry,
     check_meshes,
     check_nodes,
+    hidden_instances,
     instance_count,
     instances_of,
 )
@@ -218,7 +221,9 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
     if triangles == 0:
         raise _empty(root, [*skipped, *([{"reason": LOOSE}] if loose else [])], primitives > 0)
     outside = outside_images(root)
-    warnings = (*([_many(drawn)] if drawn else []), *([_outside(outside)] if outside else []))
+    hidden = hidden_instances(root)
+    sentences = [_many(drawn)] * bool(drawn) + [_outside(outside)] * bool(outside)
+    warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
 
 
@@ -228,6 +233,12 @@ def _outside(links: list[str]) -> str:
         f"Images in other files ({names}) stay links in the result, and pictures show them grey. To pack them in, send "
         "the asset and these files as a ZIP."
     )
+
+
+def _hidden(root: Json, hidden: list[Instance]) -> str:
+    nodes = [root["nodes"][instance.node].get("name") or f"node {instance.node}" for instance in hidden]
+    names = ", ".join(str(name)[:60] for name in nodes[:3]) + (" ..." if len(nodes) > 3 else "")
+    return f"{VISIBILITY} hides {names}: what is hidden is neither drawn nor deformed, and stays in the file as it is."
 
 
 def _many(drawn: list[int]) -> str:
@@ -251,6 +262,10 @@ def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool) -> Asset
         return AssetEmptyError(
             f"The file contains {count}, but no node shows a mesh.",
             advice="Export the objects together with the scene that they are in.",
+        )
+    if hidden_instances(root):
+        return AssetEmptyError(
+            f"{VISIBILITY} hides every mesh of the default scene.", advice="Make the nodes visible, and export again."
         )
     return AssetEmptyError(
         f"The default scene shows no mesh; the file contains {count}.",

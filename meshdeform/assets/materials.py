@@ -6,16 +6,21 @@ Source: glTF 2.0 specification, section 3.9 (Materials) and 5.29 (Texture sample
 from __future__ import annotations
 
 import dataclasses
+import io
+import warnings
 from dataclasses import dataclass, field
 
 from meshdeform.assets.container import Json, extension, index, integer, member, numbers, objects, text
 from meshdeform.assets.document import Document, decode_data_uri
 from meshdeform.errors import AssetError
 
-__all__ = ["Image", "Material", "TextureUse", "image_type", "read_image", "read_material"]
+__all__ = ["Image", "Material", "TextureUse", "image_type", "portable_picture", "read_image", "read_material"]
 
 _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
+_MAX_PIXELS = 2**26
+_PORTABLE = ("BMP", "DDS", "GIF", "TGA", "TIFF", "WEBP")
+"""What Pillow may decode: of its other formats, some start programs."""
 _IMAGE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
 _KNOWN_EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_unlit"}
 
@@ -224,6 +229,32 @@ def image_type(data: bytes) -> str:
     if not kind and data.startswith(b"\xabKTX 20"):
         return "image/ktx2"
     return f"image/{'jpeg' if kind == 'jpg' else kind}" if kind else ""
+
+
+def portable_picture(data: bytes) -> bytes:
+    """Return a picture as PNG or JPEG, which every glTF viewer reads: TGA, BMP, TIFF and others become PNG.
+
+    Empty if it cannot be read, is too large, or Pillow is not installed.
+    """
+    if _kind(data) in {"png", "jpg"}:
+        return data
+    try:
+        from PIL import Image as Picture
+        from PIL import UnidentifiedImageError
+    except ImportError:
+        return b""
+    packed = io.BytesIO()
+    try:
+        with (
+            warnings.catch_warnings(action="ignore"),  # about damage that does not hinder reading
+            Picture.open(io.BytesIO(data), formats=_PORTABLE) as picture,
+        ):
+            if picture.width * picture.height > _MAX_PIXELS:
+                return b""
+            picture.convert("RGBA" if picture.has_transparency_data else "RGB").save(packed, "PNG")
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError, MemoryError, Picture.DecompressionBombError):
+        return b""
+    return packed.getvalue()
 
 
 def _kind(data: bytes) -> str:

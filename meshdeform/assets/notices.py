@@ -1,4 +1,4 @@
-"""Notice what makes a deformation of an asset go wrong, for its warnings: a backdrop, large triangles, Z for up.
+"""Notice what makes a deformation go wrong, for an asset's warnings: a backdrop, large triangles, Z for up, rounding.
 
 A ground plane or backdrop makes the object itself small in every picture that the guidance sees. Beside one that is far
 larger, the object is smaller than a few cells of a lattice, and a ground of two triangles is only a chord of the map
@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 from meshdeform.assets.document import Document
 from meshdeform.assets.surface import Block, Surface
 
-__all__ = ["Backdrop", "coarse_share", "coarseness_warnings", "find_backdrop", "looks_z_up", "up_axis_warnings"]
+__all__ = [
+    "Backdrop",
+    "coarse_share",
+    "coarseness_warnings",
+    "find_backdrop",
+    "looks_z_up",
+    "rounding_warning",
+    "rounding_warnings",
+    "up_axis_warnings",
+]
 
 
 _LARGE = 0.6
@@ -172,6 +181,32 @@ def coarseness_warnings(positions: NDArray[np.float64], triangles: NDArray[np.in
         f"{share:.0%} of the surface is in triangles with edges longer than a third of the asset. Triangles stay "
         "flat, so these surfaces cannot bend. Set output.subdivide, which splits edges longer than a tenth of the "
         "asset, or subdivide them in a modelling program.",
+    )
+
+
+_ROUNDED = 2e-5
+"""Step between 32-bit floats, as a share of the asset's diagonal, from which its shape is told to be rounded."""
+
+
+def rounding_warnings(surface: Surface, blocks: Sequence[Block]) -> tuple[str, ...]:
+    """Return a sentence about positions that are stored so far from the origin that 32-bit floats round the shape."""
+    if not len(surface.positions):
+        return ()
+    steps = [
+        float(np.spacing(np.abs(block.positions).max()) * np.linalg.norm(block.placement[:3, :3], 2))
+        for block in blocks
+        if len(block.positions)
+    ]
+    return rounding_warning(max(steps), float(np.linalg.norm(np.ptp(surface.positions, axis=0))))
+
+
+def rounding_warning(step: float, size: float) -> tuple[str, ...]:
+    """Return a sentence if the steps between the floats of an asset are large beside its diagonal."""
+    if not size > 0.0 or step < _ROUNDED * size:
+        return ()
+    return (
+        f"The positions lie so far from the origin that the file rounds them to steps of {step:.2g}: {step / size:.1g} "
+        "of the asset's diagonal. Export it near the origin, and place it by its node.",
     )
 
 

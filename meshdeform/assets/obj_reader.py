@@ -8,20 +8,21 @@ Blender write them; the PBR extension (`Pm`, `Pr`).
 
 from __future__ import annotations
 
-import codecs
 import posixpath
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.archive import Archive
-from meshdeform.assets.build import Primitive
-from meshdeform.assets.polygons import Triangulation, cut_polygons
+from meshdeform.assets.archive import Archive, not_found, not_readable
+from meshdeform.assets.build import Primitive, linear_color
+from meshdeform.assets.materials import portable_picture
+from meshdeform.assets.other_formats import plain_text
+from meshdeform.assets.polygons import cut_polygons
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
 
 __all__ = ["linked_libraries", "linked_pictures", "read_obj"]
@@ -37,28 +38,30 @@ _NUMBER = re.compile(rb"[-+]?(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?|[-+]?(inf|infinity|
 _CORNER = re.compile(rb"[-+]?\d+(/([-+]?\d+)?){0,2}")
 # `-s 1 1 1`, `-mm 0 1`, `-clamp on`: options of a texture come before its name.
 _OPTIONS = re.compile(r"(?:-(?:[ost](?: +[-+.\deE]+){1,3}|mm +\S+ +\S+|[a-z]+ +\S+) +)*", re.IGNORECASE)
+_UNREAD = (b"p", b"l", b"curv", b"curv2", b"surf", b"vp")
+"""Keywords of points, lines, curves and free-form surfaces."""
 _ELEMENTS = {b"v": ("vertex", 3, 6), b"vt": ("texture coordinate", 1, 2), b"vn": ("normal", 3, 3)}
 """What a keyword lists, and how many numbers it has at least and at most."""
 
 
-def read_obj(data: bytes, archive: Archive | None, most_parts: int) -> tuple[list[Primitive], Triangulation]:
+def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primitive], tuple[str, ...]]:
     """Read an OBJ: white space and line ends of any kind, relative indices, polygons.
 
     Parameters
     ----------
     data : bytes
         The file.
-    archive : Archive, optional
+    archive : Archive
         Holds its material libraries and their textures.
     most_parts : int
         How many primitives it may have.
 
     Returns
     -------
-    A primitive for each object, group and material, the last one first; and how polygons were cut. Vertices of a
-    primitive differ in their index of the position, the texture coordinates or the normal. Where only some corners have
-    texture coordinates, the others have (0, 0) of the file. Normals are given if all corners have them. Colours of
-    vertices take precedence over materials.
+    A primitive for each object, group and material, the last one first; and sentences about what became of the file.
+    Vertices of a primitive differ in their index of the position, the texture coordinates or the normal. Where only
+    some corners have texture coordinates, the others have (0, 0) of the file. Normals are given if all corners have
+    them. Colours of vertices replace the colour of a material, and a texture that was found replaces both.
 
     Raises
     ------
@@ -70,13 +73,19 @@ def read_obj(data: bytes, archive: Archive | None, most_parts: int) -> tuple[lis
     if not (np.abs(tables[b"v"][:, :3]) <= np.finfo(np.float32).max).all():  # NaN compares false
         raise AssetNotFiniteError("The file has vertices that are not finite 32-bit floats.")
     faces, sizes, corners = _faces(lines)
+    if not len(faces):
+        return [], ()
     cut = cut_polygons(tables[b"v"][corners[:, 0] - 1, :3], sizes)
     groups, states = _groups(lines, faces)
-    if not states:
-        return [], cut
     if len(states) > most_parts:
         raise AssetTooLargeError(f"The file has {len(states)} parts; the limit is {most_parts}.")
-    looks = _read_materials(lines, archive)
+    looks, notices = _read_materials(lines, archive)
+    if unread := [keyword.decode() for keyword in _UNREAD if len(lines.of(keyword))]:
+        notices.append(f"Only faces are read; lines of the OBJ were left out: {', '.join(unread)}.")
+    if tables[b"v"].shape[1] == 6 and any(look.texture for look in looks.values()):
+        notices.append(
+            "The file has textures and colours of vertices: where there is a texture, colours were left out."
+        )
     titles: dict[str, None] = {}
     primitives = []
     members = groups[cut.polygons]
@@ -84,11 +93,10 @@ def read_obj(data: bytes, archive: Archive | None, most_parts: int) -> tuple[lis
     for rows, (*names, material) in zip(
         np.split(order, np.flatnonzero(np.diff(members[order])) + 1), states, strict=True
     ):
-        if (sizes[cut.polygons[rows]] == 4).all():  # quads alone: the first halves of all, then the second ones
-            rows = np.concatenate([rows[::2], rows[1::2]])
         title = _title([*names, material if len(looks) > 1 else ""], titles)
-        primitives.append(_primitive(tables, corners[cut.triangles[rows]], title, looks.get(material), material))
-    return primitives, cut
+        primitive = _primitive(tables, corners[cut.triangles[rows]], title, looks.get(material), material)
+        primitives.append(replace(primitive, polygons=cut.runs(rows)))
+    return primitives, (*cut.notices(), *notices)
 
 
 def linked_libraries(data: bytes) -> list[str]:
@@ -105,7 +113,7 @@ class _Lines:
     """The lines of an OBJ by their keyword. They have the numbers that an editor shows: line 0 is empty."""
 
     def __init__(self, data: bytes) -> None:
-        text = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").translate(_BLANKS)
+        text = plain_text(data).replace(b"\r\n", b"\n").translate(_BLANKS)
         text = b"\n%s\n" % text
         if b"\\\n" in text:
             text = _CONTINUED.sub(lambda m: m[0].replace(b"\\\n", b" ") + b"\n" * m[0].count(b"\\\n"), text)
@@ -281,14 +289,17 @@ def _primitive(
     kept = [True, bool(rows[:, 1].any()), bool(rows[:, 2].all())]
     first, index = _distinct(rows[:, kept])
     v, vt, vn = rows[first].T - 1
+    look, material = (look, material) if look else (_Material(), "")
     colors = None
-    if tables[b"v"].shape[1] == 6:
+    if tables[b"v"].shape[1] == 6 and not look.texture:
         values = tables[b"v"][v, 3:]
         if not np.isnan(values).all():
             values = np.where(np.isnan(values).any(axis=1, keepdims=True), 1.0, values)
             colors = np.column_stack([np.clip(values * 255.0, 0.0, 255.0).round(), np.full(len(v), 255.0)])
-            colors, look = colors.astype(np.uint8), None
-    look, material = (look, material) if look else (_Material(), "")
+            colors = colors.astype(np.uint8)
+    base_color = look.shown_color
+    if colors is not None and base_color is not None:
+        base_color = (1.0, 1.0, 1.0, base_color[3])
     # OBJ counts v upwards, glTF downwards.
     texcoords = np.where(vt[:, None] < 0, 0.0, tables[b"vt"][vt]) * [1.0, -1.0] + [0.0, 1.0] if kept[1] else None
     return Primitive(
@@ -299,7 +310,7 @@ def _primitive(
         colors=colors,
         name=title,
         material=material,
-        base_color=look.base_color,
+        base_color=base_color,
         metallic=look.metallic,
         roughness=look.roughness,
         texture=look.texture,
@@ -314,48 +325,110 @@ class _Material:
     metallic: float = 0.0
     roughness: float = 0.8
     texture: bytes = b""
+    tinted: bool = False
+    """Whether `Kd` is no grey. Beside a texture, programs write a grey that they do not use."""
+
+    @property
+    def shown_color(self) -> tuple[float, float, float, float] | None:
+        """The linear factor of the texture, or the colour where there is none."""
+        if self.base_color is None or self.tinted or not self.texture:
+            return self.base_color
+        return (1.0, 1.0, 1.0, self.base_color[3])
 
 
-def _read_materials(lines: _Lines, archive: Archive | None) -> dict[str, _Material]:
-    """Return the materials that an OBJ uses, with the values that its libraries in the archive give them."""
+def _read_materials(lines: _Lines, archive: Archive) -> tuple[dict[str, _Material], list[str]]:
+    """Return the materials that an OBJ uses, as its libraries in the archive describe them, and notices."""
     used = (lines.value(b"usemtl", number) for number in lines.of(b"usemtl").tolist())
     looks = {name: _Material() for name in used if name}
-    for link in lines.libraries() if archive else []:
-        assert archive is not None
-        library = archive.find(link)
-        if library is not None:
-            beside = posixpath.normpath(posixpath.join(posixpath.dirname(archive.main), link))
-            _read_library(library, archive, beside, looks)
-    return looks
+    reader = _Libraries(archive, looks)
+    for number in lines.of(b"mtllib").tolist():
+        reader.read_line(lines.value(b"mtllib", number))
+    return looks, reader.notices()
 
 
-def _read_library(library: bytes, archive: Archive, beside: str, looks: dict[str, _Material]) -> None:
-    material, color, dissolve, transparency = _Material(), (1.0, 1.0, 1.0), None, 0.0
-    for key, value in _statements(library):
-        if key == "newmtl":
-            material, color, dissolve, transparency = looks.get(value, _Material()), (1.0, 1.0, 1.0), None, 0.0
-        elif key == "map_kd":
-            found = (archive.find(path, beside) for path in _picture_paths(value))
-            material.texture = next(filter(None, found), b"")
-        numbers = _numbers(value)
-        if key == "kd" and len(numbers) >= 3:
-            color = (numbers[0], numbers[1], numbers[2])
-        elif key == "d" and numbers:
-            dissolve = numbers[0]
-        elif key == "tr" and numbers:
-            transparency = numbers[0]
-        elif key == "pm" and numbers:
-            material.metallic = numbers[0]
-        elif key == "pr" and numbers:
-            material.roughness = numbers[0]
-        if key in {"kd", "d", "tr"}:
-            # `Tr` is no part of the format, and programs disagree about its sense.
-            material.base_color = (*color, 1.0 - transparency if dissolve is None else dissolve)
+class _Libraries:
+    """Reads material libraries into the materials that an OBJ uses, and notes what was not found or is not read."""
+
+    def __init__(self, archive: Archive, looks: dict[str, _Material]) -> None:
+        self._archive, self._looks = archive, looks
+        self._libraries: list[str] = []
+        self._pictures: dict[str, None] = {}
+        self._unreadable: dict[str, None] = {}
+        self._left_out: dict[str, None] = {}
+
+    def read_line(self, value: str) -> None:
+        """Read the libraries of an `mtllib` line: it may list several, or one whose name has spaces."""
+        for names in ([value], value.split()):
+            found = [(name, self._archive.find(name)) for name in names]
+            if any(library is not None for _, library in found):
+                break
+        for name, library in found:
+            if library is None:
+                self._libraries.append(name)
+            else:
+                self._read(library, posixpath.join(posixpath.dirname(self._archive.main), name.replace("\\", "/")))
+
+    def notices(self) -> list[str]:
+        """Return sentences about what was not found, or is not read."""
+        sentences = []
+        if self._libraries and self._looks:
+            sentences.append(not_found("Material libraries", self._libraries))
+        if self._pictures:
+            sentences.append(not_found("Textures", list(self._pictures)))
+        if self._unreadable:
+            sentences.append(not_readable(list(self._unreadable)))
+        clear = [name for name, look in self._looks.items() if look.base_color is not None and look.base_color[3] == 0]
+        if clear:
+            listed = ", ".join(clear[:3]) + (" ..." if len(clear) > 3 else "")
+            sentences.append(f"Materials are wholly transparent, so viewers show nothing of what has them: {listed}.")
+        if self._left_out:
+            kinds = ", ".join(self._left_out)
+            sentences.append(f"Only textures of the base colour (map_Kd) are read; left out: {kinds}.")
+        return sentences
+
+    def _picture(self, value: str, beside: str) -> bytes:
+        """Return the picture of a `map_Kd` statement as PNG or JPEG; empty if there is none."""
+        paths = _picture_paths(value)
+        found = next(filter(None, (self._archive.find(path, beside) for path in paths)), b"")
+        picture = portable_picture(found) if found else b""
+        if not picture:
+            (self._unreadable if found else self._pictures)[paths[0]] = None
+        return picture
+
+    def _read(self, library: bytes, beside: str) -> None:
+        material, color, dissolve, transparency = _Material(), (1.0, 1.0, 1.0), None, 0.0
+        used = False
+        for key, value in _statements(library):
+            if key == "newmtl":
+                used = value in self._looks
+                material, color, dissolve, transparency = (
+                    self._looks.get(value, _Material()), (1.0, 1.0, 1.0), None, 0.0
+                )  # fmt: skip
+            elif key == "map_kd":
+                material.texture = self._picture(value, beside) if used else b""
+            elif used and (key.startswith("map_") or key in {"bump", "norm", "disp", "decal", "refl"}):
+                self._left_out[key] = None
+            numbers = _numbers(value)
+            if key == "kd" and len(numbers) >= 3:
+                color = (numbers[0], numbers[1], numbers[2])
+            elif key == "d" and numbers:
+                dissolve = numbers[0]
+            elif key == "tr" and numbers:
+                transparency = numbers[0]
+            elif key == "pm" and numbers:
+                material.metallic = numbers[0]
+            elif key == "pr" and numbers:
+                material.roughness = numbers[0]
+            if key in {"kd", "d", "tr"}:
+                # `Tr` is no part of the format, and programs disagree about its sense.
+                alpha = 1.0 - transparency if dissolve is None else dissolve
+                material.base_color = (*linear_color(color), alpha)
+                material.tinted = len(set(color)) > 1
 
 
 def _statements(library: bytes) -> Iterator[tuple[str, str]]:
     """Yield the keyword, in lower case, and the rest of each line of a material library."""
-    for line in library.decode("utf-8-sig", "replace").splitlines():
+    for line in plain_text(library).decode("utf-8", "replace").splitlines():
         key, _, value = line.replace("\t", " ").strip().partition(" ")
         yield key.lower(), value.strip()
 

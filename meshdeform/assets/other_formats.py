@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 
 from meshdeform.assets.container import Data
@@ -11,10 +12,9 @@ from meshdeform.errors import (
     AssetFormatError,
     AssetTooLargeError,
     AssetTruncatedError,
-    AssetUnsupportedError,
 )
 
-__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "no_triangles", "refuse_other_format"]
+__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "no_triangles", "plain_text", "refuse_other_format"]
 
 _WRITE = "bpy.ops.export_scene.gltf(filepath='out.glb')"
 _READ_BY_BLENDER = "blender -b --python-expr \"import bpy; bpy.ops.wm.{}(filepath='in.{}'); {}\""
@@ -42,6 +42,7 @@ _MAGICS = (
 _MAX_PLY_HEADER = 64 * 1024
 _OBJ_FACE = re.compile(rb"(?:^|[\r\n])[ \t]*f[ \t]")
 _OBJ_VERTEX = re.compile(rb"(?:^|[\r\n])[ \t]*v[ \t]")
+_STL_HEAD = 4096
 _STL_FACET = re.compile(rb"\bfacet\b[^\r\n]*", re.IGNORECASE)
 
 
@@ -84,7 +85,17 @@ def refuse_other_format(head: bytes, ending: str) -> None:
         )
 
 
+def plain_text(data: Data) -> bytes:
+    """Return a text without its byte order mark, as UTF-8 where the mark says UTF-16."""
+    text = bytes(data)
+    if text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return text.decode("utf-16", "replace").encode()
+    return text.removeprefix(codecs.BOM_UTF8)
+
+
 def _obj_counts(data: Data) -> tuple[int, int]:
+    if bytes(data[:2]) in {codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE}:
+        data = plain_text(data)
     if b"\0" in bytes(data[:4096]):
         raise AssetFormatError("The file is named .obj, but its content is binary.")
     return sum(1 for _ in _OBJ_VERTEX.finditer(data)), sum(1 for _ in _OBJ_FACE.finditer(data))
@@ -106,20 +117,22 @@ def _ply_counts(data: Data) -> tuple[int, int]:
             counts[words[1].decode("ascii", "replace")] = int(words[2])
     if declared > len(data):  # an element takes at least one byte in every PLY encoding
         raise AssetTruncatedError(f"The PLY header declares {declared} elements, but the file has {len(data)} bytes.")
-    if not counts["face"] and counts.get("tristrips"):
-        raise AssetUnsupportedError(
-            "The PLY file has triangle strips in place of faces.", advice="Export it with faces (element face)."
-        )
-    return counts["vertex"], counts["face"]
+    return counts["vertex"], counts["face"] or counts.get("tristrips", 0)  # of strips, their triangles are not counted
 
 
 def is_ascii_stl(data: Data) -> bool:
-    """Return whether an STL file is text; some binary ones start with `solid`, too."""
-    return bytes(data[:5]).lower() == b"solid" and not _binary_stl_fits(data)
+    """Return whether an STL file is text; some binary ones start with `solid`, too, and some have bytes after the end.
 
-
-def _binary_stl_fits(data: Data) -> bool:
-    return len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(bytes(data[80:84]), "little")
+    Where the size fits the number of facets exactly, or is larger and the head has zeros, it is binary; else a text
+    names a facet, or its end, early on.
+    """
+    head = bytes(data[:_STL_HEAD]).lstrip().lower()
+    if not head.startswith(b"solid"):
+        return False
+    declared = 84 + 50 * int.from_bytes(bytes(data[80:84]), "little")
+    if len(data) == declared or (len(data) > declared and b"\0" in bytes(data[:84])):
+        return False
+    return b"facet" in head or b"endsolid" in head or len(data) < declared
 
 
 def _stl_counts(data: Data) -> tuple[int, int]:

@@ -46,6 +46,19 @@ class Triangulation:
     polygons: _Index
     clipped: int
 
+    def runs(self, rows: _Index | slice = slice(None)) -> tuple[tuple[int, int], ...]:
+        """Return how many polygons of how many corners follow each other in rows of triangles, in ascending order.
+
+        Empty if they are triangles all.
+        """
+        polygons = self.polygons[rows]
+        corners = np.diff(np.flatnonzero(np.diff(polygons, prepend=-1, append=-1))) + 2
+        if not len(corners) or corners.max() == 3:
+            return ()
+        starts = np.flatnonzero(np.diff(corners, prepend=-1))
+        lengths = np.diff(starts, append=len(corners))
+        return tuple(zip(corners[starts].tolist(), lengths.tolist(), strict=True))
+
     def notices(self) -> tuple[str, ...]:
         """Return a sentence about polygons that became triangles, if there are any."""
         cut = int((np.bincount(self.polygons) > 1).sum())

@@ -26,12 +26,14 @@ __all__ = [
     "check_extensions",
     "check_meshes",
     "check_nodes",
+    "hidden_instances",
     "instance_count",
     "instances_of",
 ]
 
 DRACO = "KHR_draco_mesh_compression"
 GPU_INSTANCING = "EXT_mesh_gpu_instancing"
+VISIBILITY = "KHR_node_visibility"
 POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
 LOOSE = "points and lines only follow a surface"
 """Why a file of nothing but points and lines is refused."""
@@ -215,22 +217,36 @@ def check_geometry(root: Json) -> None:
 def instances_of(root: Json) -> list[Instance]:
     """List the nodes of the default scene that show a mesh, depth first.
 
-    The default scene is `scene`, else the first one. A document without scenes shows every root node.
+    The default scene is `scene`, else the first one. A document without scenes shows every root node. A node that
+    KHR_node_visibility hides shows nothing, and neither do those below it.
     """
+    return _walk(root)[0]
+
+
+def hidden_instances(root: Json) -> list[Instance]:
+    """List the nodes of the default scene whose mesh KHR_node_visibility hides."""
+    return _walk(root)[1]
+
+
+def _walk(root: Json) -> tuple[list[Instance], list[Instance]]:
+    """Return the instances that are shown, and those that are hidden."""
     nodes, scenes = objects(root, "nodes"), objects(root, "scenes")
     if scenes:
         start = indices(scenes[root.get("scene", 0)], "nodes", len(nodes), "scene")
     else:
         children = {child for node in nodes for child in node.get("children", [])}
         start = [i for i in range(len(nodes)) if i not in children]
-    found, seen, stack = [], set[int](), start[::-1]
+    shown, hidden, seen = list[Instance](), list[Instance](), set[int]()
+    stack = [(at, True) for at in start[::-1]]
     while stack:
-        at = stack.pop()
+        at, visible = stack.pop()
         if at in seen:
             continue
         seen.add(at)
         node = nodes[at]
+        visibility = extension(node, VISIBILITY, f"nodes[{at}]") or {}
+        visible &= visibility.get("visible", True) is not False
         if "mesh" in node:
-            found.append(Instance(at, node["mesh"], node.get("skin")))
-        stack.extend(reversed(node.get("children", [])))
-    return found
+            (shown if visible else hidden).append(Instance(at, node["mesh"], node.get("skin")))
+        stack.extend((child, visible) for child in reversed(node.get("children", [])))
+    return shown, hidden

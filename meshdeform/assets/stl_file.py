@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from meshdeform.assets.asset import Asset
+from meshdeform.assets.build import far_origin
 from meshdeform.errors import AssetEmptyError
 
 __all__ = ["Stl", "Unit", "Up", "write_stl"]
@@ -29,11 +30,15 @@ class Stl:
     triangles : int
     closed : bool
         Whether every edge belongs to two triangles that face the same way; corners at one place are one.
+    origin : tuple of 3 floats
+        The point, in the file's unit and axes, that its places are relative to. It is not zero for a surface so far
+        away that 32-bit floats, which the format has, would round it; the file's header names it, too.
     """
 
     data: bytes
     triangles: int
     closed: bool
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def write_stl(asset: Asset, up: Up = "y", unit: Unit = "m") -> Stl:
@@ -58,7 +63,13 @@ def write_stl(asset: Asset, up: Up = "y", unit: Unit = "m") -> Stl:
     if not len(shown.triangles):
         raise AssetEmptyError("The asset has no triangles that an STL could hold.")
     positions = shown.positions @ (_Z_UP.T if up == "z" else np.eye(3)) * _PER_METRE[unit]
+    origin = far_origin([positions])
+    if origin is not None:
+        positions = positions - origin
     mesh = trimesh.Trimesh(positions, shown.triangles, process=False)
     data = mesh.export(file_type="stl")
+    x, y, z = (0.0, 0.0, 0.0) if origin is None else origin.tolist()
+    if origin is not None:
+        data = f"places are relative to {x:.17g} {y:.17g} {z:.17g}".encode()[:80].ljust(80) + data[80:]
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    return Stl(data, len(shown.triangles), bool(mesh.is_watertight and mesh.is_winding_consistent))
+    return Stl(data, len(shown.triangles), bool(mesh.is_watertight and mesh.is_winding_consistent), (x, y, z))

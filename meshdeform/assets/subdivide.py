@@ -276,6 +276,8 @@ def _write(document: Document, group: _Group) -> set[str]:
         own = group.triangles[group.owner == place]
         primitive["indices"] = _append_indices(document, own, written["POSITION"], old)
         primitive.pop("mode", None)
+        if isinstance(primitive.get("extras"), dict):
+            primitive["extras"].pop("polygons", None)
         primitive["attributes"] = {name: written[name] for name in primitive["attributes"]}
         for t, target in enumerate(primitive.get("targets", [])):
             primitive["targets"][t] = {name: written[f"{t}/{name}"] for name in target}

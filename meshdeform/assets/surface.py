@@ -34,10 +34,12 @@ __all__ = [
     "local_matrix",
     "placement_matrix",
     "read_surface",
+    "shown_vertices",
     "world_matrices",
 ]
 
 
+Floats = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 _INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
 
@@ -124,9 +126,6 @@ def is_invertible(matrix: Matrix) -> bool:
     return bool(stretches[2] > 1e-9 * stretches[0] and stretches[0] > 0.0)
 
 
-Floats = NDArray[np.float64]
-
-
 @dataclass(frozen=True)
 class Surface:
     """The surface to optimise: one triangle soup in world space, +Y up.
@@ -156,6 +155,21 @@ class Surface:
 
 
 @dataclass(frozen=True)
+class RestTargets:
+    """What morph targets add to a block at rest, by the weights of its node or mesh, in mesh space.
+
+    Attributes
+    ----------
+    positions : (V, 3) float64
+    normals, tangents : (V, 3) float64, optional
+    """
+
+    positions: Floats
+    normals: Floats | None
+    tangents: Floats | None
+
+
+@dataclass(frozen=True)
 class Block:
     """The vertices of one set of accessors in one node, written back as a unit.
 
@@ -172,6 +186,7 @@ class Block:
     positions: NDArray[np.float32]  # in mesh space, as in the file
     normals: NDArray[np.float32] | None
     tangents: NDArray[np.float32] | None
+    rest: RestTargets | None = None
 
 
 @dataclass(frozen=True)
@@ -227,7 +242,8 @@ def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface
             skipped.append({"node": instance.node, "mesh": instance.mesh, "reason": reason})
             continue
         for accessors, primitives in _groups(document, instance, skipped).items():
-            block = _read_block(document, instance, accessors, primitives, placement, start)
+            block = _read_block(document, instance, accessors[:3], primitives, placement, start)
+            block = dataclasses.replace(block, rest=_rest_targets(document, instance, block))
             count = len(block.positions)
             faces = [_faces(document, block, p, count, skipped) for p in primitives]
             block = dataclasses.replace(block, triangles=tuple(len(part) for part in faces))
@@ -247,8 +263,10 @@ def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface
 
 def _groups(
     document: Document, instance: Instance, skipped: list[dict[str, Any]]
-) -> dict[tuple[int, int | None, int | None], list[int]]:
-    groups: dict[tuple[int, int | None, int | None], list[int]] = {}
+) -> dict[tuple[int, int | None, int | None, str], list[int]]:
+    """Return the primitives that share their accessors and, where targets show at rest, these as well."""
+    groups: dict[tuple[int, int | None, int | None, str], list[int]] = {}
+    shows_targets = any(_rest_weights(document.root, instance))
     for p, primitive in enumerate(document.root["meshes"][instance.mesh].get("primitives", [])):
         attributes, mode = primitive.get("attributes", {}), primitive.get("mode", TRIANGLES)
         if mode < TRIANGLES:
@@ -257,7 +275,8 @@ def _groups(
             reason = "no POSITION attribute"
             skipped.append({"node": instance.node, "mesh": instance.mesh, "primitive": p, "reason": reason})
             continue
-        key = (attributes["POSITION"], attributes.get("NORMAL"), attributes.get("TANGENT"))
+        targets = repr(primitive.get("targets", [])) if shows_targets else ""
+        key = (attributes["POSITION"], attributes.get("NORMAL"), attributes.get("TANGENT"), targets)
         groups.setdefault(key, []).append(p)
     return groups
 
@@ -314,6 +333,49 @@ def _read_block(
     )
 
 
+def _rest_weights(root: Json, instance: Instance) -> list[float]:
+    """Return the weights of an instance's morph targets at rest (glTF 2.0, section 3.7.2.2)."""
+    weights = root["nodes"][instance.node].get("weights", root["meshes"][instance.mesh].get("weights", []))
+    return [float(weight) for weight in weights]
+
+
+def _rest_targets(document: Document, instance: Instance, block: Block) -> RestTargets | None:
+    """Return what the morph targets of a block add at rest; None if that is nothing."""
+    targets = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]].get("targets", [])
+    added: dict[str, Floats] = {}
+    for weight, target in zip(_rest_weights(document.root, instance), targets, strict=False):
+        for name in ("POSITION", "NORMAL", "TANGENT") if weight else ():
+            accessor = target.get(name)
+            # Accessors that only targets use are not checked otherwise.
+            if accessor is None or document.root["accessors"][accessor]["count"] != len(block.positions):
+                continue
+            values = read_floats(document, accessor)
+            if values.shape[1] == 3 and np.isfinite(values).all():
+                added[name] = added.get(name, 0.0) + weight * values.astype(np.float64)
+    if not added:
+        return None
+    none = np.zeros(block.positions.shape)
+    return RestTargets(added.get("POSITION", none), added.get("NORMAL"), added.get("TANGENT"))
+
+
+def shown_vertices(block: Block) -> tuple[Floats, Floats | None, Floats | None]:
+    """Return the positions (V, 3), normals (V, 3) and tangents (V, 3) that viewers show at rest, in mesh space."""
+    rest = block.rest
+    positions = block.positions.astype(np.float64) + (0.0 if rest is None else rest.positions)
+    tangents = None if block.tangents is None else block.tangents[:, :3]
+    return (
+        positions,
+        _shown(block.normals, None if rest is None else rest.normals),
+        _shown(tangents, None if rest is None else rest.tangents),
+    )
+
+
+def _shown(directions: NDArray[np.float32] | None, added: Floats | None) -> Floats | None:
+    if directions is None:
+        return None
+    return directions.astype(np.float64) + (0.0 if added is None else added)
+
+
 def _faces(document: Document, block: Block, p: int, count: int, skipped: list[dict[str, Any]]) -> NDArray[np.int64]:
     primitive = document.root["meshes"][block.mesh]["primitives"][p]
     faces = read_triangles(document, primitive, count, f"meshes[{block.mesh}].primitives[{p}]")
@@ -334,11 +396,12 @@ def _join(
     for block, number in zip(blocks, owner, strict=True):
         linear = block.placement[:3, :3]
         instances[block.rows] = number
-        positions[block.rows] = block.positions @ linear.T + block.placement[:3, 3]
-        if block.normals is not None:
-            normals[block.rows] = unit_rows(block.normals @ np.linalg.inv(linear))
-        if block.tangents is not None:
-            tangents[block.rows, :3] = unit_rows(block.tangents[:, :3] @ linear.T)
+        shown = shown_vertices(block)
+        positions[block.rows] = shown[0] @ linear.T + block.placement[:3, 3]
+        if shown[1] is not None:
+            normals[block.rows] = unit_rows(shown[1] @ np.linalg.inv(linear))
+        if block.tangents is not None and shown[2] is not None:
+            tangents[block.rows, :3] = unit_rows(shown[2] @ linear.T)
             tangents[block.rows, 3] = handedness(block.tangents[:, 3], linear)
     if not np.isfinite(positions).all():
         raise AssetNotFiniteError("The node transforms make positions too large for a 64-bit float.")
@@ -349,6 +412,13 @@ def unit_rows(vectors: Floats) -> Floats:
     """Return the rows scaled to unit length; zero rows become NaN."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0))
+
+
+def transformed_normals(maps: Floats, normals: NDArray[Any]) -> Floats:
+    """Return unit normals (V, 3) under linear maps (V, 3, 3), by the cofactors; NaN where a map leaves none."""
+    a, b, c = maps[:, 0], maps[:, 1], maps[:, 2]
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
+    return unit_rows(np.einsum("vij,vj->vi", cofactors, normals.astype(np.float64)))
 
 
 def handedness(w: NDArray[Any], linear: Matrix) -> Floats:

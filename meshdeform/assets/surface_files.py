@@ -10,13 +10,13 @@ import json
 import math
 import zipfile
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.inspect import AssetSummary, surface_format
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.ply_reader import PlyElement, read_elements
 from meshdeform.assets.thin_parts import thin_warnings
 from meshdeform.errors import (
     AssetEmptyError,
@@ -174,21 +174,13 @@ def _points(points: _Floats, normals: _Floats) -> OrientedPoints:
 
 
 def _ply(data: bytes) -> tuple[_Floats, _Floats]:
-    try:
-        import trimesh
-
-        loaded: Any = trimesh.load(io.BytesIO(data), file_type="ply", process=False)
-        rows = loaded.metadata["_ply_raw"]["vertex"]["data"]
-        columns = [np.asarray(rows[name], np.float64).reshape(-1) for name in ("x", "y", "z", "nx", "ny", "nz")]
-    except KeyError as error:
+    vertex = read_elements(data).get("vertex", PlyElement(0))
+    if missing := [name for name in ("x", "y", "z", "nx", "ny", "nz") if name not in vertex.columns]:
         raise AssetError(
-            f"The points have no {error.args[0]!r}: a cloud needs x, y, z, nx, ny and nz.",
+            f"The points have no {missing[0]!r}: a cloud needs x, y, z, nx, ny and nz.",
             advice="Estimate normals that face the outside, for example in MeshLab, and save them in the file.",
-        ) from error
-    except MemoryError:
-        raise
-    except Exception as error:  # trimesh's parsers raise exceptions of any type
-        raise AssetTruncatedError("The PLY file cannot be parsed.") from error
+        )
+    columns = [vertex.columns[name].astype(np.float64) for name in ("x", "y", "z", "nx", "ny", "nz")]
     return np.stack(columns[:3], 1), np.stack(columns[3:], 1)
 
 

@@ -20,7 +20,7 @@ from meshdeform.assets.document import Document, Usage, decode_data_uri
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.morph import NewTargets, add_morph_targets
 from meshdeform.assets.storage import MESHOPT_EXTENSIONS
-from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handedness, unit_rows
+from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handedness, transformed_normals, unit_rows
 from meshdeform.errors import AssetError, NumericalError, ShapeError
 
 __all__ = [
@@ -78,20 +78,34 @@ def local_shape(block: Block, shape: Deformation) -> LocalShape:
     are replaced only where they changed.
     """
     linear = block.placement[:3, :3]
-    moved = shape.positions[block.rows] - shape.surface.positions[block.rows]
+    moved = (shape.positions[block.rows] - shape.surface.positions[block.rows]) @ np.linalg.inv(linear).T
+    maps = None
+    if block.rest is not None and shape.jacobians is not None:
+        # The targets follow, and what they add at rest with them: the new shape has it already.
+        maps = np.linalg.inv(linear) @ shape.jacobians[block.rows] @ linear
+        moved += block.rest.positions - np.einsum("vij,vj->vi", maps, block.rest.positions)
     with np.errstate(over="ignore"):
-        positions = (block.positions + moved @ np.linalg.inv(linear).T).astype(np.float32)
+        positions = (block.positions + moved).astype(np.float32)
     if not np.isfinite(positions).all():
         raise NumericalError("The new positions are too large for the 32-bit floats of a glTF file.")
     normals = tangents = None
     if block.normals is not None and shape.normals is not None:
         new = unit_rows(shape.normals[block.rows] @ linear)
+        if block.rest is not None and block.rest.normals is not None:
+            new = _base_normals(new, block.rest.normals) if maps is None else transformed_normals(maps, block.normals)
         normals = _where_changed(block.normals, new, shape.normals[block.rows], shape.surface.normals[block.rows])
     if block.tangents is not None and shape.tangents is not None:
         world = shape.tangents[block.rows]
         new = np.column_stack([unit_rows(world[:, :3] @ np.linalg.inv(linear).T), handedness(world[:, 3], linear)])
         tangents = _where_changed(block.tangents, new, world, shape.surface.tangents[block.rows])
     return LocalShape(positions, normals, tangents)
+
+
+def _base_normals(shown: Floats, added: Floats) -> Floats:
+    """Return the unit normals (V, 3) to which targets add so much that viewers show these, or nearly these."""
+    along = np.einsum("vi,vi->v", shown, added)
+    length = along + np.sqrt(np.maximum(1.0 + along**2 - np.einsum("vi,vi->v", added, added), 0.0))
+    return unit_rows(length[:, None] * shown - added)
 
 
 def _where_changed(

@@ -233,5 +233,9 @@ def _converted(
 
     stl = write_stl(asset, up, unit)
     closed = "closed" if stl.closed else "not closed"
-    facts = {"triangles": stl.triangles, "closed": stl.closed}
-    return stl.data, facts, f"{stl.triangles:,} triangles in {unit}, +{up.upper()} up; the surface is {closed}."
+    facts = {"triangles": stl.triangles, "closed": stl.closed, "origin": list(stl.origin)}
+    words = f"{stl.triangles:,} triangles in {unit}, +{up.upper()} up; the surface is {closed}."
+    if any(stl.origin):
+        moved = ", ".join(f"{value:g}" for value in stl.origin)
+        words += f"\nThe surface lies far from the origin: places are relative to ({moved}), as the file's header says."
+    return stl.data, facts, words

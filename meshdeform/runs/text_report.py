@@ -205,6 +205,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
             "bytes": len(facts.file.data),
             "sha256": facts.file.sha256,
             "warnings": list(asset.summary.warnings),
+            "polygons": asset.polygons(),
         },
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,

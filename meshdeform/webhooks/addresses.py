@@ -1,4 +1,4 @@
-"""Restrict the addresses of webhooks, so that users cannot reach hosts that only this server can reach (SSRF).
+"""Restrict the addresses of webhooks, and of files to fetch, to hosts that not only this server can reach (SSRF).
 
 A host is resolved and all its addresses are checked and returned. The sender connects to these addresses without
 resolving again, so that a DNS answer that changes in between has no effect.
@@ -152,7 +152,7 @@ def _read(url: str) -> tuple[httpx.URL, str, int]:
     _check_host(host)
     port = read.port if read.port is not None else 443 if read.scheme == "https" else 80
     if port not in (80, 443) and not 1024 <= port <= 65535:
-        raise WebhookAddressError(f"Port {port} is not allowed for webhooks.", advice="Use 443, 80 or one above 1023.")
+        raise WebhookAddressError(f"Port {port} is not allowed.", advice="Use 443, 80 or one above 1023.")
     return read.copy_with(host=host, fragment=None), host, port
 
 

@@ -26,7 +26,7 @@ from meshdeform import __version__
 from meshdeform.errors import WebhookAddressError
 from meshdeform.webhooks.addresses import Destination, Lookup, Networks, find_destination, system_lookup
 
-__all__ = ["SendOutcome", "Sender", "signed_headers"]
+__all__ = ["CONNECT_S", "PinnedNetwork", "SendOutcome", "Sender", "network_error", "signed_headers"]
 
 CONNECT_S = 5.0
 TOTAL_S = 15.0
@@ -95,7 +95,7 @@ class Sender:
         except httpcore.ProtocolError:
             error = "The response is not HTTP."
         except (httpcore.NetworkError, OSError) as failed:
-            error = _network_error(failed)
+            error = network_error(failed, "receiver")
         return SendOutcome(at, time.monotonic() - began, status, error, retry_after_s)
 
     def close(self) -> None:
@@ -110,7 +110,7 @@ class Sender:
     def _post(
         self, destination: Destination, body: bytes, headers: dict[str, str], deadline: float
     ) -> tuple[int, float]:
-        network = _PinnedNetwork(destination.addresses, self._connect_s, deadline, self._track)
+        network = PinnedNetwork(destination.addresses, self._connect_s, deadline, self._track)
         url = httpcore.URL(
             scheme=destination.url.raw_scheme,
             host=destination.host.encode("ascii"),
@@ -141,10 +141,12 @@ class Sender:
             self._open = (self._open - {before}) | ({now} if now else set())
 
 
-class _PinnedNetwork(httpcore.NetworkBackend):
+class PinnedNetwork(httpcore.NetworkBackend):
     """A network in which every name resolves to one host's checked addresses, until a deadline."""
 
-    def __init__(self, addresses: tuple[str, ...], connect_s: float, deadline: float, track: _Track) -> None:
+    def __init__(
+        self, addresses: tuple[str, ...], connect_s: float, deadline: float, track: _Track = lambda _before, _now: None
+    ) -> None:
         self._addresses, self._connect_s, self._track = addresses, connect_s, track
         self.deadline = deadline
         self.stream: httpcore.NetworkStream | None = None
@@ -157,6 +159,7 @@ class _PinnedNetwork(httpcore.NetworkBackend):
         local_address: str | None = None,
         socket_options: Any = None,
     ) -> httpcore.NetworkStream:
+        """Connect to the first of the addresses that answers; they share the time."""
         until = min(time.monotonic() + self._connect_s, self.deadline)
         failed: Exception = httpcore.ConnectTimeout("No time was left to connect.")
         for number, address in enumerate(self._addresses):
@@ -186,7 +189,7 @@ class _PinnedNetwork(httpcore.NetworkBackend):
 class _TimedStream(httpcore.NetworkStream):
     """A connection that ends at a deadline, even if data keeps arriving."""
 
-    def __init__(self, stream: httpcore.NetworkStream, network: _PinnedNetwork) -> None:
+    def __init__(self, stream: httpcore.NetworkStream, network: PinnedNetwork) -> None:
         self._stream, self._network = stream, network
 
     def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
@@ -243,13 +246,14 @@ def _judge(status: int) -> str:
     return f"The receiver answered {status}."
 
 
-def _network_error(error: Exception) -> str:
+def network_error(error: Exception, other: str) -> str:
+    """Return a sentence about a connection to the `other` side that failed, without its addresses."""
     seen: BaseException | None = error
     while seen is not None:
         if isinstance(seen, ssl.SSLCertVerificationError):
-            return f"The receiver's certificate is not valid: {seen.verify_message}."
+            return f"The {other}'s certificate is not valid: {seen.verify_message}."
         if isinstance(seen, ssl.SSLError):
-            return "The TLS connection to the receiver failed."
+            return f"The TLS connection to the {other} failed."
         seen = seen.__cause__ or seen.__context__
     return "The connection failed."
 

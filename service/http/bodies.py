@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import json
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Protocol, TypeVar
+from urllib.parse import unquote
 
 import anyio
 from fastapi import Request
@@ -80,7 +83,7 @@ async def body_of(request: Request) -> AsyncIterator[bytes]:
         yield chunk
 
 
-async def receive_document(request: Request) -> bytes:
+async def receive_document(request: Request, max_bytes: int = MAX_DOCUMENT_BYTES) -> bytes:
     """Receive a JSON document and return it unparsed; `RequestError`: its media type is not JSON, or it is too long."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
@@ -91,8 +94,8 @@ async def receive_document(request: Request) -> bytes:
     received = bytearray()
     async for chunk in body_of(request):
         received += chunk
-        if len(received) > MAX_DOCUMENT_BYTES:
-            raise RequestError(f"The document is longer than {MAX_DOCUMENT_BYTES} bytes.")
+        if len(received) > max_bytes:
+            raise RequestError(f"The document is longer than {max_bytes} bytes.")
     return bytes(received)
 
 
@@ -115,6 +118,8 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
 
 DOCUMENT = "request"
 _MAX_HEADER_BYTES = 8 * 1024
+_QUOTED = re.compile(rb'"(?:[^"\\]|\\.)*"')
+_EXTENDED_NAME = re.compile(rb";\s*filename\*\s*=\s*([a-z0-9._-]+)'[^']*'([^;\s]+)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -228,7 +233,8 @@ class _Receiver:
         self._field, self._value = b"", b""
 
     def _on_headers_finished(self) -> None:
-        _, options = parse_options_header(self._headers.get("content-disposition", b""))
+        disposition = self._headers.get("content-disposition", b"")
+        _, options = parse_options_header(disposition)
         name = options.get(b"name", b"").decode("utf-8", "replace")
         known = sorted((*file_parts(), DOCUMENT))
         if name not in known:
@@ -239,9 +245,7 @@ class _Receiver:
         if name == DOCUMENT:
             self._part = _DocumentPart()
         else:
-            self._part = _FilePart(
-                self._folder / name, clean_filename(options.get(b"filename", b"").decode("utf-8", "replace"))
-            )
+            self._part = _FilePart(self._folder / name, clean_filename(_filename(disposition, options)))
         self._parts[name] = self._part
 
     def _on_part_data(self, data: bytes, start: int, end: int) -> None:
@@ -290,6 +294,17 @@ class _FilePart:
 
     def file(self) -> ReceivedFile:
         return ReceivedFile(self.path, self.filename, self.size, self.digest.hexdigest())
+
+
+def _filename(header: bytes, options: Mapping[bytes, bytes]) -> str:
+    """Return the name in a Content-Disposition: `filename*`, in its encoding, before `filename` (RFC 6266, 4.3)."""
+    found = _EXTENDED_NAME.search(_QUOTED.sub(b'""', header))  # the parser drops this form
+    if found is not None:
+        charset = found[1].decode("ascii")
+        with suppress(LookupError):
+            codecs.lookup(charset)
+            return unquote(found[2].decode("ascii", "replace"), charset, "replace")
+    return options.get(b"filename", b"").decode("utf-8", "replace")
 
 
 def clean_filename(filename: str) -> str:

@@ -13,7 +13,7 @@ from meshdeform.requests.models import WEIGHTS_PART
 from meshdeform.runs import kind_of
 from meshdeform.runs.text_deform_kind import with_constants
 from service.http.idempotency import Answer, Caller, claimed, request_hash
-from service.jobs.documents import BranchDocument, FileReference
+from service.jobs.documents import BranchDocument, FileReference, FileSource
 from service.jobs.intake import check_file, check_params, check_words, key_of, new_job, record_job, store_file
 from service.jobs.sources import fetch, in_order
 from service.state import AppState
@@ -111,7 +111,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             return record_job(app, new, leases)
 
 
-def _own_references(job: Job, document: BranchDocument) -> dict[str, tuple[FileReference, list[str]]]:
+def _own_references(job: Job, document: BranchDocument) -> dict[str, tuple[FileReference | FileSource, list[str]]]:
     """Return the files that a branch names; it keeps its job's taught weights, whatever became of their own job."""
     same = getattr(document.params, "model", None) == getattr(job.request.params, "model", None)
     kept = {WEIGHTS_PART} & set(job.files) if same else set[str]()
@@ -119,7 +119,7 @@ def _own_references(job: Job, document: BranchDocument) -> dict[str, tuple[FileR
 
 
 def _inherited(
-    job: Job, document: BranchDocument, named: Mapping[str, tuple[FileReference, list[str]]]
+    job: Job, document: BranchDocument, named: Mapping[str, tuple[FileReference | FileSource, list[str]]]
 ) -> dict[str, StoredFile]:
     """Return the files of the other job that a branch keeps.
 

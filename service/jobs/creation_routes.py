@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Annotated, Any
 
+from anyio import to_thread
 from fastapi import APIRouter, Header, Request, Response
 
 from meshdeform.api.jobs import JobView
+from meshdeform.api.limits import MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
 from meshdeform.errors import (
     ConflictError,
     DependencyError,
@@ -40,6 +42,7 @@ from service.http.idempotency import Caller, IdempotencyKey
 from service.http.queries import KNOWN_QUERY
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
+from service.jobs.fetching import take_along
 from service.jobs.intake import accept_job, orient, validate
 from service.jobs.routes import shown
 from service.jobs.sources import Submission, file_advice, missing_files
@@ -103,6 +106,14 @@ _BODY: dict[str, Any] = {
                             **_DOCUMENT,
                             "asset": {"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"},
                         },
+                    },
+                    "url": {
+                        "summary": "Let the server fetch the asset",
+                        "value": {**_DOCUMENT, "asset": {"url": "https://example.org/models/sphere.glb"}},
+                    },
+                    "inline": {
+                        "summary": "An asset in the document",
+                        "value": {**_DOCUMENT, "asset": {"data": "Z2xURgIAAAA...", "filename": "sphere.glb"}},
                     },
                 },
             },
@@ -273,14 +284,37 @@ async def branch_job(
     return answer.response()
 
 
+async def _received_document(request: Request, app: AppState, owner_id: str, held: AsyncExitStack) -> JobDocument:
+    """Receive a JSON document; a long one, or one with a file to fetch, holds a slot as a form does."""
+    length = request.headers.get("content-length", "")
+    if not length.isdigit() or int(length) > MAX_DOCUMENT_BYTES:
+        await held.enter_async_context(app.bodies.slot(owner_id))
+        text = await receive_document(request, min(MAX_INLINE_BYTES, app.settings.max_upload_bytes))
+        return await to_thread.run_sync(_parsed, text)
+    document = _parsed(await receive_document(request))
+    if document.sources:
+        await held.enter_async_context(app.bodies.slot(owner_id))
+    return document
+
+
+def _parsed(text: bytes) -> JobDocument:
+    """Parse a document; what it has beside its files is no longer than any other document."""
+    document = parse_document(JobDocument, text)
+    inline = sum(len(source.data or "") for source, _ in document.sources.values())
+    if len(text) - inline > MAX_DOCUMENT_BYTES:
+        raise RequestError(f"The document is longer than {MAX_DOCUMENT_BYTES} bytes without its files.")
+    return document
+
+
 @asynccontextmanager
 async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIterator[Submission]:
     """Receive a request's document and files; the files are deleted when the block ends."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "application/json":
-        document = parse_document(JobDocument, await receive_document(request))
-        with app.workspace.temporary_folder() as folder:
-            yield Submission(document, {}, folder)
+        async with AsyncExitStack() as held:
+            document = await _received_document(request, app, owner_id, held)
+            folder = held.enter_context(app.workspace.temporary_folder())
+            yield await take_along(app, owner_id, Submission(document, {}, folder))
         return
     # The slot is held until the files are checked and stored, which bounds the number of temporary files.
     async with app.bodies.slot(owner_id):
@@ -295,4 +329,4 @@ async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIte
             document = parse_document(JobDocument, text, "The part `request`")
             for name in missing_files(document, files):
                 raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
-            yield Submission(document, files, folder)
+            yield await take_along(app, owner_id, Submission(document, files, folder))

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-from meshdeform.api.limits import MAX_FILENAME
+from meshdeform.api.limits import MAX_FILENAME, MAX_INLINE_BYTES
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
 from meshdeform.requests.document import DeformParams, JobRequest
 from meshdeform.requests.models import WEIGHTS_PART, teaching_job
 from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
+from meshdeform.webhooks.addresses import MAX_URL
 
 __all__ = [
     "SHA256_PATTERN",
     "UPLOAD_ID_PATTERN",
     "BranchDocument",
     "FileReference",
+    "FileSource",
     "JobDocument",
     "UploadCompletion",
     "UploadDocument",
@@ -32,9 +35,7 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class FileReference(_Strict):
-    """A stored file: a complete upload, or an artifact of a job that has succeeded."""
-
+class _Reference(_Strict):
     upload_id: str | None = Field(
         None,
         pattern=UPLOAD_ID_PATTERN,
@@ -58,18 +59,54 @@ class FileReference(_Strict):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        if (self.upload_id is None) == (self.job_id is None):
-            raise ValueError("name either upload_id or job_id")
-        if self.upload_id is not None and "artifact" in self.model_fields_set:
-            raise ValueError("artifact goes with job_id, not with upload_id")
+        ways = [name for name in ("upload_id", "job_id", "url", "data") if name in type(self).model_fields]
+        named = [name for name in ways if getattr(self, name) is not None]
+        if len(named) != 1:
+            raise ValueError(f"name {'either ' if len(ways) == 2 else 'one of '}{', '.join(ways[:-1])} or {ways[-1]}")
+        if named != ["job_id"] and "artifact" in self.model_fields_set:
+            raise ValueError(f"artifact goes with job_id, not with {named[0]}")
         return self
 
 
-_Files = dict[Annotated[str, StringConstraints(min_length=1, max_length=64)], FileReference]
+class FileReference(_Reference):
+    """A stored file: a complete upload, or an artifact of a job that has succeeded."""
+
+
+class FileSource(_Reference):
+    """A file that is not sent along: stored, to be fetched from a URL, or in the document itself as base64."""
+
+    url: str | None = Field(
+        None,
+        max_length=MAX_URL,
+        description="An `https` URL on the public internet that answers with the file, without redirects.",
+        examples=["https://example.org/models/sphere.glb"],
+    )
+    data: str | None = Field(
+        None,
+        description=f"The file as base64, or a `data:` URI of it. The whole document may have {MAX_INLINE_BYTES >> 20} "
+        "MiB.",
+        json_schema_extra={"contentEncoding": "base64"},
+        examples=["Z2xURgIAAAA..."],
+    )
+    filename: str = Field(
+        "",
+        max_length=MAX_FILENAME,
+        description="The file's name, with `url` and `data`; its extension distinguishes OBJ, PLY and STL. Default: "
+        "the last part of the URL.",
+        examples=["sphere.glb"],
+    )
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the file is not stored yet."""
+        return self.url is not None or self.data is not None
+
+
+_Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 
 
 class _WithFiles(JobRequest):
-    files: _Files = Field(default_factory=dict)
+    files: Mapping[_Part, FileReference | FileSource] = Field(default_factory=dict)
     # The members that name a file of their own, beside those in `files`.
     _named: ClassVar[tuple[str, ...]] = ()
 
@@ -79,7 +116,7 @@ class _WithFiles(JobRequest):
         return ["params", *(["guidance"] if isinstance(params, DeformParams) else []), "model"]
 
     @property
-    def references(self) -> dict[str, tuple[FileReference, list[str]]]:
+    def references(self) -> dict[str, tuple[FileReference | FileSource, list[str]]]:
         """The files that the document names by part, each with its place in the document."""
         own = {name: getattr(self, name) for name in self._named}
         teacher = teaching_job(getattr(self.params, "model", None) or "")
@@ -112,18 +149,18 @@ def _result_of(job_id: str) -> FileReference:
 class JobDocument(_WithFiles):
     """A job request, with references to the files that are not sent along."""
 
-    files: _Files = Field(
+    files: dict[_Part, FileSource] = Field(
         default_factory=dict,
         description="The files that are not sent along, by the names of their parts; `GET /v1/limits` lists the "
         "parts of each kind of job. Default: none.",
         examples=[{"asset": {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}}],
     )
-    asset: FileReference | None = Field(
+    asset: FileSource | None = Field(
         None,
         description="The file to deform, unless it is sent as the part `asset`. The same as `files.asset`.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
-    target: FileReference | None = Field(
+    target: FileSource | None = Field(
         None,
         description="The second mesh of `target` guidance, unless it is sent as the part `target`. The same as "
         "`files.target`.",
@@ -132,11 +169,25 @@ class JobDocument(_WithFiles):
 
     _named = ("asset", "target")
 
+    @property
+    def sources(self) -> dict[str, tuple[FileSource, list[str]]]:
+        """The files that are to be fetched from a URL, or that the document holds; as in `references`."""
+        every = self.references.items()
+        return {name: (each, at) for name, (each, at) in every if isinstance(each, FileSource) and each.is_own}
+
+    def without(self, parts: Collection[str]) -> Self:
+        """Return the document without the references of these parts, as if they had been sent along."""
+        members = {name for name in self._named if name in parts}
+        kept = {name: each for name, each in self.files.items() if name not in parts}
+        bare = self.model_copy(update={**dict.fromkeys(members), "files": kept})
+        bare.__pydantic_fields_set__.difference_update(members if kept else {*members, "files"})
+        return bare
+
 
 class BranchDocument(_WithFiles):
     """A request for a job that starts from a checkpoint of another job and has the same required files."""
 
-    files: _Files = Field(
+    files: dict[_Part, FileReference] = Field(
         default_factory=dict,
         description="Optional files by the names of their parts. Default: those of the other job that the request "
         "uses.",

@@ -12,7 +12,7 @@ from meshdeform.errors import AssetTooLargeError, ConflictError, NotFoundError, 
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import kind_of
 from service.http.bodies import ReceivedFile
-from service.jobs.documents import FileReference, JobDocument
+from service.jobs.documents import FileReference, FileSource, JobDocument
 from service.state import AppState
 
 __all__ = ["Submission", "fetch", "file_advice", "in_order", "missing_files"]
@@ -86,7 +86,9 @@ class Submission:
         return in_order(self.document, {**self.files, **fetched})
 
 
-def fetch(app: AppState, owner_id: str, reference: FileReference, place: list[str], folder: Path) -> ReceivedFile:
+def fetch(
+    app: AppState, owner_id: str, reference: FileReference | FileSource, place: list[str], folder: Path
+) -> ReceivedFile:
     """Copy the file that a reference names into the folder.
 
     Parameters

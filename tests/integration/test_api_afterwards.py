@@ -87,7 +87,8 @@ def test_a_morph_is_made_once_and_is_that_of_a_run(
     assert answer.content == write_morph(asset, path, path.at(1), MorphPath(), compact=True, provenance=ORIGIN)
     document = json.loads(answer.content[20 : 20 + int.from_bytes(answer.content[12:16], "little")])
     assert [animation["name"] for animation in document["animations"]] == ["deform"]
-    np.testing.assert_allclose(load_asset(answer.content).surface.positions, asset.surface.positions)
+    shown = load_asset(answer.content).surface.positions  # at rest, as viewers show it
+    np.testing.assert_allclose(shown, load_asset(stretched).surface.positions, atol=1e-6)
     # It is there now: nothing is made any more.
     monkeypatch.setattr(derive, "run_child", None)
     assert api.http.post(url).json() == first.json()

@@ -26,8 +26,8 @@ export type SketchGuess = Schemas["SketchGuess"];
 export type Sketch = Schemas["Sketch"];
 export type Params = Schemas["DeformParams"];
 
-/** A file of the service: an upload, or an artifact of a job that has succeeded. */
-export type FileReference = { upload_id: string } | { job_id: string; artifact?: string };
+/** A file of the service: an upload, or an artifact of a job that has succeeded; or one that it fetches. */
+export type FileReference = { upload_id: string } | { job_id: string; artifact?: string } | { url: string; filename?: string };
 
 /** A file to send, or one that the service has. A `File` carries its own name. */
 export type Asset = Blob | ArrayBuffer | Uint8Array<ArrayBuffer> | FileReference | Upload;

@@ -85,6 +85,10 @@ export class ViewerBox {
       if (this.scope.over || isAbort(error)) return null;
       console.warn(error);
       this.viewer?.clear();
+      if (error instanceof Error && error.name === "NoTriangles") {
+        this.say("This file has no triangles", "Points and lines can't be deformed. Fit a surface to points first.", "warn");
+        return null;
+      }
       const reason = packed && error instanceof Error ? error.message : "It may be empty, cut off or damaged.";
       this.say("This file can't be shown", reason, "warn");
       return null;

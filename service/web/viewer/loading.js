@@ -156,7 +156,7 @@ export function triangleCount({ geometry }) {
 /** @param {import("three").Object3D} root */
 function requireTriangles(root) {
   if (!meshesOf(root).some((mesh) => mesh.geometry.attributes.position && triangleCount(mesh) > 0)) {
-    throw new Error("There are no triangles in this file.");
+    throw Object.assign(new Error("There are no triangles in this file."), { name: "NoTriangles" });
   }
 }
 

@@ -117,7 +117,7 @@ def test_an_obj_keeps_groups_materials_and_textures() -> None:
     files = {"thing.obj": OBJ, "lib/things.mtl": MTL, "lib/wood.png": DOT}
     root, _, _ = unpack(load_asset(packed(files), "thing.zip").to_bytes())
     by_name = {material["name"]: material for material in root["materials"]}
-    assert by_name["red"]["pbrMetallicRoughness"]["baseColorFactor"] == [0.5, 0.25, 0, 0.5]
+    assert by_name["red"]["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([0.214041, 0.0508761, 0, 0.5])
     assert by_name["red"]["alphaMode"] == "BLEND"
     wood = by_name["my wood"]["pbrMetallicRoughness"]
     assert (wood["roughnessFactor"], root["textures"][wood["baseColorTexture"]["index"]]) == (0.4, {"source": 0})

@@ -280,6 +280,31 @@ def test_a_texture_is_found_however_it_is_named(obj: str, mtl: str, tmp_path_fac
     assert len(unpack(beside.to_bytes())[0]["images"]) == 1
 
 
+@each_case("encoding", ["utf-16", "utf-16-be", "utf-8-sig"])
+def test_texts_of_windows_are_read(encoding: str) -> None:
+    mark = "\ufeff" if encoding == "utf-16-be" else ""
+    every = {
+        "a.obj": (mark + TEXTURED).encode(encoding),
+        "lib.mtl": (mark + "newmtl wood\nKd 1 0 0\n").encode(encoding),
+    }
+    root, _, _ = unpack(load_asset(packed(every), "a.zip").to_bytes())
+    assert root["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] == [1, 0, 0, 1]
+
+
+def test_a_texture_replaces_colors_of_vertices_and_these_the_color_of_a_material() -> None:
+    colored = TEXTURED.replace("v 0 0 0\n", "v 0 0 0 1 0 0\n")
+    for mtl, colors, factor in (
+        ("Kd 0 1 0\nd 0.5\n", True, [1, 1, 1, 0.5]),
+        ("Kd 1 1 1\nmap_Kd wood red.png\n", False, [1, 1, 1, 1]),
+    ):
+        every = {"a.obj": colored.encode(), "lib.mtl": f"newmtl wood\n{mtl}".encode(), "wood red.png": DOT}
+        asset = load_asset(packed(every), "a.zip")
+        root, _, _ = unpack(asset.to_bytes())
+        assert ("COLOR_0" in root["meshes"][0]["primitives"][0]["attributes"]) == colors
+        assert root["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] == factor
+        assert any("colours were left out" in warning for warning in asset.summary.warnings) != colors
+
+
 @each_case(
     ("lines", "alpha"),
     [("d 0.25", 0.25), ("Tr 0.25", 0.75), ("Tr 0\nd 1", 1), ("d 1\nTr 1", 1), ("Tr 1\nd 1", 1), ("d\t0.5", 0.5)],

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import inspect_asset, load_asset
-from meshdeform.errors import AssetEmptyError, AssetError, AssetTruncatedError, AssetUnsupportedError
+from meshdeform.errors import AssetEmptyError, AssetError, AssetTruncatedError
 from tests.unit.assets.builders import QUAD_NORMALS, QUAD_VERTS, Builder, notable, pack, quad, unpack
 from tests.unit.assets.test_replace import position
 
@@ -110,13 +110,6 @@ def test_bytes_after_the_end_are_not_a_truncated_file() -> None:
     with pytest.raises(AssetError, match="4 bytes after the end") as raised:
         load_asset(quad() + b"more", "quad.glb")
     assert not isinstance(raised.value, AssetTruncatedError)
-
-
-def test_triangle_strips_of_a_ply_are_named() -> None:
-    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    header += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
-    with pytest.raises(AssetUnsupportedError, match="triangle strips"):
-        load_asset(f"{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n".encode(), "strips.ply")
 
 
 def test_materials_that_are_none_have_no_name() -> None:

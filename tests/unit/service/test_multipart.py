@@ -94,3 +94,21 @@ def test_a_file_keeps_the_last_part_of_its_name(sent: str, kept: str, tmp_path: 
     _, received = receive(body, tmp_path)
     assert received["asset"].filename == kept
     assert received["asset"].path.parent == tmp_path
+
+
+@each_case(
+    ("disposition", "kept"),
+    [
+        ("filename=\"x.glb\"; filename*=UTF-8''h%C3%A4t%20a.glb", "hät a.glb"),
+        ("filename*=iso-8859-1'de'h%E4t.glb; filename=x.glb", "hät.glb"),
+        ("FileName* = utf-8'en'a.glb", "a.glb"),
+        ("filename*=UTF-8''..%2F..%2Fetc%2Fpasswd", "passwd"),
+        ("filename*=x-none''a.glb; filename=\"x.glb\"", "x.glb"),
+        ("filename=\"a; filename*=utf-8''b.glb\"", "a; filename*=utf-8''b.glb"),
+        ("filename*=broken; filename=x.glb", "x.glb"),
+    ],
+)
+def test_a_name_in_another_script_comes_before_its_plain_form(disposition: str, kept: str, tmp_path: Path) -> None:
+    head = f'--edge\r\nContent-Disposition: form-data; name="asset"; {disposition}\r\n\r\nx\r\n'.encode()
+    _, received = receive(head + part("request", b"{}") + b"--edge--\r\n", tmp_path)
+    assert received["asset"].filename == kept

@@ -1,0 +1,225 @@
+"""Assets that the request holds as base64, or names by a URL, over real sockets."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import threading
+import uuid
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any, ClassVar
+
+import httpx
+import pytest
+
+import service.jobs.fetching
+from meshdeform.api.limits import MAX_DOCUMENT_BYTES
+from meshdeform.record.repository import JobRecord
+from meshdeform.settings import Settings
+from meshdeform.storage import ObjectStore
+from tests.cases import each_case
+from tests.integration.conftest import DEADLINE_S, Api, serving
+from tests.integration.http_calls import PROMPT, check_document, check_problem, post
+
+
+class _Files(BaseHTTPRequestHandler):
+    """Answers with the sphere, or in another way that the path names."""
+
+    sphere = b""
+    calls: ClassVar[list[str]] = []
+
+    def do_GET(self) -> None:
+        self.calls.append(self.path)
+        name = self.path.split("?")[0]
+        if name == "/moved":
+            return self._answer(302, b"", Location="/sphere.glb")
+        if name == "/missing":
+            return self._answer(404, self.sphere)
+        if name == "/packed":
+            return self._answer(200, self.sphere, **{"Content-Encoding": "gzip"})
+        if name == "/cut":
+            return self._answer(200, self.sphere[:100], **{"Content-Length": str(len(self.sphere))})
+        if name == "/large":
+            return self._answer(200, bytes(2**20 + 1))
+        if name == "/slow":
+            self.send_response(200)
+            self.end_headers()
+            self.server.stopped.wait(DEADLINE_S)  # type: ignore[attr-defined]
+            return None
+        return self._answer(200, self.sphere)
+
+    def _answer(self, status: int, body: bytes, **headers: str) -> None:
+        self.send_response(status)
+        for header, value in {"Content-Length": str(len(body)), **headers}.items():
+            self.send_header(header, value)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def files(sphere: bytes) -> Iterator[str]:
+    """The address of a server of files on loopback."""
+    _Files.sphere = sphere
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _Files)
+    server.stopped = threading.Event()  # type: ignore[attr-defined]
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_address[1]}"
+    server.stopped.set()  # type: ignore[attr-defined]
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture(scope="module")
+def fetching(database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
+    """An API that may fetch from loopback."""
+    settings = Settings(
+        data_dir=tmp_path_factory.mktemp("fetching"),
+        database_url=database_url,
+        redis_url=redis_server_url,
+        queue=f"test-{uuid.uuid4().hex}",
+        max_upload_bytes=2**20,
+        fetch_networks=["127.0.0.0/8"],
+    )
+    with serving(settings) as url, httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
+        record = JobRecord(database_url)
+        yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
+        record.close()
+
+
+def test_a_url_is_fetched_and_the_job_has_the_file(
+    fetching: Api, files: str, sphere: bytes, openapi: dict[str, Any]
+) -> None:
+    document = {**PROMPT, "asset": {"url": f"{files}/models/my%20sphere.glb?key=secret"}}
+    answer = fetching.http.post("/v1/jobs", json=document)
+    assert answer.status_code == 202, answer.text
+    job = answer.json()
+    check_document(job, "JobView", openapi)
+    digest = hashlib.sha256(sphere).hexdigest()
+    assert job["asset"] == {"filename": "my sphere.glb", "size": len(sphere), "sha256": digest}
+    assert fetching.store.get(f"assets/{digest}") == sphere
+    assert "secret" not in fetching.http.get(f"/v1/jobs/{job['id']}").text
+    found = fetching.http.post("/v1/jobs:validate", json=document).json()
+    assert found["asset"]["sha256"] == digest
+
+
+def test_an_asset_in_the_document_is_the_same_request_as_one_beside_it(fetching: Api, sphere: bytes) -> None:
+    text = base64.b64encode(sphere).decode()
+    assert len(text) < MAX_DOCUMENT_BYTES
+    key = {"Idempotency-Key": uuid.uuid4().hex}
+    document = {**PROMPT, "asset": {"data": text, "filename": "sphere.glb"}}
+    first = fetching.http.post("/v1/jobs", json=document, headers=key)
+    assert first.status_code == 202, first.text
+    for same in (text, f"data:model/gltf-binary;base64,{text}", f"{text[:40]}\n{text[40:]}"):
+        again = fetching.http.post("/v1/jobs", json={**PROMPT, "files": {"asset": {"data": same}}}, headers=key)
+        assert (again.json()["id"], again.headers["idempotency-replayed"]) == (first.json()["id"], "true")
+    other = {**PROMPT, "asset": {"data": base64.b64encode(sphere + b"\0\0\0\0").decode()}}
+    check_problem(fetching.http.post("/v1/jobs", json=other, headers=key), 422, "idempotency_mismatch")
+
+
+def test_the_key_covers_the_bytes_behind_a_url(fetching: Api, files: str, sphere: bytes) -> None:
+    key = {"Idempotency-Key": uuid.uuid4().hex}
+    document = {**PROMPT, "asset": {"url": f"{files}/sphere.glb"}}
+    first = fetching.http.post("/v1/jobs", json=document, headers=key)
+    assert fetching.http.post("/v1/jobs", json=document, headers=key).json() == first.json()
+    try:
+        _Files.sphere = sphere + b"\0\0\0\0"
+        check_problem(fetching.http.post("/v1/jobs", json=document, headers=key), 422, "idempotency_mismatch")
+    finally:
+        _Files.sphere = sphere
+
+
+def test_a_long_document_may_hold_a_file_and_nothing_else(fetching: Api, sphere: bytes) -> None:
+    long = sphere + bytes(-len(sphere) % 4) + bytes(300_000)
+    answer = fetching.http.post("/v1/jobs", json={**PROMPT, "asset": {"data": base64.b64encode(long).decode()}})
+    check_problem(answer, 422, "asset_invalid")  # it was decoded, and has bytes after its end
+    labels = {f"label{k}": "x" * 200 for k in range(2000)}
+    for document in ({**PROMPT, "metadata": labels}, {**PROMPT, "metadata": labels, "asset": {"data": "AAAA"}}):
+        assert fetching.http.post("/v1/jobs", json=document).status_code == 422
+    answer = fetching.http.post("/v1/jobs", json={**PROMPT, "asset": {"data": "A" * 2**20}})
+    assert "longer than 1048576 bytes" in check_problem(answer, 422, "request_invalid")["detail"]
+
+
+@each_case(
+    ("path", "words"),
+    [
+        ("/moved", "answered 302; redirects are not followed"),
+        ("/missing", "answered 404"),
+        ("/packed", "compressed body"),
+        ("/cut", "cut off"),
+        ("/slow", "did not arrive within 0.3 s"),
+    ],
+)
+def test_what_a_host_does_not_send_is_said(
+    path: str, words: str, fetching: Api, files: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if path == "/slow":
+        monkeypatch.setattr(service.jobs.fetching, "MAX_FETCH_S", 0.3)
+    answer = fetching.http.post("/v1/jobs", json={**PROMPT, "asset": {"url": files + path}})
+    assert words in check_problem(answer, 422, "asset_not_fetched")["detail"]
+
+
+def test_a_file_behind_a_url_has_the_limit_of_uploads(fetching: Api, files: str) -> None:
+    answer = fetching.http.post("/v1/jobs", json={**PROMPT, "asset": {"url": f"{files}/large"}})
+    check_problem(answer, 413, "asset_too_large")
+
+
+@each_case(
+    "url",
+    [
+        "http://127.0.0.1:{port}/sphere.glb",
+        "https://127.0.0.1:{port}/sphere.glb",
+        "https://localhost:{port}/sphere.glb",
+        "https://[::1]:{port}/sphere.glb",
+        "https://[::ffff:127.0.0.1]/a.glb",
+        "https://2130706433/a.glb",
+        "https://169.254.169.254/latest/meta-data",
+        "https://10.0.0.1/a.glb",
+        "https://user:password@93.184.216.34/a.glb",
+        "http://93.184.216.34/a.glb",
+        "https://93.184.216.34:22/a.glb",
+        "file:///etc/passwd",
+        "ftp://93.184.216.34/a.glb",
+        "sphere.glb",
+    ],
+)
+def test_only_the_public_internet_is_asked(url: str, api: Api, files: str) -> None:
+    before = len(_Files.calls)
+    document = {**PROMPT, "asset": {"url": url.format(port=files.rpartition(":")[2])}}
+    check_problem(api.http.post("/v1/jobs", json=document), 422, "asset_not_fetched")
+    assert len(_Files.calls) == before
+
+
+def test_fetching_can_be_turned_off(redis_server_url: str, tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path, redis_url=redis_server_url, fetch_assets=False)
+    with serving(settings) as url:
+        answer = httpx.post(f"{url}/v1/jobs", json={**PROMPT, "asset": {"url": "https://example.org/sphere.glb"}})
+    assert "MESHDEFORM_FETCH_ASSETS" in check_problem(answer, 422, "asset_not_fetched")["detail"]
+
+
+@each_case(
+    ("asset", "place"),
+    [
+        ({"data": "####"}, ["asset", "data"]),
+        ({"data": "AAA"}, ["asset", "data"]),
+        ({"data": "AAAA", "url": "https://example.org/a.glb"}, ["asset"]),
+        ({"url": "https://example.org/a.glb", "artifact": "result.glb"}, ["asset"]),
+        ({"filename": "a.glb"}, ["asset"]),
+    ],
+)
+def test_a_wrong_reference_is_named(asset: dict[str, str], place: list[str], fetching: Api) -> None:
+    problem = check_problem(fetching.http.post("/v1/jobs", json={**PROMPT, "asset": asset}), 422, "parameter_invalid")
+    assert problem["errors"][0]["loc"] == place
+
+
+def test_a_file_is_given_once(fetching: Api, sphere: bytes) -> None:
+    answer = post(fetching, sphere, {**PROMPT, "asset": {"data": base64.b64encode(sphere).decode()}})
+    assert "both sent" in check_problem(answer, 422, "parameter_invalid")["detail"]
+    with_target = {"params": {"guidance": {"kind": "target"}}, "target": {"data": base64.b64encode(sphere).decode()}}
+    answer = post(fetching, sphere, with_target)
+    assert set(fetching.record.get(answer.json()["id"]).files) == {"asset", "target"}

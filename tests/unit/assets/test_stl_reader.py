@@ -1,0 +1,91 @@
+"""STL is read as programs write it: text, binary, with bytes behind it, with colours of facets."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import Limits, load_asset
+from meshdeform.errors import AssetError, AssetTooLargeError, MeshdeformError
+from tests.cases import each_case
+from tests.unit.assets.builders import unpack
+from tests.unit.assets.test_replace import accessor
+
+CORNERS = [[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (1, 1, 0.5), (0, 1, 0)]]
+TEXT = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+
+
+def binary(*attributes: int, head: bytes = b"", behind: bytes = b"") -> bytes:
+    """Return two facets with 16 bits each."""
+    attributes = attributes or (0, 0)
+    facets = [
+        struct.pack("<12fH", 0, 0, 1, *np.ravel(corners), number)
+        for corners, number in zip(CORNERS, attributes, strict=True)
+    ]
+    return head.ljust(80, b"\0") + struct.pack("<I", 2) + b"".join(facets) + behind
+
+
+def colors(data: bytes) -> Any:
+    root, chunk, _ = unpack(load_asset(data, "a.stl").to_bytes())
+    at = root["meshes"][0]["primitives"][0]["attributes"].get("COLOR_0")
+    return None if at is None else accessor(root, chunk, at)[::3, :3].tolist()
+
+
+@each_case("behind", [b"", b"\0", b"made by a scanner\n", bytes(50), b"endsolid"])
+@each_case("head", [b"", b"solid of a program", b"COLOR"])
+def test_bytes_behind_the_facets_are_left_out(behind: bytes, head: bytes) -> None:
+    surface = load_asset(binary(head=head, behind=behind), "a.stl").surface
+    np.testing.assert_array_equal(surface.positions, np.reshape(CORNERS, (-1, 3)))
+
+
+def test_facets_have_the_colors_of_magics() -> None:
+    head = b"COLOR=" + bytes([0, 0, 255, 255])
+    assert colors(binary(31, 31 << 5, head=head)) == [[1, 0, 0], [0, 1, 0]]
+    assert colors(binary(31, 0x8000, head=head)) == [[1, 0, 0], [0, 0, 1]]  # bit 15: the colour of the whole
+    assert colors(binary(0, 0, head=head)) == [[0, 0, 1], [0, 0, 1]]
+
+
+def test_facets_have_the_colors_of_viscam() -> None:
+    assert colors(binary(0x8000 | 31, 0x8000 | 31 << 10)) == [[0, 0, 1], [1, 0, 0]]
+    assert colors(binary(0x8000 | 31, 0)) == [[0, 0, 1], [1, 1, 1]]
+
+
+@each_case("attributes", [(0, 0), (7, 9), (0x8000 | 0x7FFF, 0x8000 | 0x7FFF)])
+def test_other_numbers_are_no_colors(attributes: tuple[int, int]) -> None:
+    assert colors(binary(*attributes)) is None
+
+
+def test_solids_of_a_text_become_meshes_with_their_names() -> None:
+    data = b"solid left arm\n" + TEXT + b"endsolid left arm\nSOLID\n" + TEXT.upper() * 2 + b"ENDSOLID\n"
+    root, _, _ = unpack(load_asset(data, "a.stl").to_bytes())
+    assert [node["name"] for node in root["nodes"]] == ["left arm", "geometry_1"]
+    assert len(load_asset(data, "a.stl").surface.triangles) == 3
+
+
+def test_an_stl_has_no_more_parts_than_a_scene_may_have() -> None:
+    with pytest.raises(AssetTooLargeError, match="3 parts"):
+        load_asset((b"solid a\n" + TEXT + b"endsolid\n") * 3, "a.stl", Limits(max_primitives=2))
+
+
+@each_case("old", [b"vertex 1 0 0\n", b"vertex 0 1 0"])
+def test_a_facet_without_three_corners_is_refused(old: bytes) -> None:
+    with pytest.raises(AssetError, match="three corners"):
+        load_asset(b"solid x\n" + TEXT.replace(old, b"") + b"endsolid\n", "a.stl")
+
+
+def test_damaged_files_are_refused_or_read() -> None:
+    generator = random.Random(20_261_126)
+    sources = [b"solid x\n" + TEXT * 2 + b"endsolid\n", binary(31, 0x8000, head=b"COLOR=abcd")]
+    pieces = [b"\0", b"\xff\xff\xff\x7f", b"solid", b"vertex", b"nan", b"1e99", b"facet", b"COLOR="]
+    for _ in range(600):
+        data = bytearray(generator.choice(sources))
+        for _ in range(generator.choice((1, 2, 8))):
+            place = generator.randrange(len(data))
+            data[place : place + generator.choice((0, 1, 9))] = generator.choice(pieces)
+        with contextlib.suppress(MeshdeformError):
+            load_asset(bytes(data), "a.stl")
