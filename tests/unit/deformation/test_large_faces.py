@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from meshdeform.deformation.large_faces import pull_of_large_faces
 from meshdeform.deformation.lattice import Lattice
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import box, join
 
 WALL = TriangleMesh(box(1).verts * torch.tensor([1.0, 1.0, 0.1], dtype=torch.float64), box(1).faces)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from meshdeform.assets.notices import coarse_share, coarseness_warnings
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere, join, torus
 from tests.cases import each_case
 

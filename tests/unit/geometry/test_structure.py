@@ -8,8 +8,8 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import measure_structure
 from meshdeform.geometry.shapes import box, icosphere, join
-from meshdeform.geometry.structure import measure_structure
 from tests.cases import each_case
 
 Floats = NDArray[np.float64]

@@ -6,8 +6,7 @@ import pytest
 import torch
 
 from meshdeform.rendering.cameras import CameraRange
-from meshdeform.rendering.shading import RenderStyle
-from meshdeform.rendering.views import OrthogonalGrid
+from meshdeform.rendering.shading import OrthogonalGrid, RenderStyle
 
 
 def test_four_views_a_quarter_turn_apart_fill_one_picture() -> None:

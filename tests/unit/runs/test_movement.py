@@ -7,7 +7,7 @@ import json
 import pytest
 import torch
 
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.runs.text_report import measure_movement
 from tests.cases import each_case
