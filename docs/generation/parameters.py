@@ -8,7 +8,6 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from meshdeform.requests.control import Handle, Region
 from meshdeform.requests.document import (
     DeformParams,
     GuidanceKind,
@@ -27,8 +26,17 @@ from meshdeform.requests.parameters import (
     TargetGuidance,
 )
 from meshdeform.requests.removed import PLACES
-from meshdeform.requests.rigid import RigidSelector
-from meshdeform.requests.selection import Box, Capsule, ColorRange, JointWeight, Selection, Sphere
+from meshdeform.requests.selection import (
+    Box,
+    Capsule,
+    ColorRange,
+    Handle,
+    JointWeight,
+    Region,
+    RigidSelector,
+    Selection,
+    Sphere,
+)
 
 FAMILIES: dict[str, dict[str, Any]] = {
     "builtin": {"kind": GuidanceKind.SDS, "model": "builtin"},

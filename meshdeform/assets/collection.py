@@ -21,7 +21,7 @@ from meshdeform.assets.container import Data
 from meshdeform.assets.inspect import AssetSummary, inspect_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
-from meshdeform.requests.strict import StrictModel
+from meshdeform.requests.declaration import StrictModel
 
 __all__ = [
     "LABELS_FILE",

@@ -161,14 +161,14 @@ class Pictures:
     @property
     def parts(self) -> dict[str, Path]:
         """The pictures by the names of their parts."""
-        from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+        from meshdeform.requests.parameters import SILHOUETTE_PARTS
 
         return dict(zip(SILHOUETTE_PARTS, self.paths, strict=False))
 
 
 def parse_pictures(texts: Sequence[str] | None) -> Pictures:
     """Parse pictures written as FILE@AZIMUTH[,ELEVATION[,FOV]]."""
-    from meshdeform.requests.silhouettes import MAX_SILHOUETTES
+    from meshdeform.requests.parameters import MAX_SILHOUETTES
 
     found = Pictures()
     for text in texts or ():

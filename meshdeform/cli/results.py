@@ -29,7 +29,7 @@ from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset, Limits
-    from meshdeform.requests.morph import MorphPath
+    from meshdeform.requests.document import MorphPath
     from meshdeform.settings import Settings
 
 __all__ = ["animate", "apply", "check_animation", "convert", "drawn_animation"]

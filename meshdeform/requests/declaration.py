@@ -1,4 +1,4 @@
-"""Declare parameters whose default comes from the preset, and what the page shows of them. Torch-free."""
+"""Declare documents of a request, parameters whose default is the preset's, and what the page shows. Torch-free."""
 
 from __future__ import annotations
 
@@ -6,9 +6,15 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["FORM", "OF_PRESET", "nullable", "of_preset"]
+__all__ = [
+    "FORM",
+    "OF_PRESET",
+    "StrictModel",
+    "nullable",
+    "of_preset",
+]
 
 FORM = "x-form"
 """Schema member that describes a field of the page's form: `label`, `help`, and `choices` as pairs of value and label.
@@ -19,6 +25,12 @@ OF_PRESET = "x-of-preset"
 
 _ABOUT = frozenset({"title", "description", "examples", FORM})
 """Members of a schema that do not constrain values."""
+
+
+class StrictModel(BaseModel):
+    """An immutable document that refuses unknown members."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def of_preset(paper: float | StrEnum, description: str, *, form: Mapping[str, Any] | None = None, **bounds: Any) -> Any:

@@ -5,6 +5,7 @@ Re-exports the parameters (`parameters`) and the enumerations (`choices`). `reso
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -24,6 +25,7 @@ from meshdeform.errors import ParameterError, UnreadableJobError
 from meshdeform.requests.choices import (
     AppearanceMode,
     Carrier,
+    Easing,
     GuidanceKind,
     JobKind,
     Preset,
@@ -31,7 +33,6 @@ from meshdeform.requests.choices import (
     Safeguard,
 )
 from meshdeform.requests.models import BUILTIN_MODEL, DEFAULT_SD_MODEL, is_builtin, is_sent
-from meshdeform.requests.morph import MorphPath
 from meshdeform.requests.parameters import (
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
@@ -48,6 +49,7 @@ __all__ = [
     "BUILTIN_MODEL",
     "DEFAULT_SD_MODEL",
     "MAX_DEADLINE_S",
+    "MAX_FRAMES",
     "MAX_METADATA_ENTRIES",
     "MAX_METADATA_NAME",
     "MAX_METADATA_VALUE",
@@ -59,6 +61,7 @@ __all__ = [
     "GuidanceKind",
     "JobKind",
     "JobRequest",
+    "MorphPath",
     "OutputOptions",
     "Preset",
     "ResolvedParams",
@@ -70,12 +73,54 @@ __all__ = [
 ]
 
 
+MAX_FRAMES = 64
 MAX_METADATA_ENTRIES = 32
 MAX_METADATA_NAME = 64
 MAX_METADATA_VALUE = 500
 MAX_PRIORITY = 100
 MAX_DEADLINE_S = 31 * 86_400.0
 MAX_RETENTION_S = 10 * 366 * 86_400.0
+
+
+class MorphPath(StrictModel):
+    """The frames and the timing of a morph."""
+
+    frames: int = Field(
+        8,
+        ge=1,
+        le=MAX_FRAMES,
+        description="Number of morph targets from the source, exclusive, to the result, inclusive. More are closer to "
+        "the path and take more space; 1 moves every vertex on a straight line.",
+        examples=[8],
+    )
+    easing: Easing = Field(
+        Easing.LINEAR,
+        description="`linear`: at constant speed. `smooth`: slowly away from the source and slowly into the result.",
+        examples=["smooth"],
+    )
+    ping_pong: bool = Field(False, description="Also animate the way back.", examples=[True])
+    seconds: float = Field(1.0, ge=0.1, le=60.0, description="Duration of one way, in seconds.", examples=[2.0])
+
+    def shares(self) -> list[float]:
+        """Return the shares of the way at which there is a frame, from above 0 to 1."""
+        return [k / self.frames for k in range(1, self.frames + 1)]
+
+    def times(self) -> list[float]:
+        """Return the times in seconds at which the source and the frames are shown, and those on the way back."""
+        forth = [0.0, *(self._eased(share) * self.seconds for share in self.shares())]
+        back = [2 * self.seconds - time for time in reversed(forth[:-1])] if self.ping_pong else []
+        return [*forth, *back]
+
+    def weights(self) -> list[list[float]]:
+        """Return the weights of the frames at these times: one frame at a time, or none for the source."""
+        rows = [[float(frame == shown) for frame in range(self.frames)] for shown in range(-1, self.frames)]
+        return [*rows, *(reversed(rows[:-1]) if self.ping_pong else [])]
+
+    def _eased(self, share: float) -> float:
+        """Return the share of the time at which a share of the way is done: the inverse of 3 u^2 - 2 u^3."""
+        if self.easing is Easing.LINEAR or share in (0.0, 1.0):
+            return share
+        return 0.5 - math.sin(math.asin(1 - 2 * share) / 3)
 
 
 class OutputOptions(StrictModel):

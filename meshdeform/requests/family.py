@@ -1,12 +1,25 @@
-"""Declare the parameters of the kind `family_fit`. Torch-free."""
+"""Declare the parameters of the kinds `family_fit` and `family_synthesize`. Torch-free."""
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Annotated
 
-from meshdeform.requests.strict import StrictModel
+from pydantic import Field, StringConstraints
 
-__all__ = ["FamilyParams"]
+from meshdeform.requests.choices import SynthesisMode
+from meshdeform.requests.declaration import StrictModel
+
+__all__ = [
+    "MAX_SYNTHESES",
+    "FamilyParams",
+    "FamilySynthesisParams",
+]
+
+
+MAX_SYNTHESES = 64
+
+_Member = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
+_Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 
 
 class FamilyParams(StrictModel):
@@ -34,6 +47,56 @@ class FamilyParams(StrictModel):
         examples=[False],
     )
     seed: int = Field(0, ge=0, le=2**63 - 1, description="Seed of the samples and of the learning.", examples=[0])
+    checkpoint_every_steps: int = Field(
+        10, ge=1, le=10_000, description="Steps between two checkpoints.", examples=[10]
+    )
+
+
+class FamilySynthesisParams(StrictModel):
+    """The parameters of a family's synthesis."""
+
+    mode: SynthesisMode = Field(
+        SynthesisMode.SAMPLE,
+        description="`sample`: new shapes. `interpolate`: shapes between two members, which are the first and the last "
+        "one. `complete`: shapes that have some parts of a member. `search`: no new shapes; the nearest members.",
+        examples=["sample"],
+    )
+    count: int = Field(
+        4,
+        ge=1,
+        le=MAX_SYNTHESES,
+        description="Number of shapes; for `search`, of members.",
+        examples=[8],
+    )
+    members: list[_Member] = Field(
+        default_factory=list,
+        max_length=2,
+        description="Names of members, as the collection has them: two for `interpolate`, one for `complete` and "
+        "`search`.",
+        examples=[["chair_01.glb", "chair_02.glb"]],
+    )
+    keep: list[_Part] = Field(
+        default_factory=list,
+        max_length=16,
+        description="For `complete`: names of the parts of the member that stay exactly as they are.",
+        examples=[["seat", "leg"]],
+    )
+    rounds: int = Field(
+        10,
+        ge=0,
+        le=1000,
+        description="Rounds of Gibbs sampling for each shape. With more of them, less is left of the member with which "
+        "it begins.",
+        examples=[10],
+    )
+    max_defect: float = Field(
+        0.25,
+        ge=0.0,
+        le=10.0,
+        description="Greatest defect of a part's boundary with which the part may be used.",
+        examples=[0.25],
+    )
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="Seed of the sampling.", examples=[0])
     checkpoint_every_steps: int = Field(
         10, ge=1, le=10_000, description="Steps between two checkpoints.", examples=[10]
     )

@@ -38,26 +38,33 @@ from meshdeform.requests.choices import (
     Safeguard,
     Symmetry,
 )
-from meshdeform.requests.control import FALLOFF, MAX_HANDLES, Handle, Region
-from meshdeform.requests.declaration import FORM, OF_PRESET, nullable, of_preset
-from meshdeform.requests.landmarks import MAX_LANDMARKS, LandmarkPair
+from meshdeform.requests.declaration import FORM, OF_PRESET, StrictModel, nullable, of_preset
 from meshdeform.requests.models import BUILTIN_MODEL
-from meshdeform.requests.prompts import PROMPTS, Prompt
-from meshdeform.requests.rigid import RigidSelector
-from meshdeform.requests.selection import MAX_SELECTORS, Part
-from meshdeform.requests.silhouettes import SILHOUETTE_WEIGHT, SILHOUETTES, Silhouette
-from meshdeform.requests.strict import StrictModel
+from meshdeform.requests.prompts import MAX_PROMPTS, Prompt
+from meshdeform.requests.selection import (
+    MAX_HANDLES,
+    MAX_LANDMARKS,
+    MAX_SELECTORS,
+    Handle,
+    LandmarkPair,
+    Part,
+    Region,
+    RigidSelector,
+)
 
 __all__ = [
     "CONSTANTS",
     "FROM_PRESET",
     "GUIDANCES",
     "MAX_PROMPT_LENGTH",
+    "MAX_SILHOUETTES",
     "MAX_STEPS",
+    "SILHOUETTE_PARTS",
     "Control",
     "DeformParams",
     "PromptGuidance",
     "ResolvedParams",
+    "Silhouette",
     "SilhouetteGuidance",
     "StrictModel",
     "TargetGuidance",
@@ -65,6 +72,9 @@ __all__ = [
 
 MAX_STEPS = 50_000
 MAX_PROMPT_LENGTH = 1_000
+MAX_SILHOUETTES = 4
+SILHOUETTE_PARTS = tuple(f"silhouette_{number}" for number in range(1, MAX_SILHOUETTES + 1))
+"""The names of the parts with the pictures."""
 _MAX_WEIGHT = 1e6
 _AS_GUIDANCE: dict[str, Any] = {"x-option": "guidance"}  # `kind` is that of the job
 
@@ -203,11 +213,50 @@ class CommonParams(Parameters):
     )
 
 
+class Silhouette(StrictModel):
+    """The direction from which a picture shows what the asset should become."""
+
+    azimuth: float = Field(
+        ge=-360.0,
+        le=360.0,
+        description="Azimuth in degrees: 0 sees the asset from +Z, 90 from +X, its left side.",
+        examples=[90.0],
+    )
+    elevation: float = Field(
+        0.0,
+        ge=-90.0,
+        le=90.0,
+        description="Elevation in degrees: 0 sees it from the side, 90 from above.",
+        examples=[0.0],
+    )
+    fov: float = Field(
+        20.0,
+        ge=1.0,
+        le=90.0,
+        description="Vertical field of view in degrees of a camera that just sees the whole object: small for a "
+        "drawing or a photograph from afar, 40 for one from nearby.",
+        examples=[20.0],
+    )
+
+
 class SilhouetteParams(Parameters):
     """The parameters of pictures as targets."""
 
-    silhouettes: tuple[Silhouette, ...] = SILHOUETTES
-    silhouette_weight: float = SILHOUETTE_WEIGHT
+    silhouettes: tuple[Silhouette, ...] = Field(
+        (),
+        max_length=MAX_SILHOUETTES,
+        description="Pictures whose silhouettes the result should have: the first entry describes the part "
+        "`silhouette_1`, the second `silhouette_2`, and so on. With `guidance` = `silhouettes` they guide alone, with "
+        "`sds` beside the prompt ([Control](control.md#pictures-as-targets)).",
+        examples=[[{"azimuth": 0.0}, {"azimuth": 90.0}]],
+    )
+    silhouette_weight: float = of_preset(
+        10.0,
+        "Weight of the difference between the silhouettes of `silhouettes` and those of the asset.",
+        ge=0.0,
+        le=1e6,
+        examples=[10.0],
+    )
 
 
 class PromptParams(SilhouetteParams):
@@ -238,7 +287,13 @@ class PromptParams(SilhouetteParams):
         examples=["blurry, many heads"],
         json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not look like."}},
     )
-    prompts: tuple[Prompt, ...] = PROMPTS
+    prompts: tuple[Prompt, ...] = Field(
+        (),
+        max_length=MAX_PROMPTS,
+        description="Further prompts that guide at the same time as `prompt` of the request, each with a weight and, "
+        "if it has one, a region. Without `prompt`, they are all there are ([Control](control.md#several-prompts)).",
+        examples=[[{"prompt": "a rabbit", "weight": 0.5}]],
+    )
     orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = of_preset(
         OrientationMode.KEEP,
         "Which side of the asset the model sees as its front: `auto`, the one that the model takes for the front of "
@@ -321,7 +376,14 @@ class Control(Parameters):
         description="Parts of the surface that do not move, or that alone move ([Control](control.md)).",
         examples=[[{"node": "Hinge"}, {"box": {"min": [0, 1, -1], "max": [1, 2, 1]}, "action": "only"}]],
     )
-    falloff: float = FALLOFF
+    falloff: float = Field(
+        0.1,
+        ge=0.0,
+        le=1.0,
+        description="Distance along the surface over which it joins what `regions` keep, and over which a prompt's "
+        "pull begins within its regions, as a share of the diagonal of the asset's bounding box.",
+        examples=[0.1],
+    )
     handles: tuple[Handle, ...] = Field(
         (),
         max_length=MAX_HANDLES,

@@ -7,12 +7,11 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
+from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.selection import MAX_SELECTORS, Selection
-from meshdeform.requests.strict import StrictModel
 
 __all__ = [
     "MAX_PROMPTS",
-    "PROMPTS",
     "Prompt",
     "active_prompts",
     "prompt_words",
@@ -51,15 +50,6 @@ class Prompt(StrictModel):
         if self.outside and not self.regions:
             raise ValueError("outside needs regions")
         return self
-
-
-PROMPTS: Any = Field(
-    (),
-    max_length=MAX_PROMPTS,
-    description="Further prompts that guide at the same time as `prompt` of the request, each with a weight and, if it "
-    "has one, a region. Without `prompt`, they are all there are ([Control](control.md#several-prompts)).",
-    examples=[[{"prompt": "a rabbit", "weight": 0.5}]],
-)
 
 
 def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:

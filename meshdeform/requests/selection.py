@@ -1,4 +1,7 @@
-"""Select a part of an asset's surface: the one type that all selections of a request share. Torch-free."""
+"""Select parts of an asset's surface, for all that a request says of parts: rigid ones, regions, handles, landmarks.
+
+Torch-free.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,26 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, StrictInt, StringConstraints, WithJsonSchema, model_validator
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.strict import StrictModel
+from meshdeform.requests.choices import RegionAction, Rigidity
+from meshdeform.requests.declaration import StrictModel
 
 __all__ = [
+    "MAX_HANDLES",
+    "MAX_LANDMARKS",
     "MAX_SELECTORS",
     "Box",
     "Capsule",
     "ColorRange",
+    "Handle",
     "JointWeight",
+    "LandmarkPair",
     "Name",
     "Number",
     "Part",
+    "Place",
     "Point",
+    "Region",
+    "RigidSelector",
     "Selection",
     "Sphere",
     "check_selections",
@@ -29,6 +40,8 @@ __all__ = [
     "refuse_selection",
 ]
 
+MAX_HANDLES = 64
+MAX_LANDMARKS = 256
 MAX_SELECTORS = 64
 _MAX_NAME = 200
 _MAX_FACE_RANGES = 20_000
@@ -175,6 +188,80 @@ class Selection(StrictModel):
         if what not in _NAMED:
             return None
         return what, value.name if isinstance(value, JointWeight) else value
+
+
+class RigidSelector(Selection):
+    """A selection of what keeps its shape; exactly one of the members that say where is set."""
+
+    mode: Rigidity = Field(
+        Rigidity.RIGID,
+        description="`rigid`: it moves and turns; `similarity`: it is scaled as well.",
+        examples=["similarity"],
+    )
+    together: bool = Field(
+        False,
+        description="Hold everything that is selected as one body, for example a tyre and its rim. Otherwise each of "
+        "its connected parts is a body of its own.",
+        examples=[False],
+    )
+
+
+class Region(Selection):
+    """A part of the surface and what happens to it; exactly one of the members that say where is set."""
+
+    action: RegionAction = Field(
+        RegionAction.KEEP,
+        description="`keep`: its vertices do not move at all; `only`: nothing else moves. With several regions, what "
+        "moves is in one with `only`, if there are any, and in none with `keep`.",
+        examples=["keep"],
+    )
+
+
+class Handle(StrictModel):
+    """A point of the surface that goes to a place; exactly one of `vertex` and `position` is set."""
+
+    vertex: Number | None = Field(
+        None,
+        description="A vertex by its number: that in the file if it has one mesh, otherwise counted through all mesh "
+        "instances.",
+        examples=[12],
+    )
+    position: Point | None = Field(
+        None, description="The point of the surface that is nearest to this place.", examples=[[0.0, 1.0, 0.0]]
+    )
+    to: Point = Field(description="Where the point goes.", examples=[[0.0, 1.5, 0.0]])
+    weight: float = Field(
+        1.0,
+        gt=0.0,
+        le=1.0,
+        description="1: the point is exactly there. Less: a soft handle, which goes this share of the way from where "
+        "the surface would be without it.",
+        examples=[1.0],
+    )
+
+    @model_validator(mode="after")
+    def _one_point(self) -> Self:
+        if (self.vertex is None) == (self.position is None):
+            raise ValueError("exactly one of vertex and position is required")
+        return self
+
+
+Place = Annotated[StrictInt, Field(ge=0)] | Point
+
+
+class LandmarkPair(StrictModel):
+    """A point of the asset, and the place on the target to which it goes."""
+
+    source: Place = Field(
+        description="A point of the asset: the index of a vertex, counted through the file as `meshdeform inspect` "
+        "counts vertices, or a position [x, y, z] in the file's world, for which the nearest point of the surface is "
+        "taken.",
+        examples=[[0.0, 1.2, 0.4]],
+    )
+    target: Place = Field(
+        description="Its place on the target: the index of a vertex, or a position in the target file's own world.",
+        examples=[[0.1, 0.9, 0.5]],
+    )
 
 
 List = Literal["rigid", "regions"] | tuple[str | int, ...]

@@ -13,7 +13,7 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.strict import StrictModel
+from meshdeform.requests.declaration import StrictModel
 
 __all__ = [
     "SKETCH_FAMILIES",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.parameters import MAX_STEPS
 from meshdeform.requests.selection import Point
-from meshdeform.requests.strict import StrictModel
 
 __all__ = ["MAX_ANCHORS", "MAX_BASE_FACES", "MAX_LEVEL", "Anchor", "SurfaceFitParams"]
 

@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
+from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.models import BUILTIN_MODEL
 from meshdeform.requests.parameters import MAX_STEPS
-from meshdeform.requests.strict import StrictModel
 
 __all__ = ["MAX_SYNONYMS", "TEACH_STEPS", "TeachParams"]
 

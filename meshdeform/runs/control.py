@@ -20,7 +20,7 @@ from meshdeform.geometry.nearest_places import NearestPlaces
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.cameras import Frame
-from meshdeform.requests import control
+from meshdeform.requests import selection
 from meshdeform.requests.choices import RegionAction, Symmetry
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.selection import SelectableSurface, select_bodies
@@ -96,7 +96,7 @@ def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Fram
     return Control(constraints, bodies, regions, partners)
 
 
-def _kept(regions: Sequence[control.Region], surface: SelectableSurface) -> tuple[_Flags, list[dict[str, Any]]]:
+def _kept(regions: Sequence[selection.Region], surface: SelectableSurface) -> tuple[_Flags, list[dict[str, Any]]]:
     """Return flags (V,) of the vertices that the regions keep, and what each region selects."""
     faces = surface.mesh.faces.numpy()
     kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
@@ -154,7 +154,7 @@ def _partners(symmetry: Symmetry, mesh: RestMesh) -> Partners | None:
 
 def _handle(
     number: int,
-    item: control.Handle,
+    item: selection.Handle,
     surface: SelectableSurface,
     frame: Frame,
     kept: _Flags,
@@ -171,7 +171,7 @@ def _handle(
 
 
 def _held_point(
-    number: int, item: control.Handle, surface: SelectableSurface
+    number: int, item: selection.Handle, surface: SelectableSurface
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
     """Return the welded vertices around the point that a handle holds, and its barycentric coordinates."""
     if item.vertex is not None:

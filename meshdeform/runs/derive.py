@@ -24,8 +24,7 @@ from meshdeform.errors import (
     ParameterError,
     UnavailableError,
 )
-from meshdeform.requests.document import OutputOptions
-from meshdeform.requests.morph import MorphPath
+from meshdeform.requests.document import MorphPath, OutputOptions
 
 if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset

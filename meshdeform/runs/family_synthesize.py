@@ -24,7 +24,7 @@ from meshdeform.families.boundary import boundary_defects
 from meshdeform.families.machine import BetaMachine
 from meshdeform.families.sampling import FreeEnergy, Unexplained, between, completed, sampled, to_frame, to_machine
 from meshdeform.requests.choices import SynthesisMode
-from meshdeform.requests.family_synthesis import FamilySynthesisParams
+from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput
 from meshdeform.runs.family_results import FamilyResults
 from meshdeform.runs.family_synthesis_results import SynthesisResults

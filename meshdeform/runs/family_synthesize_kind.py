@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import JobKind, SynthesisMode
 from meshdeform.requests.document import JobRequest, OutputOptions
-from meshdeform.requests.family_synthesis import FamilySynthesisParams
+from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, Kind, start_of
 
 if TYPE_CHECKING:

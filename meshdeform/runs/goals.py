@@ -35,9 +35,9 @@ from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
 from meshdeform.requests.choices import AlignMode, AppearanceMode, GuidanceKind
 from meshdeform.requests.document import JobRequest, ResolvedParams
-from meshdeform.requests.landmarks import Place
 from meshdeform.requests.models import is_builtin
-from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+from meshdeform.requests.parameters import SILHOUETTE_PARTS
+from meshdeform.requests.selection import Place
 from meshdeform.runs.base import InputFile
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.report import sha256_hex

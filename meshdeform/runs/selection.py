@@ -18,13 +18,13 @@ from meshdeform.errors import ParameterError
 from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.choices import Rigidity
-from meshdeform.requests.rigid import RigidSelector
 from meshdeform.requests.selection import (
     Box,
     Capsule,
     ColorRange,
     JointWeight,
     List,
+    RigidSelector,
     Selection,
     Sphere,
     find_parts,

@@ -18,7 +18,7 @@ from meshdeform.deformation.path import ShapePath
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.choices import BackdropMode
-from meshdeform.requests.morph import MorphPath
+from meshdeform.requests.document import MorphPath
 from meshdeform.requests.selection import find_excluded
 from meshdeform.runs.preparation import drawn_triangles, read_result, subdivided, welded_surface
 from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians

@@ -23,7 +23,7 @@ from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import GuidanceKind, RigMode
-from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
+from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput
 from meshdeform.runs.control import read_control
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal

@@ -9,9 +9,9 @@ from meshdeform.errors import ModelError, ParameterError, PromptError, Vocabular
 from meshdeform.priors.public_names import public_names
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.requests.models import WEIGHTS_PART, is_builtin, is_sent, is_taught
+from meshdeform.requests.parameters import SILHOUETTE_PARTS, Silhouette
 from meshdeform.requests.prompts import active_prompts
 from meshdeform.requests.removed import PLACES
-from meshdeform.requests.silhouettes import SILHOUETTE_PARTS, Silhouette
 from meshdeform.runs.sent_weights import check_weights_part
 
 if TYPE_CHECKING:

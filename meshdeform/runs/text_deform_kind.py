@@ -21,11 +21,10 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.models import WEIGHTS_PART, is_sent
-from meshdeform.requests.parameters import CONSTANTS
+from meshdeform.requests.parameters import CONSTANTS, SILHOUETTE_PARTS
 from meshdeform.requests.prompts import prompt_words
 from meshdeform.requests.removed import without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
-from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import (
     FORMATS_OF_RESULT,

@@ -20,8 +20,7 @@ from meshdeform.client import AsyncClient, Client
 from meshdeform.errors import NotFoundError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
-from meshdeform.requests.document import JobRequest, OutputOptions
-from meshdeform.requests.morph import MorphPath
+from meshdeform.requests.document import JobRequest, MorphPath, OutputOptions
 from meshdeform.runs import derive
 from meshdeform.runs.strength import AssetPath, write_morph
 from tests.cases import each_case

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
 from meshdeform.assets.build import build_glb
-from meshdeform.requests.morph import MorphPath
+from meshdeform.requests.document import MorphPath
 from meshdeform.runs.strength import AssetPath, write_morph
 from tests.browser.viewer.assets import FACES, NORMALS, VERTS
 from tests.browser.viewer.site import ViewerSite

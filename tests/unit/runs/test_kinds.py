@@ -19,9 +19,8 @@ from meshdeform.record.ids import new_job_id
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests import document
 from meshdeform.requests.document import JobKind, JobRequest, read_stored, resolve
-from meshdeform.requests.parameters import StrictModel
+from meshdeform.requests.parameters import SILHOUETTE_PARTS, StrictModel
 from meshdeform.requests.removed import grouped
-from meshdeform.requests.silhouettes import SILHOUETTE_PARTS
 from meshdeform.runs import check_request, file_parts, kind_of, register, start_run
 from meshdeform.runs.base import (
     ArtifactData,

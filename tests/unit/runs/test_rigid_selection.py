@@ -16,8 +16,7 @@ from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.removed import grouped
-from meshdeform.requests.rigid import RigidSelector
-from meshdeform.requests.selection import check_selections
+from meshdeform.requests.selection import RigidSelector, check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.inspection import inspect_parts

@@ -14,7 +14,7 @@ from meshdeform.assets.subdivide import MAX_TRIANGLES
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.shapes import box, cylinder, icosphere, join
 from meshdeform.requests.choices import Easing
-from meshdeform.requests.morph import MorphPath
+from meshdeform.requests.document import MorphPath
 from meshdeform.runs.strength import AssetPath, with_strength, write_morph
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder, unpack
