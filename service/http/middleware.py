@@ -92,7 +92,7 @@ class RequestFrame:
 
 
 async def _refuse_hosts(scope: Scope, receive: Receive, send: Send) -> None:
-    """Refuse a request with several Host headers (RFC 9112, section 3.2): proxies and servers may read different ones."""
+    """Refuse a request with several Host headers (RFC 9112, section 3.2): a proxy may have read another one."""
     problem = {
         "type": "urn:meshdeform:problem:request_invalid",
         "title": "The request is not valid",
