@@ -76,8 +76,7 @@ def batch(
     from meshdeform.cli.batches import runners
     from meshdeform.cli.batches.ledger import Ledger
     from meshdeform.cli.batches.rows import make_rows
-    from meshdeform.cli.batches.session import Session
-    from meshdeform.cli.batches.summary import write_target_sets
+    from meshdeform.cli.batches.session import Session, write_target_sets
 
     if as_morph_targets:
         require("torch", "deform")
