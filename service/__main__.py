@@ -12,8 +12,7 @@ import socket
 from collections.abc import Sequence
 
 from meshdeform.settings import Settings
-from meshdeform.support.collector import collection_paused
-from meshdeform.support.heaps import limit_heaps
+from meshdeform.support.memory import collection_paused, limit_heaps
 from meshdeform.support.telemetry import ACCESS_LOG, configure_logging
 
 __all__ = ["main"]

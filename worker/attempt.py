@@ -93,16 +93,9 @@ _TERMINAL = {
 
 @dataclass(frozen=True)
 class Ended:
-    """The end of an attempt, not yet recorded.
+    """The end of an attempt, not yet recorded: its stored results, or why it failed.
 
-    Attributes
-    ----------
-    results : list of Artifact
-        The stored results of a successful attempt.
-    error : JobError, optional
-        Why a failed attempt failed.
-    step_s : float, optional
-        Mean seconds per step; None if no step was done.
+    `step_s` are the mean seconds per step; None if no step was done.
     """
 
     outcome: Outcome
@@ -116,15 +109,7 @@ class _InterruptedError(Exception):
 
 
 class Attempt:
-    """One attempt at one job.
-
-    Parameters
-    ----------
-    job : Job
-        As claimed.
-    watch : JobWatch
-        Running.
-    """
+    """One attempt at a claimed job, under a running watch."""
 
     def __init__(self, at: WorkerContext, job: Job, watch: JobWatch) -> None:
         self._at, self._job, self._watch = at, job, watch

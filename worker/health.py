@@ -93,15 +93,7 @@ class Pulse:
 class PulseMonitor:
     """The supervisor's end of the pulse, for one worker process.
 
-    Parameters
-    ----------
-    clock : callable
-        Returns seconds.
-
-    Attributes
-    ----------
-    descriptor : int
-        Descriptor of the shared memory, which the worker process must inherit under this number.
+    `descriptor` is that of the shared memory, which the worker process must inherit under this number.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

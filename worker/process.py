@@ -44,7 +44,7 @@ from meshdeform.runs import kinds, start_run
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from meshdeform.support.collector import collection_paused
+from meshdeform.support.memory import collection_paused
 from meshdeform.support.telemetry import configure_logging, start_tracing, stop_tracing
 from worker.attempt import JobRunner, WorkerContext
 from worker.health import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_worker_id

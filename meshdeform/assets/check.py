@@ -316,15 +316,16 @@ def _read_lesson(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
 
 
 def _read_weights(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    """Check the header of taught weights: sizes, shapes and words; `meshes` of the summary counts the taught nouns."""
+    """Check taught weights: sizes, shapes, words and numbers; `meshes` of the summary counts the taught nouns."""
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    from meshdeform.priors.builtin.taught import check, lessons_of, read_metadata
+    from meshdeform.priors.builtin.taught import check, check_numbers, lessons_of, read_metadata
     from meshdeform.priors.public_names import hidden_folders
 
     try:
         with hidden_folders([str(path)]):
             check(path)
             lessons = lessons_of(read_metadata(path), path)
+            check_numbers(path)
     except ModelError as error:
         raise AssetFormatError(error.detail, advice=error.advice_text) from error
     return asdict(AssetSummary("safetensors", 0, 0, meshes=len(lessons)))

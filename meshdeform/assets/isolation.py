@@ -27,7 +27,7 @@ __all__ = [
 
 # Our package's folder comes last, so that a file beside it cannot replace an installed module. A child lives for
 # seconds, most of which are imports: they make a million objects that would be searched for garbage after each 700, and
-# again as it ends (`support.collector`).
+# again as it ends (`support.memory`).
 _PROGRAM = """
 import gc, sys
 gc.set_threshold(20_000)

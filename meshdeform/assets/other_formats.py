@@ -86,10 +86,15 @@ def refuse_other_format(head: bytes, ending: str) -> None:
 
 
 def plain_text(data: Data) -> bytes:
-    """Return a text without its byte order mark, as UTF-8 where the mark says UTF-16."""
+    """Return a text as UTF-8 without a byte order mark; one that is no Unicode is taken as Windows-1252."""
     text = bytes(data)
     if text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return text.decode("utf-16", "replace").encode()
+    if not text.isascii():
+        try:
+            text.decode()
+        except UnicodeDecodeError:
+            return text.decode("cp1252", "replace").encode()
     return text.removeprefix(codecs.BOM_UTF8)
 
 

@@ -37,9 +37,9 @@ MAX_GRID_VALUES = 256**3
 MAX_NETWORK_WEIGHTS = 1_000_000
 MAX_NETWORK_LAYERS = 32
 _FEWEST_POINTS = 100
-_NEAREST = 1e-4
-"""Size over distance from the origin: places are then rounded by less than a thousandth of the size."""
 _FEWEST_CELLS = 4
+_NEAREST = 1e-4
+"""Least size of a network's box, as a share of its distance from the origin."""
 _LARGEST, _SMALLEST = float(np.finfo(np.float32).max), float(np.finfo(np.float32).tiny)
 _UNSIGNED = (
     "The values are all of one sign, as unsigned distances are. The gradient of an unsigned distance jumps at the "
@@ -162,7 +162,6 @@ def _points(points: _Floats, normals: _Floats) -> OrientedPoints:
         )
     kept = lengths >= 1e-6
     points, normals = points[kept], normals[kept] / lengths[kept, None]
-    _check_place(points.min(0), points.max(0))
     size = float(np.ptp(points, axis=0).max())
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(points.T / max(size, _SMALLEST))), 0.0))
     if not spread[0] > 1e-4 * spread[2]:
@@ -237,19 +236,8 @@ def _checked(values: _Floats, origin: _Floats, spacing: _Floats) -> DistanceGrid
         raise AssetNotFiniteError("The grid has values that are not finite 32-bit floats.", advice=_FINITE)
     if not (spacing > _SMALLEST).all():
         raise AssetError("The spacing of the grid must be positive.", advice="Store the distance between neighbours.")
-    _check_place(origin, origin + spacing * values.shape)
     _check_signs(values)
     return DistanceGrid(values, origin, spacing)
-
-
-def _check_place(low: _Floats, high: _Floats) -> None:
-    """Refuse a box that is tiny beside its distance from the origin: the results are meshes of 32-bit floats."""
-    if (high - low).max() < _NEAREST * max(np.abs(low).max(), np.abs(high).max()):
-        raise AssetError(
-            f"The surface lies more than {1 / _NEAREST:,.0f} times its size from the origin, where 32-bit floats "
-            "cannot tell its places apart.",
-            advice="Move it to the origin.",
-        )
 
 
 def _check_signs(values: _Floats) -> None:
@@ -322,5 +310,9 @@ def _network(data: bytes) -> ImplicitNetwork:
         or any(box[i] >= box[i + 3] for i in range(3))
     ):
         raise AssetError("The network's bounds are not a box.", advice="Set `bounds`, such as [-1,-1,-1,1,1,1].")
-    _check_place(np.array(box[:3]), np.array(box[3:]))
+    if max(box[i + 3] - box[i] for i in range(3)) < _NEAREST * max(map(abs, box)):  # it computes with 32-bit floats
+        raise AssetError(
+            f"The network's surface lies more than {1 / _NEAREST:,.0f} times its size from the origin.",
+            advice="Train it near the origin.",
+        )
     return ImplicitNetwork(layers, activation, omega, (np.array(box[:3]), np.array(box[3:])))

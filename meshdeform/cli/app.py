@@ -31,7 +31,7 @@ from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
 from meshdeform.cli.variants import variants
 from meshdeform.errors import ParameterError
-from meshdeform.support.collector import skip_last_collections
+from meshdeform.support.memory import skip_last_collections
 from meshdeform.support.threads import limit_spinning
 
 __all__ = ["app", "main"]

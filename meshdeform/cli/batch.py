@@ -11,7 +11,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
-from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
+from meshdeform.cli.form import of_kind, of_request, with_options, written
 from meshdeform.cli.options import Place, Printed, SetOption, file_option, flag, option, output_option
 from meshdeform.cli.output import emit, note, table
 from meshdeform.cli.request import merge_params
@@ -76,13 +76,12 @@ def batch(
     from meshdeform.cli.batches import runners
     from meshdeform.cli.batches.ledger import Ledger
     from meshdeform.cli.batches.rows import make_rows
-    from meshdeform.cli.batches.session import Session
-    from meshdeform.cli.batches.summary import write_target_sets
+    from meshdeform.cli.batches.session import Session, write_target_sets
 
     if as_morph_targets:
         require("torch", "deform")
     entries = _entries(source, prompt or [], prompts_file)
-    defaults = overlaid(merge_params(settings or []), written(ctx))
+    defaults = merge_params(ctx, settings)
     first = int(defaults.get("seed", 0))
     with Ledger(output, flat=flat) as ledger:
         session = Session(ledger, as_json=printed.as_json, quiet=printed.quiet)

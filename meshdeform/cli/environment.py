@@ -54,10 +54,7 @@ def require(module: str, extra: str) -> None:
 def service_url(url: str | None) -> str:
     """Return the service's address: the option or MESHDEFORM_URL (typer merges them), else the default on this machine.
 
-    Raises
-    ------
-    typer.BadParameter
-        It is not an http or https URL.
+    Another than an http or https URL is a `typer.BadParameter`.
     """
     from urllib.parse import urlsplit
 
@@ -91,10 +88,7 @@ def command_line(command: str, url: str | None) -> str:
 def read_key(api_key: str | None, path: Path | None) -> str | None:
     """Return the API key: the option, else the word in the file, else the environment variable.
 
-    Raises
-    ------
-    typer.BadParameter
-        The file cannot be read or does not hold exactly one key.
+    A file that cannot be read, or does not hold exactly one key, is a `typer.BadParameter`.
     """
     # typer also passes the environment variable as the option; a file named on the command line goes before it.
     if path is None or (api_key and api_key != os.environ.get("MESHDEFORM_API_KEY")):

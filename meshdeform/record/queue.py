@@ -62,7 +62,7 @@ class JobQueue:
         message = self._queue.create_job(MESSAGE, job_id=name, timeout=-1, result_ttl=0, failure_ttl=60)
         message.enqueued_at = message.created_at
         # As `Queue.enqueue` does, which needs two round trips and eight commands for it.
-        with _redis_errors(), self._redis.pipeline() as pipeline:
+        with self._queue_errors(), self._redis.pipeline() as pipeline:
             pipeline.sadd(Queue.redis_queues_keys, self._queue.key)
             message.save(pipeline=pipeline)
             self._queue.push_job_id(name, pipeline=pipeline)
@@ -70,13 +70,26 @@ class JobQueue:
 
     def announced(self) -> set[str]:
         """Return the ids of the jobs with a message in Redis."""
-        with _redis_errors():
+        with self._queue_errors():
             return {job_of(entry) for entry in self._queue.get_job_ids()}
 
     def length(self) -> int:
         """Return the number of messages in Redis."""
-        with _redis_errors():
+        with self._queue_errors():
             return int(self._queue.count)
+
+    @contextmanager
+    def _queue_errors(self) -> Iterator[None]:
+        """Delete what stands in the queue's place and is no list; the reconciler then announces the jobs again."""
+        try:
+            with _redis_errors():
+                yield
+        except UnavailableError as error:
+            if "WRONGTYPE" in str(error.__cause__):
+                _log.error("the key %s in Redis is no list, and is deleted", self._queue.key)
+                with _redis_errors():
+                    self._redis.delete(self._queue.key)
+            raise
 
     def publish_cancel(self, job_id: str) -> None:
         """Notify the worker that runs the job of its cancellation; if the message is lost, the record still says so."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import secrets as random
+import unicodedata
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 
@@ -29,13 +30,13 @@ from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
 from meshdeform.record.room import Rooms, check_number
 from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets
-from meshdeform.record.search import has_words, searched_text
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
 from meshdeform.requests.choices import JobKind
+from meshdeform.requests.document import DeformParams, JobRequest
 
-__all__ = ["JobRecord"]
+__all__ = ["JobRecord", "searched_text"]
 
 
 class JobRecord:
@@ -143,7 +144,7 @@ class JobRecord:
             earliest = least_id("job", created_after.astimezone(UTC) - min(_CLOCKS_DIFFER, created_after - _BEGINNING))
             query = query.where(jobs.c.id >= earliest, jobs.c.created_at > created_after)
         if words.strip():
-            query = query.where(has_words(words))
+            query = query.where(_has_words(words))
         if cursor is not None:
             query = query.where(jobs.c.id < decode_cursor(cursor))
         with self._database.read() as connection:
@@ -294,3 +295,32 @@ def _beginning(new: NewJob) -> dict[str, object]:
     if new.origin is None:
         return {"reason": "created"}
     return {"reason": new.origin.mode.value, "origin": {"job_id": new.origin.job_id, "step": new.origin.step}}
+
+
+def _folded(text: str) -> str:
+    """Return a text in the form in which texts are compared: without differences of case and Unicode composition."""
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
+
+
+def searched_text(new: NewJob) -> str:
+    """Return the text in which a search looks for a new job: its prompts, file names and values of labels."""
+    names = [file.filename for file in new.files.values()]
+    return _folded(
+        "\n".join([new.request.prompt, *_further_prompts(new.request), *names, *new.request.metadata.values()])
+    )
+
+
+def _further_prompts(request: JobRequest) -> list[str]:
+    """Return the prompts beside that of the request; parameters of other kinds of job have none."""
+    return [each.prompt for each in request.params.prompts] if isinstance(request.params, DeformParams) else []
+
+
+def _has_words(query: str) -> sa.ColumnElement[bool]:
+    """Return the condition that a job's text contains every word of a query, anywhere and in any case.
+
+    Every character of a word stands for itself, `%` and `_` too.
+    """
+    mine = sa.select(sa.true()).where(job_texts.c.job_id == jobs.c.id)
+    for word in _folded(query).split():
+        mine = mine.where(job_texts.c.text.contains(word, autoescape=True))
+    return mine.exists()

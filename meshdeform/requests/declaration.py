@@ -40,7 +40,6 @@ def of_preset(paper: float | StrEnum, description: str, *, form: Mapping[str, An
     ----------
     paper : float or StrEnum
         The paper's value, used by presets that do not override it.
-    description : str
     form : mapping, optional
         The value of `FORM`, for parameters shown in the form.
     **bounds

@@ -332,7 +332,6 @@ def check_selections(
     ----------
     place : str or tuple
         Name of the list in `params`, or the path to it there.
-    selections : sequence of Selection
     named : mapping
         Lists of what can be named: `nodes`, `mesh_names`, `materials` and `joints`. A missing list is not checked.
 

@@ -24,7 +24,6 @@ def read_unbounded(model: type[M], document: Mapping[str, Any]) -> M:
 
     Parameters
     ----------
-    model : type of BaseModel
     document : mapping
         Of JSON, or of members that are read already.
 

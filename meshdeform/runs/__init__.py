@@ -84,7 +84,6 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
 
     Parameters
     ----------
-    request : JobRequest
     settings : Settings
         Lists the models of this deployment.
     files : collection of str

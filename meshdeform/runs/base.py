@@ -50,7 +50,6 @@ class FilePart:
     required : bool
         Whether every job needs it; a branch keeps that of its job. If False, the kind's check decides whether it fits
         the request.
-    media_types : tuple of str
     content : FileContent
         What the file is checked as when it arrives.
     """
@@ -68,8 +67,6 @@ class ArtifactKind:
 
     Attributes
     ----------
-    name : str
-    media_type : str
     summary : str
         One sentence about the result, and the option that requests it, if any.
     afterwards : bool
@@ -103,8 +100,6 @@ class InputFile:
 
     Attributes
     ----------
-    data : bytes
-    filename : str
     sha256 : str, optional
         SHA-256 of the data, hexadecimal, if known.
     """
@@ -132,7 +127,6 @@ class RunInput:
 
     Attributes
     ----------
-    request : JobRequest
     files : mapping of str to InputFile
         Files by the names of the kind's parts.
     resolved : mapping, optional
@@ -148,7 +142,6 @@ class RunInput:
         The model used if the request names none.
     limits : Limits, optional
         Limits on the files.
-    device : str
     on_wait : callable
         Called now and then while the start takes long; raises if the run must stop.
     """
@@ -183,8 +176,6 @@ def job_input(
     ----------
     asset, target : bytes
         A GLB, OBJ, PLY, STL or ZIP.
-    filename, target_filename : str
-    request : JobRequest
     prior : Prior, optional
         Used whatever model the request names.
     pictures : sequence of bytes
@@ -214,7 +205,6 @@ class StepReport:
         Number of steps done, from 1.
     total_steps : int
         Total number of steps.
-    losses : dict of name to value
     """
 
     step: int
@@ -231,7 +221,6 @@ class JobRun(ABC):
         Number of steps done.
     first_step : int
         Number of steps done by earlier attempts.
-    total_steps : int
     log : RunLog
         With the phases before the first step.
     """
@@ -288,7 +277,6 @@ class Kind:
 
     Attributes
     ----------
-    name : JobKind
     summary : str
         One sentence about the kind.
     reads : tuple of FilePart
@@ -303,7 +291,6 @@ class Kind:
         the stored result of `check` in JSON, if any. Torch-free.
     load : callable
         Imports the code that runs the kind, including torch, and returns the function that starts a run.
-    artifacts : tuple of ArtifactKind
     uses : callable
         Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
     check_files : callable

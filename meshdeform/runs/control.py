@@ -62,10 +62,8 @@ def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Fram
 
     Parameters
     ----------
-    params : ResolvedParams
     surface : SelectableSurface
         In the file's units.
-    frame : Frame
     mesh : RestMesh
         The welded mesh in the cameras' frame.
 
@@ -195,11 +193,6 @@ def control_report(
 
     Parameters
     ----------
-    control : Control
-    params : ResolvedParams
-    welded : WeldedMesh
-    frame : Frame
-    source : Asset
     result : Asset
         `result.glb`, read back.
     """

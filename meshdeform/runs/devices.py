@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from meshdeform.errors import ParameterError
-from meshdeform.support.heaps import keep_freed_memory
+from meshdeform.support.memory import keep_freed_memory
 from meshdeform.support.threads import choose_threads, default_threads
 
 __all__ = ["resolve_device", "use_threads"]
@@ -38,7 +38,7 @@ def resolve_device(name: str) -> str:
 def use_threads(count: int) -> int:
     """Set the number of CPU threads, torch's and ours, and return it; 0 is `support.threads.default_threads`.
 
-    The process also keeps the memory of freed tensors (`support.heaps.keep_freed_memory`).
+    The process also keeps the memory of freed tensors (`support.memory.keep_freed_memory`).
     """
     keep_freed_memory()
     threads = count or default_threads()

@@ -395,7 +395,6 @@ def family_png(shapes: Sequence[Shown], parts: Sequence[str]) -> bytes:
     Parameters
     ----------
     shapes : sequence of (positions (N, 3), triangles (F, 3), part of each triangle (F,))
-    parts : sequence of str
     """
     columns = min(max(math.ceil(math.sqrt(len(shapes) * 1.5)), 3), len(shapes))
     rows = -(-len(shapes) // columns)
@@ -458,8 +457,6 @@ def wall(
 
     Parameters
     ----------
-    shapes : sequence of WallShape
-    parts : sequence of str
     labels : (K,) int64
         The part of each point.
     count : int, optional
@@ -488,7 +485,6 @@ def wall_shape(
 
     Parameters
     ----------
-    name : str
     positions : (N, 3) float64
         In the asset's units.
     triangles : (F, 3) int64
@@ -498,7 +494,6 @@ def wall_shape(
     confidence : (K,) float32
     centre, diagonal, turn
         Lead from the asset's units to that frame.
-    count : int
     """
     verts = turned((positions - centre) / diagonal, turn)
     share = min(_OF_ONE, _TRIANGLES // count) / max(len(triangles), 1)

@@ -96,7 +96,6 @@ class Goal:
     ----------
     prompt : str
         With which the result is compared; empty for a target, and if each prompt has a region.
-    guidance : Guidance
     fit : TargetFit, optional
         The target, placed on the asset.
     shares : sequence of (F,) float64
@@ -115,7 +114,6 @@ class GoalSource:
 
     Attributes
     ----------
-    asset : Asset
     world : TriangleMesh
         The asset's welded mesh in its world.
     rest : RestMesh
@@ -129,7 +127,6 @@ class GoalSource:
     silhouettes : SilhouetteFit, optional
         Pictures as targets, alone or beside the prompt.
     limits : Limits, optional
-    device : str
     """
 
     asset: Asset
@@ -197,7 +194,6 @@ class SilhouetteFit:
 
     Parameters
     ----------
-    params : ResolvedParams
     views : sequence of SilhouetteView
         One for each of `params.guidance.silhouettes`.
     sha256 : str
@@ -280,11 +276,8 @@ class TargetFit:
 
         Parameters
         ----------
-        params : ResolvedParams
-        asset : Asset
         world : TriangleMesh
             The asset's welded mesh in its world.
-        target : Asset
 
         Raises
         ------

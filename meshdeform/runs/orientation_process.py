@@ -71,18 +71,14 @@ def orientation_of(
 
     Parameters
     ----------
-    asset : Path
     filename : str
         Its name; the extension decides the format where the content does not.
-    prompt : str
     params : ResolvedParams
         `check_searchable` accepts them.
     subdivide : bool
         `output.subdivide` of the job.
-    limits : Limits
     dtype : str
         Precision of the model, as for `load_prior`.
-    timeout_s : float
 
     Raises
     ------

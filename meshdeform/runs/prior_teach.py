@@ -75,7 +75,6 @@ class TeachRequest:
     ----------
     noun : str
         As the user wrote it: "a gnome".
-    synonyms : tuple of str
     replace : bool
         Whether a noun that the weights know may get a new meaning.
     licence : str
@@ -84,8 +83,6 @@ class TeachRequest:
         Azimuth of the front of the meshes, as in `params.guidance.orientation`.
     base : Path
         Weights to start from.
-    config : TeachConfig
-    size : LessonSize
     """
 
     noun: str
@@ -236,8 +233,6 @@ class LessonRun(JobRun):
 
     Attributes
     ----------
-    noun : str
-    warnings : list of str
     files : ExitStack
         Closed when the lesson is finished: the weights to start from may be a temporary file.
     """
@@ -433,7 +428,6 @@ def made_members(family: bytes, files: Sequence[MeshFile], seed: int, limits: Li
         The `family.safetensors` of a fit.
     files : sequence of MeshFile
         The collection that was fitted.
-    seed : int
     limits : Limits, optional
 
     Raises

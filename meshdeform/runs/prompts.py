@@ -39,7 +39,6 @@ class Prompts:
 
     Attributes
     ----------
-    given : list of Prompt
     faces : list of (F,) bool or None
         The faces of the welded mesh that each pulls at; None for everything.
     texts : list of WeightedPrompt
@@ -68,7 +67,6 @@ def read_prompts(
     ----------
     prompt : str
         That of the request.
-    params : ResolvedParams
     surface : SelectableSurface
         In the file's units.
     mesh : RestMesh

@@ -50,7 +50,6 @@ class Question:
             The child's command line; paths must be absolute.
         folder : Path
             For its temporary files.
-        timeout_s : float
 
         Raises
         ------

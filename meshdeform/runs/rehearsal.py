@@ -32,7 +32,6 @@ def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
     ----------
     prior : Prior, optional
         The builtin one. Without it a target pulls, which draws nothing during the steps.
-    device : str
 
     Raises
     ------

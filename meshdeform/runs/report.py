@@ -52,12 +52,7 @@ def _installed() -> dict[str, str]:
 
 
 class RunLog:
-    """The wall-clock seconds of an attempt by phase, and the losses of its first, last and up to 200 spaced steps.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-    """
+    """The wall-clock seconds of an attempt by phase, and the losses of its first, last and up to 200 spaced steps."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}

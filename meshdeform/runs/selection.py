@@ -39,12 +39,7 @@ _Floats = NDArray[np.float64]
 
 
 class SelectableSurface:
-    """The surface of an asset, with what selections can refer to.
-
-    Attributes
-    ----------
-    welded : WeldedMesh
-    """
+    """The surface of an asset, with what selections can refer to."""
 
     def __init__(self, asset: Asset, welded: WeldedMesh) -> None:
         self._asset, self.welded = asset, welded
@@ -73,7 +68,6 @@ class SelectableSurface:
             Name of the list in `params`, or the path to it there, for errors.
         number : int
             Place of the selection in the list.
-        selection : Selection
 
         Raises
         ------
@@ -158,11 +152,6 @@ def select_bodies(selectors: Sequence[RigidSelector], surface: SelectableSurface
     """Return the bodies of an asset that keep their shape.
 
     Selections that share vertices become one body, which is rigid if one of them is.
-
-    Parameters
-    ----------
-    selectors : sequence of RigidSelector
-    surface : SelectableSurface
 
     Raises
     ------

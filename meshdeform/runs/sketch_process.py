@@ -34,7 +34,6 @@ def guesses_of(drawing: Path, *, family: str = "", timeout_s: float) -> dict[str
         A PNG, JPEG or WebP. The child's temporary files lie beside it.
     family : str
         The only family to consider. Default: all.
-    timeout_s : float
 
     Returns
     -------

@@ -35,7 +35,6 @@ class AssetPath:
 
     Parameters
     ----------
-    source : Asset
     positions : (N, 3) float64
         Positions of the result; rows as in `source.surface`.
     welded : WeldedMesh, optional
@@ -105,7 +104,6 @@ def matched(source: Asset, result: Asset, exclude: Sequence[str | int], limits: 
 
     Parameters
     ----------
-    source, result : Asset
     exclude : sequence of str or int
         `params.control.exclude` of the run.
     limits : Limits, optional
@@ -136,7 +134,6 @@ def with_strength(
 
     Parameters
     ----------
-    source : Asset
     result : bytes
         The GLB that was made from it, returned itself for a strength of 1.
     strength : float

@@ -173,7 +173,6 @@ def vertex_jacobians(welded: WeldedMesh, verts: Tensor) -> _Floats:
 
     Parameters
     ----------
-    welded : WeldedMesh
     verts : (V, 3) float64
         Deformed welded vertices, in world space.
     """
@@ -235,7 +234,6 @@ class Shown:
 
         Parameters
         ----------
-        asset, written : Asset
         welded : WeldedMesh
             The source in its bind pose.
         verts : (V, 3) float64

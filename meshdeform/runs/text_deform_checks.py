@@ -43,7 +43,6 @@ def check(
 
     Parameters
     ----------
-    request : JobRequest
     default_model : str
         The model used if the request names none; always allowed, like `builtin`.
     allowed_models : sequence of str
@@ -240,7 +239,6 @@ def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[
 
     Parameters
     ----------
-    params : ResolvedParams
     bounds : mapping
         The least and the greatest coordinates (2, 3) of the `asset` and the `target`, as far as they are known.
 

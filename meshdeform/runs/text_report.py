@@ -72,8 +72,6 @@ class RunFacts:
 
     Attributes
     ----------
-    request : JobRequest
-    params : ResolvedParams
     file : InputFile
         The asset, with its hash.
     asset : Asset
@@ -82,18 +80,13 @@ class RunFacts:
         What was split.
     drawn : (T,) bool
         Which triangles of the asset are drawn and deformed.
-    welded : WeldedMesh
-    frame : Frame
     shape_id, fingerprint : str
         Of the mesh, and of the run.
-    control : Control
-    goal : Goal
     prompts : Prompts, optional
         Those of a job that has several.
     silhouettes : SilhouetteFit, optional
     recognised : Recognition, optional
         What the source was taken for.
-    device : str
     precision : str, optional
         As `precision_of` returns it.
     """
@@ -172,13 +165,10 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
 
     Parameters
     ----------
-    facts : RunFacts
     deformation : Deformation
         After its last step.
-    outcome : Outcome
     first_step : int
         Number of steps done by earlier attempts.
-    log : RunLog
     """
     request, params, asset, shown = facts.request, facts.params, facts.asset, outcome.shown
     with log.phase("measure"):
@@ -330,7 +320,6 @@ def measure_movement(rest: RestMesh, verts: Tensor, held_share: float) -> Moveme
 
     Parameters
     ----------
-    rest : RestMesh
     verts : (V, 3) float64
         Deformed positions in the same unit.
     held_share : float

@@ -103,7 +103,6 @@ def verdict(prompt: str, likeness: Mapping[str, Any], structure: Mapping[str, An
 
     Parameters
     ----------
-    prompt : str
     likeness : mapping
         That of the report, with its `before`.
     structure : mapping
@@ -148,7 +147,6 @@ def prompt_reports(
 
     Parameters
     ----------
-    prompts : Prompts
     rest, mesh : TriangleMesh
         The welded source and result in their world.
     compare : callable, optional
@@ -194,7 +192,6 @@ def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
     ----------
     mesh : TriangleMesh
         +Y up, of any position and size.
-    prompt : str
 
     Returns
     -------
@@ -215,8 +212,6 @@ def likeness_and_before(
 
     Parameters
     ----------
-    source, result : TriangleMesh
-    prompt : str
     nouns : mapping of str to float
         The probabilities of all nouns for the source; if it is empty, the judge is asked.
 

@@ -91,7 +91,6 @@ def in_ranges(work: Callable[[int, int], T], count: int) -> list[T]:
     ----------
     work : callable
         Called with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
-    count : int
     """
     parts = 1 if getattr(_sharing, "already", False) else max(1, min(usable_threads(), count))
     bounds = [count * part // parts for part in range(parts + 1)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 from collections.abc import Collection, Sequence
 from difflib import get_close_matches
@@ -53,6 +54,7 @@ def add_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(MeshdeformError, _on_ours)
     app.add_exception_handler(RequestValidationError, _on_validation)
     app.add_exception_handler(HTTPException, _on_http)
+    app.add_exception_handler(OSError, _on_system)
     app.add_exception_handler(Exception, _on_unknown)
 
 
@@ -204,6 +206,14 @@ def _allowed_methods(request: Request) -> list[str]:
         for method, scope in scopes.items()
         if any(route.matches(scope)[0] is Match.FULL for route in request.app.routes)
     ]
+
+
+async def _on_system(request: Request, error: Exception) -> JSONResponse:
+    if not isinstance(error, OSError) or error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        raise error
+    full = UnavailableError("The server has no room for a file that it receives.", advice="Try again in a few minutes.")
+    _log.error("%s: no space left on the device of the temporary or the data folder", request.url.path)
+    return _answer(request, full)
 
 
 async def _on_unknown(request: Request, error: Exception) -> JSONResponse:

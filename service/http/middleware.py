@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import anyio
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import JSONResponse
 
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetTooLargeError, RequestTimeoutError
@@ -69,6 +70,8 @@ class RequestFrame:
         scope.setdefault("state", {})["request_id"] = identity
         scope[_HEADERS] = {}
 
+        app = _refuse_hosts if sum(name == b"host" for name, _ in scope["headers"]) > 1 else self._app
+
         async def framed(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
@@ -82,10 +85,24 @@ class RequestFrame:
             await send(message)
 
         try:
-            await self._app(scope, _limited(scope, receive), framed)
+            await app(scope, _limited(scope, receive), framed)
         finally:
             if _access.isEnabledFor(logging.INFO):
                 _log_request(scope, status, 1000 * (time.perf_counter() - start))
+
+
+async def _refuse_hosts(scope: Scope, receive: Receive, send: Send) -> None:
+    """Refuse a request with several Host headers (RFC 9112, section 3.2): a proxy may have read another one."""
+    problem = {
+        "type": "urn:meshdeform:problem:request_invalid",
+        "title": "The request is not valid",
+        "status": 400,
+        "detail": "The request has several Host headers.",
+        "code": "request_invalid",
+        "advice": "Send one.",
+        "instance": scope["path"],
+    }
+    await JSONResponse(problem, 400, media_type="application/problem+json")(scope, receive, send)
 
 
 def _limited(scope: Scope, receive: Receive) -> Receive:

@@ -60,12 +60,7 @@ _CONTENT_TYPE = "application/octet-stream"
 
 
 def check_params(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
-    """Check a request and return the parameters that it would run with.
-
-    Parameters
-    ----------
-    files : collection of str
-        The names of the files that the job has.
+    """Check a request for a job that has these files, and return the parameters that it would run with.
 
     Raises
     ------
@@ -94,9 +89,7 @@ def check_job(
 ) -> tuple[BaseModel, dict[str, ReceivedFile], dict[str, AssetSummary | PictureSummary]]:
     """Check a job's parameters and decode its files completely. Nothing is stored.
 
-    Returns
-    -------
-    The parameters that it would run with; and its files and their summaries, by part.
+    Return the parameters that it would run with, and its files and their summaries by part.
 
     Raises
     ------

@@ -38,14 +38,7 @@ def missing_files(document: JobDocument, sent: Collection[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Submission:
-    """A request for a job, and the files that were sent with it.
-
-    Attributes
-    ----------
-    files : dict of str to ReceivedFile
-        The files that were sent, by the name of their part.
-    folder : Path
-        The folder of these files, and of those that are fetched.
+    """A request for a job, and the files that were sent with it, by part; those that are fetched join them in `folder`.
 
     Raises
     ------

@@ -6,6 +6,8 @@ import hashlib
 import json
 import re
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from service.workspace import Workspace
 from tests.cases import each_case
 from tests.integration.conftest import Api, serving
 from tests.integration.http_calls import PROMPT, check_document, check_problem, glb, post
@@ -242,3 +245,20 @@ def test_a_store_that_is_away_refuses_and_leaves_no_job(
     check_problem(answer, 503, "unavailable")
     assert int(answer.headers["retry-after"]) >= 1
     assert api.record.list_jobs(limit=1).jobs == before
+
+
+def test_a_full_disk_is_said_and_passes(api: Api, sphere: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = Workspace.temporary_folder
+
+    @contextmanager
+    def full(workspace: Workspace) -> Iterator[Path]:
+        with real(workspace) as folder:
+            (folder / "asset").symlink_to("/dev/full")
+            yield folder
+
+    monkeypatch.setattr(Workspace, "temporary_folder", full)
+    answer = post(api, sphere)
+    problem = check_problem(answer, 503, "unavailable")
+    assert ("no room" in problem["detail"], "retry-after" in answer.headers) == (True, True)
+    monkeypatch.undo()
+    assert post(api, sphere).status_code == 202

@@ -11,9 +11,9 @@ import pytest
 import sqlalchemy as sa
 from typer.testing import CliRunner
 
-from meshdeform.cli import doctor as checks
+from meshdeform.cli import checks
 from meshdeform.cli.app import app
-from meshdeform.cli.doctor import ok
+from meshdeform.cli.checks import ok
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD

@@ -118,6 +118,18 @@ def test_a_cancel_is_heard_by_who_listens_for_this_job(queue: JobQueue) -> None:
     assert heard == {"job_1": True, "job_2": False}
 
 
+def test_what_stands_in_the_place_of_the_queue_is_deleted(queue: JobQueue, redis_url: str) -> None:
+    for call in (lambda: queue.enqueue("job_1"), queue.announced, queue.length):
+        with redis.Redis.from_url(redis_url) as connection:
+            connection.delete("rq:queue:test")
+            connection.set("rq:queue:test", "x")
+        with pytest.raises(UnavailableError):
+            call()
+        assert queue.announced() == set()
+        queue.enqueue("job_2")
+        assert queue.announced() == {"job_2"}
+
+
 def test_a_redis_that_is_away_is_unavailable(nowhere: JobQueue) -> None:
     for call in (
         nowhere.ping,

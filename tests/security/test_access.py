@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -52,6 +53,15 @@ def test_web_pages_of_other_hosts_are_refused_on_loopback_with_and_without_no_au
         assert http.post("/v1/jobs", headers=headers, files=files).status_code == 401, headers
     assert status(http, Origin="http://localhost:1234") == 200
     assert status(http, Origin="https://meshes.example", Host="meshes.example") == 200
+
+
+def test_a_request_with_two_hosts_is_refused(start: Start) -> None:
+    address = start().base_url
+    with socket.create_connection((address.host, address.port), DEADLINE_S) as connection:
+        connection.sendall(b"GET /v1/jobs HTTP/1.1\r\nHost: a\r\nHost: b\r\nConnection: close\r\n\r\n")
+        answer = b"".join(iter(lambda: connection.recv(4096), b""))
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert b"several Host headers" in answer
 
 
 def test_auto_needs_a_key_where_a_proxy_is_in_front(start: Start, record: JobRecord) -> None:

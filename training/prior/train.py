@@ -19,7 +19,7 @@ import torch
 from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.teaching.trainer import Pictures, TrainConfig, Trainer
 from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
-from meshdeform.support.heaps import keep_freed_memory
+from meshdeform.support.memory import keep_freed_memory
 from training.prior.dataset import PictureFolder
 from training.prior.families import FAMILIES
 from training.prior.warm_start import warm_start

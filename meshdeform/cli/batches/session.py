@@ -1,23 +1,46 @@
-"""One run of a batch: select the rows to do, run and show them, and write the summary, also after Ctrl-C."""
+"""One run of a batch: select the rows to do, run and show them, and write the summary, also after Ctrl-C.
+
+The summary is tables, the contact sheet of before and after, and results as morph targets.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import math
 import queue
 import threading
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import ARTIFACTS, Row
 from meshdeform.cli.batches.runners import RowOutcome, Runner
-from meshdeform.cli.batches.summary import count_states, record_of, write_summary
 from meshdeform.cli.exits import ExitCode, OutcomeError
-from meshdeform.cli.local import writing
+from meshdeform.cli.local import read_asset, writing
 from meshdeform.cli.output import BatchView, ProgressView, duration, emit, note, show_batch
 from meshdeform.errors import UnavailableError
+from meshdeform.support.files import write_files
 
-__all__ = ["Session"]
+if TYPE_CHECKING:
+    from PIL import Image, ImageDraw
+
+    from meshdeform.assets import Asset, Limits
+    from meshdeform.settings import Settings
+
+__all__ = ["Session", "contact_sheet", "count_states", "record_of", "write_summary", "write_target_sets"]
+
+_QUALITY = ("flipped_faces", "self_intersections_added", "symmetric_dirichlet_p99", "volume_ratio")
+_COLUMNS = (
+    *("name", "state", "asset", "prompt", "target", "preset", "seed", "model", "steps", "seconds", "loss"),
+    *_QUALITY,
+    *("job_id", "error_code", "error", "result"),
+)
 
 
 class _RowProgress(ProgressView):
@@ -152,3 +175,188 @@ class Session:
         view.end(row.name, line, failed=not succeeded)
         if self._as_json:
             emit({"event": "row", **record_of(row, self.ledger.last[row.key], self.folder)})
+
+
+def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[str, Any]:
+    """Return the record of a row: its request, its state, and the quality of its result by its report.
+
+    `line` is the newest one of the ledger about the row, `folder` that of the batch.
+    """
+    line, request = line or {}, row.request
+    done = line.get("event") == "done"
+    state = "succeeded" if done else line.get("state", "failed") if line.get("event") == "failed" else "pending"
+    report = _report(row.path(folder, "report.json")) if done else {}
+    params, quality = report.get("params", {}), report.get("quality", {})
+    error = line.get("error") or {}
+    return {
+        "name": row.name,
+        "state": state,
+        "asset": str(row.asset),
+        "prompt": request.prompt,
+        "target": str(row.target) if row.target else None,
+        "preset": request.params.preset.value,
+        "seed": request.params.seed,
+        "model": params.get("model", request.params.model),
+        "steps": params.get("steps", request.params.model_dump().get("steps")),
+        "seconds": line.get("seconds"),
+        "loss": (line.get("losses") or {}).get("total"),
+        **{name: quality.get(name) for name in _QUALITY},
+        "job_id": line.get("job_id"),
+        "error_code": error.get("code"),
+        "error": error.get("detail"),
+        "result": str(row.path(folder, "result.glb")) if done else None,
+    }
+
+
+def count_states(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """Count the rows that are `succeeded`, `failed` (also canceled and expired) and `pending`."""
+    found = Counter(record["state"] for record in records)
+    good, waiting = found["succeeded"], found["pending"]
+    return {"rows": len(records), "succeeded": good, "failed": len(records) - good - waiting, "pending": waiting}
+
+
+def write_summary(
+    folder: Path, batch_id: str, records: Sequence[dict[str, Any]], pictures: Sequence[Path]
+) -> dict[str, str]:
+    """Write the files, all or none, and return their paths by name. Without Pillow there is no sheet."""
+    document = {"batch": batch_id, **count_states(records), "rows_detail": list(records)}
+    files = {
+        folder / "summary.csv": _csv_table(records).encode(),
+        folder / "summary.json": (json.dumps(document, indent=1) + "\n").encode(),
+    }
+    if find_spec("PIL") is not None and (sheet := contact_sheet(records, pictures)):
+        files[folder / "sheet.png"] = sheet
+    write_files(files)
+    return {path.name: str(path) for path in files}
+
+
+def _csv_table(records: Sequence[Mapping[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue()
+
+
+def _report(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+_WIDTH, _HEIGHT, _CAPTION, _GAP = 288, 144, 30, 8
+_MAX_TILES = 600
+_RED, _GREY, _INK = (198, 40, 40), (205, 205, 205), (30, 30, 30)
+
+
+def contact_sheet(records: Sequence[Mapping[str, Any]], pictures: Sequence[Path]) -> bytes | None:
+    """Return a PNG with the first 600 rows, by their records and pictures; None if no row succeeded."""
+    from PIL import Image
+
+    if not any(record["state"] == "succeeded" for record in records):
+        return None
+    shown = records[:_MAX_TILES]
+    columns = max(1, round(math.sqrt(len(shown) / 1.5)))
+    lines = math.ceil(len(shown) / columns)
+    size = (_GAP + columns * (_WIDTH + _GAP), _GAP + lines * (_HEIGHT + _CAPTION + _GAP))
+    sheet = Image.new("RGB", size, "white")
+    for index, (record, path) in enumerate(zip(shown, pictures, strict=False)):
+        row, column = divmod(index, columns)
+        _tile(sheet, (_GAP + column * (_WIDTH + _GAP), _GAP + row * (_HEIGHT + _CAPTION + _GAP)), path, record)
+    out = io.BytesIO()
+    sheet.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+def _tile(sheet: Image.Image, at: tuple[int, int], path: Path, record: Mapping[str, Any]) -> None:
+    from PIL import ImageDraw
+
+    draw, (x, y) = ImageDraw.Draw(sheet), at
+    picture = _picture(path) if record["state"] == "succeeded" else None
+    if picture is not None:
+        sheet.paste(picture, (x + (_WIDTH - picture.width) // 2, y + (_HEIGHT - picture.height) // 2))
+    colour = _GREY if record["state"] in ("succeeded", "pending") else _RED
+    draw.rectangle((x - 1, y - 1, x + _WIDTH, y + _HEIGHT), outline=colour)
+    if colour is _RED:
+        draw.line((x, y, x + _WIDTH, y + _HEIGHT), fill=_RED)
+        draw.line((x, y + _HEIGHT, x + _WIDTH, y), fill=_RED)
+    second = record["prompt"] if record["state"] == "succeeded" else record["error_code"] or record["state"]
+    _write(draw, (x, y + _HEIGHT + 2), str(record["name"]), _INK)
+    _write(draw, (x, y + _HEIGHT + 15), str(second), _INK if picture is not None else colour)
+
+
+def _picture(path: Path) -> Image.Image | None:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as found:
+            return _pair(found.convert("RGB"))
+    except (OSError, ValueError, Image.DecompressionBombError):
+        return None
+
+
+def _pair(preview: Image.Image) -> Image.Image:
+    """Return the first view of a preview's two rows side by side: before and after."""
+    from PIL import Image
+
+    side = preview.height // 2
+    pair = Image.new("RGB", (_WIDTH, _HEIGHT), "white")
+    for k in range(2):
+        view = preview.crop((0, k * side, side, (k + 1) * side))
+        pair.paste(view.resize((_HEIGHT, _HEIGHT), Image.Resampling.LANCZOS), (k * _WIDTH // 2, 0))
+    return pair
+
+
+def _write(draw: ImageDraw.ImageDraw, at: tuple[int, int], text: str, colour: Any) -> None:
+    """Write one line, truncated at the edge of the tile."""
+    from PIL import ImageFont
+
+    font = ImageFont.load_default(11)
+    while text and draw.textlength(text, font=font) > _WIDTH:
+        text = text[:-2].rstrip(".") + "." if len(text) > 2 else ""
+    draw.text(at, text, fill=colour, font=font)
+
+
+def write_target_sets(folder: Path, rows: Sequence[Row], settings: Settings) -> dict[str, str]:
+    """Write, for each asset, the source with its results as morph targets, named after their rows and of weight 0.
+
+    Returns the paths by name. A ParameterError tells that rows of one asset differ in `params.control.exclude` or
+    `output.subdivide`.
+    """
+    from meshdeform.assets import Limits
+    from meshdeform.assets.morph import MorphTarget
+    from meshdeform.runs.strength import check_same_asset
+
+    limits = Limits.from_settings(settings)
+    by_asset: dict[Path, list[Row]] = {}
+    for row in rows:
+        if row.path(folder, "result.glb").exists():
+            by_asset.setdefault(row.asset.absolute(), []).append(row)
+    files: dict[Path, bytes] = {}
+    for asset, own in by_asset.items():
+        path = folder / f"{asset.stem}.targets.glb"
+        number = 2
+        while path in files:  # assets of different folders may have the same name
+            path, number = folder / f"{asset.stem}-{number}.targets.glb", number + 1
+        source = read_asset(asset, limits)
+        pairs = [_row_result(source, row, folder, limits) for row in own]
+        base = pairs[0][0]
+        for row, (_, result) in zip(own, pairs, strict=True):
+            check_same_asset(base, result, (own[0].name, row.name))
+        shapes = [(row.name, result.surface) for row, (_, result) in zip(own, pairs, strict=True)]
+        targets = [MorphTarget(name, s.positions, s.normals, s.tangents) for name, s in shapes]
+        files[path] = base.morph(targets, weights=[0.0] * len(targets))
+    with writing("The morph targets", "Free some space, then run the same command again."):
+        write_files(files)
+    return {path.name: str(path) for path in files}
+
+
+def _row_result(source: Asset, row: Row, folder: Path, limits: Limits) -> tuple[Asset, Asset]:
+    """Return the source as a row deformed it, and the row's result."""
+    from meshdeform.runs.preparation import read_result
+    from meshdeform.runs.strength import matched
+
+    result = read_result(row.path(folder, "result.glb").read_bytes())
+    return matched(source, result, row.request.params.control.exclude, limits)

@@ -9,7 +9,7 @@ A file is safetensors, never a pickle. Its metadata has, besides what `weights_f
 `nouns`
     JSON: `nouns` (parts by noun), `synonyms` and `lessons` (what was taught, in order).
 
-A check reads only the header: sizes, names and shapes, and the words.
+`check` reads only the header: sizes, names and shapes, and the words; `check_numbers` the rest.
 """
 
 from __future__ import annotations
@@ -30,8 +30,10 @@ from meshdeform.requests.models import is_taught
 __all__ = [
     "MAX_FILE_BYTES",
     "MAX_NOUNS",
+    "REPLAY",
     "Lesson",
     "check",
+    "check_numbers",
     "known_words",
     "lessons_of",
     "metadata_of",
@@ -48,6 +50,8 @@ _WORD = re.compile(r"[a-z]+(-[a-z]+)*")
 _LONGEST_WORD = 40
 _ADVICE = "Use a file that `meshdeform teach` wrote, or teach it again."
 _ROWS = "text.word.weight"
+REPLAY = "replay."
+"""Tensors whose name begins so are pictures, and no part of the network."""
 
 
 @dataclass(frozen=True)
@@ -192,6 +196,31 @@ def check(path: Path) -> Words:
     return words
 
 
+def check_numbers(path: Path) -> None:
+    """Check that the tensors of a file that passed `check` are floats, and finite; reads all of it, with numpy.
+
+    Raises
+    ------
+    ModelError
+        They are not, or the file is damaged.
+    """
+    import numpy as np
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, "np") as file:
+            for name in file.keys():  # noqa: SIM118 - it is no mapping
+                values = file.get_tensor(name)
+                if not name.startswith(REPLAY) and values.dtype.kind != "f":
+                    raise ModelError(
+                        f"The tensor {name[:100]!r} in {path} is {values.dtype}, not float.", advice=_ADVICE
+                    )
+                if values.dtype.kind == "f" and not np.isfinite(values).all():
+                    raise ModelError(f"The weights in {path} contain numbers that are not finite.", advice=_ADVICE)
+    except (SafetensorError, TypeError, ValueError, KeyError, AttributeError) as error:
+        raise ModelError(f"The file {path} is not safetensors: {str(error)[:200]}.", advice=_ADVICE) from error
+
+
 def known_words(model: str) -> Words:
     """Return the words of `builtin`, or of a file that `meshdeform teach` wrote; see `check`."""
     return check(Path(model).expanduser()) if is_taught(model) else BUILTIN_WORDS
@@ -208,7 +237,7 @@ def _header(path: Path) -> dict[str, Any]:
         with path.open("rb") as file:
             length = int.from_bytes(file.read(8), "little")
             header = json.loads(file.read(length)) if length <= min(size, _MAX_HEADER_BYTES) else {}
-        ends = [entry["data_offsets"][1] for name, entry in header.items() if name != "__metadata__"]
+        ends = [int(entry["data_offsets"][1]) for name, entry in header.items() if name != "__metadata__"]
     except FileNotFoundError as error:
         raise ModelError(f"There is no file {path} on the machine that runs the worker.", advice=_ADVICE) from error
     except OSError as error:

@@ -19,7 +19,7 @@ from torch import Tensor
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.taught import MAX_FILE_BYTES, check, words_of
+from meshdeform.priors.builtin.taught import MAX_FILE_BYTES, REPLAY, check, words_of
 from meshdeform.support.files import write_files
 
 __all__ = [
@@ -33,8 +33,6 @@ __all__ = [
     "write_weights",
 ]
 
-REPLAY = "replay."
-"""Tensors whose name begins so are pictures, and no part of the network."""
 WEIGHTS = Path(__file__).parent / "weights" / "prior.safetensors"
 _LARGEST = 512
 _ADVICE = (

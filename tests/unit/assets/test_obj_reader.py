@@ -280,15 +280,13 @@ def test_a_texture_is_found_however_it_is_named(obj: str, mtl: str, tmp_path_fac
     assert len(unpack(beside.to_bytes())[0]["images"]) == 1
 
 
-@each_case("encoding", ["utf-16", "utf-16-be", "utf-8-sig"])
+@each_case("encoding", ["utf-16", "utf-16-be", "utf-8-sig", "cp1252"])
 def test_texts_of_windows_are_read(encoding: str) -> None:
     mark = "\ufeff" if encoding == "utf-16-be" else ""
-    every = {
-        "a.obj": (mark + TEXTURED).encode(encoding),
-        "lib.mtl": (mark + "newmtl wood\nKd 1 0 0\n").encode(encoding),
-    }
+    obj, mtl = mark + TEXTURED.replace("wood", "grün"), mark + "newmtl grün\nKd 1 0 0\nmap_Kd grün.png\n"
+    every = {"a.obj": obj.encode(encoding), "lib.mtl": mtl.encode(encoding), "grün.png": DOT}
     root, _, _ = unpack(load_asset(packed(every), "a.zip").to_bytes())
-    assert root["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] == [1, 0, 0, 1]
+    assert (root["materials"][0]["name"], len(root["images"])) == ("grün", 1)
 
 
 def test_a_texture_replaces_colors_of_vertices_and_these_the_color_of_a_material() -> None:

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from meshdeform.cli import doctor
+from meshdeform.cli import checks
 from meshdeform.cli.app import app
-from meshdeform.cli.doctor import Status, Subject, ok, run_checks
+from meshdeform.cli.checks import Status, Subject, ok, run_checks
 from meshdeform.settings import Settings
 from tests.cases import each_case
 
@@ -27,7 +27,7 @@ def subject(folder: Path, **settings: object) -> Subject:
 
 
 def test_on_an_empty_folder_all_is_well_and_it_stays_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
+    monkeypatch.setattr(checks, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
     result = CliRunner().invoke(app, ["doctor", "--json", "--data-dir", str(tmp_path / "data")])
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout)
@@ -37,7 +37,7 @@ def test_on_an_empty_folder_all_is_well_and_it_stays_empty(tmp_path: Path, monke
 
 
 def test_what_is_away_fails_with_advice_and_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
+    monkeypatch.setattr(checks, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
     # Accepts connections and never answers: what hangs whoever waits without a limit.
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         port = deaf.getsockname()[1]
@@ -59,11 +59,11 @@ def test_what_is_away_fails_with_advice_and_in_time(tmp_path: Path, monkeypatch:
 def test_a_check_that_hangs_is_left_behind() -> None:
     never = threading.Event()
 
-    def hang() -> list[doctor.Finding]:
+    def hang() -> list[checks.Finding]:
         never.wait()
         return []
 
-    def broken() -> list[doctor.Finding]:
+    def broken() -> list[checks.Finding]:
         raise RuntimeError("a bug")
 
     found = list(run_checks({"a": (hang, 0.05), "b": (broken, 5.0), "c": (lambda: [ok("c", "well")], 5.0)}))
@@ -82,15 +82,15 @@ def test_an_extra_is_looked_at_with_those_that_it_is_made_of(monkeypatch: pytest
         'fastapi>=0.1; extra == "service"',
     ]
     have = {"pydantic": "2.11", "torch": "2.13.0", "rq": "2.12.1"}
-    monkeypatch.setattr(doctor.importlib.metadata, "requires", lambda name: asked)
-    monkeypatch.setattr(doctor, "_version", have.get)
-    found = {finding.name: finding for finding in doctor.check_packages(subject(Path()))}
+    monkeypatch.setattr(checks.importlib.metadata, "requires", lambda name: asked)
+    monkeypatch.setattr(checks, "_version", have.get)
+    found = {finding.name: finding for finding in checks.check_packages(subject(Path()))}
     assert found["extra deform"].status is Status.OK
     worker = found["extra worker"]
     assert (worker.status, worker.detail) == (Status.FAIL, "missing: redis")
     assert found["extra service"].status is Status.SKIP
     have |= {"redis": "6.1"}
-    assert {finding.name: finding.status for finding in doctor.check_packages(subject(Path()))}[
+    assert {finding.name: finding.status for finding in checks.check_packages(subject(Path()))}[
         "extra worker"
     ] is Status.OK
 
@@ -105,7 +105,7 @@ def test_a_folder_that_is_full_is_said_to_be_full(tmp_path: Path, monkeypatch: p
     here = subject(tmp_path)
     ObjectStore(here.settings.resolved_storage_url).put("assets/a", b"before")
     monkeypatch.setattr(ObjectStore, "put", full)
-    (finding,) = doctor.check_store(here)
+    (finding,) = checks.check_store(here)
     assert (finding.status, finding.advice) == (Status.FAIL, "Free space.")
     assert finding.detail.endswith(": No space is left.")
 
@@ -114,25 +114,25 @@ def test_a_record_is_read_and_not_migrated(tmp_path: Path) -> None:
     from meshdeform.record.database import Database
 
     here = subject(tmp_path)
-    (finding,) = doctor.check_database(here)
+    (finding,) = checks.check_database(here)
     assert (finding.status, "will be created at the first start" in finding.detail) == (Status.OK, True)
     assert not here.settings.data_dir.exists()
     Database(here.settings.resolved_database_url).close()
     path = here.settings.data_dir / "meshdeform.sqlite"
-    (finding,) = doctor.check_database(here)
+    (finding,) = checks.check_database(here)
     assert finding.status is Status.OK
     assert "schema" in finding.detail
     for version, status in (("0001", Status.WARN), ("9999", Status.FAIL)):
         with sqlite3.connect(path) as connection:
             connection.execute("UPDATE alembic_version SET version_num = ?", (version,))
         connection.close()
-        (finding,) = doctor.check_database(here)
+        (finding,) = checks.check_database(here)
         assert finding.status is status
         with sqlite3.connect(path) as connection:
             assert connection.execute("SELECT version_num FROM alembic_version").fetchone() == (version,)
         connection.close()
     path.write_bytes(b"no database at all" * 100)
-    (finding,) = doctor.check_database(here)
+    (finding,) = checks.check_database(here)
     assert finding.status is Status.FAIL
 
 
@@ -142,7 +142,7 @@ def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     here = subject(tmp_path)
     ObjectStore(here.settings.resolved_storage_url).put("kept", b"x")
     before = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*"))
-    (finding,) = doctor.check_store(here)
+    (finding,) = checks.check_store(here)
     assert finding.status is Status.OK
     assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before
 
@@ -151,14 +151,14 @@ def test_a_port_that_somebody_has(tmp_path: Path) -> None:
     here = subject(tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         here.port, here.timeout_s = taken.getsockname()[1], 0.2
-        (finding,) = doctor.check_port(here)
+        (finding,) = checks.check_port(here)
     assert finding.status is Status.WARN
 
 
 def test_the_clock_is_compared(tmp_path: Path) -> None:
     here = subject(tmp_path)
     here.skews_s["Redis"] = -90.0
-    (finding,) = doctor.check_clock(here)
+    (finding,) = checks.check_clock(here)
     assert (finding.status, finding.detail) == (Status.WARN, "Redis is 90 s behind")
 
 
@@ -174,20 +174,20 @@ def test_the_clock_is_compared(tmp_path: Path) -> None:
     ],
 )
 def test_graphics_cards(device: str, driver: str, found: dict[str, object], status: Status) -> None:
-    assert doctor._gpu(device, driver, {"torch": "2.13.0", "error": "", **found}).status is status
+    assert checks._gpu(device, driver, {"torch": "2.13.0", "error": "", **found}).status is status
 
 
 def test_weights_are_whole_and_those_of_this_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from meshdeform.priors.builtin.weights_file import WEIGHTS
 
-    (finding,) = doctor.check_builtin(subject(tmp_path))
+    (finding,) = checks.check_builtin(subject(tmp_path))
     assert finding.status is Status.OK, finding
     place = tmp_path / "priors/builtin/weights/prior.safetensors"
     place.parent.mkdir(parents=True)
-    monkeypatch.setattr(doctor.meshdeform, "__file__", str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(checks.meshdeform, "__file__", str(tmp_path / "__init__.py"))
     data = WEIGHTS.read_bytes()
     for damaged in (None, b"", data[:5], data[:-1], struct.pack("<Q", len(data)) + data[8:]):
         if damaged is not None:
             place.write_bytes(damaged)
-        (finding,) = doctor.check_builtin(subject(tmp_path))
+        (finding,) = checks.check_builtin(subject(tmp_path))
         assert finding.status is Status.FAIL, finding

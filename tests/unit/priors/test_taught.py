@@ -14,7 +14,15 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from meshdeform.errors import AssetEmptyError, MeshdeformError, ModelError, ParameterError, VocabularyError
+from meshdeform.assets import check_asset_subprocess
+from meshdeform.errors import (
+    AssetEmptyError,
+    AssetFormatError,
+    MeshdeformError,
+    ModelError,
+    ParameterError,
+    VocabularyError,
+)
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import check_model, load_prior
 from meshdeform.priors.builtin import taught
@@ -146,6 +154,10 @@ def test_files_from_elsewhere_are_refused_before_they_are_loaded(
         "cut": (good[:-100], "not whole"),
         "huge-header": ((2**62).to_bytes(8, "little") + b"{}", "not safetensors|not whole"),
         "rows": (_packed(fewer, good[8 + size :]), "for [0-9]+ words"),
+        "mixed": (
+            _packed({"a": {"data_offsets": [0, "x"]}, "b": {"data_offsets": [0, 4]}}, b"1234"),
+            "not safetensors",
+        ),
     }
     for name, (data, words) in files.items():
         path = tmp_path / f"{name}.safetensors"
@@ -161,6 +173,25 @@ def test_files_from_elsewhere_are_refused_before_they_are_loaded(
     monkeypatch.setattr(taught, "MAX_FILE_BYTES", 1000)
     with pytest.raises(ModelError, match="at most 1,000"):
         check_model(str(tmp_path / "good.safetensors"))
+
+
+def test_numbers_that_are_no_weights_are_refused_when_they_are_sent(tmp_path: Path) -> None:
+    """As the service checks a file: before a worker has it."""
+    good = write_small_weights(tmp_path / "good.safetensors")
+    assert check_asset_subprocess(good, content="weights").format == "safetensors"
+    data = good.read_bytes()
+    size = int.from_bytes(data[:8], "little")
+    header = json.loads(data[8 : 8 + size])
+    name = next(name for name, each in header.items() if name != "__metadata__" and each["dtype"] == "F16")
+    integers = _packed({**header, name: {**header[name], "dtype": "I16"}}, data[8 + size :])
+    broken = bytearray(data)
+    at = 8 + size + header[name]["data_offsets"][0]
+    broken[at : at + 2] = b"\x00\x7c"  # infinity in half precision
+    for changed, words in ((integers, "not float"), (bytes(broken), "not finite")):
+        path = tmp_path / "sent.safetensors"
+        path.write_bytes(changed)
+        with pytest.raises(AssetFormatError, match=words):
+            check_asset_subprocess(path, content="weights")
 
 
 def _packed(header: dict[str, Any], rest: bytes) -> bytes:

@@ -105,6 +105,29 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, mo
     assert arrays["faces"].shape == arrays["lengths"].shape == faces.shape
 
 
+@pytest.mark.parametrize("kind", ["xyz", "npz", "obj"])
+def test_a_surface_far_from_the_origin_is_fitted_where_it_is(kind: str) -> None:
+    far = np.array([448_262.25, 5_411_932.75, 312.5])
+    ball = icosphere(4)
+    verts = ball.verts.numpy()
+    if kind == "xyz":
+        file = io.BytesIO()
+        np.savetxt(file, np.hstack([verts + far, verts]), fmt="%.6f")
+    elif kind == "npz":
+        file, axis = io.BytesIO(), np.linspace(-1.3, 1.3, 20)
+        inside = np.linalg.norm(np.stack(np.meshgrid(axis, axis, axis, indexing="ij")), axis=0) - 1.0
+        np.savez(file, sdf=inside, origin=far - 1.3, spacing=axis[1] - axis[0])
+    else:
+        lines = ["v {:.6f} {:.6f} {:.6f}".format(*place) for place in verts + far]
+        file = io.BytesIO(
+            "\n".join([*lines, *("f {} {} {}".format(*face) for face in ball.faces.numpy() + 1)]).encode()
+        )
+    run = begin(file.getvalue(), f"a.{kind}")
+    list(run)
+    written = load_asset(run.finish()["level_1.glb"].data).surface.positions - far
+    assert np.abs(np.linalg.norm(written, axis=1) - 1.0).mean() < 0.05  # 32-bit floats there are 0.5 apart
+
+
 def test_a_resumed_run_writes_the_same_file(ring: bytes) -> None:
     run = begin(ring)
     steps = iter(run)

@@ -7,7 +7,7 @@ import sys
 
 PROGRAM = """
 import atexit, gc, sys, weakref
-from meshdeform.support.collector import skip_last_collections
+from meshdeform.support.memory import skip_last_collections
 
 class Loop:
     def __init__(self):
