@@ -51,8 +51,6 @@ def run(
     ----------
     asset, target : Path
         The files to send; `target` for `params` with the guidance `target`.
-    prompt : str
-    params : dict
     check : callable
         Called ten times a second. What it raises cancels the job and is raised.
     progress : callable

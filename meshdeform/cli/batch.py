@@ -11,7 +11,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
-from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
+from meshdeform.cli.form import of_kind, of_request, with_options, written
 from meshdeform.cli.options import Place, Printed, SetOption, file_option, flag, option, output_option
 from meshdeform.cli.output import emit, note, table
 from meshdeform.cli.request import merge_params
@@ -81,7 +81,7 @@ def batch(
     if as_morph_targets:
         require("torch", "deform")
     entries = _entries(source, prompt or [], prompts_file)
-    defaults = overlaid(merge_params(settings or []), written(ctx))
+    defaults = merge_params(ctx, settings)
     first = int(defaults.get("seed", 0))
     with Ledger(output, flat=flat) as ledger:
         session = Session(ledger, as_json=printed.as_json, quiet=printed.quiet)

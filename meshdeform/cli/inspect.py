@@ -47,13 +47,10 @@ def inspect(
     from meshdeform.runs.inspection import inspect_parts
 
     found = inspect_parts(read_asset(asset, Limits.from_settings(load_settings())))
-    overrides = written(ctx)
-    prompted = bool(prompt or overrides.get("guidance", {}).get("prompts"))
+    prompted = bool(prompt or written(ctx).get("guidance", {}).get("prompts"))
     if prompted:
-        params = overlaid(merge_params(param or []), overrides)
-        found["orientation"] = _front(
-            asset, make_request(prompt, overlaid({"guidance": {"orientation": "auto"}}, params))
-        )
+        params = overlaid({"guidance": {"orientation": "auto"}}, merge_params(ctx, param))
+        found["orientation"] = _front(asset, make_request(prompt, params))
     if as_json:
         emit(found)
         return

@@ -21,7 +21,7 @@ import typer
 
 from meshdeform.cli.environment import command_line
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
-from meshdeform.cli.form import of_kind, overlaid, with_options, written
+from meshdeform.cli.form import of_kind, with_options
 from meshdeform.cli.local import writing
 from meshdeform.cli.options import (
     JobIdArgument,
@@ -106,9 +106,7 @@ def run_on_service(
             _print_new(job, place, printed)
             return
         note(f"{job.id}  (Ctrl-C leaves it running)", quiet=printed.quiet)
-        with show_progress(quiet=printed.quiet) as view:
-            shown, deadline = partial(show_event, view=view), Deadline(place.timeout)
-            ended = follow(client, job.id, shown, deadline=deadline, url=place.url)
+        ended = _followed(client, job.id, Deadline(place.timeout), place, printed)
         if failure := outcome_failure(ended):
             if printed.as_json:
                 emit(ended.as_json())
@@ -118,6 +116,14 @@ def run_on_service(
         emit({**ended.as_json(), "files": saved})
     else:
         typer.echo("\n".join([job.id, *_path_lines(saved)]))
+
+
+def _followed(
+    client: Client, job_id: str, deadline: Deadline, place: Place, printed: Printed, *, replay: bool = True
+) -> JobView:
+    with show_progress(quiet=printed.quiet) as view:
+        shown = partial(show_event, view=view)
+        return follow(client, job_id, shown, deadline=deadline, url=place.url, replay=replay)
 
 
 def _submitted(
@@ -205,9 +211,7 @@ def wait(job_ids: JobIdsArgument, timeout: TimeoutOption = None, *, place: Place
     with place.connect() as client:
         for job_id in ids:
             try:
-                with show_progress(quiet=printed.quiet) as view:
-                    shown = partial(show_event, view=view)
-                    job = follow(client, job_id, shown, deadline=deadline, url=place.url, replay=False)
+                job = _followed(client, job_id, deadline, place, printed, replay=False)
             except OutcomeError as failure:
                 if failure.exit_code is ExitCode.INTERRUPTED:
                     raise left_running(ids[len(ended) :], place.url) from None
@@ -536,7 +540,7 @@ def branch(
 
     meshdeform branch job_01kg9zqk2xf3v8c5m7n9p1r4t6 "a vase" --step 100
     """
-    request = make_request(prompt, overlaid(merge_params(settings or []), written(ctx)))
+    request = make_request(prompt, merge_params(ctx, settings))
     with place.connect() as client:
         if step is None:
             found = client.checkpoints(job_id)

@@ -11,7 +11,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import of_kind, overlaid, with_options, written
+from meshdeform.cli.form import of_kind, with_options, written
 from meshdeform.cli.jobs import refuse_other_place, run_on_service
 from meshdeform.cli.local import check_free, check_glb, run_here, write_all
 from meshdeform.cli.options import (
@@ -91,7 +91,7 @@ def surface_fit(
     output = output.with_suffix(".ndf") if mesh else output
     if output.suffix.lower() != ".ndf":
         raise typer.BadParameter(f"{output.name} is neither a .ndf nor a .glb", param_hint="--output")
-    params = overlaid(merge_params(param or []), written(ctx))
+    params = merge_params(ctx, param)
     request = make_request("", params, more={"kind": "surface_fit"})
     level: int = request.params.level  # type: ignore[attr-defined]
     files = {part: path for part, path in (("asset", surface), ("base", base), ("scalars", scalars)) if path}
@@ -181,7 +181,7 @@ def family_fit(
     meshdeform family-fit chairs/ --labels labels.json -o chairs-family
     """
     require("torch", "deform")
-    params = overlaid(merge_params(param or []), written(ctx))
+    params = merge_params(ctx, param)
     folder = output or Path(f"{collection.stem}-family")
     _run("family_fit", params, {"collection": _part(collection, labels)}, folder, here, printed)
 
@@ -214,7 +214,7 @@ def family_synthesize(
     require("torch", "deform")
     source, assets = _sources(family, collection)
     output = output or Path(f"{source.parent.name if family.is_dir() else source.stem}-shapes")
-    params = overlaid(merge_params(param or [], members=member), written(ctx))
+    params = merge_params(ctx, param, members=member)
     _run("family_synthesize", params, {"family": source, "collection": _part(assets)}, output, here, printed)
 
 

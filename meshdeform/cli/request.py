@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from meshdeform.cli.form import ShortForm, overlaid
+from meshdeform.cli.form import ShortForm, overlaid, written
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import JobKind
 
@@ -74,15 +74,15 @@ def make_settings(pairs: Sequence[str]) -> dict[str, Any]:
     return parameters
 
 
-def merge_params(pairs: Sequence[str], **options: Any) -> dict[str, Any]:
-    """Return the parameters from `--set`, overridden by the options that are not None.
+def merge_params(ctx: typer.Context, pairs: Sequence[str] | None, **options: Any) -> dict[str, Any]:
+    """Return the parameters from `--set`, overridden by the options that are not None and by those of the form.
 
     Parameters of a deformation may be named without their group, which they are put in.
     """
     from meshdeform.requests.removed import grouped
 
-    written = {name: value for name, value in options.items() if value is not None}
-    return overlaid(grouped(make_settings(pairs)), grouped(written))
+    given = {name: value for name, value in options.items() if value is not None}
+    return overlaid(overlaid(grouped(make_settings(pairs or [])), grouped(given)), written(ctx))
 
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:

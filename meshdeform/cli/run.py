@@ -10,7 +10,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import of_kind, of_request, overlaid, with_options, written
+from meshdeform.cli.form import of_kind, of_request, with_options, written
 from meshdeform.cli.jobs import refuse_other_place, run_on_service
 from meshdeform.cli.local import check_glb, run_here, write_all
 from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, option, output_option
@@ -82,14 +82,13 @@ def run(
     kind = JobKind(job.get("kind", JobKind.TEXT_DEFORM))
     if animate is not None:
         check_animation(animate, "--animate")
-    pictures, overrides = parse_pictures(silhouette), written(ctx)
-    also = overrides.get("guidance", {}).get("prompts")
+    pictures, also = parse_pictures(silhouette), written(ctx).get("guidance", {}).get("prompts")
     options: dict[str, Any] = {
         **({"guidance": "target"} if target else {}),
         **({"guidance": "silhouettes"} if silhouette and not (prompt or also or target) else {}),
         "silhouettes": pictures.views or None,
     }
-    params = overlaid(merge_params(param or [], **options), overrides)
+    params = merge_params(ctx, param, **options)
     outputs = written(ctx, "output")
     if "morph_path" in outputs:
         outputs["morph"] = True

@@ -10,7 +10,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import of_kind, overlaid, with_options, written
+from meshdeform.cli.form import of_kind, overlaid, with_options
 from meshdeform.cli.local import LocalJob, read_asset, write_all
 from meshdeform.cli.options import (
     MAX_STRENGTH,
@@ -70,8 +70,7 @@ def variants(
         )
     settings = load_settings()
     guidance = "target" if target else None
-    given = overlaid({"preset": "preview"}, merge_params(param or [], guidance=guidance))
-    given = overlaid(given, written(ctx))
+    given = overlaid({"preset": "preview"}, merge_params(ctx, param, guidance=guidance))
     requests = {
         int(seed): make_request(text, {**given, "seed": int(seed)})
         for seed, text in zip(

@@ -42,7 +42,6 @@ class Learning:
     exists : (T, K) float32
     edges : (K, K) float32
         Neighbouring points, whose weights are drawn together.
-    random : torch.Generator
     velocity, best : dict of name to Tensor
         Momentum of the weights, and the best weights so far.
     reach : dict of name to Tensor

@@ -77,7 +77,6 @@ class BetaMachine:
         exists : (T, K) float32, 0 or 1
         labels : (K,) int64
             The part of each point. Units of the first layer are shared out among parts by their numbers of points.
-        random : torch.Generator
         sizes : tuple of int, optional
             Default: `layer_sizes`.
         """

@@ -16,7 +16,6 @@ from meshdeform.families.machine import HIGH, LOW
 __all__ = [
     "Correspondences",
     "correspondences",
-    "dense_matches",
     "strangers",
     "triangle_parts",
     "unlike",
@@ -70,19 +69,6 @@ def correspondences(inference: Inference) -> Correspondences:
     exists = ((share >= _MASS) & (distance < _NEAR)).float()
     confidence = torch.exp(-0.5 * (distance / (_NEAR / 2)).square()) * (share / (2 * _MASS)).clamp_max(1.0)
     return Correspondences(torch.stack([each.indices for each in found]), confidence, exists)
-
-
-def dense_matches(inference: Inference, source: int, target: int, q: Tensor | None = None) -> Tensor:
-    """Return the sample (P,) of shape `target` that corresponds to each sample of shape `source`.
-
-    A sample moves as the template points do that it corresponds to; the nearest sample of the same part is its match.
-    `q` (P, K) is the first shape's `correspondences`, if they are known already.
-    """
-    q = inference.correspondences(source)[0] if q is None else q
-    moved = inference.boxed[source] + q @ (inference.deformed[target] - inference.deformed[source])
-    part = [inference.parts[t].argmax(1) for t in (source, target)]
-    distance = torch.cdist(moved, inference.boxed[target])
-    return (distance + 1.0 * (part[0][:, None] != part[1])).argmin(1)
 
 
 def visible_points(inference: Inference, found: Correspondences) -> tuple[Tensor, Tensor]:

@@ -122,7 +122,6 @@ def gibbs(
         Where the chains begin.
     exists : (S, K) float32
         Coordinates of other points are not drawn.
-    random : numpy Generator
     fixed : ((S, K, 3), (S, K)) float32, optional
         Points, and 1 for those that keep their places.
     """
@@ -176,7 +175,6 @@ def sampled(
         Of the same members.
     rounds : int
         Rounds of Gibbs sampling. More rounds forget more of the members.
-    random : numpy Generator
     """
     first = int(random.integers(len(points)))
     found = _existing(machine, exists[first : first + 1], rounds, random)
@@ -230,7 +228,6 @@ def completed(
         1 for the points of parts that are kept, whether they exist or not.
     unexplained : Unexplained
         Of the family's members.
-    random : numpy Generator
     """
     mean = torch.sigmoid(machine.weights["e0"])
     start = torch.where(known > 0, exists, mean)[None]

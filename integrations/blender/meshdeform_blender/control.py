@@ -27,7 +27,6 @@ def region_documents(
 
     Parameters
     ----------
-    parts : sequence of Part
     weights : sequence of (N,) float32 or None
         Weight of each vertex of each part in the group; None where the part has no such group.
     group : str

@@ -30,7 +30,6 @@ class Part:
 
     Attributes
     ----------
-    name : str
     positions : (N, 3) float32
         In the mesh's own space, +Z up.
     triangles : (T, 3) uint32

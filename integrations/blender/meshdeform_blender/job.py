@@ -23,10 +23,8 @@ class Status:
 
     Attributes
     ----------
-    phase : str
     fraction : float
         Of the optimisation, 0 to 1.
-    step, total_steps : int
     job_id : str
         Empty until the service has accepted the job.
     error : AddonError or None
@@ -62,7 +60,6 @@ class JobThread(threading.Thread):
         Address and key of the service.
     asset : bytes
         A GLB.
-    filename : str
     request : dict
         The request document.
     target : bytes, optional
@@ -70,7 +67,6 @@ class JobThread(threading.Thread):
 
     Attributes
     ----------
-    status : Status
     result : bytes or None
         Once `status.phase` is `succeeded`.
     """

@@ -88,7 +88,6 @@ def apply(sources: Sequence[Source], positions: Sequence[NDArray[np.float32]], h
 
     Parameters
     ----------
-    sources : sequence of Source
     positions : sequence of (N, 3) float32
     how : "SHAPE_KEY" or "REPLACE"
         Add a shape key with the value 1, or move the vertices of the mesh and of all its shape keys.

@@ -12,7 +12,19 @@ from bench.parametric_families import CLASSES, PARTS, family
 from meshdeform.assets import load_asset
 from meshdeform.families.collection import Collection, sample_shape, turned_alike
 from meshdeform.families.inference import Inference
-from meshdeform.families.matching import correspondences, dense_matches, strangers, triangle_parts, unlike
+from meshdeform.families.matching import correspondences, strangers, triangle_parts, unlike
+
+
+def dense_matches(inference: Inference, source: int, target: int) -> torch.Tensor:
+    """The sample (P,) of shape `target` that corresponds to each sample of shape `source`.
+
+    A sample moves as the template points do that it corresponds to; the nearest sample of the same part is its match.
+    """
+    q = inference.correspondences(source)[0]
+    moved = inference.boxed[source] + q @ (inference.deformed[target] - inference.deformed[source])
+    part = [inference.parts[t].argmax(1) for t in (source, target)]
+    distance = torch.cdist(moved, inference.boxed[target])
+    return (distance + 1.0 * (part[0][:, None] != part[1])).argmin(1)
 
 
 def sampled(name, count, samples, **more):

@@ -44,7 +44,6 @@ def sample(
 
     Parameters
     ----------
-    prompts : B strings
     azimuth_deg : (B,) float32
         Azimuth of the first or only view.
     steps : int
