@@ -133,24 +133,6 @@ def test_ctrl_c_leaves_the_job_and_says_how_to_come_back(folder: Path, service: 
     assert json.loads(ended.stdout)["jobs"][0]["state"] == "canceled"
 
 
-@pytest.mark.long  # test_client_faults.py does the same with the client alone
-def test_watch_goes_on_through_an_api_that_is_killed(folder: Path, service: Service, url: str) -> None:
-    with contextlib.ExitStack() as held:
-        held.enter_context(service.held_jobs())
-        job = submit(folder, url, "--steps", "8")
-        with started("watch", job, "--json", "--url", url, cwd=folder) as process:
-            assert process.stdout is not None
-            seen = []
-            for line in process.stdout:
-                seen.append(json.loads(line))
-                if seen[-1]["type"] == "progress" and [event["type"] for event in seen].count("progress") == 1:
-                    _kill_api(service)
-                    held.close()
-            assert process.wait() == 0, process.stderr
-    assert [event["seq"] for event in seen] == list(range(1, len(seen) + 1))
-    assert seen[-1]["type"] == "succeeded"
-
-
 def _kill_api(service: Service) -> None:
     for process in service.family():
         with contextlib.suppress(psutil.Error):
@@ -174,13 +156,3 @@ def test_what_is_wrong_has_its_exit_code_and_costs_no_job(folder: Path, url: str
         assert done.stdout == ""
         assert json.loads(done.stderr.splitlines()[-1])["exit_code"] == code
     assert len(answer("jobs", "--limit", 500, "--url", url, cwd=folder)["jobs"]) == before
-
-
-@pytest.mark.long  # test_doctor_servers.py asks the same servers
-def test_the_doctor_finds_a_service_well(folder: Path, url: str) -> None:
-    found = answer("doctor", "--url", url, cwd=folder)
-    by_name = {check["name"]: check for check in found["checks"]}
-    assert found["healthy"] is True
-    for name in ("service", "dependencies", "api key", "service workers", "builtin prior", "clock"):
-        assert by_name[name]["status"] == "ok", by_name[name]
-    assert sorted(path.name for path in folder.iterdir()) == ["egg.obj", "sphere.obj"]

@@ -264,14 +264,6 @@ def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster)
     assert cluster.events(job_id)[-1].seq == last
 
 
-@pytest.mark.long  # test_worker_trouble.py lets steps hang, too
-def test_a_step_that_hangs_is_noticed_and_the_job_goes_on(cluster: Cluster, tmp_path: Path) -> None:
-    points = f"worker.step=pause@6:{tmp_path / 'hang'};{tmp_path / 'hung'}"
-    job_id = cluster.submit(STEPS)
-    cluster.start_worker(MESHDEFORM_FAILPOINTS=points, MESHDEFORM_STEP_TIMEOUT_S="4")
-    assert cluster.check(job_id, steps=STEPS).attempt == 2
-
-
 # Messages that come twice
 
 

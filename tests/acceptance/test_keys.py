@@ -10,7 +10,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 
 from tests.acceptance.cli import call
@@ -80,13 +79,3 @@ def test_a_key_opens_a_job_is_its_owners_and_every_line_is_json(
     assert [(line["request_id"], line["method"]) for line in posted] == [("shot-10", "POST")]
     assert posted[0]["duration_ms"] > 0
     assert "secret" not in service.log
-
-
-def test_a_revoked_key_is_refused_soon(guarded: tuple[Service, dict[str, str], str, Path]) -> None:
-    service, headers, key, data = guarded
-    assert httpx.get(f"{service.http.base_url}/v1/jobs", headers=headers).status_code == 200
-    assert call("keys", "revoke", key, "--data-dir", data, cwd=data.parent).returncode == 0
-    until(
-        "the key is refused",
-        lambda: httpx.get(f"{service.http.base_url}/v1/jobs", headers=headers).status_code == 401,
-    )

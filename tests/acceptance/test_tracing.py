@@ -78,17 +78,3 @@ def test_a_job_is_one_trace_through_api_and_worker(cluster: Cluster, collector: 
     # The requests that came without a trace began others.
     others = [span for span in collector.spans if span.trace_id.hex() != TRACE]
     assert {span.name for span in others} == {"GET /v1/jobs/{id}", "PUT /v1/jobs/{id}", "GET other"}
-
-
-@pytest.mark.long
-def test_the_attempt_after_a_lost_worker_is_of_the_same_trace(
-    cluster: Cluster, collector: Collector, tmp_path: Path
-) -> None:
-    cluster.start_api()
-    cluster.start_worker(MESHDEFORM_FAILPOINTS=f"worker.step=kill@6;{tmp_path / 'died'}")
-    job_id = traced_job(cluster)
-    assert cluster.check(job_id, steps=STEPS).attempt == 2
-    found = {span.name: span for span in spans_of_the_trace(cluster, collector)}
-    # The first one died with what it had to tell.
-    assert attributes(found["attempt"])["job.attempt"] == 2
-    assert found["attempt"].parent_span_id == found["POST /v1/jobs"].span_id

@@ -46,21 +46,6 @@ def test_a_store_that_is_away_costs_no_attempt(
             assert cluster.check(job_id, steps=STEPS).attempt == 1
 
 
-@pytest.mark.long
-def test_a_store_that_is_away_when_a_job_begins_is_waited_for(
-    tmp_path: Path, s3_server: S3Server, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with FaultProxy(s3_server.port) as proxy:
-        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
-        with cluster_with(tmp_path, storage_url=s3_store_url) as cluster:
-            job_id = cluster.submit(STEPS, every=20)
-            proxy.refuse()
-            worker = cluster.start_worker()
-            until("the asset cannot be read", lambda: "the file asset: " in worker.log)
-            proxy.pass_through()
-            assert cluster.check(job_id, steps=STEPS).attempt == 1
-
-
 @pytest.mark.parametrize("empty", [False, True], ids=["missing", "empty"])
 def test_a_folder_that_is_not_mounted_costs_no_attempt(tmp_path: Path, empty: bool) -> None:
     with cluster_with(tmp_path) as cluster:
@@ -98,21 +83,6 @@ def test_a_job_that_begins_while_its_folder_is_not_mounted_waits(tmp_path: Path)
         assert not (tmp_path / "objects").exists()
         (tmp_path / "elsewhere").rename(tmp_path / "objects")
         assert cluster.check(job_id, steps=12).attempt == 1
-
-
-@pytest.mark.long
-def test_a_record_that_is_away_costs_no_attempt(tmp_path: Path, postgres_port: int, postgres_url: str) -> None:
-    with FaultProxy(postgres_port) as proxy:
-        url = postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/").replace("+pg8000", "")
-        with cluster_with(tmp_path, database_url=url) as cluster:
-            worker = cluster.start_worker()
-            job_id = cluster.submit(STEPS, every=20)
-            cluster.at_step(job_id, 20)
-            proxy.refuse()
-            until("a checkpoint is missed", lambda: "is not stored: " in worker.log)
-            until("the end cannot be written", lambda: "its end: " in worker.log)
-            proxy.pass_through()
-            assert cluster.check(job_id, steps=STEPS).attempt == 1
 
 
 def test_a_supervisor_waits_for_a_record_that_is_not_up_yet(

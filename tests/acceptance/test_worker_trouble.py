@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import sqlalchemy as sa
 
 from meshdeform.record.models import JobState
-from meshdeform.record.schema import jobs
 from tests.acceptance.cluster import Cluster, running_redis, until
 from tests.cases import each_case
 from tests.fake_worker import TROUBLE_AT
@@ -125,6 +120,34 @@ def test_a_worker_without_work_is_not_taken_for_hung(impatient: Cluster) -> None
     impatient.check(impatient.submit(STEPS), steps=STEPS)
 
 
+def test_an_idle_worker_takes_jobs_while_redis_is_away_and_afterwards(usual: Cluster) -> None:
+    worker = usual.parts["worker"]
+    usual.check(usual.submit(STEPS), steps=STEPS)
+    process = worker.child()
+    usual.redis.kill()
+    try:
+        jobs_away = [usual.check(usual.submit(STEPS), steps=STEPS) for _ in range(2)]
+        assert [job.attempt for job in jobs_away] == [1, 1]
+        assert "Redis is away: this worker asks the record" in worker.log
+    finally:
+        usual.redis.start()
+    until("Redis is back", lambda: "Redis is back" in worker.log)
+    usual.check(usual.submit(STEPS), steps=STEPS)
+    assert worker.child() == process
+
+
+def test_a_worker_starts_works_and_stops_while_redis_is_away(tmp_path: Path) -> None:
+    with running_redis(tmp_path) as redis:
+        redis.kill()
+        made = Cluster(tmp_path, redis)
+        try:
+            worker = made.start_worker()
+            made.check(made.submit(STEPS), steps=STEPS)
+            assert worker.stop() == 0
+        finally:
+            made.clean_up()
+
+
 def test_a_job_that_fails_leaves_the_worker_as_it_was(usual: Cluster) -> None:
     worker = usual.parts["worker"]
     job = usual.check(usual.submit(STEPS, prompt="fails"), state=JobState.FAILED)
@@ -133,45 +156,3 @@ def test_a_job_that_fails_leaves_the_worker_as_it_was(usual: Cluster) -> None:
     process = worker.child()
     usual.check(usual.submit(STEPS), steps=STEPS)
     assert worker.child() == process
-
-
-@pytest.mark.long  # test_leases.py has the order of all jobs
-def test_the_urgent_job_comes_first(cluster: Cluster) -> None:
-    others = [cluster.submit(STEPS) for _ in range(3)]
-    urgent = cluster.submit(STEPS, priority=10)
-    cluster.start_worker()
-    for job_id in [*others, urgent]:
-        cluster.check(job_id, steps=STEPS)
-    started = {job_id: cluster.job(job_id).started_at for job_id in [*others, urgent]}
-    assert sorted(started, key=lambda job_id: str(started[job_id])) == [urgent, *others]
-
-
-def test_a_deadline_stops_the_run_and_the_worker_goes_on(usual: Cluster) -> None:
-    worker = usual.parts["worker"]
-    job_id = usual.submit(50_000, deadline_s=3600.0)
-    usual.at_step(job_id, 1)
-    with usual.record.database.write() as connection:
-        over = usual.record.database.now(-1.0)
-        connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(deadline_at=over))
-    usual.check(job_id, state=JobState.EXPIRED)
-    until("the worker noticed", lambda: "has lost its lease and stops" in worker.log)
-    usual.check(usual.submit(STEPS), steps=STEPS)
-
-
-@pytest.mark.long  # test_alive.py asks the same
-def test_the_record_and_the_health_check_know_of_the_worker(cluster: Cluster) -> None:
-    def healthy() -> bool:
-        environment = {**os.environ, "MESHDEFORM_DATA_DIR": str(cluster.folder)}
-        return subprocess.run([sys.executable, "-m", "worker.health"], env=environment, check=False).returncode == 0
-
-    assert not healthy()
-    worker = cluster.start_worker()
-    until("the record knows", lambda: cluster.record.leases.alive("meshdeform") == 1)
-    assert healthy()
-    process = worker.child()
-    process.kill()
-    until("another one", lambda: next((p for p in worker.children() if p != process and p.is_running()), None))
-    until("the record knows the new one only", lambda: cluster.record.leases.alive("meshdeform") == 1)
-    assert worker.stop() == 0
-    assert cluster.record.leases.alive("meshdeform") == 0
-    assert not healthy()

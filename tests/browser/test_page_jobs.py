@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -180,37 +179,6 @@ def test_a_large_file_is_uploaded_once_and_the_form_says_how_far(
     )
     # The check, the check before the start and the job: all by the same upload.
     assert watch.sent.count("POST /v1/uploads") == len(held) == 1
-    assert watch.posted() == ["POST /v1/jobs"]
-
-
-@pytest.mark.long  # test_page_trouble.py cuts the line
-def test_a_job_goes_on_on_the_page_after_a_reload_and_after_the_api_died(
-    page: Page, watch: Watch, service: Service, small_sphere: Path
-) -> None:
-    open_form(page)
-    choose(page, small_sphere)
-    page.get_by_label("Prompt", exact=True).fill("a tall vase")
-    set_steps(page, 12)
-    expect(page.locator("#estimate")).to_contain_text("12 steps")
-    # Once the job goes on, a checkpoint may be replaced by a newer one before the page has fetched its mesh.
-    watch.allow(r"net::ERR_\w+ \(|Failed to load resource: net::|status of 404 .*/checkpoints/\d+/mesh\.glb")
-    with service.held_jobs():
-        job_id = start(page)
-        service.at_step(job_id, 1)
-        page.reload()
-        assert shown_job(page) == job_id
-        expect(page.get_by_label("Progress").locator(".progress-numbers")).to_contain_text("Step 1 of 12")
-        (api,) = {process for process in service.family() if "service" in process.cmdline()}
-        api.send_signal(signal.SIGKILL)
-        api.wait()
-        assert service.job(job_id)["state"] == "running"
-    expect(badge(page)).to_have_text("Succeeded")
-    expect(page.locator(".notice")).to_be_hidden()
-    expect(page.get_by_role("button", name="Download result.glb")).to_be_visible()
-    # What was seen before the reload is there, too: the log begins at the beginning, and nothing comes twice.
-    page.get_by_text("Log", exact=True).click()
-    lines = page.locator(".log li span").all_inner_texts()
-    assert len(lines) == len(set(lines)), lines
     assert watch.posted() == ["POST /v1/jobs"]
 
 

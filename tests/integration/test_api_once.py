@@ -109,18 +109,3 @@ def test_many_at_once_do_it_once(api: Api, sphere: bytes, what: str) -> None:
     assert len([answer for answer in done if "idempotency-replayed" not in answer.headers]) == 1
     assert answers[-1].headers["idempotency-replayed"] == "true"
     assert count(api) == before + (what != "upload")
-
-
-def test_keys_of_two_owners_are_two_keys(api: Api) -> None:
-    claim = api.record.idempotency.begin("somebody", "key-1", "x" * 64)
-    headers = {"Idempotency-Key": "key-1"}
-    assert not isinstance(claim, dict)
-    answer = api.http.post("/v1/uploads", json={"filename": "a", "size": 3}, headers=headers)
-    assert answer.status_code == 201, answer.text
-
-
-def test_a_retry_with_a_key_is_one_retry(api: Api) -> None:
-    job_id, headers = interrupted_job(api), key()
-    first, again = (api.http.post(f"/v1/jobs/{job_id}/retry", headers=headers) for _ in range(2))
-    assert first.status_code == 202, first.text
-    assert again.json() == first.json()

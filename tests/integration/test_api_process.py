@@ -88,15 +88,3 @@ def test_the_api_needs_no_numpy_and_little_memory(redis_url: str, tmp_path: Path
     loaded = set(json.loads(output))
     assert loaded & {"numpy", "torch", "scipy", "numba", "trimesh", "PIL", "diffusers"} == set()
     assert rss < MAX_RSS, f"{rss / 2**20:.0f} MiB"
-
-
-@pytest.mark.long  # test_serve.py ends and starts a server
-def test_a_second_start_on_the_same_directory_finds_the_jobs(redis_url: str, tmp_path: Path, repository: Path) -> None:
-    asset = (repository / "examples" / "sphere.glb").read_bytes()
-    with api_process(tmp_path, redis_url) as (process, url):
-        files = {"asset": ("sphere.glb", asset), "request": (None, '{"prompt": "a vase"}')}
-        job = httpx.post(f"{url}/v1/jobs", files=files, timeout=DEADLINE_S).json()
-        process.kill()  # no time to write anything down
-        process.wait()
-    with api_process(tmp_path, redis_url) as (_, url):
-        assert httpx.get(f"{url}/v1/jobs/{job['id']}").json() == job

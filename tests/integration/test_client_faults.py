@@ -7,17 +7,15 @@ import hashlib
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import anyio
 import pytest
 
-from meshdeform.client import AsyncClient, Client, EventView
+from meshdeform.client import Client, EventView
 from meshdeform.client.retries import Policy
-from meshdeform.errors import NotFoundError, StaleAttemptError, UnavailableError
+from meshdeform.errors import NotFoundError, StaleAttemptError
 from meshdeform.record.models import Artifact, JobState
 from tests.acceptance.cluster import SPHERE, Cluster, running_redis, until
 from tests.client_flavors import both_clients, opened
@@ -111,34 +109,6 @@ def test_a_lost_answer_makes_no_second_job(cluster: Cluster, proxy: FaultProxy, 
     assert proxy.connections > 1
 
 
-def test_an_api_that_dies_after_accepting_makes_one_job(cluster: Cluster, client: Client, request: Any) -> None:
-    label = request.node.name
-    cluster.parts["api"].stop()
-    api = cluster.start_api(MESHDEFORM_FAILPOINTS=f"api.recorded=kill;{cluster.folder / label}")
-
-    def start_again() -> None:
-        assert api.process.wait(timeout=90) != 0
-        assert len(jobs_named(cluster, label)) == 1, "it died before it accepted"
-        cluster.start_api()
-
-    with meanwhile(start_again):
-        job = client.submit(SPHERE, "a mushroom", metadata={"test": label})
-    assert jobs_named(cluster, label) == [job.id]
-
-
-def test_a_service_that_is_away_for_a_while_is_waited_for(proxy: FaultProxy, client: Client) -> None:
-    proxy.error503()
-    before = proxy.connections
-
-    def heal() -> None:
-        until("the client came back", lambda: proxy.connections >= before + 2)
-        proxy.refuse()
-        proxy.pass_through()
-
-    with meanwhile(heal):
-        assert client.limits().files.formats
-
-
 # A stream of events
 
 
@@ -222,63 +192,7 @@ def test_a_stream_that_is_left_gives_its_connection_back(cluster: Cluster, clien
     assert client.get(job_id).state is JobState.QUEUED
 
 
-def test_waiting_bears_a_line_that_breaks(cluster: Cluster, proxy: FaultProxy, client: Client) -> None:
-    job_id = cluster.submit()
-    assert cluster.record.leases.claim(job_id, "worker", 60.0)
-
-    def work() -> None:
-        until("the client waits", lambda: proxy.connections)
-        proxy.refuse()
-        cluster.record.leases.finish(job_id, 1, JobState.SUCCEEDED)
-        proxy.error503()
-        until("the client came again", lambda: proxy.connections >= 2)
-        proxy.pass_through()
-
-    with meanwhile(work):
-        assert client.wait(job_id).state is JobState.SUCCEEDED
-
-
-def test_patience_has_an_end(proxy: FaultProxy, monkeypatch: pytest.MonkeyPatch, cluster: Cluster) -> None:
-    job_id = cluster.submit()
-    monkeypatch.setattr(Policy, "of", lambda timeout_s, max_retries: replace(POLICY, timeout_s=0.2, reconnect_s=0.3))
-    with Client(f"http://127.0.0.1:{proxy.port}") as client:
-        proxy.refuse()
-        with pytest.raises(UnavailableError, match="ConnectError"):
-            list(client.watch(job_id))
-        with pytest.raises(UnavailableError, match="ConnectError"):
-            client.wait(job_id)
-        with pytest.raises(UnavailableError, match="ConnectError"):
-            client.submit(SPHERE, "a mushroom")
-
-
 # Many at a time
-
-
-def test_fifty_jobs_are_followed_in_one_event_loop(cluster: Cluster) -> None:
-    ids = [cluster.submit() for _ in range(50)]
-    seen: dict[str, list[EventView]] = {job_id: [] for job_id in ids}
-
-    def work() -> None:
-        until("every stream has begun", lambda: all(seen.values()))
-        for job_id in ids:
-            assert cluster.record.leases.claim(job_id, "worker", 60.0)
-            progress(cluster.record, job_id, 1, 1)
-            cluster.record.leases.finish(job_id, 1, JobState.SUCCEEDED)
-
-    async def follow(client: AsyncClient, job_id: str) -> None:
-        async for event in client.watch(job_id):
-            seen[job_id].append(event)
-        assert (await client.wait(job_id)).state is JobState.SUCCEEDED
-
-    async def main() -> None:
-        async with AsyncClient(str(cluster.http.base_url)) as client, anyio.create_task_group() as group:
-            for job_id in ids:
-                group.start_soon(follow, client, job_id)
-
-    with meanwhile(work):
-        anyio.run(main)
-    for job_id, events in seen.items():
-        check_whole(cluster, job_id, events)
 
 
 # Files

@@ -104,25 +104,6 @@ def test_an_item_done_again_is_the_same_to_the_bit(run: Path) -> None:
     assert mesh.read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    "ablation",
-    [
-        "single_views",
-        *(
-            pytest.param(name, marks=pytest.mark.long)
-            for name in ("vertices", "no_jacobian", "no_laplacian", "no_normal")
-        ),
-    ],
-)
-def test_an_ablation_runs_and_is_named_in_the_manifest(tmp_path: Path, finished: Path, ablation: str) -> None:
-    done = evaluated(tmp_path / "run", *QUICK, "--limit", "1", "--ablation", ablation)
-    assert done.exit_code == 0, done.output
-    assert results(tmp_path / "run")["manifest"]["ablation"] == ablation
-    assert f"ablation `{ablation}`" in (tmp_path / "run" / "table.md").read_text()
-    shapes = [(run / "items" / FIRST / "steps-000002.ply").read_bytes() for run in (tmp_path / "run", finished)]
-    assert shapes[0] != shapes[1]
-
-
 def test_an_unknown_ablation_is_refused(tmp_path: Path) -> None:
     refused = evaluated(tmp_path, *QUICK, "--ablation", "everything")
     assert refused.exit_code == 2
@@ -160,15 +141,6 @@ def test_another_judge_is_refused_until_it_judges_everything_anew(run: Path) -> 
     assert after["manifest"]["judge"]["id"] == "other"
     assert after["records"] == before["records"]
     assert evaluated(run, *QUICK, "--limit", "3", judge=other).exit_code == 0
-
-
-def test_judging_can_wait(tmp_path: Path) -> None:
-    out = tmp_path / "run"
-    assert evaluated(out, *QUICK, "--limit", "1", judge="none").exit_code == 0
-    assert results(out)["summary"][1]["overall"]["retrieval"] is None
-    assert results(out)["manifest"]["judge"] == {"missing": "--judge none"}
-    assert evaluated(out, "--rejudge").exit_code == 0
-    assert results(out)["summary"][1]["overall"]["retrieval"]["count"] == 1
 
 
 def test_a_failing_item_is_recorded_the_others_go_on_and_the_next_run_tries_again(
@@ -248,21 +220,6 @@ def test_taught_weights_are_evaluated(tmp_path: Path) -> None:
     assert "mushroom" in refused.stderr
 
 
-def test_the_builtin_judge_is_told_when_it_does_not_know_the_prompts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from meshdeform.testing import FakePrior
-
-    monkeypatch.setattr("training.evaluation.evaluator.load_prior", lambda *_, **__: FakePrior())
-    refused = evaluated(tmp_path / "run", "--suite", "paper")
-    assert refused.exit_code == 3
-    assert "--judge none" in refused.stderr
-    done = evaluated(
-        tmp_path / "run", "--suite", "paper", "--steps", "1", "--limit", "1", "--jobs", "1", *KEEP, judge="none"
-    )
-    assert "1 of 48 done" in done.stdout
-
-
 def test_the_suite_for_stable_diffusion_runs_with_a_checkpoint_and_is_judged_by_clip(tmp_path: Path) -> None:
     from meshdeform.testing import build_tiny_stable_diffusion
     from tests.unit.evaluation.tiny_clip import build_tiny_clip
@@ -308,17 +265,6 @@ def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path,
     assert [record["failed"] for record in results(out)["records"] if record["failed"]] == []
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert all((out / "items" / item.name / "record.json").exists() for item in SUITES["small"].items(int(count)))
-
-
-def test_a_dry_run_lists_the_suite_and_leaves_nothing(tmp_path: Path) -> None:
-    options = ["--suite", "paper", "--prior", "sd", "--model", "some/checkpoint", "--judge", "none", "--dry-run"]
-    told = evaluated(tmp_path / "run", *options)
-    assert told.exit_code == 0
-    assert "a heart shaped vase" in told.stdout
-    assert "48 deformations, 240,000 steps" in told.stdout
-    as_document = evaluated(tmp_path / "run", *options, "--json", "--limit", "12")
-    assert json.loads(as_document.stdout)["deformations"] == 12
-    assert not (tmp_path / "run").exists()
 
 
 def obj_text(mesh: TriangleMesh) -> bytes:

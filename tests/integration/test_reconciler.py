@@ -20,8 +20,8 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
-from tests.integration.record_calls import LEASE_S, OVER, at, claimed, ids, late, posted, set_to
-from tests.servers import RedisServer, free_port
+from tests.integration.record_calls import LEASE_S, OVER, claimed, ids, late, posted, set_to
+from tests.servers import free_port
 
 
 @pytest.fixture
@@ -89,23 +89,6 @@ def test_what_redis_forgot_is_told_again_and_only_that(record: JobRecord, queue:
     assert queue.length() == 3
 
 
-def test_the_most_urgent_job_is_told_first(record: JobRecord, queue: JobQueue) -> None:
-    usual, urgent = posted(record), posted(record, priority=5)
-    assert reconciler(record, queue).run_once() == [urgent.id, usual.id]
-
-
-def test_a_message_that_its_worker_took_to_the_grave_is_sent_again(
-    record: JobRecord, queue: JobQueue, redis_url: str
-) -> None:
-    jobs = [new_job(record) for _ in range(3)]
-    looks = reconciler(record, queue)
-    looks.run_once()
-    with redis.Redis.from_url(redis_url) as connection:
-        connection.lpop("rq:queue:test")
-    assert looks.run_once() == [jobs[0].id]
-    assert looks.run_once() == []
-
-
 def test_there_are_never_fewer_messages_than_queued_jobs_whichever_job_a_worker_takes(
     record: JobRecord, queue: JobQueue, redis_url: str
 ) -> None:
@@ -122,27 +105,6 @@ def test_there_are_never_fewer_messages_than_queued_jobs_whichever_job_a_worker_
         connection.lpop("rq:queue:test", 3)
     assert len(looks.run_once()) >= 3
     assert queue.length() >= record.upkeep.queued_count() == len(jobs) - 2
-
-
-def test_a_redis_that_was_killed_and_started_again_is_told_everything(record: JobRecord, tmp_path: Path) -> None:
-    server = RedisServer(tmp_path)
-    server.start()
-    queue = JobQueue(server.url, "test")
-    try:
-        jobs = [new_job(record) for _ in range(3)]
-        looks = reconciler(record, queue)
-        assert looks.run_once() == ids(jobs)
-        server.kill()
-        more = new_job(record)
-        assert looks.run_once() == []
-        assert record.upkeep.unannounced() == [more.id]
-        server.start()
-        assert looks.run_once() == ids([*jobs, more])
-        assert looks.run_once() == []
-        assert record.upkeep.unannounced() == []
-    finally:
-        queue.close()
-        server.stop()
 
 
 @pytest.mark.both_databases
@@ -244,15 +206,6 @@ def test_a_job_that_brings_down_its_machine_each_time_fails_at_last(record: JobR
     assert record.get(job.id).state is JobState.FAILED
 
 
-@pytest.mark.both_databases(long=True)
-def test_a_lease_of_a_clock_that_was_set_back_does_not_last(record: JobRecord, queue: JobQueue) -> None:
-    job = claimed(record, new_job(record), 86_400.0)
-    usual = claimed(record, new_job(record), LEASE_S)
-    reconciler(record, queue).run_once()
-    assert record.upkeep.shorten_leases(LEASE_S / 2 + 1.0) == 0
-    assert {record.get(each.id).state for each in (job, usual)} == {JobState.RUNNING}
-
-
 def test_the_worker_of_a_job_whose_deadline_is_over_is_told_to_stop(record: JobRecord, queue: JobQueue) -> None:
     running, queued = claimed(record, late(record)), late(record)
     with queue.listen_for_cancel(running.id) as mine, queue.listen_for_cancel(queued.id) as nobodys:
@@ -262,37 +215,6 @@ def test_the_worker_of_a_job_whose_deadline_is_over_is_told_to_stop(record: JobR
         assert mine.wait(DEADLINE_S)
         assert not nobodys.wait(0.05)
     assert {record.get(job.id).state for job in (running, queued)} == {JobState.EXPIRED}
-
-
-def test_what_is_past_its_time_is_deleted_with_its_objects(record: JobRecord, queue: JobQueue, tmp_path: Path) -> None:
-    store = ObjectStore(tmp_path)
-    job = record.request_cancel(posted(record, retention_s=60.0).id)
-    kept = record.request_cancel(posted(record, retention_s=60.0).id)
-    for each in (job, kept):
-        store.put(f"jobs/{each.id}/1/result.glb", b"result")
-    set_to(record, job, retain_until=record.database.now(-1.0))
-    reconciler(record, queue, store).run_once()
-    assert ids(record.list_jobs().jobs) == [kept.id]
-    assert [key for key, _ in store.list("jobs/")] == [f"jobs/{kept.id}/1/result.glb"]
-
-
-@pytest.mark.both_databases(long=True)
-def test_what_lost_attempts_stored_goes_with_the_end_of_the_job(
-    record: JobRecord, queue: JobQueue, tmp_path: Path
-) -> None:
-    store = ObjectStore(tmp_path)
-    job = claimed(record, new_job(record), OVER)
-    store.put(f"jobs/{job.id}/1/result.glb", b"never published")
-    record.upkeep.reclaim_expired(3)
-    claimed(record, job)
-    store.put(f"jobs/{job.id}/2/result.glb", b"result")
-    looks = reconciler(record, queue, store)
-    looks.run_once()
-    assert len(list(store.list("jobs/"))) == 2
-    record.leases.save_progress(job.id, 2, at(9))
-    record.leases.finish(job.id, 2, JobState.SUCCEEDED)
-    looks.run_once()
-    assert [key for key, _ in store.list("jobs/")] == [f"jobs/{job.id}/2/result.glb"]
 
 
 def test_an_upload_past_its_time_goes_and_a_job_keeps_its_file(
