@@ -57,7 +57,6 @@ class Pictures:
 
     Parameters
     ----------
-    document : Document
     leave_out : callable
         Called with the description of each image that cannot be drawn.
     """

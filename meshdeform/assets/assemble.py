@@ -34,7 +34,6 @@ class Piece:
 
     Attributes
     ----------
-    asset : Asset
     triangles : (T,) bool
         Which triangles of the asset's surface it has.
     positions : (N, 3) float64

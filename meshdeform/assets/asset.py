@@ -282,7 +282,6 @@ class Asset:
 
         Parameters
         ----------
-        targets : sequence of MorphTarget
         weights : sequence of float, optional
             What the file shows at rest. Default: the last target.
         track : Track, optional

@@ -32,7 +32,6 @@ def carry_targets(
     ----------
     document : Document
         Changed in place.
-    block : Block
     mesh : dict
         The block's mesh, which no other node uses.
     jacobians : (V, 3, 3) float64

@@ -133,14 +133,6 @@ class CheckedAssets:
 
     Only files that passed are remembered, by owner, SHA-256 and format: if owners shared them, the time of a check
     would reveal whether another owner has sent the same file. The limits of a process never change.
-
-    Parameters
-    ----------
-    limits : Limits
-
-    Attributes
-    ----------
-    limits : Limits
     """
 
     def __init__(self, limits: Limits) -> None:

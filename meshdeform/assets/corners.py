@@ -23,7 +23,6 @@ def corner_weights(document: Document, blocks: Sequence[Block], joints: Collecti
 
     Parameters
     ----------
-    document : Document
     blocks : sequence of Block
         As `read_surface` gathered them.
     joints : collection of int
@@ -56,7 +55,6 @@ def skin_weights(
 
     Parameters
     ----------
-    document : Document
     primitive : dict
         One with `count` vertices.
     count, joints : int

@@ -256,7 +256,6 @@ class Usage:
     ----------
     accessors, views : frozenset of int
         Indices that something of the core format or of a known extension refers to.
-    accessor_count, view_count : int
     ranges : tuple of (int, int)
         Start and end of every stretch of buffer 0 that a buffer view describes.
     end : int

@@ -40,7 +40,6 @@ class FamilyFile:
     ----------
     names : list of str
         Members, as the collection names them.
-    parts : list of str
     digests : list of str
         `surface_digest` of each member.
     machine : dict of name to array

@@ -153,7 +153,6 @@ def surface_format(head: bytes, filename: str) -> str | None:
     ----------
     head : bytes
         The first 64 KiB.
-    filename : str
     """
     ending = filename.lower().rpartition(".")[2] if "." in filename else ""
     if ending in _SURFACES:

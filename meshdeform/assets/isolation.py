@@ -72,7 +72,6 @@ def run_child(module: str, arguments: list[str], *, timeout_s: float, temporary:
         Its full name.
     arguments : list of str
         Its command line; paths must be absolute.
-    timeout_s : float
     temporary : Path, optional
         The folder for the child's temporary files. Default: the system's.
 

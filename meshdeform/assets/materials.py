@@ -31,7 +31,6 @@ class Image:
 
     Attributes
     ----------
-    data : bytes
     kind : str
         `png`, `jpg` or `webp`, detected from the bytes; "" for anything else.
     """

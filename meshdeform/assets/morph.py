@@ -51,7 +51,6 @@ class Track:
         Seconds, ascending.
     weights : (K, T) float
         Weights of the new targets at these times; between them they are interpolated linearly.
-    name : str
     """
 
     times: Sequence[float]
@@ -88,7 +87,6 @@ def add_morph_targets(
         For each target, the new vertices of each block.
     owners : dict
         The mesh of each deformed node. No two nodes share a mesh.
-    new : NewTargets
     """
     meshes = document.root["meshes"]
     before = {node: _target_count(meshes[mesh]) for node, mesh in owners.items()}

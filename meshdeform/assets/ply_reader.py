@@ -51,7 +51,6 @@ class PlyElement:
 
     Attributes
     ----------
-    count : int
     columns : dict of str to (N,) array
         Its numbers by property, in the type that the header declares.
     lists : dict of str to pair of (N,) int64 and (M,) array

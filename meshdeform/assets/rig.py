@@ -77,7 +77,6 @@ def move_joints(document: Document, blocks: Sequence[Block], motion: RigMotion) 
         Changed in place: nodes, inverse bind matrices, and animations of translations.
     blocks : sequence of Block
         The deformed parts.
-    motion : RigMotion
     """
     nodes = document.root.get("nodes", [])
     skins = document.root.get("skins", [])

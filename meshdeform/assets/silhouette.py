@@ -46,7 +46,6 @@ class SilhouettePicture:
     ----------
     mask : (H, W) bool
         Covered pixels, row 0 at the top; at most 512 x 512.
-    summary : PictureSummary
     """
 
     mask: NDArray[np.bool_]

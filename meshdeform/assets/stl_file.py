@@ -26,8 +26,6 @@ class Stl:
 
     Attributes
     ----------
-    data : bytes
-    triangles : int
     closed : bool
         Whether every edge belongs to two triangles that face the same way; corners at one place are one.
     origin : tuple of 3 floats
@@ -46,7 +44,6 @@ def write_stl(asset: Asset, up: Up = "y", unit: Unit = "m") -> Stl:
 
     Parameters
     ----------
-    asset : Asset
     up : str
         The axis that points up. For `z`, the asset's front, +Z in glTF, becomes -Y.
     unit : str

@@ -78,8 +78,6 @@ class _Group:
 
     Attributes
     ----------
-    mesh : int
-    primitives : list of int
     slots : dict of str to int
         Accessor of each attribute, and of those of morph targets as `TARGET/NAME`.
     columns : dict of str to (N, K) array

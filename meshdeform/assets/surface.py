@@ -205,7 +205,6 @@ def read_surface(
 
     Parameters
     ----------
-    document : Document
     excluded : frozenset of int
         Nodes whose meshes are no part of it.
 

@@ -30,7 +30,6 @@ class WallShape:
 
     Attributes
     ----------
-    name : str
     positions : (N, 3) float64
         Around 0, +Y up, all shapes in one unit.
     triangles : (F, 3) int64
@@ -58,7 +57,6 @@ def wall_glb(shapes: Sequence[WallShape], parts: Sequence[str], colours: Sequenc
 
     Parameters
     ----------
-    shapes : sequence of WallShape
     parts : sequence of str
         Names of the parts.
     colours : sequence of tuple

@@ -272,7 +272,6 @@ def carried_positions(surface: Surface, moved: Floats, blocks: list[Block]) -> l
 
     Parameters
     ----------
-    surface : Surface
     moved : (N, 3) float64
         Displacement of its vertices, in world space.
     blocks : list of Block
