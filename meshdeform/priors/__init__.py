@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from meshdeform.requests.choices import is_taught
 from meshdeform.requests.document import BUILTIN_MODEL
-from meshdeform.requests.models import is_taught
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from meshdeform.errors import DependencyError, ModelError
-from meshdeform.requests.models import is_taught
+from meshdeform.requests.choices import is_taught
 
 __all__ = ["configured_name", "hidden_folders", "public_name", "public_names"]
 

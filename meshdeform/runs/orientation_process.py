@@ -15,9 +15,8 @@ from typing import Any
 
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import GuidanceKind, OrientationMode
+from meshdeform.requests.choices import GuidanceKind, OrientationMode, is_builtin, is_sent
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams
-from meshdeform.requests.models import is_builtin, is_sent
 from meshdeform.runs.base import job_input
 from meshdeform.runs.questions import Question, answer
 
