@@ -261,7 +261,7 @@ def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str])
 
 def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
     """Return the request with the path of taught weights that are named by a file in MESHDEFORM_MODELS."""
-    from meshdeform.priors.public_names import configured_name
+    from meshdeform.priors import configured_name
     from meshdeform.requests.choices import is_taught
 
     model = getattr(request.params, "model", None)

@@ -26,7 +26,7 @@ from pydantic import BaseModel
 import meshdeform
 from meshdeform.assets.check import FileContent
 from meshdeform.errors import ParameterError
-from meshdeform.priors.public_names import hidden_folders
+from meshdeform.priors import hidden_folders
 from meshdeform.requests.choices import SENT_MODEL, TAUGHT_SUFFIX, WEIGHTS_PART, is_sent, teaching_job
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest
 

@@ -111,8 +111,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _find(task: dict[str, Any]) -> dict[str, Any]:
-    from meshdeform.priors import load_prior
-    from meshdeform.priors.public_names import hidden_folders
+    from meshdeform.priors import hidden_folders, load_prior
     from meshdeform.runs import text_deform
     from meshdeform.runs.devices import use_threads
 

@@ -19,6 +19,7 @@ from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.notices import looks_z_up
 from meshdeform.errors import MeshdeformError
 from meshdeform.geometry.weld import weld
+from meshdeform.priors import hidden_folders
 from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, pack_weights, read_network
 from meshdeform.priors.builtin.taught import Lesson, check, lessons_of, metadata_of, words_of
 from meshdeform.priors.builtin.teaching.lesson import NewNoun, new_noun
@@ -35,7 +36,6 @@ from meshdeform.priors.builtin.teaching.teacher import (
     fastest_precision,
     read_state,
 )
-from meshdeform.priors.public_names import hidden_folders
 from meshdeform.requests.choices import WEIGHTS_PART, is_sent, is_taught
 from meshdeform.requests.document import JobRequest, read_unbounded
 from meshdeform.requests.teaching import TeachParams

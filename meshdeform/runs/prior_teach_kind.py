@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.assets import Limits
 from meshdeform.assets.lesson_archive import MAX_MESHES, open_lesson
 from meshdeform.errors import ModelError, ParameterError
+from meshdeform.priors import configured_name, hidden_folders, public_names
 from meshdeform.priors.builtin.grammar import Attribute, Words
 from meshdeform.priors.builtin.taught import known_words
 from meshdeform.priors.builtin.teaching.lesson import NewNoun, attributes_of_folder, new_noun
-from meshdeform.priors.public_names import configured_name, hidden_folders, public_names
 from meshdeform.requests.choices import WEIGHTS_PART, JobKind, is_sent, is_taught
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, OutputOptions
 from meshdeform.requests.teaching import TeachParams

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from meshdeform.assets.check import MAX_PARTS
 from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
-from meshdeform.priors.public_names import configured_name, hidden_folders, public_names
+from meshdeform.priors import configured_name, hidden_folders, public_names
 from meshdeform.requests.choices import WEIGHTS_PART, is_builtin, is_sent, is_taught
 from meshdeform.requests.document import (
     BUILTIN_MODEL,

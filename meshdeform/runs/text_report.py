@@ -23,8 +23,8 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import MeshQuality, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
-from meshdeform.priors.public_names import public_name
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
