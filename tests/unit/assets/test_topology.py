@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.assets.accessors import triangle_list
+from meshdeform.assets.document import triangle_list
 
 
 def triangles(corners: list[int], mode: int, restart: int | None = None) -> list[list[int]]:

@@ -23,7 +23,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.text_deform_checks import check
+from meshdeform.runs.text_deform_kind import check
 from tests.close import assert_close
 
 CAMERAS = fixed_cameras(0.0, 15.0)

@@ -14,8 +14,7 @@ from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.recognition import recognise
-from meshdeform.runs.verdict import before, likeness, likeness_and_before, summarize
+from meshdeform.runs.verdict import before, likeness, likeness_and_before, recognise, summarize
 from tests.cases import each_case
 from training.judge.members import HELD_OUT, seeded
 from training.prior.families import member

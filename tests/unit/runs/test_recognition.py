@@ -7,7 +7,7 @@ import pytest
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
+from meshdeform.runs.verdict import Recognition, front_of, known_source, recognise
 from tests.cases import each_case
 from training.evaluation.sources import source_mesh
 

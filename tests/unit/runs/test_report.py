@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from meshdeform.runs.report import RunLog, sha256_hex, versions
+from meshdeform.runs.base import RunLog, sha256_hex, versions
 
 
 def test_short_histories_are_kept_whole() -> None:
