@@ -98,7 +98,6 @@ class Placement:
 
     Parameters
     ----------
-    bridges : Bridges
     count : int
         Number of components. Those without a bridge, and one of each connected group, do not move.
 

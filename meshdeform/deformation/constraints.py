@@ -70,7 +70,6 @@ class Constraints:
     falloff : float
         Length of the fall-off in object units.
     mirror : Mirror, optional
-    handles : sequence of Handle
     """
 
     freedom: _Floats | None = None
@@ -131,7 +130,6 @@ class Placement:
 
     Parameters
     ----------
-    mesh : RestMesh
     constraints : Constraints
         Of this mesh; handles are not applied here, because they belong to the solve.
     """

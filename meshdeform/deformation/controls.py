@@ -174,7 +174,6 @@ class OwnJacobians:
     ----------
     name : str
         Name of the tensor in checkpoints.
-    count : int
     """
 
     def __init__(self, name: str, count: int) -> None:
@@ -207,7 +206,6 @@ class Level:
         Values of the bases at the elements; None if each element has a control of its own.
     partner : (K,) int64
         The control that is each one's mirror image.
-    structure : Structure
     """
 
     def __init__(self, basis: sparse.csr_matrix | None, partner: _Index, structure: Structure) -> None:

@@ -40,8 +40,6 @@ class Handles:
 
     Parameters
     ----------
-    handles : sequence of Handle
-    mesh : RestMesh
     placement : Placement, optional
         Places the vertices after the solve.
     carrier : sparse (V, N), optional

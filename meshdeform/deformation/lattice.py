@@ -196,7 +196,6 @@ class LatticeSystem:
 
     Parameters
     ----------
-    lattice : Lattice
     weights : (N,) float64
         Weights, summing to 1, of the mean of the nodes that a solve keeps at its place at rest.
     pinned : (N,) bool, optional

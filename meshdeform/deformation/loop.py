@@ -83,7 +83,6 @@ class Deformation:
         simplified mesh, which it follows (`stand_in.py`).
     guidance : Guidance
         Loss on the rendered views.
-    params : Settings
     device : str
         Device for rendering and guidance. The Jacobians and the solve stay on the CPU in float64.
     checkpoint : Checkpoint, optional

@@ -201,7 +201,6 @@ def solve_linear(system: LinearSystem, jacobians: Tensor, known: Tensor | None =
 
     Parameters
     ----------
-    system : LinearSystem
     jacobians : (E, 3, 3) float64
     known : (N, 3) float64, optional
         The positions, if they have already been computed; then only the gradient is computed.

@@ -450,7 +450,6 @@ class Pulls:
         ----------
         terms : mapping of name to () float64
             Some of `TERMS`, weighted; their graphs are kept.
-        variables : sequence of Tensor
         step : int
             Number of completed steps.
         """

@@ -48,7 +48,6 @@ class RigidBodies:
 
     Parameters
     ----------
-    rest : RestMesh
     bodies : sequence of Body
         No two share a vertex.
 

@@ -61,8 +61,6 @@ def carry(
 
     Parameters
     ----------
-    carrier : Carrier
-    mesh : TriangleMesh
     whole : TriangleMesh, optional
         The mesh for which `mesh` stands in, which a lattice encloses as well; its components decide.
     initial : mapping of name to Tensor, optional
@@ -116,7 +114,6 @@ class StandIn:
 
     Parameters
     ----------
-    whole : TriangleMesh
     simplify : bool
         False: the whole mesh itself is deformed, however large it is.
     constraints : Constraints

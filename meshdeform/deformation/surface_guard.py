@@ -84,12 +84,7 @@ _SAMPLES = 20_000_000
 
 
 class StepRepair:
-    """Sets the variables of one run between two of their states, to undo a part of a step.
-
-    Parameters
-    ----------
-    variables : Variables
-    """
+    """Sets the variables of one run between two of their states, to undo a part of a step."""
 
     def __init__(self, variables: Variables) -> None:
         self._variables, self._elements = variables, variables.elements

@@ -50,7 +50,6 @@ class Paint:
     texture : Texture, optional
     alpha_mode : str
         `OPAQUE`, `MASK` or `BLEND`.
-    alpha_cutoff : float
     double_sided : bool
         Whether the back of a triangle is visible.
     unlit : bool
@@ -82,7 +81,6 @@ class Appearance:
     colors : (M, 4) float32
         Linear vertex colours; 1 if the file has none.
     paint_of_triangle : (T,) int64
-    paints : tuple of Paint
     left_out : dict of str to int
         What could not be read, with counts.
     """

@@ -26,7 +26,6 @@ def surface_distances(mesh: RestMesh, sources: NDArray[np.bool_], *, limit: floa
 
     Parameters
     ----------
-    mesh : RestMesh
     sources : (V,) bool
     limit : float
         Greater distances count as infinite, which saves time. Other components are infinitely far.

@@ -93,8 +93,6 @@ def even_samples(areas: _Floats, count: int, seed: int) -> tuple[_Index, _Floats
     ----------
     areas : (F,) float64
         Areas of the faces, or other weights; at least one is positive.
-    count : int
-    seed : int
 
     Returns
     -------
@@ -116,7 +114,6 @@ def blend_matrix(corners: _Index, weights: _Floats, count: int) -> sparse.csr_ma
     corners : (P, 3) int64
     weights : (P, 3) float64
         Barycentric coordinates.
-    count : int
     """
     rows = np.arange(len(corners) + 1) * 3
     return sparse.csr_matrix((weights.ravel(), corners.ravel(), rows), shape=(len(corners), count))
@@ -186,7 +183,6 @@ class NearestPlaces:
 
     Parameters
     ----------
-    mesh : RestMesh
     points : (P, 3) float64
         Near the mesh.
     normals : (P, 3) float64

@@ -23,7 +23,6 @@ class Motion:
     ----------
     rotation : (3, 3) float64
         Orthogonal; a reflection only if those were allowed.
-    scale : float
     shift : (3,) float64
     max_distance : float
         Greatest distance between a point that it maps and that point's goal.

@@ -483,7 +483,6 @@ class Structure:
         Lost; None if the source has no flat piece.
     contacts : float or None
         Growth of the mean gap; None if no components touch.
-    components : int
     """
 
     asymmetry: float | None

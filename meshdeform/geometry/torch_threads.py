@@ -41,7 +41,6 @@ def share_work(work: Callable[[int, int], T], count: int) -> list[T]:
     work : callable
         Called with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
         Gradients are recorded or not as each thread decides: `torch.no_grad` outside does not reach it.
-    count : int
     """
 
     def alone(begin: int, end: int) -> T:

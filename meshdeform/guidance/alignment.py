@@ -81,7 +81,6 @@ def aligned(target: TriangleMesh, source: TriangleMesh, landmarks: Sequence[Land
 
     Parameters
     ----------
-    target, source : TriangleMesh
     landmarks : sequence of Landmark
         Their sources in the frame of the source and their targets in that of the target; turns that bring them together
         get a better grade.

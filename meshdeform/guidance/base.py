@@ -67,7 +67,6 @@ class Guidance(Protocol):
         ----------
         image : (1, 3, S, S) or (B, 3, S, S) float32 in [0, 1]
             The four views in one picture (`shading.combine_views`), or one picture for each camera.
-        context : StepContext
 
         Returns
         -------

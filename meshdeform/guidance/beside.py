@@ -23,8 +23,6 @@ class SilhouetteGuidance:
 
     Parameters
     ----------
-    term : SilhouetteTerm
-    weight : float
     identity : dict of str to str
         For the report.
     """
@@ -64,7 +62,6 @@ class BesideSilhouettes(SilhouetteGuidance):
     ----------
     guidance : Guidance
         One that can grade orientations (`deformation.orientation.Grader`).
-    term : SilhouetteTerm
     weight : float
         Of the silhouettes, relative to the guidance.
     identity : dict of str to str

@@ -58,7 +58,6 @@ class WeightedPrompt:
 
     Attributes
     ----------
-    text : str
     weight : float
         Factor of its gradient.
     group : int
@@ -75,10 +74,8 @@ class Texts:
 
     Parameters
     ----------
-    prior : Prior
     prompts : sequence of WeightedPrompt
         At least one.
-    negative_prompt : str
 
     Attributes
     ----------
@@ -139,10 +136,8 @@ class ScoreDistillation:
 
     Parameters
     ----------
-    prior : Prior
     prompt : str, or sequence of WeightedPrompt
         Encoded once, here, like the negative prompt; a job creates one such object.
-    negative_prompt : str
     guidance_scale : float
         s.
     guidance_rescale : float in 0 .. 1
@@ -208,7 +203,6 @@ class ScoreDistillation:
         ----------
         image : (1, 3, S, S) or (B, 3, S, S) float32 in [0, 1]
             The grid of four views, or one picture per camera; each picture has its own noise and timestep.
-        context : StepContext
 
         Returns
         -------

@@ -101,7 +101,6 @@ class SilhouetteTerm:
 
     Parameters
     ----------
-    views : sequence of SilhouetteView
     device : str or torch.device
         Where the silhouettes are drawn.
     side : int

@@ -43,7 +43,6 @@ class TargetGuidance:
     ----------
     mesh : TriangleMesh
         The target, in the frame of the deformed mesh.
-    style : RenderStyle
     device : str or torch.device
         Where the views are rendered.
     identity : dict of str to str, optional

@@ -47,7 +47,6 @@ class StableDiffusionPrior:
     ----------
     model : str
         Folder in diffusers' layout, or hub id of a checkpoint in the local Hugging Face cache. Nothing is downloaded.
-    device : str or torch.device
     revision : str
         Branch, tag or commit of a hub model.
     dtype : "auto", "float32", "float16", "bfloat16" or "int8"

@@ -31,8 +31,6 @@ def morph_animation(
 
     Parameters
     ----------
-    appearance : Appearance
-    source, result : Pose
     kind : "WEBP" or "GIF"
     size : int, optional
         Side in pixels; by default 320, and 256 for the less compact GIF.

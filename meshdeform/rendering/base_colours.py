@@ -43,7 +43,6 @@ class Textures:
     ----------
     textures : sequence of Texture or None
         One per paint; None is white.
-    device : str or torch.device
     """
 
     def __init__(self, textures: Sequence[Texture | None], device: torch.device | str = "cpu") -> None:
@@ -158,7 +157,6 @@ class Layers:
 
     Parameters
     ----------
-    views, side : int
     like : Tensor
         Of the dtype and device of the picture.
 
@@ -223,11 +221,6 @@ _STEEP = 1e-3
 
 class BaseColours:
     """Base colours of an asset's surface.
-
-    Parameters
-    ----------
-    appearance : Appearance
-    device : str or torch.device
 
     Attributes
     ----------

@@ -175,7 +175,6 @@ def sample_orthogonal_cameras(
 
     Parameters
     ----------
-    bounds : CameraRange
     generator : torch.Generator on the CPU
         The job's only source of randomness.
     fitting_radius : float

@@ -20,10 +20,8 @@ class CoverageRenderer:
     ----------
     faces : (F, 3) int64
         The fixed topology.
-    n_verts : int
     side : int
         Side of a picture in pixels.
-    device : str or torch.device
     """
 
     def __init__(self, faces: Tensor, n_verts: int, side: int, device: torch.device | str = "cpu") -> None:

@@ -323,7 +323,6 @@ def interpolate(
         Flat indices into (B, height, width) of the covered pixels.
     face_of_pixel : (P,) int64
         The visible face at each pixel.
-    height, width : int
 
     Returns
     -------
@@ -667,7 +666,6 @@ def antialias(
     image : (B, H, W, C) floating
     clip : (B, V, 4) floating
         The rasterised vertices.
-    edges : SilhouetteEdges
     depth : (B, H, W) float32
         From `rasterize`: of the surface that is seen.
     removed : (B, H, W) float32, optional

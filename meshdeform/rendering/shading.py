@@ -464,7 +464,6 @@ def sample_scene(views: int, side: int, generator: torch.Generator, device: torc
         Side of a view, S, in pixels.
     generator : torch.Generator on the CPU
         The job's only source of randomness.
-    device : str or torch.device
     """
     backgrounds = torch.stack([_background(side, generator) for _ in range(views)])
     u = torch.rand(views, 2, generator=generator, dtype=torch.float64)
@@ -570,9 +569,6 @@ class Renderer:
     ----------
     faces : (F, 3) int64
         The fixed topology.
-    n_verts : int
-    style : RenderStyle
-    device : str or torch.device
     appearance : Appearance, optional
         Base colours of the faces, of which `rows` are vertices of this mesh. Without, `textured` and `mixed` draw clay.
     dtype : torch.dtype
@@ -811,7 +807,6 @@ class OrthogonalGrid:
 
     Parameters
     ----------
-    bounds : CameraRange
     style : RenderStyle
         Style of each view.
     """
@@ -825,7 +820,6 @@ class OrthogonalGrid:
 
         Parameters
         ----------
-        generator : torch.Generator on the CPU
         fitting_radius : float
             Radius of the sphere around the origin that just fits the views.
         turn_deg : float

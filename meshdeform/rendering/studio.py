@@ -95,14 +95,7 @@ class _View:
 
 
 class PaintedRenderer:
-    """Renders deformed states of one asset.
-
-    Parameters
-    ----------
-    appearance : Appearance
-    style : PaintedStyle
-    device : str or torch.device
-    """
+    """Renders deformed states of one asset."""
 
     def __init__(self, appearance: Appearance, style: PaintedStyle, device: torch.device | str = "cpu") -> None:
         self.style = style
@@ -233,15 +226,12 @@ class Studio:
 
     Parameters
     ----------
-    appearance : Appearance
     poses : sequence of Pose
         The states that must fit the views.
     size : int
         Side of a view in pixels.
     azimuths_deg : sequence of float
         Views that every pose must fit.
-    elevation_deg : float
-    supersample : int
     plain : bool
         Whether the background is one colour without a shadow, for formats of few colours.
     """

@@ -27,7 +27,6 @@ def variant_sheet(
 
     Parameters
     ----------
-    appearance : Appearance
     poses : sequence of sequences of Pose
         One for each column, for each row.
     rows, columns : sequence of str
