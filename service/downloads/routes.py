@@ -41,8 +41,7 @@ from service.downloads.responses import (
 )
 from service.downloads.strengths import MAX_STRENGTH, STRENGTH_STEP
 from service.http.auth import PrincipalDep, ViewerDep
-from service.http.errors import problem_responses
-from service.http.queries import KNOWN_QUERY
+from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppState, AppStateDep
 
 __all__ = ["artifacts", "checkpoints", "sources"]

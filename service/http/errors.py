@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import errno
 import logging
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any, get_args
 
-from fastapi import FastAPI, Request
+from fastapi import Depends, FastAPI, Request
+from fastapi.dependencies.models import Dependant
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
@@ -34,6 +36,7 @@ from meshdeform.requests.removed import instead, plain_place
 from service.http.middleware import request_id
 
 __all__ = [
+    "KNOWN_QUERY",
     "PROBLEM_TYPE",
     "add_error_handlers",
     "did_you_mean",
@@ -42,11 +45,19 @@ __all__ = [
     "problem_responses",
 ]
 
+
 PROBLEM_TYPE = "application/problem+json"
+
 _METHODS = ("DELETE", "GET", "HEAD", "PATCH", "POST", "PUT")
+
 _CLOSE = 0.6
+
 _BUSY_S = 5  # Retry-After where the wait cannot be computed
+
 _log = logging.getLogger(__name__)
+
+
+_SHOWN = 64
 
 
 def add_error_handlers(app: FastAPI) -> None:
@@ -221,3 +232,38 @@ async def _on_unknown(request: Request, error: Exception) -> JSONResponse:
     del error
     problem = MeshdeformError("An unexpected error occurred in the server.", advice="Its log has the details.")
     return _answer(request, problem)
+
+
+async def _known_query(request: Request) -> None:
+    """Refuse an unknown query parameter, if the caller may ask at all, and name the one that was probably meant."""
+    if not request.query_params or "signature" in request.query_params:
+        return  # a signature covers the whole query, and opens nothing else
+    known = set(_names(request.scope["route"]))
+    errors = [
+        {
+            "loc": ["query", name[:_SHOWN]],
+            "msg": did_you_mean(name[:_SHOWN], known, known, "parameter"),
+            "type": "extra_forbidden",
+        }
+        for name in list(request.query_params)[:_SHOWN]
+        if name.partition("[")[0] not in known
+    ]
+    if errors:
+        await request.app.state.gate.admit(request)  # without a key, say nothing but that one is needed
+        raise parameter_error(errors)
+
+
+def _names(route: APIRoute) -> Iterator[str]:
+    """Yield the names of a route's query parameters."""
+    todo: list[Dependant] = [route.dependant]
+    while todo:
+        dependant = todo.pop()
+        yield from (parameter.alias for parameter in dependant.query_params)
+        todo += dependant.dependencies
+    for parameter in (route.openapi_extra or {}).get("parameters", []):
+        if parameter["in"] == "query":
+            yield parameter["name"]
+
+
+KNOWN_QUERY = [Depends(_known_query)]
+"""The dependencies of every router under `/v1`."""

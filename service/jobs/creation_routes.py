@@ -37,15 +37,13 @@ from service.documentation.responses import (
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, parse_document, receive_document, receive_form
-from service.http.errors import problem_responses
+from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
-from service.http.queries import KNOWN_QUERY
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
-from service.jobs.fetching import take_along
 from service.jobs.intake import accept_job, orient, validate
 from service.jobs.routes import shown
-from service.jobs.sources import Submission, file_advice, missing_files
+from service.jobs.sources import Submission, file_advice, missing_files, take_along
 from service.schemas import FoundOrientation, Validation
 from service.state import AppState, AppStateDep
 

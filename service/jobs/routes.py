@@ -22,8 +22,7 @@ from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WA
 from service.downloads.responses import matches
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep, ViewerDep, job_link
-from service.http.errors import problem_responses
-from service.http.queries import KNOWN_QUERY
+from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppStateDep
 
 __all__ = ["JobId", "router", "shown"]

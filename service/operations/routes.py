@@ -28,8 +28,7 @@ from meshdeform.runs import kinds
 from meshdeform.runs.base import Kind
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
-from service.http.errors import problem_responses
-from service.http.queries import KNOWN_QUERY
+from service.http.errors import KNOWN_QUERY, problem_responses
 from service.schemas import (
     ArtifactKindView,
     FileLimits,

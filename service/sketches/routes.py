@@ -22,8 +22,7 @@ from meshdeform.runs.sketch_process import guesses_of, shape_of
 from service.documentation.responses import CALLER_ERRORS, json_body
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, parse_document, receive_document
-from service.http.errors import problem_responses
-from service.http.queries import KNOWN_QUERY
+from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppStateDep
 
 __all__ = ["router"]

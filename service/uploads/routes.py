@@ -25,9 +25,8 @@ from meshdeform.record.uploads import Upload
 from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, header, json_body
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, clean_filename, parse_document, receive_document
-from service.http.errors import problem_responses
+from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Answer, Caller, IdempotencyKey, claimed, request_hash
-from service.http.queries import KNOWN_QUERY
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
 from service.schemas import UploadView
 from service.state import AppState, AppStateDep

@@ -37,8 +37,7 @@ from meshdeform.webhooks.addresses import find_destination, parse_networks
 from meshdeform.webhooks.lookups import LOOKUP_S
 from service.documentation.responses import header
 from service.http.auth import PrincipalDep
-from service.http.errors import problem_responses
-from service.http.queries import KNOWN_QUERY
+from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppState, AppStateDep
 
 __all__ = ["messages", "router"]
