@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 import tracemalloc
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from meshdeform.assets.inspect import inspect_asset
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.surface_files import read_surface_file, summary_of
+from meshdeform.assets.thin_parts import thin_warnings
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -20,6 +25,7 @@ from meshdeform.errors import (
     AssetTruncatedError,
     AssetUnsupportedError,
 )
+from meshdeform.serving.access import is_foreign
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder, pack, quad
@@ -258,3 +264,100 @@ def test_a_surface_without_triangles_is_told_what_to_do(data: bytes, name: str, 
         inspect_asset(data, name)
     assert caught.value.extra["surface"] == surface
     assert "meshdeform surface-fit FILE -o mesh.glb" in caught.value.advice_text
+
+
+# Web pages of others cannot use a service on loopback through the browser of whoever runs it.
+
+
+@each_case(
+    ("host", "origin"),
+    [
+        ("127.0.0.1:8765", None),
+        ("localhost:8765", None),
+        ("[::1]:8765", None),
+        (None, None),
+        ("localhost:8765", "http://localhost:8765"),
+        ("127.0.0.1:8765", "http://localhost:3000"),
+    ],
+)
+def test_programs_and_pages_of_this_machine_may_ask(host: str | None, origin: str | None) -> None:
+    assert not is_foreign(host, origin)
+
+
+@each_case(
+    ("host", "origin"),
+    [
+        ("evil.example:8765", None),
+        ("evil.example", "http://evil.example"),
+        ("127.0.0.1:8765", "https://evil.example"),
+        ("127.0.0.1:8765", "null"),
+        ("127.0.0.1.evil.example", None),
+        ("localhost.evil.example", None),
+        ("[::1", None),
+        ("", None),
+        ("10.0.0.7:8765", None),
+    ],
+)
+def test_pages_of_others_may_not(host: str | None, origin: str | None) -> None:
+    assert is_foreign(host, origin)
+
+
+# Parts of a grid that are thinner than its cells can tell: where they are told, and where nothing is.
+
+
+CELL = 2 / 39
+AT = np.stack(np.meshgrid(*[np.linspace(-1, 1, 40)] * 3, indexing="ij"), -1)
+
+
+def ring(minor: float) -> np.ndarray:
+    return np.hypot(np.hypot(AT[..., 0], AT[..., 1]) - 0.7, AT[..., 2]) - minor
+
+
+def told(values: np.ndarray) -> tuple[str, ...]:
+    return thin_warnings(values, np.full(3, CELL))
+
+
+@each_case("cells", [1.5, 2.0, 2.5])
+def test_a_tube_of_few_cells_is_told(cells: float) -> None:
+    for values in (ring(cells / 2 * CELL), np.clip(ring(cells / 2 * CELL), -3 * CELL, 3 * CELL)):
+        (sentence,) = told(values)
+        assert "four are needed" in sentence
+        assert "finer grid" in sentence
+
+
+def test_a_thin_plate_is_told_though_all_within_it_is_alike() -> None:
+    assert told(np.maximum(np.abs(AT[..., :2]).max(-1) - 0.7, np.abs(AT[..., 2]) - CELL))
+
+
+@each_case(
+    "values",
+    [
+        lambda: ring(2.1 * CELL),
+        lambda: np.clip(ring(4 * CELL), -3 * CELL, 3 * CELL),
+        lambda: np.linalg.norm(AT, axis=-1) - 0.7,
+        lambda: np.abs(AT).max(-1) - 0.7,
+        lambda: (np.abs(AT).sum(-1) - 0.9) / np.sqrt(3),
+        lambda: np.linalg.norm(AT, axis=-1) - 0.7 + np.random.default_rng(0).normal(size=(40,) * 3) * 0.2 * CELL,
+    ],
+    ids=["tube", "band", "ball", "box", "octahedron", "noise"],
+)
+def test_what_is_thick_enough_is_not_told(values: Callable[[], np.ndarray]) -> None:
+    assert told(values()) == ()
+
+
+def test_of_a_large_grid_the_values_that_are_looked_at_count() -> None:
+    x, y = np.meshgrid(np.arange(200), np.arange(24), indexing="ij")
+    rod = np.maximum(np.hypot(y - 11.6, 0) - 2.2, np.abs(x - 99.6) - 90)[..., None]
+    z = np.abs(np.arange(24) - 11.6) - 2.2
+    values = np.maximum(rod, z[None, None])
+    (sentence,) = thin_warnings(values, np.ones(3))
+    assert "A cell here is 2 of the grid's" in sentence
+    assert thin_warnings(values[8:-8], np.ones(3)) == ()
+
+
+def test_the_summary_of_an_upload_has_the_sentence() -> None:
+    file = io.BytesIO()
+    np.savez(file, sdf=ring(0.6 * CELL), origin=[-1.0] * 3, spacing=CELL)
+    found = read_surface_file(file.getvalue(), "thin.npz")
+    assert found is not None
+    assert len(summary_of(found, "thin.npz").warnings) == 1

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.assets import load_asset
+from meshdeform.errors import AssetFormatError, NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, grid, join
 from tests.cases import each_case
 from training.evaluation.measures import chamfer_distance, displacement, measures, surface_points
+from training.evaluation.mesh_file import read_ply, write_ply
 from training.evaluation.neighbours import neighbour_offsets
 from training.evaluation.relaxed import geodesic_sphere
 
@@ -146,3 +148,26 @@ def test_thousands_of_parts_are_sampled_or_left_out() -> None:
 
     assert neighbour_offsets(row(300), row(300).verts).pairs > 299
     assert neighbour_offsets(row(1500), row(1500).verts).pairs == 0
+
+
+# The benchmark's PLY files.
+
+
+def test_a_mesh_comes_back_bit_for_bit() -> None:
+    mesh = geodesic_sphere(3)
+    back = read_ply(write_ply(mesh))
+    assert torch.equal(back.verts, mesh.verts)
+    assert torch.equal(back.faces, mesh.faces)
+
+
+def test_other_programs_read_the_file() -> None:
+    mesh = geodesic_sphere(3)
+    surface = load_asset(write_ply(mesh), "mesh.ply").surface
+    assert len(surface.triangles) == len(mesh.faces)
+    assert surface.positions == pytest.approx(mesh.verts.numpy())
+
+
+@each_case("cut", [-1, 40, 0])
+def test_a_file_that_is_not_whole_is_refused(cut: int) -> None:
+    with pytest.raises(AssetFormatError):
+        read_ply(write_ply(geodesic_sphere(1))[:cut])

@@ -210,3 +210,23 @@ def test_an_error_of_nothing_is_none_and_a_coarse_input_is_not_held_against_a_fi
     assert len(found["eigenvalues"]["input"]) == EIGENVALUES
     assert found["eigenvalues"]["max_relative_error"] < 1e-3
     assert found["geodesics"]["mean_relative_error"] < 0.01
+
+
+# Distances that are stored in a band around a surface, and a constant beyond it.
+
+
+CENTRE = [1.83, 1.7, 2.0]
+
+
+def test_distances_in_a_band_become_their_ball_beyond_it_too() -> None:
+    spacing = np.full(3, 0.25)
+    cells = np.moveaxis(np.indices((18, 18, 18)), 0, -1) * spacing
+    distances = np.linalg.norm(cells - CENTRE, axis=-1) - 1
+    surface = surface_of(DistanceGrid(np.clip(distances, -0.75, 0.75), np.zeros(3), spacing))
+    assert surface.reference.topology.characteristics == (2,)
+    directions = np.concatenate([np.eye(3), -np.eye(3), np.full((1, 3), 3**-0.5)])
+    for radius in (0.15, 0.6, 1.0, 1.45):  # 0.15 and 1.45 at the corner are beyond the band
+        place, normal = surface.project(CENTRE + radius * directions, np.zeros_like(directions))
+        assert np.linalg.norm(place - CENTRE, axis=1) == pytest.approx(1, abs=0.02)
+        assert np.linalg.norm(place - CENTRE - directions, axis=1).max() < 0.1
+        assert (normal * directions).sum(1).min() > 0.99

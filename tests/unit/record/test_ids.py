@@ -1,12 +1,17 @@
 from __future__ import annotations
 
+import base64
 import re
 import threading
 import time
 import uuid
 
+import pytest
+
+from meshdeform.errors import ParameterError
 from meshdeform.record import ids
-from meshdeform.record.ids import JOB_ID_PATTERN, new_job_id
+from meshdeform.record.ids import JOB_ID_PATTERN, decode_cursor, encode_cursor, new_id, new_job_id
+from tests.cases import each_case
 
 
 def as_uuid(job_id: str) -> uuid.UUID:
@@ -49,3 +54,23 @@ def test_ids_rise_when_the_clock_is_set_back_and_when_the_counter_runs_over(monk
     assert [first, *later] == sorted({first, *later})
     assert {as_uuid(job_id).version for job_id in later} == {7}
     assert {as_uuid(job_id).variant for job_id in later} == {uuid.RFC_4122}
+
+
+def test_a_cursor_names_the_id_that_it_was_made_of_and_fits_into_a_url() -> None:
+    for prefix in ("job", "whk", "msg"):
+        last_id = new_id(prefix)
+        cursor = encode_cursor(last_id)
+        assert decode_cursor(cursor, prefix) == last_id
+        assert cursor.replace("-", "").replace("_", "").isalnum()
+
+
+@each_case("word", ["", "=", "a", "\0", "é", "job_", "job_" + "u" * 26, "%2e%2e", "AAAA", " "])
+def test_what_no_cursor_says_is_refused(word: str) -> None:
+    for cursor in (word, base64.urlsafe_b64encode(word.encode()).decode()):
+        with pytest.raises(ParameterError, match="cursor"):
+            decode_cursor(cursor)
+
+
+def test_a_cursor_of_one_list_is_none_of_another() -> None:
+    with pytest.raises(ParameterError):
+        decode_cursor(encode_cursor(new_job_id()), "msg")

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from meshdeform.errors import UnavailableError
+from meshdeform.serving.access import is_loopback, needs_keys
 from meshdeform.serving.stack import _environment, _url, listen
 from meshdeform.settings import Settings
 from tests.cases import each_case
@@ -62,3 +63,38 @@ def test_a_taken_port_ends_serve_with_one_line_and_starts_nothing(tmp_path: Path
     assert "Cannot listen on" in result.stderr
     assert "Traceback" not in result.stderr
     assert [p.name for p in (tmp_path / "data").iterdir()] == ["serve.lock"]
+
+
+# Who can reach an address, and whether requests at it need a key.
+
+
+@each_case("address", ["127.0.0.1", "127.8.9.10", "::1", "::ffff:127.0.0.1", "localhost", "::1%lo"])
+def test_loopback_needs_no_key(address: str) -> None:
+    assert is_loopback(address)
+    assert not needs_keys("auto", address)
+
+
+@each_case(
+    "address",
+    [
+        "0.0.0.0",
+        "::",
+        "192.0.2.7",
+        "10.0.0.1",
+        "::ffff:192.0.2.7",
+        "fe80::1%eth0",
+        "example.com",
+        "",
+        "127.0.0.1.nip.io",
+    ]
+    + ["/run/meshdeform.sock", "localhost.example.com", None],
+)
+def test_whatever_is_not_certainly_loopback_needs_one(address: str | None) -> None:
+    assert not is_loopback(address)
+    assert needs_keys("auto", address)
+
+
+@each_case("address", ["127.0.0.1", "0.0.0.0", None])
+def test_on_and_off_ask_no_address(address: str | None) -> None:
+    assert needs_keys("on", address)
+    assert not needs_keys("off", address)

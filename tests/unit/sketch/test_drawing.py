@@ -11,9 +11,11 @@ from PIL import Image, ImageDraw, ImageOps
 from meshdeform.assets.drawing import SIDE, read_drawing
 from meshdeform.errors import DrawingError
 from meshdeform.sketch.families import FAMILIES
+from meshdeform.sketch.solids import Solid, box, lathe
 from tests.cases import each_case
 from training.sketch.lines import View, joined, visible_lines
 from training.sketch.strokes import Hand, draw
+from training.sketch.suggestive import suggestive_contours
 
 EXACT = Hand(shake=0, shift=0, overshoot=0, gaps=0, again=0, lost=0, width=0.008)
 
@@ -81,3 +83,75 @@ def test_a_drawing_looks_the_same_inverted_shifted_and_transparent() -> None:
     clear = Image.new("RGBA", picture.size, (0, 0, 0, 0))
     clear.putalpha(ImageOps.invert(picture))
     np.testing.assert_allclose(read_drawing(png(clear)), found, atol=0.05)
+
+
+# Visible lines of a mesh: silhouettes and creases, without what is hidden.
+
+
+def length(lines: list[np.ndarray]) -> float:
+    return sum(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in lines)
+
+
+def test_nine_of_twelve_edges_of_a_cube_are_seen_from_a_corner_and_four_from_the_front() -> None:
+    cube = joined({"cube": box((-1, -1, -1), (1, 1, 1))})
+    # From far away at azimuth 45, edges of length 2 have these lengths on a page whose half size is sqrt(3).
+    e = np.radians(35.2643896828)
+    flat, upright = np.sqrt(2 + 2 * np.sin(e) ** 2), 2 * np.cos(e)
+    expected = (6 * flat + 3 * upright) / (2 * np.sqrt(3))
+    assert length(visible_lines(cube, View(45, 35.2643896828, 1.0))) == pytest.approx(expected, rel=0.02)
+    assert length(visible_lines(cube, View(0, 0, 1.0))) == pytest.approx(8 / (2 * np.sqrt(3)), rel=0.02)
+
+
+def test_what_is_behind_a_wall_is_not_seen() -> None:
+    wall = box((-2, -2, 2), (2, 2, 2.1))
+    alone = visible_lines(joined({"wall": wall}), View(0, 0, 1.0))
+    behind = joined({"wall": wall, "cube": box((-0.5, -0.5, 0), (0.5, 0.5, 1))})
+    ratio = length(visible_lines(behind, View(0, 0, 1.0))) / length(alone)
+    radii = [np.linalg.norm([2, 2, half]) for half in (0.05, 1.05)]  # each picture is fitted to its own sphere
+    assert ratio == pytest.approx(radii[0] / radii[1], rel=0.02)
+    wire = np.linspace([-1, 0, 3], [1, 0, 3], 9)
+    before, after = (
+        length(visible_lines(joined({"wall": wall}), View(0, 0, 1.0), [w])) for w in (wire, wire - [0, 0, 2])
+    )
+    radii = [np.linalg.norm([2, 2, half]) for half in (0.5, 0.55)]
+    assert before == pytest.approx((16 + 2) / (2 * radii[0]), rel=0.02)
+    assert after == pytest.approx(16 / (2 * radii[1]), rel=0.02)
+
+
+def test_a_smooth_body_has_only_its_outline() -> None:
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 25)
+    profile = np.stack([np.cos(angle), np.sin(angle)], 1)
+    profile[[0, -1], 0] = 0
+    ball = joined({"ball": lathe(profile.tolist(), 48)})
+    assert isinstance(ball, Solid)
+    lines = visible_lines(ball, View(20, 10, 1.0))
+    distances = np.linalg.norm(np.concatenate(lines) - 0.5, axis=1)
+    assert distances.min() > 0.45
+    # Where the outline jumps between rings, a few of its edges lie behind the ball.
+    assert length(lines) == pytest.approx(np.pi, rel=0.1)
+
+
+def test_suggestive_contours_lie_where_the_radial_curvature_is_zero() -> None:
+    y = np.linspace(-1, 1, 61)
+
+    def radius(y: np.ndarray) -> np.ndarray:
+        return np.asarray(0.5 + 0.2 * np.cos(3 * y))
+
+    body = joined({"body": lathe([(0, -1), *zip(radius(y), y, strict=True), (0, 1)], 96)})
+    eye = np.array([0.0, 6.0, 12.0])
+    points, segments = suggestive_contours(body.verts, body.faces, eye)
+    assert len(segments) > 20
+    r, slope, bend = radius(points[:, 1]), -0.6 * np.sin(3 * points[:, 1]), -1.8 * np.cos(3 * points[:, 1])
+    steep = np.sqrt(1 + slope**2)
+    out = points * [1, 0, 1] / np.linalg.norm(points * [1, 0, 1], axis=1, keepdims=True)
+    around = np.cross(out, [0.0, 1.0, 0.0])
+    up = (out * slope[:, None] + [0, 1, 0]) / steep[:, None]
+    toward = (eye - points) / np.linalg.norm(eye - points, axis=1, keepdims=True)
+    a, b = (toward * up).sum(1), (toward * around).sum(1)
+    radial = (-bend / steep**3 * a**2 + b**2 / (r * steep)) / (a**2 + b**2)
+    assert np.abs(radial).mean() < 0.05  # of principal curvatures between -1.8 and 3.3
+    assert np.abs(radial).max() < 0.3
+
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 41)
+    ball = joined({"ball": lathe([(0, -1), *zip(np.cos(angle), np.sin(angle), strict=True), (0, 1)][1:-1], 48)})
+    assert not len(suggestive_contours(ball.verts, ball.faces, eye)[1])

@@ -6,11 +6,12 @@ import functools
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
-from meshdeform.assets import build_glb
+from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.app import app
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering import animation
@@ -68,3 +69,71 @@ def test_a_wrong_suffix_and_another_asset_are_refused(ball: Path) -> None:
     result = CliRunner().invoke(app, ["animate", str(ball), "other.glb"])
     assert result.exit_code == 3
     assert not Path("animation.webp").exists()
+
+
+# `meshdeform apply`: another strength of a result, and its morph, from files alone.
+
+
+BALL = icosphere(1)
+
+
+def glb(*scale: float) -> bytes:
+    return build_glb(BALL.verts.numpy() * scale, BALL.faces.numpy())
+
+
+def apply(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["apply", *map(str, arguments)])
+
+
+@pytest.fixture
+def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The result of a run, with its source and its report beside it."""
+    monkeypatch.chdir(tmp_path)
+    Path("ball.glb").write_bytes(glb(1, 1, 1))
+    Path("egg.glb").write_bytes(glb(1, 2, 1))
+    done = CliRunner().invoke(app, ["run", "ball.glb", "--target", "egg.glb", "--steps", "2", "-o", "out.glb"])
+    assert done.exit_code == 0, done.output
+    return Path("out.glb")
+
+
+def height(path: str) -> float:
+    return float(np.ptp(load_asset(Path(path).read_bytes()).surface.positions[:, 1]))
+
+
+def test_the_report_names_the_source_of_a_result(ran: Path) -> None:
+    for strength, name in ((0, "out-0.glb"), (0.6, "out-60.glb"), (1, "out-100.glb"), (1.5, "out-150.glb")):
+        found = apply(ran, "--strength", strength)
+        assert (found.exit_code, found.stdout) == (0, f"{name}\n")
+    changes = [abs(height(f"out-{percent}.glb") - height("ball.glb")) for percent in (0, 60, 100, 150)]
+    assert changes == sorted(changes)
+    assert changes[0] == 0 < changes[1]
+    assert Path("out-100.glb").read_bytes() == ran.read_bytes()
+
+
+def test_a_morph_of_any_pair(ran: Path) -> None:
+    Path("tall.glb").write_bytes(glb(1, 3, 1))
+    found = apply("tall.glb", "--source", "ball.glb", "--morph", "--frames", "3", "-o", "way.glb")
+    assert found.exit_code == 0, found.output
+    assert b"deform 2/3" in Path("way.glb").read_bytes()
+
+
+def test_what_is_missing_is_said(ran: Path) -> None:
+    def refused(*arguments: object) -> str:
+        found = apply(*arguments)
+        assert found.exit_code in (2, 3)
+        return " ".join(found.output.split())
+
+    assert "Beside egg.glb there is no report" in refused("egg.glb", "--strength", 0.5)
+    assert "was not made from" in refused(ran, "--source", _other(), "--strength", 0.5)
+    assert "out.glb is an input" in refused(ran, "-o", "out.glb")
+    assert "egg.glb exists" in refused(ran, "-o", "egg.glb")
+    assert "frames: Input should be" in refused(ran, "--frames", "0")
+    assert "less than or equal to 1.5" in refused(ran, "--strength", 1.6)
+    Path("ball.glb").write_bytes(glb(1, 1, 2))
+    assert "or has changed" in refused(ran, "--strength", 0.5)
+
+
+def _other() -> Path:
+    mesh = icosphere(2)
+    Path("other.glb").write_bytes(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
+    return Path("other.glb")

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.cli.app import app
+from meshdeform.cli.batches import runners
+from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Entry, Row, combine, make_rows, read_prompts, read_table
-from meshdeform.errors import ParameterError
+from meshdeform.cli.batches.runners import RowOutcome
+from meshdeform.cli.output import ProgressView
+from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
+from tests.unit.assets.builders import unpack
+from tests.unit.assets.test_replace import accessor
 
 
 @pytest.fixture
@@ -113,3 +125,103 @@ def test_names_stay_when_others_join_and_never_meet(folder: Path) -> None:
     rows, repeated = make_rows([one, one], defaults={})
     assert len(rows) == 1
     assert repeated == ["1"]
+
+
+# The ledger of a batch: it survives a torn line, is one process's own, and says what is damaged.
+
+
+def test_what_was_written_is_known_again(tmp_path: Path) -> None:
+    with Ledger(tmp_path / "out") as ledger:
+        identity = ledger.batch_id
+        ledger.append("failed", "k1", "vase", error={"code": "x"})
+        ledger.append("failed", "k1", "vase", error={"code": "y"})
+        ledger.append("done", "k2", "dog", seconds=1.5)
+    with Ledger(tmp_path / "out") as again:
+        assert again.batch_id == identity
+        assert again.tries == {"k1": 2}
+        assert again.last["k1"]["error"] == {"code": "y"}
+        assert again.last["k2"]["event"] == "done"
+        assert again.known_names() == {"k1": "vase", "k2": "dog"}
+
+
+@each_case("keep", [1, 20, 60])
+def test_half_a_line_at_the_end_is_cut_off(tmp_path: Path, keep: int) -> None:
+    folder = tmp_path / str(keep)
+    with Ledger(folder) as ledger:
+        ledger.append("done", "k1", "vase")
+        whole = ledger.path.read_bytes()
+        ledger.append("done", "k2", "dog")
+        torn = ledger.path.read_bytes()[: len(whole) + keep]
+    ledger.path.write_bytes(torn)
+    with Ledger(folder) as again:
+        assert set(again.last) == {"k1"}
+        again.append("done", "k3", "cat")
+    with Ledger(folder) as once_more:
+        assert set(once_more.last) == {"k1", "k3"}
+
+
+def test_a_folder_is_one_processs_own(tmp_path: Path) -> None:
+    with Ledger(tmp_path), pytest.raises(UnavailableError, match="Another `meshdeform batch`"):
+        Ledger(tmp_path)
+    with Ledger(tmp_path):
+        pass
+
+
+def test_a_damaged_line_is_named(tmp_path: Path) -> None:
+    with Ledger(tmp_path) as ledger:
+        ledger.append("done", "k1", "vase")
+    with ledger.path.open("ab") as file:
+        file.write(b"nonsense\n")
+    with pytest.raises(ParameterError, match="line 3"):
+        Ledger(tmp_path)
+
+
+def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"in the way")
+    with pytest.raises(UnavailableError, match="cannot be written"):
+        Ledger(tmp_path / "file" / "out")
+
+
+# `batch --as-morph-targets`: the results of one asset as named morph targets of one file.
+
+
+HEIGHTS = {"a mushroom": 2.0, "a vase": 3.0, "a rocket": None}
+
+
+class FakeRunner:
+    """Stretches an asset to the height of its prompt, or fails."""
+
+    def __init__(self, folder: Path, _share: object) -> None:
+        self._folder = folder
+
+    def do(self, row: Row, _progress: ProgressView) -> RowOutcome:
+        height = HEIGHTS[row.request.prompt]
+        if height is None:
+            return RowOutcome("failed", 1.0, error={"code": "numerical_error", "detail": "", "advice": ""})
+        source = load_asset(row.asset.read_bytes())
+        path = row.path(self._folder, "result.glb")
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(source.replace(source.surface.positions * [1, height, 1]))
+        return RowOutcome("succeeded", 1.0)
+
+    def close(self) -> None:
+        """Close nothing."""
+
+
+def test_the_results_of_an_asset_are_the_targets_of_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runners, "LocalRunner", FakeRunner)
+    ball = icosphere(1).verts.numpy()
+    (tmp_path / "ball.glb").write_bytes(build_glb(ball, icosphere(1).faces.numpy()))
+    prompts = [word for prompt in HEIGHTS for word in ("--prompt", prompt)]
+    command = ["batch", str(tmp_path / "ball.glb"), *prompts, "-o", str(tmp_path / "out"), "--as-morph-targets"]
+    done = CliRunner().invoke(app, [*command, "--json"])
+    assert done.exit_code == 8, done.output  # one row failed
+    made = json.loads(done.stdout.splitlines()[-1])["files"]["ball.targets.glb"]
+    root, binary, _ = unpack(Path(made).read_bytes())
+    (mesh,) = root["meshes"]
+    assert mesh["extras"]["targetNames"] == ["ball-a-mushroom", "ball-a-vase"]
+    assert mesh["weights"] == [0.0, 0.0]
+    assert "animations" not in root
+    for target, height in zip(mesh["primitives"][0]["targets"], (2.0, 3.0), strict=True):
+        moved = accessor(root, binary, target["POSITION"])
+        np.testing.assert_allclose(moved, ball * [0, height - 1, 0], atol=1e-6)
