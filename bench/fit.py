@@ -26,9 +26,8 @@ from trimesh.registration import nricp_amberg, nricp_sumner
 from meshdeform.assets import load_asset
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.stand_in import stand_in_of
-from meshdeform.geometry.fit_quality import measure_fit
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure
+from meshdeform.geometry.quality import measure, measure_fit
 from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import aligned

@@ -32,13 +32,10 @@ from trimesh.registration import nricp_amberg, nricp_sumner
 from bench.fit import load, ours, peer
 from bench.growth_chart import Series, draw, exponent
 from bench.incomplete_cholesky import IncompleteCholesky
-from meshdeform.deformation.jacobians import identity_jacobians
-from meshdeform.deformation.linear_system import factorise
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.poisson import PoissonSystem
-from meshdeform.geometry.fit_quality import measure_fit
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import cotangent_laplacian
+from meshdeform.deformation.poisson import PoissonSystem, factorise, identity_jacobians
+from meshdeform.geometry.mesh import TriangleMesh, cotangent_laplacian
+from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.sds import ScoreDistillation
@@ -78,7 +75,7 @@ def alternating(actions: dict[str, Callable[[], object]], repeats: int) -> dict[
 @contextmanager
 def plain_torch() -> Iterator[None]:
     """Draw with torch's own operations instead of compiled kernels, as on other devices."""
-    with mock.patch("meshdeform.rendering.rasterizer.backend.is_compiled", return_value=False):
+    with mock.patch("meshdeform.rendering.rasterizer.is_compiled", return_value=False):
         yield
 
 

@@ -20,10 +20,8 @@ import qdldl
 import torch
 from scipy.sparse.linalg import splu
 
-from meshdeform.deformation.jacobians import identity_jacobians
-from meshdeform.deformation.linear_system import factorise
-from meshdeform.deformation.poisson import PoissonSystem
-from meshdeform.geometry.rest_mesh import cotangent_laplacian
+from meshdeform.deformation.poisson import PoissonSystem, factorise, identity_jacobians
+from meshdeform.geometry.mesh import cotangent_laplacian
 from meshdeform.geometry.shapes import icosphere
 
 

@@ -47,7 +47,7 @@ PARTS = {
     "dirichlet": "meshdeform.deformation.regularizers.Regularizers.dirichlet",
     "backward": "torch.Tensor.backward",
     "guard": "meshdeform.deformation.surface_guard.SurfaceGuard.correct",
-    "optimiser": "meshdeform.deformation.optimizer.Adam.step",
+    "optimiser": "meshdeform.deformation.variables.Adam.step",
 }
 
 

@@ -39,7 +39,7 @@ from meshdeform.fields.measures import distances
 from meshdeform.fields.patches import level_of
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.surface_sources import MeshSurface, Surface, surface_of
-from meshdeform.geometry.samples import even_samples
+from meshdeform.geometry.places import even_samples
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

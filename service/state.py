@@ -5,14 +5,16 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Annotated, Generic, TypeVar, TypeVarTuple
+from typing import Annotated, TypeVar, TypeVarTuple
 
 from anyio import CapacityLimiter, to_thread
 from fastapi import Depends, Request
 
 from meshdeform.assets import Limits
 from meshdeform.assets.check import CheckedAssets
+from meshdeform.errors import MeshdeformError
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
@@ -36,30 +38,41 @@ _LOOKUPS_AT_ONCE = 16
 _STORE_HEALTH_S = 2.0
 
 
-_Value = TypeVar("_Value")
 _Result = TypeVar("_Result")
 _Arguments = TypeVarTuple("_Arguments")
 
 
-class Recent(Generic[_Value]):
-    """The latest result of a call, reused for some seconds. Thread-safe."""
+class Probe:
+    """Asks a part of the deployment whether it answers, in a thread of its own: one that hangs holds up nobody else.
 
-    def __init__(self, kept_s: float) -> None:
+    An answer is kept for some seconds. Thread-safe.
+    """
+
+    def __init__(self, kept_s: float = 0.0) -> None:
         self._kept_s = kept_s
-        self._found: tuple[_Value, float] | None = None
+        self._answer: Future[PartHealth] | None = None
+        self._until = 0.0
         self._lock = threading.Lock()
 
-    def get(self, call: Callable[[], _Value]) -> _Value:
-        """Return the latest result, or call again if it is too old. Meanwhile, other threads get the old result."""
-        found = self._found
-        if found is not None and (time.monotonic() < found[1] or self._lock.locked()):
-            return found[0]
+    def ask(self, ping: Callable[[], None]) -> Future[PartHealth]:
+        """Return the answer that is kept or awaited, or ask again; `ping` raises `MeshdeformError` in an outage."""
         with self._lock:
-            if self._found is not None and time.monotonic() < self._found[1]:
-                return self._found[0]
-            value = call()
-            self._found = value, time.monotonic() + self._kept_s
-        return value
+            if self._answer is None or (self._answer.done() and time.monotonic() >= self._until):
+                self._answer = Future()
+                threading.Thread(target=self._run, args=(self._answer, ping), name="probe", daemon=True).start()
+            return self._answer
+
+    def _run(self, answer: Future[PartHealth], ping: Callable[[], None]) -> None:
+        try:
+            ping()
+            health = PartHealth(status="ok")
+        except MeshdeformError as error:
+            health = PartHealth(status="unavailable", detail=error.detail)
+        except BaseException as error:
+            answer.set_exception(error)
+            return
+        self._until = time.monotonic() + self._kept_s
+        answer.set_result(health)
 
 
 @dataclass(frozen=True)
@@ -87,8 +100,10 @@ class AppState:
             _BODIES_AT_ONCE, _BODIES_PER_OWNER, wait_s=_BODY_WAIT_S, purpose="files are being received"
         )
     )
-    # The state of the object store. Asking for it lists a bucket, and `/readyz` needs no key.
-    store_health: Recent[PartHealth] = field(default_factory=lambda: Recent(_STORE_HEALTH_S))
+    # What `/readyz` asks. The answer of the object store is kept, because it lists a bucket, and nobody needs a key.
+    record_health: Probe = field(default_factory=Probe)
+    redis_health: Probe = field(default_factory=Probe)
+    store_health: Probe = field(default_factory=lambda: Probe(_STORE_HEALTH_S))
     # Searches of fronts, and readings of drawings and makings of shapes: each in a process of its own.
     orienting: FairSlots = field(
         default_factory=lambda: FairSlots(

@@ -297,7 +297,7 @@ class JobRunner:
     at: WorkerContext
 
     def run(self, job_id: str) -> None:
-        """Run the next job, which need not be `job_id`: that is only the job for which the message was sent.
+        """Run the next job, which need not be `job_id`: that is the job for which a message was sent, if there was one.
 
         Errors of the job are recorded and not raised. If the record or the store does not answer for too long, the job
         returns to the queue, or stays claimed until its lease expires if even that cannot be written.
@@ -308,10 +308,11 @@ class JobRunner:
         try:
             job = self.at.record.leases.claim_next(self.at.worker.id, self.at.settings.lease_s)
             if job is None:
-                _log.info("message for job %s, but no job is queued (a duplicate, or another worker has it)", job_id)
+                if job_id:
+                    _log.info("message for job %s, but none is queued (a duplicate, or another worker has it)", job_id)
                 return
             with bound(job_id=job.id, request_id=job.request_id or ""), _traced(job):
-                if job.id != job_id:
+                if job_id and job.id != job_id:
                     _log.info("message for job %s; job %s comes first", job_id, job.id)
                 self._claimed(job)
         finally:

@@ -3,7 +3,7 @@
 RQ's worker loop is used as a notification: a message announces that some job is queued, and the record decides which. A
 message is deleted as soon as it is read, before the job starts, so that RQ has nothing to time, retry or clean up, and
 keeps no result. If the worker dies, the reconciler sends another message. Only public methods of RQ's worker are used
-and overridden.
+and overridden. While Redis is away, the worker asks the record for a job every two seconds instead.
 
 Whoever can write to Redis must not be able to run code here or to stop workers: functions and callbacks named in Redis
 are never imported, and RQ's commands are ignored.
@@ -17,7 +17,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,7 +26,9 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from redis import Redis
+from redis.exceptions import ConnectionError as RedisConnectionError
 from redis.exceptions import RedisError
+from redis.exceptions import TimeoutError as RedisTimeoutError
 from rq import Queue
 from rq.job import Job
 from rq.serializers import JSONSerializer
@@ -33,7 +36,7 @@ from rq.worker import WorkerStatus
 from rq.worker.base import BaseWorker, StopRequested
 from rq.worker_registration import clean_worker_registry
 
-from meshdeform.errors import MeshdeformError
+from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.priors.builtin.taught import MAX_FILE_BYTES
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.queue import MESSAGE, JobQueue, job_of
@@ -137,6 +140,8 @@ _WAIT_S = 10
 """Seconds to wait for a message before checking for a stop and renewing the worker's sign of life."""
 _SILENT_REDIS_S = 415
 """Seconds without an answer on an open Redis connection before the process exits and is replaced. RQ's own value."""
+_ASK_S = 2.0
+"""Seconds between two questions to the record while Redis is away."""
 _LONGEST_JOB_S = 86_400
 """Seconds that `rq info` lists a worker during one job: RQ's heartbeat is only renewed after the job."""
 
@@ -173,6 +178,8 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
     ) -> None:
         self._run, self._on_idle, self._on_stop = run, on_idle, on_stop
         self._ending = self._last = False
+        self.lost_redis = False
+        """Whether the loop ended because Redis did not answer."""
         self._idle_at = 0.0
         super().__init__(
             [Queue(queue, connection=connection, serializer=JSONSerializer)],
@@ -199,6 +206,19 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
             self._run(job_of(message))
         except Exception:
             _log.exception("message %s", message)
+
+    def set_state(self, state: str, pipeline: Any = None) -> None:
+        """Set this worker's state, also in Redis; end the loop if that does not answer."""
+        with self._ending_without_redis():
+            super().set_state(state, pipeline)
+
+    @contextmanager
+    def _ending_without_redis(self) -> Iterator[None]:
+        try:
+            yield
+        except (RedisConnectionError, RedisTimeoutError) as error:
+            self.lost_redis = True
+            raise StopRequested from error
 
     def run_maintenance_tasks(self) -> None:
         """Remove dead workers from RQ's list. Unlike RQ's method, do not clean registries, which calls callbacks."""
@@ -228,7 +248,7 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
             raise StopRequested
 
     def heartbeat(self, *args: Any, **kwargs: Any) -> None:
-        """Renew this worker's entry in RQ, and stop if requested. RQ calls this before each wait.
+        """Renew this worker's entry in RQ; stop if requested, or if Redis does not answer. Called before each wait.
 
         A library that catches every exception may have swallowed the one raised by `request_stop`.
         """
@@ -238,7 +258,8 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
             if time.monotonic() >= self._idle_at:
                 self._idle_at = time.monotonic() + _WAIT_S / 2
                 self._on_idle()
-        super().heartbeat(*args, **kwargs)
+        with self._ending_without_redis():
+            super().heartbeat(*args, **kwargs)
 
     def end_after_job(self) -> None:
         """Stop after the current job."""
@@ -277,15 +298,18 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
         nonlocal spent
         _log.warning("this process exits to free the device's memory")
         spent = True
-        listener.end_after_job()
+        if listener is not None:
+            listener.end_after_job()
 
     worker = WorkerIdentity(os.environ.get(WORKER_ID) or new_worker_id(), settings.queue, engine.device)
     record = JobRecord(settings.resolved_database_url, connections=1)
+    queue = JobQueue(settings.redis_url, settings.queue)
+    listener: InProcessWorker | None = None
     context = WorkerContext(
         settings=settings,
         record=record,
         store=ObjectStore(settings.resolved_storage_url, create=not record.files.any()),
-        listen=JobQueue(settings.redis_url, settings.queue).listen_for_cancel,
+        listen=queue.listen_for_cancel,
         start=engine.start,
         load_prior=engine.load_prior,
         device=engine.device,
@@ -301,20 +325,58 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
         except MeshdeformError as error:
             _log.warning("the record was not updated with this worker's sign of life: %s", error.detail)
 
-    listener = InProcessWorker(
-        settings.queue, Redis.from_url(settings.redis_url), JobRunner(context).run, on_idle=idle, on_stop=stop
-    )
+    runner = JobRunner(context)
     _log.info("worker %d: device %s, queue %s", os.getpid(), engine.device, settings.queue)
     pulse.rest()
     try:
-        listener.work(logging_level="WARNING")
-    except RedisError:
-        if not stopping and not spent:
-            raise
-        _log.warning("this worker could not deregister from Redis")
+        while not (stopping or spent):
+            run_without_redis(queue, runner, idle=idle, stop=stop, stopped=lambda: stopping or spent)
+            if stopping or spent:
+                break
+            try:
+                connection = Redis.from_url(settings.redis_url)
+                listener = InProcessWorker(settings.queue, connection, runner.run, on_idle=idle, on_stop=stop)
+                listener.work(logging_level="WARNING")
+            except RedisError as error:
+                _log.warning("this worker could not register with Redis, or deregister: %s", type(error).__name__)
+            else:
+                if not listener.lost_redis:
+                    break
     finally:
         stop_tracing()
     return OUT_OF_MEMORY if spent and not stopping else 0
+
+
+def run_without_redis(
+    queue: JobQueue,
+    runner: JobRunner,
+    *,
+    idle: Callable[[], None],
+    stop: Callable[[], None],
+    stopped: Callable[[], bool],
+) -> None:
+    """Run jobs of the record, until Redis answers or the process is to stop."""
+    away = False
+    while not stopped():
+        try:
+            queue.ping()
+        except UnavailableError:
+            if not away:
+                _log.warning("Redis is away: this worker asks the record for jobs until it is back")
+                for number in (signal.SIGINT, signal.SIGTERM):  # RQ's loop puts its own in their places
+                    signal.signal(number, lambda *_: stop())
+            away = True
+        else:
+            if away:
+                _log.info("Redis is back")
+            return
+        idle()
+        try:
+            runner.run("")
+        except MeshdeformError as error:
+            _log.warning("no job could be claimed: %s", error.detail)
+        if not stopped():
+            time.sleep(_ASK_S)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Deform a mesh as in the paper, with a few additions of our own.
 
-`jacobians` and `poisson` implement eq. 6 of the paper, `loop` one optimisation step (eq. 7 and 8), `regularizers`
-eq. 9 to 13. `variables` holds what is optimised. `lattice` and `lattice_field` (assets of several parts),
-`stand_in`, `step_repair` and `surface_guard` are not in the paper; our presets add them.
+`poisson` implements eq. 6 of the paper, `loop` one optimisation step (eq. 7 and 8), `regularizers` eq. 9
+to 13. `variables` holds what is optimised. `lattice` and `lattice_field` (assets of several parts), `stand_in` and
+`surface_guard` are not in the paper; our presets add them.
 
 Source: Xu et al. 2024, FusionDeformer.
 """

@@ -27,10 +27,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.deformation.jacobians import jacobians_from_verts
-from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_cross, face_normals
-from meshdeform.geometry.nearest_places import NearestPlaces
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.deformation.poisson import jacobians_from_verts
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_cross, face_normals
+from meshdeform.geometry.places import NearestPlaces
 
 __all__ = ["Binding", "corner_normals"]
 

@@ -25,8 +25,8 @@ from torch import Tensor
 from meshdeform.deformation.binding import corner_normals
 from meshdeform.deformation.mirror import Mirror
 from meshdeform.geometry.geodesic import surface_distances
-from meshdeform.geometry.nearest_places import NearestPlaces
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.places import NearestPlaces
 
 __all__ = ["UNCONSTRAINED", "Constraints", "Handle", "Placement", "freedom_around"]
 

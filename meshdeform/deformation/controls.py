@@ -12,16 +12,24 @@ uniform quadratic B-splines over `_SPANS[l]` intervals of the longest side of th
 an animal or a ball, are the elements themselves. What is built gets a third level of splines if it is one surface,
 which can bear it: of several parts, more are cut.
 
-P keeps what the asset has (`structure.py`). Mirror symmetry: the mean of the controls with their mirror images,
+P keeps what the asset has (`Structure`). Mirror symmetry: the mean of the controls with their mirror images,
 C <- (C + R C' R) / 2 with R the reflection, makes the map commute with it. Level and upright: without the terms that
 mix the height with the other axes, what is level stays level, and what is upright upright.
 
 Sources: Sederberg and Parry 1986, Free-form deformation of solid geometric models (here of Jacobians in place of
 positions); Forsey and Bartels 1988, Hierarchical B-spline refinement.
+
+`Structure` has the mirror planes of an asset, and whether it stands level and upright. A plane counts if most of the
+surface has a mirror image close by, so that a few parts may lack one, or if nearly all of it has one not far off, as an
+animal in the middle of a step; a second plane only if it is as good. Things that are built have most of their area
+along few directions, and of those every wall should stay upright and every shelf level.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol, Self
 
 import numpy as np
@@ -31,15 +39,40 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.deformation.jacobians import identity_jacobians
-from meshdeform.deformation.structure import Structure
-from meshdeform.geometry.rest_mesh import sparse_product
+from meshdeform.deformation.poisson import identity_jacobians
+from meshdeform.geometry.mesh import RestMesh, sparse_product
+from meshdeform.geometry.places import NearestPlaces, even_samples
 
-__all__ = ["Controls", "Hierarchy", "Level", "OwnJacobians"]
+__all__ = ["Controls", "Hierarchy", "Level", "OwnJacobians", "Structure", "is_level", "mirror_planes", "plane_of"]
+
+
+_SAMPLES = 5000
+
+_NEAR = 0.006
+"""Distance of a mirror image from the surface that counts as none, as a share of the diagonal."""
+
+_MATCHED = 0.8
+"""Share of the surface that must have a mirror image."""
+
+_NOT_FAR, _NEARLY_ALL = 0.03, 0.93
+
+_AS_GOOD = 0.02
+"""How much smaller the matched share of the second plane may be, for both to count."""
+
+_ALONG = 0.98
+"""Cosine from which a normal is along an axis."""
+
+_BUILT, _EACH = 0.5, 0.05
+"""Share of the area along the axes from which a thing counts as built, and of its upright and its level faces."""
+
+_Floats = NDArray[np.float64]
+
 
 _SPANS = (3, 6)
+
 _SPANS_OF_SURFACES = (3, 6, 12)
 """Of what is built."""
+
 _UNLOCKED = 0.4
 """Share of the run over which the levels are unlocked, evenly."""
 
@@ -49,8 +82,67 @@ _REACHED = 0.1
 _FACING = 0.05
 """Weight of a normal, as a share of the diagonal, by which a face's mirror image is told from the other side of it."""
 
-_Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What few controls keep of an asset.
+
+    Attributes
+    ----------
+    plane : int, optional
+        The axis to which the mirror plane, through the middle of the box, is perpendicular.
+    level : bool
+        Whether what is level stays level, and what is upright upright.
+    """
+
+    plane: int | None = None
+    level: bool = False
+
+    def to_tensor(self) -> Tensor:
+        """Return the members as int64, for checkpoints."""
+        return torch.tensor([-1 if self.plane is None else self.plane, int(self.level)])
+
+    @classmethod
+    def from_tensor(cls, values: Tensor) -> Self:
+        """Return what `to_tensor` stored."""
+        plane, level = values.tolist()
+        return cls(None if plane < 0 else plane, bool(level))
+
+
+def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:
+    """Return the axes, of 0 and 2, to which the upright mirror planes of a surface are perpendicular."""
+    low, high = mesh.box
+    points, diagonal = _places(mesh), float(np.linalg.norm(high - low))
+    matched = {}
+    for axis in (0, 2):
+        mirrored = points.copy()
+        mirrored[:, axis] = low[axis] + high[axis] - points[:, axis]
+        distances = NearestPlaces(mesh, mirrored, np.zeros_like(mirrored)).distances(mirrored) / diagonal
+        close = float((distances < _NEAR).mean())
+        if close >= _MATCHED or (distances < _NOT_FAR).mean() >= _NEARLY_ALL:
+            matched[axis] = close
+    return tuple(axis for axis, share in matched.items() if share >= max(matched.values()) - _AS_GOOD)
+
+
+def plane_of(planes: Sequence[int], front_deg: float) -> int | None:
+    """Return the plane to keep, of those with these normals: the one in which the front lies, if there are two."""
+    containing = 0 if abs(math.cos(math.radians(front_deg))) > math.sqrt(0.5) else 2
+    return containing if containing in planes else next(iter(planes), None)
+
+
+def is_level(mesh: RestMesh) -> bool:
+    """Return whether most of the area faces along an axis, and a part of it up or down and to a side: a built thing."""
+    along = np.abs(mesh.normals.numpy()) > _ALONG
+    upright, level = (mesh.areas[faces].sum() / mesh.areas.sum() for faces in (along[:, ::2].any(1), along[:, 1]))
+    return bool(upright + level > _BUILT and min(upright, level) > _EACH)
+
+
+def _places(mesh: RestMesh) -> _Floats:
+    """Return places (P, 3) spread evenly over the surface."""
+    face, weights = even_samples(mesh.areas, _SAMPLES, seed=0)
+    return np.asarray((weights[..., None] * mesh.verts.numpy()[mesh.faces.numpy()[face]]).sum(1))
 
 
 class Controls(Protocol):

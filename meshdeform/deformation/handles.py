@@ -24,7 +24,7 @@ from torch import Tensor
 
 from meshdeform.deformation.constraints import Handle, Placement
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
+from meshdeform.geometry.mesh import RestMesh, sparse_product
 
 __all__ = ["Handles", "handle_rows"]
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from meshdeform.deformation.lattice import Lattice
-from meshdeform.geometry.nearest_places import LargeFaces, nearest_larger_faces
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.places import LargeFaces, nearest_larger_faces
 
 __all__ = ["pull_of_large_faces"]
 

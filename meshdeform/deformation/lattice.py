@@ -25,10 +25,10 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.deformation.linear_system import factorise, solve_linear
+from meshdeform.deformation.poisson import factorise, solve_linear
 from meshdeform.errors import NumericalError
-from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.samples import count_samples, sample_blocks
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.places import count_samples, sample_blocks
 
 __all__ = ["CELLS", "MAX_CELLS", "Lattice", "LatticeSystem"]
 

@@ -19,18 +19,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.deformation.compiled_penalties import STRAINED
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
-from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
+from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians, Structure
 from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.large_faces import pull_of_large_faces
 from meshdeform.deformation.lattice import Lattice, LatticeSystem
+from meshdeform.deformation.regularizers import STRAINED
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
-from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.variables import Elements
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, sparse_product
 
 __all__ = ["LatticeField"]
 

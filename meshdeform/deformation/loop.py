@@ -31,26 +31,22 @@ from torch import Tensor
 
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.controls import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.orientation import Front, Grader, Orientation, OrientationSource, find_orientation
-from meshdeform.deformation.pulls import Pulls
 from meshdeform.deformation.regional import RegionalGradients
-from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.deformation.regularizers import Pulls, Regularizers
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Safeguard, Settings
 from meshdeform.deformation.stand_in import StandIn, chosen_carrier
-from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
-from meshdeform.deformation.variables import Variables, copy_into
+from meshdeform.deformation.variables import Adam, Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
-from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
-from meshdeform.rendering.views import OrthogonalGrid
+from meshdeform.rendering.shading import OrthogonalGrid, Renderer, RenderStyle, Shading
 
 __all__ = ["Deformation", "Step"]
 

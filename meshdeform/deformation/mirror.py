@@ -20,8 +20,8 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.binding import corner_normals
-from meshdeform.geometry.nearest_places import NearestPlaces
-from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
+from meshdeform.geometry.mesh import RestMesh, sparse_product
+from meshdeform.geometry.places import NearestPlaces
 
 __all__ = ["TOLERANCE", "Mirror", "Partners", "find_partners"]
 

@@ -24,12 +24,10 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.deformation.bridges import Bridges, Placement
-from meshdeform.deformation.jacobians import completed_jacobians, jacobians_from_verts
-from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.deformation.poisson import PoissonSystem, completed_jacobians, jacobians_from_verts
 from meshdeform.deformation.rotations import rotation_matrices, rotation_vectors
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
 __all__ = ["ShapePath"]
 

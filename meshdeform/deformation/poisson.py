@@ -19,30 +19,210 @@ still fails, the threshold for collapsed faces is raised to 30 and then to 1,000
 
 QDLDL (Apache-2.0) computes the factor; the triangular solves are our own, for all three coordinates at once.
 `bench/poisson.py` compares them with SuperLU.
+
+The linear systems of a surface and of a lattice
+------------------------------------------------
+A grounded Laplacian is factored as L D L^T, sparsely. QDLDL computes the factor, but solves for one right-hand side per
+call. The triangular solves are therefore compiled here for all three coordinates in one pass over L. They are serial
+and in a fixed order, so every run gives the same bits.
+
+Source: Davis 2006, Direct Methods for Sparse Linear Systems, chapters 3 and 4.
+
+Jacobians of the piecewise-linear map rest -> deformed
+------------------------------------------------------
+A map of a surface determines how edges are mapped, but not what happens along the normal. Three kinds of Jacobian
+follow. That of the map itself sends the rest normal to zero. The optimisation's variables are full 3x3 matrices, of
+which the Poisson solve uses the tangential part. Those that transform the asset's normals are completed to full rank.
+
+Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 2.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
+import qdldl
 import torch
 from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
+from torch.autograd.function import FunctionCtx, once_differentiable
 
-from meshdeform.deformation.linear_system import Factor, factorise, solve_linear
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE, RestMesh
+from meshdeform.geometry.mesh import COLLAPSED_SHAPE, RestMesh, TriangleMesh, face_areas, face_normals, sparse_product
 
-__all__ = ["PoissonSystem"]
+__all__ = [
+    "Factor",
+    "LinearSystem",
+    "PoissonSystem",
+    "completed_jacobians",
+    "factorise",
+    "identity_jacobians",
+    "jacobians_from_verts",
+    "solve_linear",
+]
+
+
+_Floats = NDArray[np.float64]
+
+_Index = NDArray[np.int64]
+
+_SMALLEST_PIVOT = 1e-13
+"""Smallest pivot relative to its diagonal entry; below this, cancellation has consumed all digits."""
+
 
 _SHAPES = (COLLAPSED_SHAPE, 30 * COLLAPSED_SHAPE, 1000 * COLLAPSED_SHAPE)
+
 _SPRING = 1e-6
+
 _SHORTEST = 1e-3
 """Lower bound of an edge length of a collapsed face, relative to its longest edge."""
 
-_Floats = NDArray[np.float64]
+
+@dataclass(frozen=True)
+class Factor:
+    """Factorisation P A P^T = (I + L) D (I + L)^T of the free rows of a matrix.
+
+    Attributes
+    ----------
+    n_rows : int
+        Number of rows of the whole matrix, including the grounded ones.
+    free : (n,) int64
+        Row of the whole matrix for each row of the factor.
+    indptr, indices, data
+        L in compressed columns, without its unit diagonal.
+    inverse_pivots : (n,) float64
+    """
+
+    n_rows: int
+    free: _Index
+    indptr: _Index
+    indices: _Index
+    data: _Floats
+    inverse_pivots: _Floats
+
+    def solve(self, right: _Floats) -> _Floats:
+        """Solve for right-hand sides (n_rows, 3) float64; grounded rows of the solution are zero."""
+        out = np.zeros((self.n_rows, 3))
+        _solve(self.indptr, self.indices, self.data, self.inverse_pivots, self.free, np.ascontiguousarray(right), out)
+        return out
+
+
+def factorise(matrix: sparse.csr_matrix, free: _Index) -> Factor | None:
+    """Factor the symmetric matrix without its grounded rows.
+
+    Parameters
+    ----------
+    matrix : (N, N) float64
+    free : (n,) int64
+        The rows that are not grounded.
+
+    Returns
+    -------
+    Factor, or None if the matrix is not positive definite to float64 precision.
+    """
+    if not len(free):
+        none = np.zeros(0, np.int64)
+        return Factor(matrix.shape[0], none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0))
+    system = matrix[free][:, free].tocsc()
+    if not np.isfinite(system.data).all():
+        return None
+    try:
+        lower, pivots, order = qdldl.Solver(system).factors()
+    except RuntimeError:
+        return None
+    order = np.asarray(order, np.int64)
+    if not (pivots > _SMALLEST_PIVOT * system.diagonal()[order]).all() or not np.isfinite(lower.data).all():
+        return None
+    lower.sort_indices()
+    return Factor(
+        matrix.shape[0],
+        free[order],
+        lower.indptr.astype(np.int64),
+        lower.indices.astype(np.int64),
+        lower.data,
+        1.0 / pivots,
+    )
+
+
+@kernel
+def _solve(
+    indptr: _Index,
+    indices: _Index,
+    data: _Floats,
+    inverse_pivots: _Floats,
+    free: _Index,
+    right: _Floats,
+    out: _Floats,
+) -> None:
+    n = free.size
+    work = np.empty((n, 3))
+    for i in range(n):
+        for c in range(3):
+            work[i, c] = right[free[i], c]
+    for j in range(n):
+        x, y, z = work[j, 0], work[j, 1], work[j, 2]
+        for k in range(indptr[j], indptr[j + 1]):
+            value, i = data[k], indices[k]
+            work[i, 0] -= value * x
+            work[i, 1] -= value * y
+            work[i, 2] -= value * z
+    for j in range(n - 1, -1, -1):
+        pivot = inverse_pivots[j]
+        x, y, z = work[j, 0] * pivot, work[j, 1] * pivot, work[j, 2] * pivot
+        for k in range(indptr[j], indptr[j + 1]):
+            value, i = data[k], indices[k]
+            x -= value * work[i, 0]
+            y -= value * work[i, 1]
+            z -= value * work[i, 2]
+        work[j, 0] = x
+        work[j, 1] = y
+        work[j, 2] = z
+    for i in range(n):
+        for c in range(3):
+            out[free[i], c] = work[i, c]
+
+
+class LinearSystem(Protocol):
+    """A linear map from Jacobians to positions, and its transpose."""
+
+    def _forward(self, jacobians: _Floats) -> _Floats:
+        """Return the positions (N, 3) for Jacobians (E, 3, 3)."""
+
+    def _backward(self, gradient: _Floats) -> _Floats:
+        """Return the gradient (E, 3, 3) for a gradient (N, 3) on the positions."""
+
+
+def solve_linear(system: LinearSystem, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
+    """Return the system's positions (N, 3) float64, differentiable once in the Jacobians.
+
+    Parameters
+    ----------
+    system : LinearSystem
+    jacobians : (E, 3, 3) float64
+    known : (N, 3) float64, optional
+        The positions, if they have already been computed; then only the gradient is computed.
+    """
+    result: Tensor = _Solve.apply(system, jacobians, known)  # type: ignore[no-untyped-call]
+    return result
+
+
+class _Solve(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: FunctionCtx, system: LinearSystem, jacobians: Tensor, known: Tensor | None) -> Tensor:
+        ctx.system = system  # type: ignore[attr-defined]
+        if known is not None:
+            return known.clone()
+        return torch.from_numpy(system._forward(jacobians.detach().numpy()))
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, Tensor, None]:
+        system: LinearSystem = ctx.system  # type: ignore[attr-defined]
+        return None, torch.from_numpy(system._backward(gradient.numpy())), None
 
 
 class PoissonSystem:
@@ -220,3 +400,58 @@ def _springs(mesh: TriangleMesh, thin: NDArray[np.int64]) -> tuple[sparse.csr_ma
     columns = (3 * np.repeat(thin, 3)[:, None] + np.arange(3)).ravel()
     stretch = sparse.csr_matrix((edges.ravel(), (np.repeat(row, 3), columns)), shape=(count, 3 * len(faces)))
     return differences, stretch, weights
+
+
+def identity_jacobians(n_faces: int) -> Tensor:
+    """Return the identity Jacobian of each face, (F, 3, 3) float64."""
+    return torch.eye(3, dtype=torch.float64).repeat(n_faces, 1, 1)
+
+
+def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) -> Tensor:
+    """Compute the per-face Jacobians of the piecewise-linear map rest -> verts.
+
+    Parameters
+    ----------
+    gradient_operator : sparse (3F, V) float64
+        Gradient of the *rest* mesh, 1 / object unit.
+    verts : (V, 3) float64
+        Deformed positions, object units. May require gradients.
+
+    Returns
+    -------
+    (F, 3, 3) float64, dimensionless: ``edge_new = J @ edge_old`` for the edges of each face. Along the rest normal,
+    which the map does not determine, ``J @ n = 0``; `completed_jacobians` fills that direction. Of a collapsed face,
+    only the longest edge is mapped.
+
+    Raises
+    ------
+    ShapeError
+        `verts` does not have one row for each column of the operator.
+    """
+    if verts.shape != (gradient_operator.shape[1], 3):
+        raise ShapeError(f"expected verts ({gradient_operator.shape[1]}, 3), got {tuple(verts.shape)}")
+    return sparse_product(gradient_operator, verts).view(-1, 3, 3).mT.contiguous()
+
+
+def completed_jacobians(mesh: TriangleMesh, verts: Tensor) -> Tensor:
+    """Compute Jacobians (F, 3, 3) that also map the rest normal to the deformed one, stretched like the face.
+
+    ``J = J_tangential + sqrt(area_new / area_old) * n_new n_old^T``: the thickness follows the in-plane scale, so a
+    uniform scaling by s gives exactly ``s I`` and a rotation exactly the rotation. A face that is collapsed at rest
+    gets the identity; one that has lost its area gets no normal part.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        At rest. Of a `RestMesh`, the operators are computed once however often this is called.
+    verts : (V, 3) float64
+        Deformed positions.
+    """
+    rest = RestMesh.of(mesh)
+    tangential = jacobians_from_verts(rest.gradient, verts)
+    area_old = torch.from_numpy(rest.areas)
+    solid = area_old > 0
+    stretch = (face_areas(verts, rest.faces) / torch.where(solid, area_old, 1.0)).sqrt()
+    n_old, n_new = rest.normals, face_normals(verts, rest.faces)
+    normal_part = (stretch[:, None] * n_new)[:, :, None] * n_old[:, None, :]
+    return torch.where(solid[:, None, None], tangential + normal_part, torch.eye(3, dtype=torch.float64))

@@ -20,8 +20,8 @@ from torch import Tensor
 
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.variables import Variables
-from meshdeform.geometry.nearest_places import NearestPlaces
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.places import NearestPlaces
 
 __all__ = ["RegionalGradients"]
 

@@ -27,7 +27,7 @@ from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.deformation.settings import Rigidity
-from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
+from meshdeform.geometry.mesh import RestMesh, sparse_product
 
 __all__ = ["Body", "RigidBodies"]
 

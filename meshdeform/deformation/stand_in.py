@@ -24,17 +24,16 @@ from torch import Tensor
 
 from meshdeform.deformation.binding import Binding
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.controls import Structure
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.settings import Carrier
-from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.nearest_places import NearestPlaces
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.simplify import simplified
 
 __all__ = ["FACES", "MAX_FACES", "StandIn", "carry", "chosen_carrier", "stand_in_of"]

@@ -15,8 +15,8 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
-from meshdeform.geometry.nearest_places import NearestPlaces
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.base_colours import BaseColours, srgb_from_linear
 

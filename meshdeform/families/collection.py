@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.errors import AssetEmptyError
-from meshdeform.geometry.samples import even_samples
+from meshdeform.geometry.places import even_samples
 
 __all__ = ["FEATURES", "Collection", "SampledShape", "far_apart", "rotated", "sample_shape", "turned_alike"]
 

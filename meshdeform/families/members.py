@@ -14,8 +14,7 @@ from scipy.spatial import cKDTree
 from meshdeform.assets import Asset
 from meshdeform.assets.family_file import FamilyFile
 from meshdeform.families.boundary import welded
-from meshdeform.geometry.nearest_places import SurfaceTree
-from meshdeform.geometry.samples import samples_of
+from meshdeform.geometry.places import SurfaceTree, samples_of
 
 __all__ = ["Contact", "MemberPart", "MemberShape", "PlacedSurface", "turned"]
 

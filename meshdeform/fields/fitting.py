@@ -28,15 +28,14 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.deformation.checkpoint import Checkpoint
-from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation.variables import Adam
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.fields.network import FieldNetwork, octaves_of
 from meshdeform.fields.patches import in_corners, level_of, patch
 from meshdeform.fields.rounding import START, rounded, steps_of
 from meshdeform.fields.surface_sources import Surface
 from meshdeform.geometry.mesh import face_normals
-from meshdeform.geometry.nearest_places import SurfaceTree
-from meshdeform.geometry.samples import even_samples
+from meshdeform.geometry.places import SurfaceTree, even_samples
 
 __all__ = ["FieldFit", "FieldFrame", "FitOptions", "FitStep"]
 

@@ -17,7 +17,7 @@ from meshdeform.fields.patches import in_corners, level_of
 from meshdeform.fields.reader import NeuralField
 from meshdeform.fields.rounding import steps_of
 from meshdeform.fields.scalar_fields import STEPS, ScalarField, learn_scalars
-from meshdeform.geometry.nearest_places import SurfaceTree
+from meshdeform.geometry.places import SurfaceTree
 
 __all__ = ["LearnedScalars", "check_places", "learned_scalars", "places_on"]
 

@@ -20,7 +20,7 @@ from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
 from meshdeform.fields.patches import divided
 from meshdeform.fields.surface_sources import MeshSurface, Surface
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.samples import even_samples
+from meshdeform.geometry.places import even_samples
 from meshdeform.geometry.simplify import simplified
 
 __all__ = ["EIGENVALUES", "Reference", "distances"]

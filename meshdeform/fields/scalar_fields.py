@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation.variables import Adam
 from meshdeform.fields.rounding import IN_SPREAD, START, rounded, steps_of
 
 __all__ = ["STEPS", "ScalarField", "learn_scalars"]

@@ -24,7 +24,7 @@ from meshdeform.fields.narrow_band import continued
 from meshdeform.fields.oriented_points import poisson_grid
 from meshdeform.fields.relaxing import relaxed
 from meshdeform.geometry.mesh import connected_components, face_normals
-from meshdeform.geometry.nearest_places import SurfaceTree
+from meshdeform.geometry.places import SurfaceTree
 from meshdeform.requests.surface_fit import MAX_BASE_FACES
 
 __all__ = ["GridSurface", "MeshSurface", "NetworkSurface", "PointSurface", "Surface", "surface_of"]

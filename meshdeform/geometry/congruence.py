@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.procrustes import closest_motion
-from meshdeform.geometry.rest_mesh import RestMesh
 
 __all__ = ["Component", "components_of", "congruent_groups", "is_of_revolution"]
 

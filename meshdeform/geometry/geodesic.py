@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
 
 __all__ = ["surface_distances"]
 

@@ -1,9 +1,23 @@
 """Find the self-intersections of a triangle mesh: faces that cut another, pairs that cut or touch each other.
 
-Bounding boxes are swept along the longest axis, in strips of the second longest; faces whose boxes meet are tested
-(`triangle_pairs.py`). The number of pairs is not bounded by that of the faces: a few thousand copies of one box lie in
+Bounding boxes are swept along the longest axis, in strips of the second longest; faces whose boxes meet are tested.
+The number of pairs is not bounded by that of the faces: a few thousand copies of one box lie in
 one place. So a search does an amount of work that grows with the faces only, many times what the surface of an object
 takes, and gives up beyond it.
+
+Two triangles cut each other if an edge of one passes through the other. The signs of five determinants decide this: the
+edge's ends lie on different sides of the plane, and the edge's line passes on the same side of all three edges of the
+triangle. A determinant closer to zero than its rounding error has no sign; then the point where the edge crosses the
+plane decides. An edge that ends in the other's plane only touches it: touching and coplanar overlap do not count as
+cuts.
+
+Faces that share an edge cannot cut each other unless they are folded flat, and are not tested; of faces that share one
+vertex, each one's opposite edge is tested.
+
+Two triangles that do not cut each other are as far apart as their closest edges, or a corner and the other triangle.
+
+Sources: Guigue and Devillers 2003, Fast and Robust Triangle-Triangle Overlap Test; Shewchuk 1997, Adaptive Precision
+Floating-Point Arithmetic, for the error bound; Ericson 2005, Real-Time Collision Detection, sections 5.1.5 and 5.1.9.
 """
 
 from __future__ import annotations
@@ -12,9 +26,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.triangle_pairs import faces_cut, faces_touch
 
-__all__ = ["TooManyPairsError", "cutting_pairs", "intersecting_faces", "touching_pairs"]
+__all__ = ["TooManyPairsError", "cutting_pairs", "faces_cut", "faces_touch", "intersecting_faces", "touching_pairs"]
+
+
+_ERROR = 8.0e-16
+"""Relative rounding error of a determinant of differences: (7 + 56 eps) eps with eps = 2^-53."""
+
+_BORDER = 1e-9
+"""Barycentric coordinate below zero that counts as on the border."""
+
+_Floats = NDArray[np.float64]
+
+_Index = NDArray[np.int64]
+
 
 _STRIPS = 32
 """Strips of the second axis in a sweep; a face is in all that its box meets."""
@@ -28,9 +53,179 @@ _LISTED, _LISTED_OF_FACE = 1_000_000, 10
 _BOXES_OF_TEST = 250
 """Comparisons of two boxes that take as long as the test of a pair."""
 
-_Floats = NDArray[np.float64]
-_Index = NDArray[np.int64]
 _Flags = NDArray[np.bool_]
+
+
+@kernel
+def _side(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> int:
+    """Return the side of the plane a b c on which d lies: -1, 1, or 0 if float64 cannot tell."""
+    ax, ay, az = a[0] - d[0], a[1] - d[1], a[2] - d[2]
+    bx, by, bz = b[0] - d[0], b[1] - d[1], b[2] - d[2]
+    cx, cy, cz = c[0] - d[0], c[1] - d[1], c[2] - d[2]
+    det = az * (bx * cy - cx * by) + bz * (cx * ay - ax * cy) + cz * (ax * by - bx * ay)
+    size = (
+        (abs(bx * cy) + abs(cx * by)) * abs(az)
+        + (abs(cx * ay) + abs(ax * cy)) * abs(bz)
+        + (abs(ax * by) + abs(bx * ay)) * abs(cz)
+    )
+    if det > _ERROR * size:
+        return 1
+    if det < -_ERROR * size:
+        return -1
+    return 0
+
+
+@kernel
+def _edge_cuts(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bool:
+    """Return whether the segment p q passes through the triangle a b c from one side to the other."""
+    if _side(a, b, c, p) * _side(a, b, c, q) >= 0:
+        return False
+    first, second, third = _side(p, q, a, b), _side(p, q, b, c), _side(p, q, c, a)
+    low, high = min(first, second, third), max(first, second, third)
+    if low * high < 0 or (low == 0 and high == 0):
+        return False
+    return bool(first * second * third != 0 or _crosses_inside(p, q, a, b, c))
+
+
+@kernel
+def _crosses_inside(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bool:
+    """Return whether the segment p q crosses the plane a b c in the triangle or on its border.
+
+    In one plane all determinants are rounding errors, so those without a sign do not tell even far from the triangle.
+    """
+    nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
+    ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
+    nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    above = abs(nx * (p[0] - a[0]) + ny * (p[1] - a[1]) + nz * (p[2] - a[2]))
+    below = abs(nx * (q[0] - a[0]) + ny * (q[1] - a[1]) + nz * (q[2] - a[2]))
+    share = above / (above + below) if above + below > 0.0 else 0.5
+    bb, cc, bc = _dot(a, b, a, b), _dot(a, c, a, c), _dot(a, b, a, c)
+    xb = (1 - share) * _dot(a, p, a, b) + share * _dot(a, q, a, b)
+    xc = (1 - share) * _dot(a, p, a, c) + share * _dot(a, q, a, c)
+    v, w, size = cc * xb - bc * xc, bb * xc - bc * xb, bb * cc - bc * bc
+    return bool(v >= -_BORDER * size and w >= -_BORDER * size and v + w <= (1 + _BORDER) * size)
+
+
+@kernel
+def _one_sided(verts: _Floats, f: _Index, g: _Index) -> bool:
+    """Return whether face g lies on one side of face f's plane: the quick rejection of almost all pairs."""
+    a, b, c = verts[f[0]], verts[f[1]], verts[f[2]]
+    total = _side(a, b, c, verts[g[0]]) + _side(a, b, c, verts[g[1]]) + _side(a, b, c, verts[g[2]])
+    return bool(abs(total) == 3)
+
+
+@kernel
+def faces_cut(verts: _Floats, f: _Index, g: _Index) -> bool:
+    """Return whether faces f and g (3,) of the vertices (V, 3) cut through each other."""
+    shared, at_f, at_g = 0, -1, -1
+    for i in range(3):
+        for j in range(3):
+            if f[i] == g[j]:
+                shared += 1
+                at_f, at_g = i, j
+    if shared >= 2:
+        return False
+    if shared == 0 and (_one_sided(verts, f, g) or _one_sided(verts, g, f)):
+        return False
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        if (shared == 0 or i == at_f) and _edge_cuts(verts[f[j]], verts[f[k]], verts[g[0]], verts[g[1]], verts[g[2]]):
+            return True
+        if (shared == 0 or i == at_g) and _edge_cuts(verts[g[j]], verts[g[k]], verts[f[0]], verts[f[1]], verts[f[2]]):
+            return True
+    return False
+
+
+@kernel
+def _dot(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> float:
+    """Return the scalar product of b - a and d - c."""
+    return float((b[0] - a[0]) * (d[0] - c[0]) + (b[1] - a[1]) * (d[1] - c[1]) + (b[2] - a[2]) * (d[2] - c[2]))
+
+
+@kernel
+def _squared_to_triangle(p: _Floats, a: _Floats, b: _Floats, c: _Floats) -> float:
+    """Return the squared distance of a point from a triangle's inside; infinite if its foot lies outside."""
+    bb, cc, bc = _dot(a, b, a, b), _dot(a, c, a, c), _dot(a, b, a, c)
+    pb, pc = _dot(a, p, a, b), _dot(a, p, a, c)
+    size = bb * cc - bc * bc
+    v, w = cc * pb - bc * pc, bb * pc - bc * pb
+    if size <= 0.0 or v < 0.0 or w < 0.0 or v + w > size:
+        return np.inf
+    v, w = v / size, w / size
+    total = 0.0
+    for i in range(3):
+        total += (p[i] - a[i] - v * (b[i] - a[i]) - w * (c[i] - a[i])) ** 2
+    return total
+
+
+@kernel
+def _squared_between_edges(p: _Floats, q: _Floats, a: _Floats, b: _Floats) -> float:
+    """Return the squared distance between the segments p q and a b."""
+    dd, ee, de = _dot(p, q, p, q), _dot(a, b, a, b), _dot(p, q, a, b)
+    dr, er = _dot(p, q, a, p), _dot(a, b, a, p)
+    s, across = 0.0, dd * ee - de * de
+    if across > 0.0:
+        s = min(max((de * er - dr * ee) / across, 0.0), 1.0)
+    t = min(max((de * s + er) / ee, 0.0), 1.0) if ee > 0.0 else 0.0
+    if dd > 0.0:
+        s = min(max((de * t - dr) / dd, 0.0), 1.0)
+    total = 0.0
+    for i in range(3):
+        total += (p[i] + s * (q[i] - p[i]) - a[i] - t * (b[i] - a[i])) ** 2
+    return total
+
+
+@kernel
+def _separated(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, squared: float) -> bool:
+    """Return whether a plane across the line between the centres separates them: the quick rejection of neighbours."""
+    size = p_side = q_side = a_side = b_side = c_side = 0.0
+    for i in range(3):
+        d = (p[i] + q[i]) / 2 - (a[i] + b[i] + c[i]) / 3
+        size += d * d
+        p_side += p[i] * d
+        q_side += q[i] * d
+        a_side += a[i] * d
+        b_side += b[i] * d
+        c_side += c[i] * d
+    gap = min(p_side, q_side) - max(a_side, b_side, c_side)
+    return bool(gap > 0 and gap * gap > squared * size)
+
+
+@kernel
+def _edge_touches(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, squared: float) -> bool:
+    """Return whether the segment p q comes as close as that to the triangle a b c."""
+    if _separated(p, q, a, b, c, squared):
+        return False
+    if _edge_cuts(p, q, a, b, c):
+        return True
+    near = min(_squared_to_triangle(p, a, b, c), _squared_to_triangle(q, a, b, c))
+    near = min(near, _squared_between_edges(p, q, a, b))
+    near = min(near, _squared_between_edges(p, q, b, c), _squared_between_edges(p, q, c, a))
+    return bool(near <= squared)
+
+
+@kernel
+def faces_touch(verts: _Floats, f: _Index, g: _Index, reach: float) -> bool:
+    """Return whether faces f and g (3,) of the vertices (V, 3) cut each other, or come as close as `reach`."""
+    shared, at_f, at_g = 0, -1, -1
+    for i in range(3):
+        for j in range(3):
+            if f[i] == g[j]:
+                shared += 1
+                at_f, at_g = i, j
+    if shared >= 2:
+        return False
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        if (shared == 0 or i == at_f) and _edge_touches(
+            verts[f[j]], verts[f[k]], verts[g[0]], verts[g[1]], verts[g[2]], reach * reach
+        ):
+            return True
+        if (shared == 0 or i == at_g) and _edge_touches(
+            verts[g[j]], verts[g[k]], verts[f[0]], verts[f[1]], verts[f[2]], reach * reach
+        ):
+            return True
+    return False
 
 
 class TooManyPairsError(Exception):

@@ -15,6 +15,21 @@ is below 1. Lengths in the texture are in texels. Triangles without a texture, o
 Sources: symmetric Dirichlet energy: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2,
 here ``(s1^2 + s2^2 + s1^-2 + s2^-2) / 4`` of the singular values of each face's map, after removing the mean area
 scale, so that a similarity has the value 1. Stretch: Sander et al. 2001, Texture Mapping Progressive Meshes, section 3.
+
+`Structure` has what a person would see at once, and no judge does. Its figures compare the result with the source, are
+shares of the diagonal of the shape in question unless said otherwise, and are 0 for a result that is its source, or
+that is its source scaled, moved, or stretched along an axis.
+
+::
+
+    asymmetry   mean_p |R x'(p) - x'(q)|     p, q: places of the source that are mirror images; R: the reflection
+    flatness    rms distance of a flat piece from its best plane, over the diagonal of the piece; the mean by area
+    contacts    mean distance of places on different components that touched at rest
+
+A source counts as symmetric if four fifths of its surface have a mirror image within `_MATCHED`; of two such
+planes that match equally, the better kept one counts.
+
+`FitQuality` compares a mesh with a target: distances between samples of each and the nearest places on the other.
 """
 
 from __future__ import annotations
@@ -24,36 +39,80 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.area_vectors import area_vectors
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
-from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
+from meshdeform.geometry.mesh import COLLAPSED_SHAPE, RestMesh, TriangleMesh, area_vectors
+from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples
 
 __all__ = [
     "FaceNeighbours",
+    "FitQuality",
     "MeshQuality",
+    "Structure",
     "TextureStretch",
+    "distances_between",
     "face_stretch",
     "measure",
+    "measure_fit",
+    "measure_structure",
     "measure_texture_stretch",
     "texel_corners",
 ]
 
 
 _Floats = NDArray[np.float64]
+
 _Faces = NDArray[np.int64]
+
 _COLLAPSED_SHARE = 1e-6
+
 _UNMOVED = 1e-7
 """Displacement, as a share of the bounding box's diagonal, that counts as none: about what 32-bit floats resolve.
 Rounding would otherwise flip needles and make sheets that touch cut each other."""
+
 _TOUCHING = 1e-6
 """Distance, as a share of the bounding box's diagonal, up to which faces touch."""
+
 _ROUNDING = 1e-15
 """Of the largest coordinate: what entering and leaving another frame may change."""
+
 _RESIZED = 1.5
 """Factor by which lengths in a face may differ from the overall scale before the face counts as reshaped. Furniture and
 vehicles of one kind differ by about as much; twice is seen at once, also in a texture."""
+
+
+_SAMPLES = 20_000
+
+_MATCHED = 0.006
+
+_SYMMETRIC_SHARE = 0.8
+
+_AS_GOOD = 0.02
+"""By how much less of the surface may match at a plane that is as good as the best one."""
+
+_FLAT_COSINE = float(np.cos(np.radians(1.0)))
+
+_FLAT_SHARE = 0.005
+"""Share of the area from which a flat piece counts."""
+
+_FLAT_RMS = 0.002
+
+_CONTACT = 0.01
+
+_PARTNERS = 8
+
+_CORNERS = 100_000
+"""Vertices at which contacts are sought beside the random places; twice as many are still all taken."""
+
+
+_FIT_SAMPLES = 20_000
+
+_NEAR = 0.01
+
+_SPACING = 0.01
 
 
 @dataclass(frozen=True)
@@ -317,6 +376,7 @@ class FaceNeighbours:
 
 
 _STRONG = 2.0
+
 _FLAT = 1e-9
 """Area in the texture, in texels, below which a triangle shows one colour."""
 
@@ -409,3 +469,174 @@ def _areas(points: _Floats) -> _Floats:
     """Return the area (T,) of triangles with these corners (T, 3, 3)."""
     areas: _Floats = np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1) / 2
     return areas
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What became of mirror symmetry, flat pieces and contacts.
+
+    Attributes
+    ----------
+    asymmetry : float or None
+        Added; None if the source is not symmetric.
+    flatness : float or None
+        Lost; None if the source has no flat piece.
+    contacts : float or None
+        Growth of the mean gap; None if no components touch.
+    components : int
+    """
+
+    asymmetry: float | None
+    flatness: float | None
+    contacts: float | None
+    components: int
+
+    def to_dict(self) -> dict[str, float | int | None]:
+        """Return the figures by name."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Random places on the source, uniform by area: their faces' corners (P, 3) and barycentric coordinates (P, 3)."""
+
+    corners: NDArray[np.int64]
+    weights: _Floats
+
+    @classmethod
+    def draw(cls, rest: RestMesh) -> _Places:
+        rng = np.random.default_rng(0)
+        share = np.cumsum(rest.areas)
+        face = np.searchsorted(share, rng.random(_SAMPLES) * share[-1], side="right").clip(max=len(share) - 1)
+        root, second = np.sqrt(rng.random(_SAMPLES)), rng.random(_SAMPLES)
+        return cls(rest.faces.numpy()[face], np.stack([1 - root, root * (1 - second), root * second], 1))
+
+    def on(self, verts: _Floats) -> _Floats:
+        return np.asarray((self.weights[..., None] * verts[self.corners]).sum(1))
+
+
+def measure_structure(source: TriangleMesh, result: TriangleMesh) -> Structure:
+    """Compare a result with its source, a mesh of the same faces whose up axis is +Y."""
+    rest, before, after = RestMesh.of(source), source.verts.numpy(), result.verts.numpy()
+    places = _Places.draw(rest)
+    components = rest.components.numpy()
+    return Structure(
+        _asymmetry(rest, places, after),
+        _flatness(rest, after),
+        _contacts(places, components, before, after),
+        int(rest.num_components),
+    )
+
+
+def _diagonal(verts: _Floats) -> float:
+    return float(np.linalg.norm(np.ptp(verts, axis=0)))
+
+
+def _asymmetry(rest: RestMesh, places: _Places, after: _Floats) -> float | None:
+    before = rest.verts.numpy()
+    points = places.on(before)
+    found: dict[float, float] = {}
+    for axis in (0, 2):
+        middle = (before[:, axis].max() + before[:, axis].min()) / 2
+        mirrored = points.copy()
+        mirrored[:, axis] = 2 * middle - points[:, axis]
+        partners = NearestPlaces(rest, mirrored, np.zeros_like(mirrored))
+        matched = partners.distances(mirrored) < _MATCHED * _diagonal(before)
+        if (share := float(matched.mean())) >= _SYMMETRIC_SHARE:
+            old, new = (_mirror_error(places.on(v), partners.blend(v), matched, axis, v) for v in (before, after))
+            found[share] = min(max(0.0, new - old), found.get(share, np.inf))
+    # A cart is nearly its own mirror image from front to back: that is not the symmetry to keep.
+    return min((error for share, error in found.items() if share >= max(found) - _AS_GOOD), default=None)
+
+
+def _mirror_error(points: _Floats, partners: _Floats, matched: NDArray[np.bool_], axis: int, verts: _Floats) -> float:
+    points, partners = points[matched].copy(), partners[matched]
+    middle = np.median(points[:, axis] + partners[:, axis]) / 2
+    points[:, axis] = 2 * middle - points[:, axis]
+    return float(np.linalg.norm(points - partners, axis=1).mean()) / _diagonal(verts)
+
+
+def _flatness(rest: RestMesh, after: _Floats) -> float | None:
+    before, faces, areas = rest.verts.numpy(), rest.faces.numpy(), rest.areas
+    pairs = sparse.coo_matrix(rest.edge_adjacency)
+    normals = rest.normals.numpy()
+    level = (normals[pairs.row] * normals[pairs.col]).sum(1) > _FLAT_COSINE
+    joined = sparse.coo_matrix((np.ones(level.sum()), (pairs.row[level], pairs.col[level])), shape=pairs.shape)
+    count, piece = connected_components(joined, directed=False)
+    area = np.bincount(piece, areas, count)
+    lost, weights = [], []
+    for number in np.flatnonzero((area >= _FLAT_SHARE * areas.sum()) & (np.bincount(piece, minlength=count) > 1)):
+        corners = np.unique(faces[piece == number])
+        # The faces of a finely divided sphere hardly bend from one to the next: it is not flat.
+        if (old := _unevenness(before[corners])) < _FLAT_RMS:
+            lost.append(max(0.0, _unevenness(after[corners]) - old))
+            weights.append(area[number])
+    return float(np.average(lost, weights=weights)) if lost else None
+
+
+def _unevenness(points: _Floats) -> float:
+    """Return the rms distance of points from their best plane, over their diagonal."""
+    centred = points - points.mean(0)
+    smallest = np.linalg.svd(centred, compute_uv=False)[-1] if len(points) > 3 else 0.0
+    return float(smallest / np.sqrt(len(points)) / max(_diagonal(points), 1e-300))
+
+
+def _contacts(places: _Places, components: NDArray[np.int64], before: _Floats, after: _Floats) -> float | None:
+    if not components.any():
+        return None
+    corners = np.arange(0, len(before), max(1, len(before) // _CORNERS))
+    owner = np.concatenate([components[places.corners[:, 0]], components[corners]])
+    old, new = (np.concatenate([places.on(v), v[corners]]) for v in (before, after))
+    near, index = cKDTree(old).query(old, k=_PARTNERS, distance_upper_bound=_CONTACT * _diagonal(before))
+    first = np.repeat(np.arange(len(old)), _PARTNERS)
+    second, valid = index.ravel(), np.isfinite(near.ravel())
+    first, second = first[valid], second[valid]
+    apart = owner[first] != owner[second]
+    first, second = first[apart], second[apart]
+    if not len(first):
+        return None
+    gaps = [np.linalg.norm(p[first] - p[second], axis=1).mean() / _diagonal(p) for p in (old, new)]
+    return max(0.0, float(gaps[1] - gaps[0]))
+
+
+@dataclass(frozen=True)
+class FitQuality:
+    """Distances between a mesh and its target, as shares of the diagonal of the target's bounding box.
+
+    Attributes
+    ----------
+    within : float
+        Share of the target's surface that is within 1 % of the mesh.
+    to_target, from_target : float
+        Mean distance from the mesh to the target, and from the target to the mesh.
+    """
+
+    within: float
+    to_target: float
+    from_target: float
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the figures by name."""
+        return asdict(self)
+
+
+def measure_fit(mesh: TriangleMesh, target: TriangleMesh) -> FitQuality:
+    """Compare a mesh with a target in the same frame."""
+    there, back = distances_between(mesh, target), distances_between(target, mesh)
+    corners = target.verts.numpy()[np.unique(target.faces.numpy())]
+    diagonal = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    return FitQuality(
+        float((back <= _NEAR * diagonal).mean()), float(there.mean()) / diagonal, float(back.mean()) / diagonal
+    )
+
+
+def distances_between(mesh: TriangleMesh, other: TriangleMesh) -> _Floats:
+    """Return the distances of 20,000 samples that lie evenly on a mesh from the surface of another one."""
+    rest, goal = RestMesh.of(mesh), RestMesh.of(other)
+    face, weights = even_samples(rest.areas, _FIT_SAMPLES, 0)
+    points = (rest.verts.numpy()[rest.faces.numpy()[face]] * weights[:, :, None]).sum(1)
+    verts, faces = goal.verts.numpy(), goal.faces.numpy()
+    spacing = _SPACING * float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0)))
+    tree = SurfaceTree(verts, faces, goal.normals.numpy(), spacing=spacing, opposite=0.0)
+    found, places = tree.find(points, np.zeros_like(points))
+    return np.asarray(np.linalg.norm((verts[faces[found]] * places[:, :, None]).sum(1) - points, axis=1))

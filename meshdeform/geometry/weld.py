@@ -15,8 +15,7 @@ from torch import Tensor
 
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
 __all__ = ["WELD_TOLERANCE", "WeldedMesh", "weld"]
 

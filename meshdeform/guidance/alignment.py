@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.errors import AlignmentError
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.samples import even_samples
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.places import even_samples
 from meshdeform.guidance.landmarks import Landmark
 from meshdeform.guidance.points import LIMITS, diagonal_of
 

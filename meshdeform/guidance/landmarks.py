@@ -10,10 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.nearest_places import SurfaceTree
-from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
-from meshdeform.geometry.samples import blend_matrix
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, sparse_product
+from meshdeform.geometry.places import SurfaceTree, blend_matrix
 
 __all__ = ["Landmark", "LandmarkTerm"]
 

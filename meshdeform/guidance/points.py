@@ -24,10 +24,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.geometry.mesh import TriangleMesh, face_normals
-from meshdeform.geometry.nearest_places import SurfaceTree
-from meshdeform.geometry.rest_mesh import RestMesh, sparse_product
-from meshdeform.geometry.samples import blend_matrix, even_samples
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_normals, sparse_product
+from meshdeform.geometry.places import SurfaceTree, blend_matrix, even_samples
 
 __all__ = ["EVERY_STEPS", "LIMITS", "SAMPLES", "PointTerm", "diagonal_of", "on_border"]
 

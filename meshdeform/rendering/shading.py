@@ -3,7 +3,7 @@
 There are three kinds of shading: `normals` colours every face by its normal in the camera's frame, 0.5 + 0.5 n (as in
 the builtin prior's training data); `lambert` lights neutral clay with smooth normals; and `textured` lights the asset's
 own base colours in the same way. In a fixed scene, light comes from the camera's upper left, and a quarter of it is
-ambient. In a varied scene (`scenes.py`), light and background change with every view, and the clay is that of the
+ambient. In a varied scene (`Scene`), light and background change with every view, and the clay is that of the
 published code: albedo 0.5, light 5 / pi, no ambient light. All kinds of shading treat surfaces as two-sided.
 
 `textured` computes in linear light and encodes the picture as sRGB. A quarter of its light is ambient in varied scenes
@@ -11,7 +11,32 @@ too, because a texture in black shade would not be seen, and white is 1. All mat
 declares unlit, so that the shape is seen. Colours move with the surface and cut-outs with their texture, and the
 picture is differentiable in both (`base_colours.py`); what is seen through a hole or through glass is drawn behind it.
 
-Source of the combination of orthogonal views: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8.
+On the CPU, `normals` is compiled, with its gradient (`colour_by_normals`). Views are shared among threads. Sums are
+added up in float64, of each view in the order of its pixels and faces and then of the views in their order, so the same
+input gives the same bits with any number of threads.
+
+Scenes
+------
+The paper renders with an arbitrary background colour (section 4.1); its code draws, for every view, one of three kinds
+of background and a light from anywhere on the camera's side. The gradient then averages over surroundings, so the shape
+has to match the prompt whatever the background and light.
+
+A background is, with equal odds,
+
+* noise: an independent colour at every pixel, blurred;
+* a checkerboard of two colours, 2 to 8 squares a side, blurred;
+* one colour.
+
+The density of the light's direction is proportional to the cosine of its angle to the camera's: 45 degrees on average.
+
+Sources: Xu et al. 2024, FusionDeformer, section 4.1 and its public code; Jain et al. 2022, Zero-shot text-guided object
+generation with Dream Fields, section 4.2 (the three kinds of background).
+
+Views
+-----
+Image models know single pictures, so four views a quarter turn apart share one.
+
+Source: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8.
 """
 
 from __future__ import annotations
@@ -20,31 +45,457 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
+from torch.autograd.function import FunctionCtx, once_differentiable
 from torch.nn import functional
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.mesh import edges_of
-from meshdeform.geometry.rest_mesh import COLLAPSED_SHAPE
+from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import COLLAPSED_SHAPE, area_vectors, edges_of
+from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
-from meshdeform.rendering.cameras import Cameras
-from meshdeform.rendering.compiled_normals import SLIM_SHAPE, TRUST_FROM, TRUST_OVER, colour_by_normals, shrink
-from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, backend, interpolate, rasterize
-from meshdeform.rendering.scenes import Scene, sample_scene
+from meshdeform.rendering.cameras import CameraRange, Cameras, fixed_cameras, sample_orthogonal_cameras
+from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
+from meshdeform.support.threads import in_ranges
 
-__all__ = ["RenderStyle", "Renderer", "Shading", "combine_views"]
+__all__ = [
+    "SLIM_SHAPE",
+    "TRUST_FROM",
+    "TRUST_OVER",
+    "OrthogonalGrid",
+    "RenderStyle",
+    "Renderer",
+    "Scene",
+    "Shading",
+    "colour_by_normals",
+    "combine_views",
+    "sample_scene",
+    "shrink",
+]
+
+
+SLIM_SHAPE = 1e-2
+"""Below this area over longest edge squared, a face passes on a smaller share of its pixels' gradients.
+
+The gradient of a pixel grows with the reciprocal of the face's height, but is only valid for motions shorter than that
+height, and no optimiser step is that short. The gradient is therefore limited to that of a face of this shape.
+"""
+
+TRUST_FROM, TRUST_OVER = 0.7, 0.25
+"""Cosine between smooth and flat normal from which, and over which, the smooth one's motion counts in part."""
+
+_SHORTEST = 1e-12
+
+_Floats = NDArray[np.float64]
+
+_Index = NDArray[np.int64]
+
+
+_SQUARES = (2, 8)
+
+_BLUR = (0.01, 0.06)
+"""Standard deviation of the blur, as a share of the view's side."""
 
 
 Shading = Literal["normals", "lambert", "textured", "mixed"]
 
 _AMBIENT = 0.25
+
 _LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
+
 _VARIED_GAIN = 0.5 * 5 / math.pi
 """Albedo times light of the published code."""
+
 _TEXTURED_ODDS = 0.5
 """Share of the steps of a `mixed` style that are `textured`."""
+
+
+@kernel
+def _scaled(vectors: _Floats) -> _Floats:
+    """Return the lengths (N,) of vectors (N, 3), which become unit vectors; those of no length are divided by 1e-12."""
+    lengths = np.empty(len(vectors))
+    for n in range(len(vectors)):
+        x, y, z = vectors[n, 0], vectors[n, 1], vectors[n, 2]
+        lengths[n] = np.sqrt(x * x + y * y + z * z)
+        inverse = 1.0 / max(lengths[n], _SHORTEST)
+        vectors[n, 0], vectors[n, 1], vectors[n, 2] = x * inverse, y * inverse, z * inverse
+    return lengths
+
+
+@kernel
+def _facing(normals: _Floats, verts: _Floats, faces: _Index, eye: _Floats, view: int, f: int) -> float:
+    """Return 1 if a view sees a face from its front, else -1."""
+    v, total = faces[f, 0], 0.0
+    for c in range(3):
+        total += normals[f, c] * (eye[view, c] - verts[v, c])
+    return -1.0 if total < 0 else 1.0
+
+
+@kernel
+def _draw(
+    verts: _Floats,
+    normals: _Floats,
+    faces: _Index,
+    eye: _Floats,
+    axes: _Floats,
+    face_ids: _Index,
+    backdrop: _Floats,
+    image: _Floats,
+) -> None:
+    """Fill in an image (B, H, W, 3): unit normals (F, 3), or a backdrop (B, H, W, 3) or (1, 1, 1, 3)."""
+    alike = backdrop.shape[1] == 1
+    for view in range(face_ids.shape[0]):
+        for row in range(face_ids.shape[1]):
+            for column in range(face_ids.shape[2]):
+                f = face_ids[view, row, column]
+                if f < 0:
+                    for c in range(3):
+                        image[view, row, column, c] = backdrop[0, 0, 0, c] if alike else backdrop[view, row, column, c]
+                    continue
+                half = 0.5 * _facing(normals, verts, faces, eye, view, f)
+                for c in range(3):
+                    image[view, row, column, c] = 0.5 + half * (
+                        axes[view, c, 0] * normals[f, 0]
+                        + axes[view, c, 1] * normals[f, 1]
+                        + axes[view, c, 2] * normals[f, 2]
+                    )
+
+
+@kernel
+def _shares(verts: _Floats, faces: _Index, lengths: _Floats) -> _Floats:
+    """Return the share (F,) of its pixels' gradients that each face passes on; 0 if it has no area."""
+    share = np.zeros(len(faces))
+    for f in range(len(faces)):
+        longest = 0.0
+        for i in range(3):
+            a, b, square = faces[f, i], faces[f, (i + 1) % 3], 0.0
+            for c in range(3):
+                square += (verts[b, c] - verts[a, c]) ** 2
+            longest = max(longest, square)
+        if lengths[f] > 2 * COLLAPSED_SHAPE * longest:
+            share[f] = min(lengths[f] / (2 * longest) / SLIM_SHAPE, 1.0)
+    return share
+
+
+@kernel
+def _normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats, _Floats, _Floats]:
+    """Return unit normals (F, 3) of the faces, their lengths before and shares (F,), and unit normals (V, 3)."""
+    normals = area_vectors(verts, faces)
+    smooth = np.zeros((len(verts), 3))
+    for f in range(len(faces)):
+        for i in range(3):
+            for c in range(3):
+                smooth[faces[f, i], c] += normals[f, c]
+    _scaled(smooth)
+    lengths = _scaled(normals)
+    return normals, lengths, _shares(verts, faces, lengths), smooth
+
+
+@kernel
+def _backward(
+    verts: _Floats,
+    clip: _Floats,
+    faces: _Index,
+    eye: _Floats,
+    axes: _Floats,
+    face_ids: _Index,
+    normals: _Floats,
+    share: _Floats,
+    smooth: _Floats,
+    gradient: _Floats,
+    d_normals: _Floats,
+    d_clip: _Floats,
+) -> None:
+    """Add to the gradients of each view's unit normals (B, F, 3) and of the vertices' places in it (B, V, 4)."""
+    height, width = face_ids.shape[1], face_ids.shape[2]
+    x, y, g, d = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for view in range(face_ids.shape[0]):
+        for row in range(height):
+            for column in range(width):
+                f = face_ids[view, row, column]
+                if f < 0 or share[f] == 0.0:
+                    continue
+                # The gradient on the normal, in the world: the pixel's, turned back.
+                half = 0.5 * share[f] * _facing(normals, verts, faces, eye, view, f)
+                r, s, t = gradient[view, row, column, 0], gradient[view, row, column, 1], gradient[view, row, column, 2]
+                for c in range(3):
+                    d[c] = half * (axes[view, 0, c] * r + axes[view, 1, c] * s + axes[view, 2, c] * t)
+                    d_normals[view, f, c] += d[c]
+                # Of the smooth normals only the motion counts, as `_motion_only` says.
+                px, py = (column + 0.5) * (2.0 / width) - 1.0, 1.0 - (row + 0.5) * (2.0 / height)
+                for i in range(3):
+                    v = faces[f, i]
+                    x[i] = clip[view, v, 0] - px * clip[view, v, 3]
+                    y[i] = clip[view, v, 1] - py * clip[view, v, 3]
+                a, b = x[1] * y[2] - y[1] * x[2], x[2] * y[0] - y[2] * x[0]
+                total = a + b + x[0] * y[1] - y[0] * x[1]
+                if total == 0.0:
+                    continue
+                a, b = a / total, b / total
+                cosine = 0.0
+                for i in range(3):
+                    v, weight = faces[f, i], (a if i == 0 else b if i == 1 else 1.0 - a - b)
+                    g[i] = d[0] * smooth[v, 0] + d[1] * smooth[v, 1] + d[2] * smooth[v, 2]
+                    cosine += weight * (
+                        normals[f, 0] * smooth[v, 0] + normals[f, 1] * smooth[v, 1] + normals[f, 2] * smooth[v, 2]
+                    )
+                trust = min(max((cosine - TRUST_FROM) / TRUST_OVER, 0.0), 1.0)
+                if trust == 0.0:
+                    continue
+                mean = a * g[0] + b * g[1] + (1.0 - a - b) * g[2]
+                for i in range(3):
+                    j, k = (i + 1) % 3, (i + 2) % 3
+                    # The area of part i is x_j y_k - y_j x_k.
+                    d_area = trust * (g[i] - mean) / total
+                    v, dx, dy = faces[f, j], d_area * y[k], -d_area * x[k]
+                    d_clip[view, v, 0] += dx
+                    d_clip[view, v, 1] += dy
+                    d_clip[view, v, 3] -= px * dx + py * dy
+                    v, dx, dy = faces[f, k], -d_area * y[j], d_area * x[j]
+                    d_clip[view, v, 0] += dx
+                    d_clip[view, v, 1] += dy
+                    d_clip[view, v, 3] -= px * dx + py * dy
+
+
+@kernel
+def _through_normals(
+    verts: _Floats, faces: _Index, normals: _Floats, lengths: _Floats, d_normals: _Floats, d_verts: _Floats
+) -> None:
+    """Take the gradient of unit normals (F, 3), faces times their lengths, to the vertices (V, 3)."""
+    for f in range(len(faces)):
+        if lengths[f] <= _SHORTEST:
+            continue
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        along = 0.0
+        for c in range(3):
+            along += normals[f, c] * d_normals[f, c]
+        inverse = 1.0 / lengths[f]
+        gx = (d_normals[f, 0] - along * normals[f, 0]) * inverse
+        gy = (d_normals[f, 1] - along * normals[f, 1]) * inverse
+        gz = (d_normals[f, 2] - along * normals[f, 2]) * inverse
+        bx, by, bz = verts[j, 0] - verts[i, 0], verts[j, 1] - verts[i, 1], verts[j, 2] - verts[i, 2]
+        cx, cy, cz = verts[k, 0] - verts[i, 0], verts[k, 1] - verts[i, 1], verts[k, 2] - verts[i, 2]
+        jx, jy, jz = cy * gz - cz * gy, cz * gx - cx * gz, cx * gy - cy * gx
+        kx, ky, kz = gy * bz - gz * by, gz * bx - gx * bz, gx * by - gy * bx
+        d_verts[j, 0] += jx
+        d_verts[j, 1] += jy
+        d_verts[j, 2] += jz
+        d_verts[k, 0] += kx
+        d_verts[k, 1] += ky
+        d_verts[k, 2] += kz
+        d_verts[i, 0] -= jx + kx
+        d_verts[i, 1] -= jy + ky
+        d_verts[i, 2] -= jz + kz
+
+
+@kernel
+def _shrink(image: _Floats, factor: int, out: _Floats) -> None:
+    """Fill in the means (H, W, C) of squares of an image (factor H, factor W C)."""
+    height, width, channels = out.shape
+    share = out.dtype.type(1.0 / (factor * factor))
+    sums = np.empty(image.shape[1], out.dtype)
+    for row in range(height):
+        sums[:] = image[row * factor]
+        for i in range(1, factor):
+            sums += image[row * factor + i]
+        for column in range(width):
+            begin = column * factor * channels
+            for c in range(channels):
+                total = sums[begin + c]
+                for j in range(1, factor):
+                    total += sums[begin + j * channels + c]
+                out[row, column, c] = total * share
+
+
+@kernel
+def _spread(gradient: _Floats, factor: int, out: _Floats) -> None:
+    """Fill in the gradient (factor H, factor W C) of `_shrink`."""
+    height, width, channels = gradient.shape
+    share = out.dtype.type(1.0 / (factor * factor))
+    for row in range(height):
+        first = out[row * factor]
+        for column in range(width):
+            begin = column * factor * channels
+            for j in range(factor):
+                for c in range(channels):
+                    first[begin + j * channels + c] = gradient[row, column, c] * share
+        for i in range(1, factor):
+            out[row * factor + i] = first
+
+
+class _Shrink(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: FunctionCtx, image: Tensor, factor: int) -> Tensor:
+        views, height, width, channels = image.shape
+        ctx.factor = factor  # type: ignore[attr-defined]
+        out = torch.empty((views, height // factor, width // factor, channels), dtype=image.dtype)
+        rows = image.detach().contiguous().view(views * height, width * channels)
+        _shrink(rows.numpy(), factor, out.flatten(0, 1).numpy())
+        return out
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor, None]:
+        factor: int = ctx.factor  # type: ignore[attr-defined]
+        views, height, width, channels = gradient.shape
+        out = torch.empty((views, height * factor, width * factor, channels), dtype=gradient.dtype)
+        rows = out.view(views * height * factor, width * factor * channels)
+        _spread(gradient.contiguous().flatten(0, 1).numpy(), factor, rows.numpy())
+        return out, None
+
+
+def shrink(image: Tensor, factor: int) -> Tensor:
+    """Return the means (B, H, W, C) of squares of pixels of an image (B, factor H, factor W, C) on the CPU."""
+    result: Tensor = _Shrink.apply(image, factor)  # type: ignore[no-untyped-call]
+    return result
+
+
+def colour_by_normals(
+    verts: Tensor, clip: Tensor, faces: Tensor, eye: Tensor, axes: Tensor, face_ids: Tensor, backdrop: Tensor
+) -> Tensor:
+    """Colour every pixel by the normal of the face that it shows.
+
+    Parameters
+    ----------
+    verts : (V, 3) floating
+        Positions in the world.
+    clip : (B, V, 4) floating
+        The same positions in the views' clip space.
+    faces : (F, 3) int64
+    eye : (B, 3) floating
+        Positions of the cameras.
+    axes : (B, 3, 3) floating
+        Rotations to the cameras' frames.
+    face_ids : (B, H, W) int64
+        The visible face at each pixel, -1 where there is none.
+    backdrop : (B * H * W, 3) floating
+        Colours where there is no face.
+
+    Returns
+    -------
+    (B, H, W, 3) of the backdrop's type, differentiable once in `verts` (colours) and `clip` (their motion).
+    """
+    result: Tensor = _Colour.apply(verts, clip, faces, eye, axes, face_ids, backdrop)  # type: ignore[no-untyped-call]
+    return result
+
+
+class _Colour(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: FunctionCtx,
+        verts: Tensor,
+        clip: Tensor,
+        faces: Tensor,
+        eye: Tensor,
+        axes: Tensor,
+        face_ids: Tensor,
+        backdrop: Tensor,
+    ) -> Tensor:
+        points, places, corners, eyes, turns, ids = (
+            t.detach().contiguous().numpy() for t in (verts, clip, faces, eye, axes, face_ids)
+        )
+        # One colour stays one: to repeat three numbers for each pixel takes longer than to draw.
+        alike = backdrop.stride(0) == 0
+        behind = (backdrop[:1].view(1, 1, 1, 3) if alike else backdrop.view(*face_ids.shape, 3)).contiguous().numpy()
+        image = torch.empty((*face_ids.shape, 3), dtype=backdrop.dtype)
+        pixels = image.numpy()
+        kept = _normals(points, corners)
+
+        def draw(begin: int, end: int) -> None:
+            at = slice(begin, end)
+            seen = behind if alike else behind[at]
+            _draw(points, kept[0], corners, eyes[at], turns[at], ids[at], seen, pixels[at])
+
+        in_ranges(draw, len(ids))
+        ctx.saved = (points, places, corners, eyes, turns, ids, kept)  # type: ignore[attr-defined]
+        return image
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor | None, ...]:
+        verts, clip, faces, eye, axes, face_ids, kept = ctx.saved  # type: ignore[attr-defined]
+        normals, lengths, share, smooth = kept
+        given = gradient.contiguous().numpy()
+        d_verts, d_clip, d_normals = np.zeros(verts.shape), np.zeros(clip.shape), np.zeros((len(clip), *faces.shape))
+
+        def through_views(begin: int, end: int) -> None:
+            at = slice(begin, end)
+            _backward(
+                verts, clip[at], faces, eye[at], axes[at], face_ids[at], normals, share, smooth, given[at],
+                d_normals[at], d_clip[at],
+            )  # fmt: skip
+
+        in_ranges(through_views, len(clip))
+        _through_normals(verts, faces, normals, lengths, d_normals.sum(0), d_verts)
+        return (
+            torch.from_numpy(d_verts.astype(verts.dtype)),
+            torch.from_numpy(d_clip.astype(clip.dtype)),
+            *[None] * 5,
+        )
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Background and light of B views.
+
+    Attributes
+    ----------
+    backgrounds : (B, S, S, 3) float32 in [0, 1]
+    lights : (B, 3) float32
+        Unit vectors towards the light, in each camera's frame (x right, y up, z towards the viewer).
+    """
+
+    backgrounds: Tensor
+    lights: Tensor
+
+
+def sample_scene(views: int, side: int, generator: torch.Generator, device: torch.device | str = "cpu") -> Scene:
+    """Draw the backgrounds and lights of one step.
+
+    Parameters
+    ----------
+    views : int
+        Number of views, B.
+    side : int
+        Side of a view, S, in pixels.
+    generator : torch.Generator on the CPU
+        The job's only source of randomness.
+    device : str or torch.device
+    """
+    backgrounds = torch.stack([_background(side, generator) for _ in range(views)])
+    u = torch.rand(views, 2, generator=generator, dtype=torch.float64)
+    sine, turn = u[:, 0].sqrt(), 2 * math.pi * u[:, 1]
+    lights = torch.stack([sine * turn.cos(), sine * turn.sin(), (1 - u[:, 0]).sqrt()], 1).float()
+    return Scene(backgrounds.to(device), lights.to(device))
+
+
+def _background(side: int, generator: torch.Generator) -> Tensor:
+    """Draw one background (S, S, 3)."""
+    kind, width, count = torch.rand(3, generator=generator).tolist()
+    colours = torch.rand(2, 3, generator=generator)
+    if kind >= 2 / 3:
+        return colours[0].expand(side, side, 3)
+    sigma = (_BLUR[0] + (_BLUR[1] - _BLUR[0]) * width) * side
+    if kind < 1 / 3:
+        return _blurred(torch.rand(side, side, 3, generator=generator), sigma)
+    squares = _SQUARES[0] + int(count * (_SQUARES[1] - _SQUARES[0] + 1))
+    cell = torch.div(torch.arange(side) * squares, side, rounding_mode="floor")
+    odd = ((cell[:, None] + cell[None, :]) % 2).bool()
+    return _blurred(torch.where(odd[..., None], colours[0], colours[1]), sigma)
+
+
+def _blurred(image: Tensor, sigma: float) -> Tensor:
+    """Blur an image (S, S, 3) with a Gaussian of standard deviation `sigma`, in pixels."""
+    reach = min(max(math.ceil(2.5 * sigma), 1), image.shape[0] - 1)
+    kernel = torch.exp(-torch.arange(-reach, reach + 1).float().square() / (2 * max(sigma, 1e-3) ** 2))
+    kernel = (kernel / kernel.sum()).view(1, 1, 1, -1)
+    planes = functional.pad(image.permute(2, 0, 1)[:, None], (reach,) * 4, mode="reflect")
+    planes = functional.conv2d(functional.conv2d(planes, kernel), kernel.mT)
+    return planes[:, 0].permute(1, 2, 0)
 
 
 @dataclass(frozen=True)
@@ -62,7 +513,7 @@ class RenderStyle:
     background : red, green and blue in [0, 1]
         Colour in a fixed scene.
     scene : "fixed" or "varied"
-        Whether background and light are constant, or drawn for every view (`scenes.sample_scene`).
+        Whether background and light are constant, or drawn for every view (`sample_scene`).
     """
 
     view_size: int = 64
@@ -197,7 +648,7 @@ class Renderer:
         if verts.shape != (self.n_verts, 3):
             raise ShapeError(f"expected verts ({self.n_verts}, 3), got {tuple(verts.shape)}")
         shading, verts = shading or self.shading, verts.to(self._dtype)
-        if shading == "normals" and backend.is_compiled(verts):
+        if shading == "normals" and rasterizer.is_compiled(verts):
             return self._pooled(self._compiled_normals(verts, cameras, scene))
         surface = self._surface(verts, cameras)
         if self._colours is not None and shading in ("textured", "mixed"):
@@ -207,7 +658,7 @@ class Renderer:
     def _pooled(self, image: Tensor) -> Tensor:
         if self.style.supersample == 1:
             return image
-        if backend.is_compiled(image):
+        if rasterizer.is_compiled(image):
             return shrink(image, self.style.supersample)
         return functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
 
@@ -353,3 +804,42 @@ def combine_views(images: Tensor) -> Tensor:
         raise ShapeError(f"expected four views (4, H, W, C), got {tuple(images.shape)}")
     rows = torch.cat([torch.cat([images[0], images[1]], 1), torch.cat([images[2], images[3]], 1)], 0)
     return rows.permute(2, 0, 1)[None]
+
+
+class OrthogonalGrid:
+    """Four views a quarter turn apart in one picture.
+
+    Parameters
+    ----------
+    bounds : CameraRange
+    style : RenderStyle
+        Style of each view.
+    """
+
+    def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
+        self._bounds = bounds
+        self.style = style
+
+    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
+        """Draw the cameras of one step.
+
+        Parameters
+        ----------
+        generator : torch.Generator on the CPU
+        fitting_radius : float
+            Radius of the sphere around the origin that just fits the views.
+        turn_deg : float
+            Azimuth of the shape's front, as in `cameras.fixed_cameras`.
+        """
+        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
+
+    def place(self, azimuth_deg: float, fitting_radius: float) -> Cameras:
+        """Place cameras whose view 0 is at an azimuth, without drawing anything, to grade orientations."""
+        bounds = self._bounds
+        elevation = (bounds.elevation_min_deg + bounds.elevation_max_deg) / 2
+        fov = (bounds.fov_min_deg + bounds.fov_max_deg) / 2
+        return fixed_cameras(azimuth_deg, elevation, fov, fitting_radius=fitting_radius)
+
+    def arrange(self, images: Tensor) -> Tensor:
+        """Combine views (4, S, S, 3) into one picture (1, 3, 2 S, 2 S)."""
+        return combine_views(images)

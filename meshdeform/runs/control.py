@@ -16,8 +16,8 @@ from meshdeform.deformation.handles import handle_rows
 from meshdeform.deformation.mirror import TOLERANCE, Mirror, Partners, find_partners
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.nearest_places import NearestPlaces
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests import selection

@@ -18,9 +18,8 @@ from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.silhouette import read_silhouette
 from meshdeform.deformation.stand_in import stand_in_of
 from meshdeform.errors import AlignmentError, ParameterError, PromptError
-from meshdeform.geometry.fit_quality import measure_fit
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import Alignment, aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import Guidance

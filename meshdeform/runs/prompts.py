@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.geodesic import surface_distances
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.guidance.sds import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.prompts import Prompt, active_prompts

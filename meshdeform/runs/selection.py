@@ -15,7 +15,7 @@ from meshdeform.assets import Asset
 from meshdeform.assets.parts import Parts
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.selection import (

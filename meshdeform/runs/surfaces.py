@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Surface
-from meshdeform.deformation.jacobians import completed_jacobians
-from meshdeform.geometry.mesh import TriangleMesh, face_cross
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.deformation.poisson import completed_jacobians
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_cross
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose

@@ -19,9 +19,9 @@ from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import MeshQuality, measure, measure_texture_stretch, texel_corners
-from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors.base import Prior
 from meshdeform.priors.public_names import public_name

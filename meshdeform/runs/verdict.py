@@ -20,7 +20,7 @@ from torch import Tensor
 
 from meshdeform.errors import ModelError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.structure import measure_structure
+from meshdeform.geometry.quality import measure_structure
 from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.judge import Judge
 from meshdeform.priors.builtin.grammar import parse
@@ -85,7 +85,7 @@ def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[
     Returns
     -------
     dict
-        The fields of `meshdeform.geometry.structure.Structure`, `cut_share` (of the faces; 0 if not counted) and
+        The fields of `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0 if not counted) and
         `flipped_faces`.
     """
     cuts = quality["self_intersections_added"] or 0

@@ -120,6 +120,34 @@ def test_a_worker_without_work_is_not_taken_for_hung(impatient: Cluster) -> None
     impatient.check(impatient.submit(STEPS), steps=STEPS)
 
 
+def test_an_idle_worker_takes_jobs_while_redis_is_away_and_afterwards(usual: Cluster) -> None:
+    worker = usual.parts["worker"]
+    usual.check(usual.submit(STEPS), steps=STEPS)
+    process = worker.child()
+    usual.redis.kill()
+    try:
+        jobs_away = [usual.check(usual.submit(STEPS), steps=STEPS) for _ in range(2)]
+        assert [job.attempt for job in jobs_away] == [1, 1]
+        assert "Redis is away: this worker asks the record" in worker.log
+    finally:
+        usual.redis.start()
+    until("Redis is back", lambda: "Redis is back" in worker.log)
+    usual.check(usual.submit(STEPS), steps=STEPS)
+    assert worker.child() == process
+
+
+def test_a_worker_starts_works_and_stops_while_redis_is_away(tmp_path: Path) -> None:
+    with running_redis(tmp_path) as redis:
+        redis.kill()
+        made = Cluster(tmp_path, redis)
+        try:
+            worker = made.start_worker()
+            made.check(made.submit(STEPS), steps=STEPS)
+            assert worker.stop() == 0
+        finally:
+            made.clean_up()
+
+
 def test_a_job_that_fails_leaves_the_worker_as_it_was(usual: Cluster) -> None:
     worker = usual.parts["worker"]
     job = usual.check(usual.submit(STEPS, prompt="fails"), state=JobState.FAILED)

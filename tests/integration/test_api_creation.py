@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import socket
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,9 +18,10 @@ import pytest
 from meshdeform.errors import UnavailableError
 from meshdeform.record.ids import JOB_ID_PATTERN
 from meshdeform.record.queue import JobQueue
+from meshdeform.settings import Settings
 from service.workspace import Workspace
 from tests.cases import each_case
-from tests.integration.conftest import Api
+from tests.integration.conftest import Api, serving
 from tests.integration.http_calls import PROMPT, check_document, check_problem, glb, post
 
 
@@ -201,6 +203,17 @@ def test_a_body_over_the_limit_is_refused_before_it_is_read(api: Api, declared: 
     assert problem["limit"] == api.settings.max_upload_bytes
     assert "MESHDEFORM_MAX_UPLOAD_BYTES" in problem["advice"]
     assert sent < total
+
+
+def test_a_part_that_hangs_does_not_hold_up_the_answer_about_it(tmp_path: Path) -> None:
+    """The client gives up before Redis' own deadline of 5 s."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        settings = Settings(data_dir=tmp_path, redis_url=f"redis://127.0.0.1:{silent.getsockname()[1]}/0")
+        with serving(settings) as url:
+            for _ in range(2):
+                ready = httpx.get(f"{url}/readyz", timeout=4)
+                assert (ready.status_code, ready.json()["record"]["status"]) == (503, "ok")
+                assert ready.json()["redis"] == {"status": "unavailable", "detail": "It does not answer."}
 
 
 def test_a_store_that_is_away_refuses_and_leaves_no_job(

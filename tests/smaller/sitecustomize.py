@@ -14,7 +14,7 @@ from typing import Any
 
 SMALLER = {
     "meshdeform.fields.surface_sources": ("_POINT_CELLS", 32),
-    "meshdeform.geometry.fit_quality": ("_SAMPLES", 2000),
+    "meshdeform.geometry.quality": ("_FIT_SAMPLES", 2000),
     "meshdeform.guidance.points": ("SAMPLES", 2000),
     "meshdeform.rendering.studio": ("_SIZE", 32),
 }

@@ -19,7 +19,7 @@ from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.rendering.cameras import CameraRange, Framing, fixed_cameras, sample_orthogonal_cameras
 from meshdeform.rendering.rasterizer import rasterize
-from meshdeform.rendering.scenes import sample_scene
+from meshdeform.rendering.shading import sample_scene
 from meshdeform.requests.document import DeformParams, Preset, ResolvedParams, resolve
 from tests.cases import each_case
 

@@ -19,17 +19,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.deformation.jacobians import jacobians_from_verts
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Front
+from meshdeform.deformation.poisson import jacobians_from_verts
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.variables import Elements
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.guidance.base import Guidance
 from meshdeform.rendering.cameras import CameraRange
-from meshdeform.rendering.shading import RenderStyle
-from meshdeform.rendering.views import OrthogonalGrid
+from meshdeform.rendering.shading import OrthogonalGrid, RenderStyle
 from meshdeform.requests.document import ResolvedParams
 
 __all__ = ["Ablation", "SingleViews", "VertexDisplacements", "ablated_params", "deformation_of"]

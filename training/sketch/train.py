@@ -22,7 +22,7 @@ from torch.nn.functional import cross_entropy, mse_loss
 
 from meshdeform import __version__
 from meshdeform.assets.drawing import SIDE, prepared
-from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation.variables import Adam
 from meshdeform.sketch.families import FAMILIES, Value
 from meshdeform.sketch.looking import WEIGHTS
 from training.sketch.habits import Habits, drawn_lines

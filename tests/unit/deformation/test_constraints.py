@@ -16,8 +16,7 @@ from meshdeform.deformation.stand_in import StandIn
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.geodesic import surface_distances
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import grid, icosphere, join
 from meshdeform.requests.choices import Carrier
 from tests.cases import each_case

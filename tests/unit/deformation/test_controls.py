@@ -9,15 +9,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.controls import Level
+from meshdeform.deformation.controls import Level, Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Front
 from meshdeform.deformation.regional import RegionalGradients
-from meshdeform.deformation.structure import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.variables import JacobianField, placed
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.requests.document import DeformParams, resolve

@@ -8,9 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.compiled_penalties import STRAINED
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.deformation.regularizers import STRAINED, Regularizers
 from meshdeform.geometry.mesh import TriangleMesh, face_areas
 from meshdeform.geometry.shapes import grid, icosphere
 from meshdeform.guidance.target import TargetGuidance

@@ -6,10 +6,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.jacobians import completed_jacobians, identity_jacobians, jacobians_from_verts
+from meshdeform.deformation.poisson import completed_jacobians, identity_jacobians, jacobians_from_verts
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_normals
-from meshdeform.geometry.rest_mesh import gradient_operator
+from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_normals, gradient_operator
 from meshdeform.geometry.shapes import box, grid, icosphere, torus
 from tests.cases import each_case
 from tests.close import assert_close

@@ -10,16 +10,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.deformation.compiled_penalties import STRAINED
 from meshdeform.deformation.large_faces import pull_of_large_faces
 from meshdeform.deformation.lattice import CELLS, MAX_CELLS, Lattice, LatticeSystem
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.regularizers import STRAINED
 from meshdeform.deformation.stand_in import chosen_carrier
 from meshdeform.deformation.variables import placed
 from meshdeform.errors import CheckpointError
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere, join, torus
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle

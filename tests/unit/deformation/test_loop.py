@@ -11,9 +11,8 @@ from torch import Tensor
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, load_checkpoint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import CheckpointError, NumericalError
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere, join, torus
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.target import TargetGuidance

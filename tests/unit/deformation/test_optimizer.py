@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation.variables import Adam
 from tests.cases import each_case
 
 

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from meshdeform.deformation import poisson
-from meshdeform.deformation.jacobians import identity_jacobians, jacobians_from_verts
-from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.deformation.poisson import PoissonSystem, identity_jacobians, jacobians_from_verts
 from meshdeform.errors import NumericalError, ShapeError
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import cotangent_laplacian, gradient_operator, mass_matrix
+from meshdeform.geometry.mesh import TriangleMesh, cotangent_laplacian, gradient_operator, mass_matrix
 from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
 from tests.cases import each_case
 from tests.close import assert_close

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.pulls import Pulls
+from meshdeform.deformation.regularizers import Pulls
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import join
 from meshdeform.priors.builtin.prior import BuiltinPrior

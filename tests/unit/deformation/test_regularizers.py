@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.jacobians import completed_jacobians, identity_jacobians
+from meshdeform.deformation.poisson import completed_jacobians, identity_jacobians
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_normals
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere

@@ -9,14 +9,12 @@ from torch import Tensor
 
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
 from meshdeform.deformation.stand_in import carry, chosen_carrier
 from meshdeform.deformation.surface_guard import SurfaceGuard
-from meshdeform.deformation.variables import placed
+from meshdeform.deformation.variables import Adam, placed
 from meshdeform.geometry.intersections import cutting_pairs
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere, join, torus
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle

@@ -14,9 +14,8 @@ from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.stand_in import StandIn, stand_in_of
 from meshdeform.deformation.variables import placed
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.deformation import step_repair
+from meshdeform.deformation import surface_guard
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.surface_guard import SurfaceGuard
-from meshdeform.deformation.variables import JacobianField, Variables, placed
+from meshdeform.deformation.variables import Adam, JacobianField, Variables, placed
 from meshdeform.geometry.intersections import intersecting_faces
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import FaceNeighbours
-from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.target import TargetGuidance
@@ -109,7 +107,7 @@ def test_parts_that_run_into_each_other_are_held_where_they_meet() -> None:
 
 def test_where_nothing_helps_the_step_is_shortened(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two spheres that are pushed through each other as wholes, and no region may be moved by itself."""
-    monkeypatch.setattr(step_repair, "_HOLD_RINGS", ())
+    monkeypatch.setattr(surface_guard, "_HOLD_RINGS", ())
     pair = pair_of_balls()
     variables = VertexDisplacements(pair)
     guard = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables)
@@ -124,7 +122,7 @@ def test_where_nothing_helps_the_step_is_shortened(monkeypatch: pytest.MonkeyPat
 
 def test_a_region_moves_as_a_whole_where_its_parts_would_fold(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two balls that pass through each other also move up together: that part of the step is kept."""
-    monkeypatch.setattr(step_repair, "_BLEND_RINGS", ())
+    monkeypatch.setattr(surface_guard, "_BLEND_RINGS", ())
     pair = join(pair_of_balls(), TriangleMesh(MESH.verts * 0.5 - 4.0, MESH.faces))
     variables = VertexDisplacements(pair)
     guard = SurfaceGuard(Safeguard.INTERSECTIONS, pair, variables)
@@ -143,21 +141,21 @@ def test_a_region_moves_as_a_whole_where_its_parts_would_fold(monkeypatch: pytes
 def test_a_second_blend_that_suffices_is_the_end_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Hard random steps on a sphere: what the second, wider blend has mended must not be thrown away."""
     entered: list[str] = []
-    hold = step_repair.StepRepair._hold_regions
+    hold = surface_guard.StepRepair._hold_regions
 
     def noted(self, *args):  # type: ignore[no-untyped-def]
         entered.append("hold")
         return hold(self, *args)
 
-    monkeypatch.setattr(step_repair.StepRepair, "_hold_regions", noted)
+    monkeypatch.setattr(surface_guard.StepRepair, "_hold_regions", noted)
     blends: list[int] = []
-    blend = step_repair.StepRepair._blend
+    blend = surface_guard.StepRepair._blend
 
     def counted(self, *args):  # type: ignore[no-untyped-def]
         blends.append(1)
         return blend(self, *args)
 
-    monkeypatch.setattr(step_repair.StepRepair, "_blend", counted)
+    monkeypatch.setattr(surface_guard.StepRepair, "_blend", counted)
     for seed in (1, 2, 20, 35):
         variables = JacobianField(MESH)
         guard = SurfaceGuard(Safeguard.INTERSECTIONS, MESH, variables)

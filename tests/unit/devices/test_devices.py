@@ -27,8 +27,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors import load_prior
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
-from meshdeform.rendering.rasterizer.spans import rasterize_spans
+from meshdeform.rendering.rasterizer import rasterize_compiled, rasterize_spans
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
@@ -48,7 +47,7 @@ SIZE = 96
 def torch_path() -> Iterator[None]:
     """Send the CPU through the code of the other devices."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("meshdeform.rendering.rasterizer.backend.is_compiled", lambda _: False)
+        patch.setattr("meshdeform.rendering.rasterizer.is_compiled", lambda _: False)
         yield
 
 

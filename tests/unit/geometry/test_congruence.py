@@ -7,9 +7,8 @@ import pytest
 import torch
 
 from meshdeform.geometry.congruence import components_of, congruent_groups, is_of_revolution
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.procrustes import closest_motion
-from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere, join, torus
 from tests.cases import each_case
 

@@ -14,17 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from meshdeform.deformation import lattice
 from meshdeform.deformation.lattice import Lattice
-from meshdeform.deformation.optimizer import Adam
 from meshdeform.deformation.path import ShapePath
 from meshdeform.deformation.surface_guard import SurfaceGuard
-from meshdeform.deformation.variables import Elements, placed
-from meshdeform.geometry import intersections, nearest_places
+from meshdeform.deformation.variables import Adam, Elements, placed
+from meshdeform.geometry import intersections, places
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.nearest_places import NearestPlaces
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.places import NearestPlaces, count_samples, sample_blocks, samples_of
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.rest_mesh import RestMesh
-from meshdeform.geometry.samples import count_samples, sample_blocks, samples_of
 from meshdeform.geometry.shapes import box, icosphere, torus
 from meshdeform.geometry.simplify import simplified
 from meshdeform.requests.document import Safeguard
@@ -173,7 +170,7 @@ def test_samples_come_in_blocks_with_all_of_a_face(monkeypatch: pytest.MonkeyPat
     verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
     points, owners = samples_of(verts, faces, 0.05)
     assert count_samples(verts, faces, 0.05) == len(points)
-    monkeypatch.setattr("meshdeform.geometry.samples._BLOCK", 100)
+    monkeypatch.setattr("meshdeform.geometry.places._BLOCK", 100)
     blocks = list(sample_blocks(verts, faces, 0.05))
     assert len(blocks) > 10
     assert max(len(block) for block, _ in blocks) <= 150
@@ -206,8 +203,8 @@ def test_the_nearest_place_is_found_with_fewer_samples(monkeypatch: pytest.Monke
     mesh = RestMesh.of(torus())
     points = np.random.default_rng(2).normal(size=(500, 3))
     usual = NearestPlaces(mesh, points, np.zeros_like(points)).distances(points)
-    monkeypatch.setattr(nearest_places, "_SAMPLES", 0)
-    monkeypatch.setattr(nearest_places, "_SAMPLES_OF_FACE", 4)
+    monkeypatch.setattr(places, "_SAMPLES", 0)
+    monkeypatch.setattr(places, "_SAMPLES_OF_FACE", 4)
     fewer = NearestPlaces(mesh, points, np.zeros_like(points)).distances(points)
     np.testing.assert_allclose(fewer, usual, atol=1e-12)
     monkeypatch.undo()

@@ -14,10 +14,9 @@ import torch
 from bench.input_meshes import INPUTS
 from bench.inputs import glb, outcome
 from meshdeform.assets import load_asset
-from meshdeform.deformation import step_repair
-from meshdeform.deformation.optimizer import Adam
+from meshdeform.deformation import surface_guard
 from meshdeform.deformation.surface_guard import SurfaceGuard
-from meshdeform.deformation.variables import JacobianField, Variables, placed
+from meshdeform.deformation.variables import Adam, JacobianField, Variables, placed
 from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh, connected_components
 from meshdeform.geometry.quality import FaceNeighbours
@@ -148,7 +147,7 @@ def test_parts_that_meet_at_rest_may_move_through_each_other() -> None:
 
 
 def test_parts_that_are_apart_at_rest_may_not_and_hold_nobody_else_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(step_repair, "_HOLD_RINGS", ())  # the last resort
+    monkeypatch.setattr(surface_guard, "_HOLD_RINGS", ())  # the last resort
     ball = TriangleMesh(0.3 * icosphere(2).verts, icosphere(2).faces)
     mesh = join(ball, shifted(ball, 1.0, 0, 0), shifted(ball, 0, 1.0, 0), shifted(ball, 0, 1.4, 0))
     variables, guard, optimizer = guarded(mesh, VertexDisplacements)

@@ -7,9 +7,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.deformation.jacobians import completed_jacobians
-from meshdeform.geometry.mesh import TriangleMesh, face_cross
-from meshdeform.geometry.rest_mesh import effective_face_areas
+from meshdeform.deformation.poisson import completed_jacobians
+from meshdeform.geometry.mesh import TriangleMesh, effective_face_areas, face_cross
 from meshdeform.geometry.shapes import box, icosphere, torus
 from meshdeform.geometry.weld import weld
 from meshdeform.runs.surfaces import rebuild_turned_normals, transform_normals, transform_tangents

@@ -7,11 +7,12 @@ import pytest
 import torch
 from scipy import sparse
 
-from meshdeform.geometry.mesh import TriangleMesh, face_normals
-from meshdeform.geometry.rest_mesh import (
+from meshdeform.geometry.mesh import (
     COLLAPSED_SHAPE,
+    TriangleMesh,
     cotangent_laplacian,
     effective_face_areas,
+    face_normals,
     gradient_operator,
     mass_matrix,
     sparse_product,

@@ -13,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshdeform.assets.notices import coarse_share, coarseness_warnings
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import MeshQuality, measure
-from meshdeform.geometry.rest_mesh import RestMesh
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
 from tests.cases import each_case
 from tests.creased import creased

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.notices import looks_z_up
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.quality import measure_structure
 from meshdeform.geometry.shapes import box, icosphere, join, lathe
-from meshdeform.geometry.structure import measure_structure
 from tests.cases import each_case
 from training.evaluation.sources import SOURCES, source_mesh
 

@@ -10,9 +10,8 @@ import torch
 
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import AlignmentError
-from meshdeform.geometry.fit_quality import measure_fit
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure
+from meshdeform.geometry.quality import measure, measure_fit
 from meshdeform.geometry.shapes import box, grid, icosphere, join, lathe
 from meshdeform.guidance.alignment import aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.landmarks import Landmark

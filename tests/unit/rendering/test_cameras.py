@@ -14,8 +14,7 @@ from meshdeform.rendering.cameras import (
     fixed_cameras,
     sample_orthogonal_cameras,
 )
-from meshdeform.rendering.shading import RenderStyle
-from meshdeform.rendering.views import OrthogonalGrid
+from meshdeform.rendering.shading import OrthogonalGrid, RenderStyle
 from tests.cases import each_case
 from tests.close import assert_close
 

@@ -13,8 +13,7 @@ from PIL import Image
 from meshdeform.assets import load_asset
 from meshdeform.geometry.appearance import Appearance, Paint, plain_appearance
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
-from meshdeform.rendering.studio import Pose, preview_png
+from meshdeform.rendering.studio import PaintedRenderer, PaintedStyle, Pose, preview_png
 from tests.unit.assets.builders import Builder
 
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * 0.7
@@ -148,8 +147,7 @@ def test_hard_edges_are_hard_and_soft_ones_are_soft() -> None:
 
 
 def test_both_backends_find_the_next_layer() -> None:
-    from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
-    from meshdeform.rendering.rasterizer.spans import rasterize_spans
+    from meshdeform.rendering.rasterizer import rasterize_compiled, rasterize_spans
 
     corners = torch.from_numpy(np.concatenate([SQUARE, SQUARE * 0.5 + [0, 0, 0.3], SQUARE + [0.2, 0, 0.6]])).float()
     clip = torch.cat([corners, torch.ones(12, 1)], 1)[None]

@@ -12,7 +12,7 @@ import torch
 from meshdeform.deformation import stand_in
 from meshdeform.deformation.surface_colours import baked_appearance, welded_appearance
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.simplify import simplified
 from meshdeform.geometry.weld import weld

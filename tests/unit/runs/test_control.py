@@ -11,8 +11,7 @@ import torch
 
 from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.cameras import Frame

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 import torch
 
-from meshdeform.geometry.rest_mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.runs.report import RunLog, sha256_hex, versions
 from meshdeform.runs.text_report import measure_movement

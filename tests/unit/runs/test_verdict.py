@@ -8,9 +8,8 @@ import pytest
 
 from meshdeform.cli.report_lines import kept_line, verdict_line
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure
+from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.geometry.structure import measure_structure
 from meshdeform.runs.verdict import kept_structure, verdict, worse_than_source
 from tests.cases import each_case
 

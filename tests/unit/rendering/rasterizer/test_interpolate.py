@@ -7,8 +7,7 @@ from torch import Tensor
 
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.rasterizer import interpolate, rasterize
-from meshdeform.rendering.rasterizer.interpolate import interpolate_torch
+from meshdeform.rendering.rasterizer import interpolate, interpolate_torch, rasterize
 from tests.close import assert_close
 
 SIZE = 24

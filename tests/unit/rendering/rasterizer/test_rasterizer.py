@@ -9,9 +9,7 @@ from torch import Tensor
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.shapes import grid, icosphere, torus
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.rasterizer import EMPTY_DEPTH, rasterize
-from meshdeform.rendering.rasterizer.compiled import rasterize_compiled
-from meshdeform.rendering.rasterizer.spans import rasterize_spans
+from meshdeform.rendering.rasterizer import EMPTY_DEPTH, rasterize, rasterize_compiled, rasterize_spans
 from tests.cases import each_case
 from tests.close import assert_close
 
