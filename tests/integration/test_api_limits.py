@@ -68,17 +68,6 @@ def test_more_steps_than_allowed_are_refused_also_where_the_preset_says_so(small
     assert answer.status_code == 202
 
 
-def test_a_body_that_does_not_come_is_given_up(small: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.http.bodies.IDLE_S", 0.2)
-    with begun(small) as connection:
-        answer = b""
-        while b"request_timeout" not in answer and (part := connection.recv(65536)):
-            answer += part
-    assert answer.startswith(b"HTTP/1.1 408 ")
-    assert b'"code":"request_timeout"' in answer
-    assert b"connection: close" in answer.lower()
-
-
 def test_a_document_that_is_too_long_is_refused(small: Api) -> None:
     headers = {"Content-Type": "application/json"}
     check_problem(small.http.post("/v1/jobs", content=b" " * 300_000, headers=headers), 422, "request_invalid")

@@ -206,6 +206,14 @@ def test_a_job_that_brings_down_its_machine_each_time_fails_at_last(record: JobR
     assert record.get(job.id).state is JobState.FAILED
 
 
+def test_a_lease_of_a_clock_that_was_set_back_does_not_last(record: JobRecord, queue: JobQueue) -> None:
+    job = claimed(record, new_job(record), 86_400.0)
+    usual = claimed(record, new_job(record), LEASE_S)
+    reconciler(record, queue).run_once()
+    assert record.upkeep.shorten_leases(LEASE_S / 2 + 1.0) == 0
+    assert {record.get(each.id).state for each in (job, usual)} == {JobState.RUNNING}
+
+
 def test_the_worker_of_a_job_whose_deadline_is_over_is_told_to_stop(record: JobRecord, queue: JobQueue) -> None:
     running, queued = claimed(record, late(record)), late(record)
     with queue.listen_for_cancel(running.id) as mine, queue.listen_for_cancel(queued.id) as nobodys:
