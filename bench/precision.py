@@ -19,8 +19,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from meshdeform.priors.builtin.network import WEIGHTS, read_network
 from meshdeform.priors.builtin.prior import BuiltinPrior, add_noise
-from meshdeform.priors.builtin.weights_file import WEIGHTS, read_network
 from meshdeform.priors.native_precision import is_fast_in_int8
 
 ROUND = "meshdeform.priors.builtin.quantized.round_weights"

@@ -30,10 +30,10 @@ import sqlalchemy as sa
 
 from meshdeform.record.counters import EndedJobs
 from meshdeform.record.counters import statistics as job_statistics
+from meshdeform.record.files import Rooms
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.reconciler import RECONCILE_EVERY_S
 from meshdeform.record.repository import JobRecord
-from meshdeform.record.room import Rooms
 from meshdeform.record.schema import files, job_files, job_texts, jobs, labels
 from meshdeform.requests.document import JobRequest
 from service.jobs.estimates import estimate

@@ -28,8 +28,7 @@ from PIL import Image
 from meshdeform.assets import load_asset
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.weld import weld
-from meshdeform.judge.network import JudgeNetwork, read_judge
-from meshdeform.judge.scoring import draw_views, judging_cameras
+from meshdeform.judge.scoring import JudgeNetwork, draw_views, judging_cameras, read_judge
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.grammar import NOUNS

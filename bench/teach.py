@@ -19,19 +19,18 @@ import torch
 
 from meshdeform.assets import load_asset
 from meshdeform.geometry.weld import weld
-from meshdeform.priors.builtin.grammar import tokenise
+from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
+from meshdeform.priors.builtin.network import read_network
 from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.builtin.teaching.measure import held_out_loss, retrieved
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures
 from meshdeform.priors.builtin.teaching.pictures import joined
 from meshdeform.priors.builtin.teaching.shapes import shape_of
 from meshdeform.priors.builtin.teaching.teacher import TeachConfig
-from meshdeform.priors.builtin.weights_file import read_network
-from meshdeform.priors.builtin.words import ParsedPrompt
+from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.runs.devices import use_threads
 from meshdeform.runs.prior_teach import TeachRequest, start_lesson
 from meshdeform.runs.prior_teach_kind import MeshFile
-from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
 from meshdeform.support.files import write_files
 
 

@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from meshdeform.requests.choices import TAUGHT_SUFFIX
 from meshdeform.requests.document import BUILTIN_MODEL, MAX_STEPS
-from meshdeform.requests.models import TAUGHT_SUFFIX
 
 __all__ = ["Settings"]
 

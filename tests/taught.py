@@ -7,12 +7,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, Words
+from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork, pack_weights
 from meshdeform.priors.builtin.taught import metadata_of
 from meshdeform.priors.builtin.teaching import pictures, sheet
 from meshdeform.priors.builtin.teaching.pictures import LessonSize, draw_lesson
-from meshdeform.priors.builtin.weights_file import pack_weights
-from meshdeform.priors.builtin.words import BUILTIN_WORDS, Words
 from meshdeform.runs import prior_teach
 
 __all__ = ["SMALL", "THREE_NOUNS", "shorten_lessons", "write_small_weights"]

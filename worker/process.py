@@ -41,8 +41,8 @@ from meshdeform.priors.builtin.taught import MAX_FILE_BYTES
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.queue import MESSAGE, JobQueue, job_of
 from meshdeform.record.repository import JobRecord
+from meshdeform.requests.choices import is_taught
 from meshdeform.requests.document import BUILTIN_MODEL
-from meshdeform.requests.models import is_taught
 from meshdeform.runs import kinds, start_run
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings

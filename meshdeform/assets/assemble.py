@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform import __version__
-from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.asset import Asset
 from meshdeform.assets.container import Json, clone, dump_json
-from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
+from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document, read_floats
+from meshdeform.assets.inspect import UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.errors import AssetError
 
 __all__ = ["Piece", "assemble"]

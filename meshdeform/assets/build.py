@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from meshdeform import __version__
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
+from meshdeform.assets.inspect import UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.notices import rounding_warning
-from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
 
 __all__ = ["Primitive", "build_glb", "far_origin", "linear_color", "rounded"]
 

@@ -16,10 +16,10 @@ from meshdeform.assets import ply_reader
 from meshdeform.assets.archive import Archive, FileNames
 from meshdeform.assets.container import GLB_MAGIC, Json, extension, index, integer, objects, text
 from meshdeform.assets.document import Document
+from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.obj_reader import linked_libraries, linked_pictures
-from meshdeform.assets.storage import MESHOPT_EXTENSIONS
 from meshdeform.assets.writer import embed_data_uris
 from meshdeform.errors import AssetExternalError, AssetTooLargeError, AssetTruncatedError
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document
+from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, Floats, transformed_normals, unit_rows
 
 __all__ = ["carry_targets"]

@@ -318,8 +318,8 @@ def _read_lesson(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
 def _read_weights(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     """Check taught weights: sizes, shapes, words and numbers; `meshes` of the summary counts the taught nouns."""
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    from meshdeform.priors import hidden_folders
     from meshdeform.priors.builtin.taught import check, check_numbers, lessons_of, read_metadata
-    from meshdeform.priors.public_names import hidden_folders
 
     try:
         with hidden_folders([str(path)]):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, Usage, accessor_slots, buffer_ranges, possible_references, view_slots
-from meshdeform.assets.storage import COMPONENT_BYTES, FLOAT, MESHOPT_EXTENSIONS, TYPE_COMPONENTS
+from meshdeform.assets.inspect import COMPONENT_BYTES, FLOAT, MESHOPT_EXTENSIONS, TYPE_COMPONENTS
 
 __all__ = ["compact"]
 

@@ -16,22 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.accessors import DTYPES, read_floats, refresh_bounds
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.meshopt.attributes import decode_attributes
-from meshdeform.assets.meshopt.filters import apply_filter
-from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles
-from meshdeform.assets.scenegraph import DRACO, TRIANGLE_STRIP, TRIANGLES, instances_of
-from meshdeform.assets.storage import (
+from meshdeform.assets.document import ARRAY_BUFFER, DTYPES, ELEMENT_ARRAY_BUFFER, Document, read_floats, refresh_bounds
+from meshdeform.assets.inspect import (
+    DRACO,
     FLOAT,
     MESHOPT_EXTENSIONS,
+    TRIANGLE_STRIP,
+    TRIANGLES,
     TYPE_COMPONENTS,
     UNSIGNED_INT,
     CompressedView,
     compressed_view,
+    instances_of,
     is_placeholder,
 )
+from meshdeform.assets.meshopt.attributes import decode_attributes
+from meshdeform.assets.meshopt.filters import apply_filter
+from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles
 from meshdeform.errors import AssetError, AssetUnsupportedError, DependencyError
 
 __all__ = ["decode_draco", "decode_meshopt", "decode_view", "drop_extension", "normalize_weights", "restore_exactness"]

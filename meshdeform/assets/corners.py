@@ -7,9 +7,8 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.accessors import read_accessor, read_floats, read_triangles
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document
+from meshdeform.assets.document import Document, read_accessor, read_floats, read_triangles
 from meshdeform.assets.surface import Block
 from meshdeform.errors import AssetError
 

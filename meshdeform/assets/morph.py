@@ -17,9 +17,8 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document
+from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, LocalShape
 
 __all__ = ["ANIMATION_NAME", "MorphTarget", "NewTargets", "Track", "add_morph_targets", "straight"]

@@ -14,9 +14,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.corners import skin_weights
-from meshdeform.assets.document import Document
+from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, Surface, unit_rows, world_matrices
 
 __all__ = ["pose_maps", "posed_surface"]

@@ -27,10 +27,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
 from meshdeform.assets.corners import skin_weights
-from meshdeform.assets.document import Document
+from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, Matrix, bind_placement, is_invertible, local_matrix, world_matrices
 
 __all__ = ["JointMove", "RigMotion", "move_joints"]

@@ -15,13 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.accessors import read_accessor, read_floats, read_triangles
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json, clone
-from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
+from meshdeform.assets.document import (
+    ARRAY_BUFFER,
+    ELEMENT_ARRAY_BUFFER,
+    Document,
+    read_accessor,
+    read_floats,
+    read_triangles,
+)
+from meshdeform.assets.inspect import TRIANGLES, UNSIGNED_INT, UNSIGNED_SHORT, instances_of
 from meshdeform.assets.middles import middles
-from meshdeform.assets.scenegraph import TRIANGLES, instances_of
-from meshdeform.assets.storage import UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.assets.surface import Matrix, is_invertible, placement_matrix, world_matrices
 from meshdeform.errors import AssetError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from meshdeform import __version__
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.storage import UNSIGNED_INT
+from meshdeform.assets.inspect import UNSIGNED_INT
 
 __all__ = ["WallShape", "wall_glb"]
 

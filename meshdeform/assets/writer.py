@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document, Usage, decode_data_uri
+from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.morph import NewTargets, add_morph_targets
-from meshdeform.assets.storage import MESHOPT_EXTENSIONS
 from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handedness, transformed_normals, unit_rows
 from meshdeform.errors import AssetError, NumericalError, ShapeError
 

@@ -299,8 +299,8 @@ def _driver() -> str:
 
 def check_builtin(_subject: Subject) -> Iterator[Finding]:
     """Check that the builtin weights are whole, fit the words of this version, and are those that were installed."""
+    from meshdeform.priors.builtin.grammar import BUILTIN_WORDS
     from meshdeform.priors.builtin.taught import check
-    from meshdeform.priors.builtin.words import BUILTIN_WORDS
 
     path = Path(meshdeform.__file__).parent / "priors/builtin/weights/prior.safetensors"
     advice = "Install meshdeform again: the weights are part of the package."

@@ -185,7 +185,7 @@ def jobs(
 
 
 def _row(job: JobView, now: datetime) -> tuple[str, ...]:
-    from meshdeform.requests.prompts import prompt_words
+    from meshdeform.requests.parameters import prompt_words
 
     progress = job.progress
     left = "" if progress.eta_s is None or job.state.terminal else duration(progress.eta_s)

@@ -335,8 +335,7 @@ def teach(
     output = output or Path(f"{_slug(noun)}.safetensors")
     if output.suffix != ".safetensors":
         raise typer.BadParameter(f"{output.name} does not end in .safetensors", param_hint="--output")
-    from meshdeform.runs.base import InputFile
-    from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
+    from meshdeform.runs.base import WEIGHTS_ARTIFACT, InputFile
 
     paths = {
         WEIGHTS_ARTIFACT: output,

@@ -261,8 +261,8 @@ def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str])
 
 def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
     """Return the request with the path of taught weights that are named by a file in MESHDEFORM_MODELS."""
-    from meshdeform.priors.public_names import configured_name
-    from meshdeform.requests.models import is_taught
+    from meshdeform.priors import configured_name
+    from meshdeform.requests.choices import is_taught
 
     model = getattr(request.params, "model", None)
     if model is None or not is_taught(model) or Path(model).expanduser().exists():

@@ -34,7 +34,7 @@ def models(
 
     meshdeform models builtin
     """
-    from meshdeform.priors.public_names import public_name
+    from meshdeform.priors import public_name
 
     if place.url:
         with place.connect() as client:

@@ -80,8 +80,8 @@ def _at_strength(
 ) -> bytes:
     from meshdeform.assets import Limits
     from meshdeform.runs.devices import use_threads
-    from meshdeform.runs.preparation import read_result
     from meshdeform.runs.strength import AssetPath, matched, with_strength, write_morph
+    from meshdeform.runs.surfaces import read_result
 
     settings = load_settings()
     use_threads(settings.threads)
@@ -166,7 +166,7 @@ def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Se
     from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
     from meshdeform.rendering.studio import Pose
     from meshdeform.runs.devices import use_threads
-    from meshdeform.runs.preparation import read_result, subdivided
+    from meshdeform.runs.surfaces import read_result, subdivided
 
     use_threads(settings.threads)
     limits = Limits.from_settings(settings)

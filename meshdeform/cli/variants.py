@@ -141,8 +141,8 @@ def _strengths(
 ) -> tuple[dict[Path, bytes], list[Pose]]:
     """Return the files of a result's strengths, and how they look."""
     from meshdeform.rendering.studio import Pose
-    from meshdeform.runs.preparation import read_result
     from meshdeform.runs.strength import with_strength
+    from meshdeform.runs.surfaces import read_result
 
     data = result.read_bytes()
     files = {

@@ -6,7 +6,6 @@ prompts. `training` contains the code that made and measured the weights; see ``
 
 from __future__ import annotations
 
-from meshdeform.judge.network import WEIGHTS
-from meshdeform.judge.scoring import Judge
+from meshdeform.judge.scoring import WEIGHTS, Judge
 
 __all__ = ["WEIGHTS", "Judge"]

@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshdeform.errors import MeshdeformError
-from meshdeform.priors import check_model
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS
+from meshdeform.priors import check_model, hidden_folders, public_names
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS, Attribute, ParsedPrompt, Words
 from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
 from meshdeform.priors.builtin.taught import check as check_taught
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
-from meshdeform.priors.builtin.words import Attribute, ParsedPrompt, Words
-from meshdeform.priors.public_names import hidden_folders, public_names
+from meshdeform.requests.choices import is_taught
 from meshdeform.requests.document import BUILTIN_MODEL
-from meshdeform.requests.models import is_taught
 
 __all__ = ["EXAMPLES", "ModelInfo", "Vocabulary", "describe_taught", "list_models"]
 

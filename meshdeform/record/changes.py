@@ -12,9 +12,8 @@ from sqlalchemy.dialects.postgresql import ARRAY, JSONB
 from meshdeform.errors import NotFoundError, StaleAttemptError
 from meshdeform.record import rows
 from meshdeform.record.counters import Counters
-from meshdeform.record.database import Database
+from meshdeform.record.database import Database, NewRow, insert
 from meshdeform.record.deliveries import write_deliveries
-from meshdeform.record.insertion import NewRow, insert
 from meshdeform.record.models import EventType, Job, JobState, Progress
 from meshdeform.record.schema import checkpoints, discarded, events, jobs, outbox
 

@@ -1,4 +1,8 @@
-"""The record's database: SQLite on one machine, PostgreSQL for several, with the same code for both."""
+"""The record's database: SQLite on one machine, PostgreSQL for several, with the same code for both.
+
+Rows are inserted by statements that are built once: SQLAlchemy takes longer to build an insert of forty values, and to
+find that it has compiled the same one before, than PostgreSQL to execute it.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +14,12 @@ import stat
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import sqlalchemy as sa
 import sqlalchemy.exc
@@ -24,32 +29,44 @@ from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.schema import UtcDateTime, compatible
 from meshdeform.record.sql_states import READ_ONLY_SERVER, sql_state
 
-__all__ = ["MAX_CONNECTIONS", "RECORD_FILE", "Database", "make_engine"]
+__all__ = ["MAX_CONNECTIONS", "RECORD_FILE", "Database", "NewRow", "insert", "make_engine"]
+
 
 _log = logging.getLogger(__name__)
+
 RECORD_FILE = "meshdeform.sqlite"
 """The name of the record in a data folder, where nothing else is kept for others."""
 
 _MIGRATIONS = Path(__file__).parent / "migrations"
+
 _BUSY_TIMEOUT_S = 30.0
+
 _CONNECT_TIMEOUT_S = 30.0
+
 MAX_CONNECTIONS = 15
 """Connections of an API process to PostgreSQL at most; docs/scaling.md has the sum."""
+
 _KEPT_OPEN = 5
+
 _MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
+
 _READ_ONLY = "meshdeform_read_only"
+
 _REFUSED = ("28", "3D", "55000")
 """PostgreSQL's codes and classes if it refuses the login, or the database is not there or takes no connections: for
 example while it is being restored."""
+
 _AWAY = (READ_ONLY_SERVER, "25P03", "25P04", *_REFUSED, "08", "40", "53", "57", "58")
 """PostgreSQL's codes and classes of temporary errors. Beside those above: a transaction that lasted too long,
 connection, rollback (deadlock), resources, operator, system."""
+
 _UNKNOWN_STATEMENT = "26000"
 """PostgreSQL's code if a statement was prepared on another connection, which only a pooler brings about."""
 
-
 _Statement = TypeVar("_Statement")
+
 _CLOCK = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
+
 _NOW = sa.type_coerce(_CLOCK, UtcDateTime)
 
 
@@ -366,6 +383,68 @@ def _upgrade_apart(url: str) -> None:
 def _main() -> None:
     """Open the record, which upgrades it, and close it."""
     Database(sys.stdin.buffer.read().decode(), connections=1).close()
+
+
+class NewRow(NamedTuple):
+    """A row to be inserted, unless there is such a row if `unless_there`; values may be SQL expressions."""
+
+    table: sa.Table
+    values: Mapping[str, Any]
+    unless_there: bool = False
+
+
+_Shape = tuple[tuple[sa.Table, bool, tuple[tuple[str, Any], ...]], ...]
+
+
+def insert(connection: sa.Connection, database: Database, row: NewRow, *others: NewRow) -> sa.Row[Any]:
+    """Insert a row, and others that may refer to it; return the first as it is then.
+
+    PostgreSQL does so in one statement, which takes one round trip.
+    """
+    if database.is_sqlite:
+        found = connection.execute(sa.insert(row.table).values(row.values).returning(row.table)).one()
+        for table, values, unless_there in others:
+            one = database.upsert(table).values(values)
+            connection.execute(one.on_conflict_do_nothing() if unless_there else one)
+        return found
+    shape: list[tuple[sa.Table, bool, tuple[tuple[str, Any], ...]]] = []
+    parameters: dict[str, Any] = {}
+    now, constant = database.now(), True
+    for number, (table, values, unless_there) in enumerate((row, *others)):
+        columns: list[tuple[str, Any]] = []
+        for name, value in values.items():
+            if isinstance(value, sa.ColumnElement):
+                columns.append((name, value))
+                constant = constant and value is now
+            else:
+                columns.append((name, None))
+                parameters[_parameter(number, name)] = value
+        shape.append((table, unless_there, tuple(columns)))
+    statement = _kept(tuple(shape)) if constant else _built(tuple(shape))
+    return connection.execute(statement, parameters).one()
+
+
+def _parameter(number: int, name: str) -> str:
+    return f"{name}_of_{number}"
+
+
+def _built(shape: _Shape) -> Any:
+    """Return PostgreSQL's statement for rows of these tables and columns, which have an expression or a parameter."""
+    from sqlalchemy.dialects.postgresql import insert as insert_into
+
+    made = []
+    for number, (table, unless_there, columns) in enumerate(shape):
+        values = {
+            name: sa.bindparam(_parameter(number, name), type_=table.c[name].type) if given is None else given
+            for name, given in columns
+        }
+        one = insert_into(table).values(values)
+        made.append(one.on_conflict_do_nothing() if unless_there else one)
+    first, *others = made
+    return first.returning(shape[0][0]).add_cte(*(other.cte(f"also_{n}") for n, other in enumerate(others)))
+
+
+_kept = lru_cache(maxsize=64)(_built)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,8 @@ one that was paused may still do its work while the next one does.
 
 The others look at the row now and then. The more candidates there are, the less often each looks, so that all of them
 together ask the record about as often as twenty do.
+
+The reconciler also removes from the object store what the record no longer refers to.
 """
 
 from __future__ import annotations
@@ -14,31 +16,71 @@ import logging
 import random
 import secrets
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from datetime import datetime
 from types import TracebackType
 from typing import Any, Self
 
 import sqlalchemy as sa
 
-from meshdeform.errors import MeshdeformError
+from meshdeform.errors import MeshdeformError, NotFoundError
 from meshdeform.record.database import Database
 from meshdeform.record.queue import JobQueue
-from meshdeform.record.removal import remove_unreachable
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import UtcDateTime, leaders
 from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
 
-__all__ = ["RECONCILE_EVERY_S", "Candidate", "Reconciler"]
+__all__ = ["RECONCILE_EVERY_S", "Candidate", "Reconciler", "remove_job", "remove_unreachable", "remove_upload"]
 
 
 _LOOKS_PER_S = 4.0
 """Looks of all followers together."""
+
 _LONGEST_S = 60.0
 """Longest pause of a follower: how long nobody leads if nearly all candidates end at once."""
+
 _JITTER = 0.25
+
+
+def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
+    """Remove from the store what the record no longer refers to. Safe to interrupt, repeat, and run concurrently.
+
+    If the record or the store does not answer (`UnavailableError`), the remaining work stays recorded.
+    """
+    for prefix in record.upkeep.discarded_prefixes():
+        _remove_prefix(record, store, prefix)
+    for upload_id in record.upkeep.expired_uploads():
+        remove_upload(store, upload_id)
+        with suppress(NotFoundError):
+            record.uploads.delete(upload_id)
+    for key in record.files.unused():
+        record.files.remove_unused(key, store.delete)
+
+
+def remove_job(record: JobRecord, store: ObjectStore, job_id: str, files: Iterable[str]) -> None:
+    """Remove the objects of one deleted job, and nothing else, so that the duration depends on no other job.
+
+    `files` are the keys that `JobRecord.delete` returned; files in use elsewhere stay. If the record or the store does
+    not answer (`UnavailableError`), `remove_unreachable` does the rest.
+    """
+    _remove_prefix(record, store, f"jobs/{job_id}/")
+    for key in files:
+        record.files.remove_unused(key, store.delete)
+
+
+def remove_upload(store: ObjectStore, upload_id: str) -> None:
+    """Remove the received bytes of an upload; the file stored from a complete upload is not affected."""
+    if store.appends:
+        store.discard_append(upload_id)
+    store.delete_prefix(f"uploads/{upload_id}/")
+
+
+def _remove_prefix(record: JobRecord, store: ObjectStore, prefix: str) -> None:
+    store.delete_prefix(prefix)
+    record.upkeep.forget_discarded(prefix)
 
 
 class Candidate:
@@ -143,9 +185,12 @@ class Candidate:
 
 
 _log = logging.getLogger(__name__)
+
 RECONCILE_EVERY_S = 5.0
+
 _LONGEST_ROUNDS = 12
 """Rounds after which a lost message is repeated at the latest."""
+
 _RECHECK_S = (0.1, 0.5)
 """Seconds before missing messages are counted again: much longer than a worker takes from its message to its claim."""
 

@@ -18,17 +18,15 @@ from meshdeform.errors import ConflictError, ParameterError
 from meshdeform.record import rows
 from meshdeform.record.changes import changing, find_job
 from meshdeform.record.counters import read_counters
-from meshdeform.record.database import MAX_CONNECTIONS, Database
+from meshdeform.record.database import MAX_CONNECTIONS, Database, NewRow, insert
 from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.events import EventLog
-from meshdeform.record.files import FileLedger, measure
+from meshdeform.record.files import FileLedger, Rooms, check_number, measure
 from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
-from meshdeform.record.insertion import NewRow, insert
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
-from meshdeform.record.room import Rooms, check_number
 from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger

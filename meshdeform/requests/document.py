@@ -1,14 +1,17 @@
 """Define the request document of a job. Torch-free.
 
 Re-exports the parameters (`parameters`) and the enumerations (`choices`). `resolve` fills in what a request leaves out.
+
+Bounds are checked at the door alone: `read_unbounded` reads stored documents without them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -20,9 +23,12 @@ from pydantic import (
     ValidatorFunctionWrapHandler,
     field_validator,
 )
+from pydantic_core import SchemaValidator
 
 from meshdeform.errors import ParameterError, UnreadableJobError
 from meshdeform.requests.choices import (
+    BUILTIN_MODEL,
+    DEFAULT_SD_MODEL,
     AppearanceMode,
     Carrier,
     Easing,
@@ -31,19 +37,19 @@ from meshdeform.requests.choices import (
     Preset,
     RigMode,
     Safeguard,
+    is_builtin,
+    is_sent,
 )
-from meshdeform.requests.models import BUILTIN_MODEL, DEFAULT_SD_MODEL, is_builtin, is_sent
 from meshdeform.requests.parameters import (
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
     DeformParams,
     ResolvedParams,
     StrictModel,
+    active_prompts,
 )
 from meshdeform.requests.presets import OVERRIDES, Family
-from meshdeform.requests.prompts import active_prompts
 from meshdeform.requests.removed import translated
-from meshdeform.requests.unbounded import first_problem, read_unbounded
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -66,20 +72,108 @@ __all__ = [
     "Preset",
     "ResolvedParams",
     "Safeguard",
+    "first_problem",
     "params_by_kind",
     "read_stored",
+    "read_unbounded",
     "resolve",
     "use_params",
 ]
 
 
+M = TypeVar("M", bound=BaseModel)
+
+_BOUNDS = frozenset({"ge", "gt", "le", "lt", "multiple_of", "ref"})
+
+_LENGTHS = frozenset({"min_length", "max_length"})
+
+
 MAX_FRAMES = 64
+
 MAX_METADATA_ENTRIES = 32
+
 MAX_METADATA_NAME = 64
+
 MAX_METADATA_VALUE = 500
+
 MAX_PRIORITY = 100
+
 MAX_DEADLINE_S = 31 * 86_400.0
+
 MAX_RETENTION_S = 10 * 366 * 86_400.0
+
+
+def read_unbounded(model: type[M], document: Mapping[str, Any]) -> M:
+    """Read a document that was within the bounds of the edition that accepted it.
+
+    Only the bounds of numbers and lengths are left out. Unknown members and values, wrong types, and members that
+    contradict each other are refused as ever: nobody knows what they mean.
+
+    Parameters
+    ----------
+    document : mapping
+        Of JSON, or of members that are read already.
+
+    Raises
+    ------
+    ValidationError
+        It cannot be read as such a model.
+    """
+    read: M = _validator(model).validate_python(document)
+    return read
+
+
+def first_problem(error: ValidationError, *within: str) -> str:
+    """Return the first problem of a document, which is itself `within` another one, after the place where it is."""
+    problem = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    place = ".".join(map(str, (*within, *problem["loc"])))
+    unknown = problem["type"] == "extra_forbidden"
+    said = "there is no such member" if unknown else problem["msg"].removeprefix("Value error, ")
+    return f"{place}: {said}" if place else said
+
+
+@cache
+def _validator(model: type[BaseModel]) -> SchemaValidator:
+    return SchemaValidator(_without_bounds(model.__pydantic_core_schema__, {}))
+
+
+def _without_bounds(node: Any, shared: dict[str, Any]) -> Any:
+    """Return a part of pydantic's core schema, which is made of dicts and lists, without its bounds.
+
+    `shared` has the parts that others refer to.
+    """
+    if isinstance(node, list):
+        return [_without_bounds(each, shared) for each in node]
+    if not isinstance(node, dict):
+        return node
+    left_out: frozenset[str] = frozenset()
+    # Other dicts have names of members for keys.
+    if isinstance(kind := node.get("type"), str):
+        if kind == "definitions":
+            shared = {**shared, **{each["ref"]: each for each in node["definitions"]}}
+            return _without_bounds(node["schema"], shared)
+        if kind == "definition-ref":
+            return _without_bounds(shared[node["schema_ref"]], shared)
+        if kind == "model":
+            return {"type": "function-plain", "function": {"type": "no-info", "function": _reader(node, shared)}}
+        # A length that is fixed is a shape, and no bound.
+        fixed = "min_length" in node and node["min_length"] == node.get("max_length")
+        left_out = _BOUNDS if fixed else _BOUNDS | _LENGTHS
+    return {name: _without_bounds(each, shared) for name, each in node.items() if name not in left_out}
+
+
+def _reader(node: dict[str, Any], shared: dict[str, Any]) -> Callable[[Any], Any]:
+    """Return a function that reads a model by its members, since pydantic would use the model's own validator."""
+    members = SchemaValidator(_without_bounds(node["schema"], shared), node.get("config"))
+    model: type[BaseModel] = node["cls"]
+
+    def read(value: Any) -> Any:
+        if isinstance(value, model):
+            return value
+        values, _, written = members.validate_python(value)
+        return model.model_construct(written, **values)
+
+    return read
 
 
 class MorphPath(StrictModel):
@@ -166,9 +260,10 @@ class OutputOptions(StrictModel):
 
 
 _Prompt = Annotated[str, StringConstraints(strip_whitespace=True)]
-_MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADATA_NAME)]
-_MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
 
+_MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADATA_NAME)]
+
+_MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
 
 _PARAMS: dict[JobKind, type[BaseModel]] = {JobKind.TEXT_DEFORM: DeformParams}
 

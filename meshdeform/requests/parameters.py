@@ -19,6 +19,7 @@ from pydantic import (
     Field,
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
+    StringConstraints,
     Tag,
     field_validator,
     model_serializer,
@@ -28,6 +29,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from meshdeform.requests.choices import (
+    BUILTIN_MODEL,
     AlignMode,
     AppearanceMode,
     BackdropMode,
@@ -39,8 +41,6 @@ from meshdeform.requests.choices import (
     Symmetry,
 )
 from meshdeform.requests.declaration import FORM, OF_PRESET, StrictModel, nullable, of_preset
-from meshdeform.requests.models import BUILTIN_MODEL
-from meshdeform.requests.prompts import MAX_PROMPTS, Prompt
 from meshdeform.requests.selection import (
     MAX_HANDLES,
     MAX_LANDMARKS,
@@ -50,33 +50,94 @@ from meshdeform.requests.selection import (
     Part,
     Region,
     RigidSelector,
+    Selection,
 )
 
 __all__ = [
     "CONSTANTS",
     "FROM_PRESET",
     "GUIDANCES",
+    "MAX_PROMPTS",
     "MAX_PROMPT_LENGTH",
     "MAX_SILHOUETTES",
     "MAX_STEPS",
     "SILHOUETTE_PARTS",
     "Control",
     "DeformParams",
+    "Prompt",
     "PromptGuidance",
     "ResolvedParams",
     "Silhouette",
     "SilhouetteGuidance",
     "StrictModel",
     "TargetGuidance",
+    "active_prompts",
+    "prompt_words",
 ]
 
+
+MAX_PROMPTS = 8
+
+_MAX_LENGTH = 1_000
+
+_MAX_PROMPT_WEIGHT = 100.0
+
+_Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=_MAX_LENGTH)]
+
+
 MAX_STEPS = 50_000
+
 MAX_PROMPT_LENGTH = 1_000
+
 MAX_SILHOUETTES = 4
+
 SILHOUETTE_PARTS = tuple(f"silhouette_{number}" for number in range(1, MAX_SILHOUETTES + 1))
 """The names of the parts with the pictures."""
+
 _MAX_WEIGHT = 1e6
+
 _AS_GUIDANCE: dict[str, Any] = {"x-option": "guidance"}  # `kind` is that of the job
+
+
+class Prompt(StrictModel):
+    """One of several prompts that guide at the same time."""
+
+    prompt: _Text = Field(description="What the asset, or its region, should become.", examples=["a rabbit"])
+    weight: float = Field(
+        1.0,
+        ge=0.0,
+        le=_MAX_PROMPT_WEIGHT,
+        description="How strongly it pulls, relative to the others; 0: not at all. `prompt` of the request has the "
+        "weight 1. Where the weights add up to more than 1, they are divided by their sum.",
+        examples=[0.5],
+    )
+    regions: tuple[Selection, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="The parts of the surface that it pulls at. Default: everything.",
+        examples=[[{"box": {"min": [-1.0, 1.0, -1.0], "max": [1.0, 2.0, 1.0]}}]],
+    )
+    outside: bool = Field(False, description="Pull at everything outside of `regions` instead.", examples=[False])
+
+    @model_validator(mode="after")
+    def _outside_of_something(self) -> Self:
+        if self.outside and not self.regions:
+            raise ValueError("outside needs regions")
+        return self
+
+
+def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:
+    """Return the prompts that pull at anything, that of the request first; there may be none."""
+    found = [Prompt(prompt=prompt)] if prompt else []
+    return [*found, *(each for each in prompts if each.weight > 0)]
+
+
+def prompt_words(prompt: str, params: Any) -> str:
+    """Return all prompts of a job in one line; parameters of another kind of job have none of their own."""
+    # A client keeps parameters of a later service as they came, in whatever form that writes them.
+    prompts = getattr(params, "prompts", ())
+    further = [each.get("prompt") if isinstance(each, Mapping) else getattr(each, "prompt", "") for each in prompts]
+    return " + ".join(dict.fromkeys(text for text in (prompt, *further) if text))
 
 
 class Parameters(StrictModel):
@@ -569,8 +630,11 @@ GUIDANCES: Mapping[GuidanceKind, type[Parameters]] = {
     GuidanceKind.SILHOUETTES: SilhouetteGuidance,
 }
 """The parameters of each kind of guidance."""
+
 _PARAMETERS = (CommonParams, PromptParams, TargetParams, Control)
+
 CONSTANTS = ResolvedParams.model_fields.keys() - {"guidance"}.union(*(each.model_fields for each in _PARAMETERS))
 """The constants of the method and of presets, which no request has."""
+
 FROM_PRESET = frozenset(name for name in ResolvedParams.model_fields if _is_of_preset(ResolvedParams, name))
 """The parameters whose default comes from the preset."""

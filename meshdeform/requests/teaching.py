@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
+from meshdeform.requests.choices import BUILTIN_MODEL
 from meshdeform.requests.declaration import StrictModel
-from meshdeform.requests.models import BUILTIN_MODEL
 from meshdeform.requests.parameters import MAX_STEPS
 
 __all__ = ["MAX_SYNONYMS", "TEACH_STEPS", "TeachParams"]

@@ -1,27 +1,46 @@
-"""Describe kinds of job: the files they read, their parameters, their artifacts, and their runs. Torch-free."""
+"""Describe kinds of job: the files they read, their parameters, their artifacts, and their runs. Torch-free.
+
+`RunLog` collects the contents of `report.json`: hashes, versions, durations of phases, and losses. Taught weights may
+be a file of any kind: their part is described, checked and loaded here.
+"""
 
 from __future__ import annotations
 
+import copy
+import functools
+import hashlib
 import importlib
+import importlib.metadata
+import platform
+import tempfile
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
+import meshdeform
 from meshdeform.assets.check import FileContent
+from meshdeform.errors import ParameterError
+from meshdeform.priors import hidden_folders
+from meshdeform.requests.choices import SENT_MODEL, TAUGHT_SUFFIX, WEIGHTS_PART, is_sent, teaching_job
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest
-from meshdeform.runs.report import RunLog
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
     from meshdeform.priors.base import Prior
-    from meshdeform.priors.builtin.words import Words
+    from meshdeform.priors.builtin.grammar import Words
     from meshdeform.settings import Settings
 
 __all__ = [
     "FORMATS_OF_RESULT",
+    "TAUGHT_WEIGHTS",
+    "WEIGHTS_ARTIFACT",
+    "WEIGHTS_FILE",
     "ArtifactData",
     "ArtifactKind",
     "FilePart",
@@ -29,11 +48,94 @@ __all__ = [
     "JobRun",
     "Kind",
     "RunInput",
+    "RunLog",
     "StartRun",
     "StepReport",
+    "check_weights_part",
     "job_input",
+    "load_sent",
+    "sha256_hex",
     "start_of",
+    "versions",
+    "weights_on_disk",
 ]
+
+
+_PACKAGES = (
+    "torch",
+    "numpy",
+    "scipy",
+    "numba",
+    "trimesh",
+    "fast-simplification",
+    "safetensors",
+    "diffusers",
+    "transformers",
+)
+
+_MAX_SAMPLES = 200
+
+
+WEIGHTS_ARTIFACT = f"weights{TAUGHT_SUFFIX}"
+"""The artifact of a job of kind `prior_teach` that `params.guidance.model` = `job:ID` means."""
+
+TAUGHT_WEIGHTS = "application/octet-stream"
+
+
+def sha256_hex(data: bytes) -> str:
+    """Return the SHA-256 of `data` in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of all packages that can affect a result."""
+    return {"meshdeform": meshdeform.__version__, "python": platform.python_version(), **_installed()}
+
+
+@functools.cache
+def _installed() -> dict[str, str]:
+    """Return the versions of the packages. Reading their metadata takes longer than a step."""
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+class RunLog:
+    """The wall-clock seconds of an attempt by phase, and the losses of its first, last and up to 200 spaced steps."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._samples: list[dict[str, Any]] = []
+        self._stride = 1
+        self._last: dict[str, Any] | None = None
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Add the duration of the `with` block to phase `name`."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def add(self, step: int, losses: Mapping[str, float]) -> None:
+        """Add the losses of one step."""
+        self._last = {"step": step, **losses}
+        if (step - 1) % self._stride == 0:
+            self._samples.append(self._last)
+        if len(self._samples) > _MAX_SAMPLES:
+            self._samples = self._samples[::2]
+            self._stride *= 2
+
+    def losses(self) -> list[dict[str, Any]]:
+        """Return the samples in order, including the last step."""
+        if self._last is None or (self._samples and self._samples[-1] is self._last):
+            return list(self._samples)
+        return [*self._samples, self._last]
 
 
 @dataclass(frozen=True)
@@ -59,6 +161,15 @@ class FilePart:
     required: bool
     media_types: tuple[str, ...]
     content: FileContent = "mesh"
+
+
+WEIGHTS_FILE = FilePart(
+    WEIGHTS_PART,
+    "Taught weights (safetensors), if the model is `weights`; with `job:ID` they are taken from that job.",
+    required=False,
+    media_types=(TAUGHT_WEIGHTS,),
+    content="weights",
+)
 
 
 @dataclass(frozen=True)
@@ -333,3 +444,57 @@ class Kind:
     def inherits(self, request: JobRequest) -> frozenset[str]:
         """Return the names of the parts that a branch with this request takes from its job unless it replaces them."""
         return frozenset(self.parts if self.uses is None else self.uses(request))
+
+
+def check_weights_part(model: str | None, files: Collection[str], *group: str) -> None:
+    """Refuse a job whose model is taught weights that it lacks, or that has weights which its model does not use.
+
+    `group` is where `model` is in `params`.
+
+    Raises
+    ------
+    ParameterError
+    """
+    place = ["params", *group, "model"]
+    wanted, there = model is not None and is_sent(model), WEIGHTS_PART in files
+    if there and not wanted:
+        raise ParameterError.at(
+            place,
+            f"`{WEIGHTS_PART}` was sent, but {'.'.join(place)} does not use it.",
+            f"Set {'.'.join(place)} to `{SENT_MODEL}`.",
+        )
+    if wanted and not there and model is not None:
+        job = teaching_job(model)
+        if job is None:
+            raise ParameterError.at(
+                place,
+                f"{'.'.join(place)} is `{model}`, but the part `{WEIGHTS_PART}` is missing.",
+                "Send the weights.",
+            )
+        raise ParameterError.at(
+            place,
+            f"The model {model} is a result of a service, and there is none here.",
+            f"Download {WEIGHTS_ARTIFACT} of the job {job}, and name that file.",
+        )
+
+
+def load_sent(model: str, given: RunInput) -> Prior:
+    """Load the prior of a job: taught weights among its files, or the model of this name."""
+    if not is_sent(model):
+        with hidden_folders([model]):
+            return given.load_prior(model)
+    with weights_on_disk(given.files[WEIGHTS_PART]) as path, hidden_folders([str(path)]):
+        prior = given.load_prior(str(path))
+    # The file is gone, and the prior is kept for other jobs with equal weights: reports and checkpoints name the model.
+    named = copy.copy(prior)
+    vars(named)["identity"] = {**prior.identity, "id": model}
+    return named
+
+
+@contextmanager
+def weights_on_disk(file: InputFile) -> Iterator[Path]:
+    """Write weights to a file that is deleted when the block ends: safetensors reads files."""
+    with tempfile.TemporaryDirectory(prefix="meshdeform-weights-") as folder:
+        path = Path(folder) / WEIGHTS_ARTIFACT
+        path.write_bytes(file.data)
+        yield path

@@ -29,10 +29,9 @@ from meshdeform.families.state import (
     load_shapes,
 )
 from meshdeform.requests.family import FamilyParams
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
 from meshdeform.runs.family_fit_kind import READ_STEPS, params_of, total_steps
 from meshdeform.runs.family_results import FamilyResults, labels_of
-from meshdeform.runs.report import sha256_hex
 
 __all__ = ["FamilyFitRun", "start"]
 

@@ -41,8 +41,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.simplify import simplified
 from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.requests.family import FamilyParams
-from meshdeform.runs.base import ArtifactData
-from meshdeform.runs.report import versions
+from meshdeform.runs.base import ArtifactData, versions
 
 __all__ = [
     "COLOURS",

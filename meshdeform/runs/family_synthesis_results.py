@@ -17,9 +17,8 @@ from meshdeform.assets.family_file import FamilyFile
 from meshdeform.assets.wall import WallShape
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilySynthesisParams
-from meshdeform.runs.base import ArtifactData
+from meshdeform.runs.base import ArtifactData, versions
 from meshdeform.runs.family_results import assets_png, packed_arrays, wall, wall_shape
-from meshdeform.runs.report import versions
 
 __all__ = ["SynthesisResults"]
 

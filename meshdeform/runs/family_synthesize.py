@@ -25,11 +25,10 @@ from meshdeform.families.machine import BetaMachine
 from meshdeform.families.sampling import FreeEnergy, Unexplained, between, completed, sampled, to_frame, to_machine
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilySynthesisParams
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
 from meshdeform.runs.family_results import FamilyResults
 from meshdeform.runs.family_synthesis_results import SynthesisResults
 from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_steps
-from meshdeform.runs.report import sha256_hex
 
 __all__ = ["FamilySynthesisRun", "machine_of", "start"]
 

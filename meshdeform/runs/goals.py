@@ -32,15 +32,13 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, Shading
-from meshdeform.requests.choices import AlignMode, AppearanceMode, GuidanceKind
+from meshdeform.requests.choices import AlignMode, AppearanceMode, GuidanceKind, is_builtin
 from meshdeform.requests.document import JobRequest, ResolvedParams
-from meshdeform.requests.models import is_builtin
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.requests.selection import Place
-from meshdeform.runs.base import InputFile
+from meshdeform.runs.base import InputFile, sha256_hex
 from meshdeform.runs.prompts import Prompts
-from meshdeform.runs.report import sha256_hex
-from meshdeform.runs.text_deform_checks import check_places
+from meshdeform.runs.text_deform_kind import check_places
 
 __all__ = ["Goal", "GoalSource", "SilhouetteFit", "TargetFit", "read_goal", "score_distillation"]
 

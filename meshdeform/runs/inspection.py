@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets import Asset
-from meshdeform.assets.parts import Parts
+from meshdeform.assets.surface import Parts
 from meshdeform.deformation.mirror import find_partners
 from meshdeform.geometry.congruence import Component, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.runs.preparation import welded_surface
+from meshdeform.runs.surfaces import welded_surface
 
 __all__ = ["MAX_COMPARED", "inspect_parts"]
 

@@ -15,9 +15,8 @@ from typing import Any
 
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import GuidanceKind, OrientationMode
+from meshdeform.requests.choices import GuidanceKind, OrientationMode, is_builtin, is_sent
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams
-from meshdeform.requests.models import is_builtin, is_sent
 from meshdeform.runs.base import job_input
 from meshdeform.runs.questions import Question, answer
 
@@ -112,8 +111,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _find(task: dict[str, Any]) -> dict[str, Any]:
-    from meshdeform.priors import load_prior
-    from meshdeform.priors.public_names import hidden_folders
+    from meshdeform.priors import hidden_folders, load_prior
     from meshdeform.runs import text_deform
     from meshdeform.runs.devices import use_threads
 

@@ -19,7 +19,8 @@ from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.notices import looks_z_up
 from meshdeform.errors import MeshdeformError
 from meshdeform.geometry.weld import weld
-from meshdeform.priors.builtin.network import PriorNetwork
+from meshdeform.priors import hidden_folders
+from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, pack_weights, read_network
 from meshdeform.priors.builtin.taught import Lesson, check, lessons_of, metadata_of, words_of
 from meshdeform.priors.builtin.teaching.lesson import NewNoun, new_noun
 from meshdeform.priors.builtin.teaching.measure import interval, retrieved
@@ -35,14 +36,21 @@ from meshdeform.priors.builtin.teaching.teacher import (
     fastest_precision,
     read_state,
 )
-from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, pack_weights, read_network
-from meshdeform.priors.public_names import hidden_folders
-from meshdeform.requests.document import JobRequest
-from meshdeform.requests.models import WEIGHTS_PART, is_sent, is_taught
+from meshdeform.requests.choices import WEIGHTS_PART, is_sent, is_taught
+from meshdeform.requests.document import JobRequest, read_unbounded
 from meshdeform.requests.teaching import TeachParams
-from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs import family_synthesize
-from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
+from meshdeform.runs.base import (
+    TAUGHT_WEIGHTS,
+    WEIGHTS_ARTIFACT,
+    ArtifactData,
+    InputFile,
+    JobRun,
+    RunInput,
+    sha256_hex,
+    versions,
+    weights_on_disk,
+)
 from meshdeform.runs.prior_teach_kind import (
     FAMILY_PART,
     MESHES_PART,
@@ -52,8 +60,6 @@ from meshdeform.runs.prior_teach_kind import (
     packed_meshes,
     params_of,
 )
-from meshdeform.runs.report import sha256_hex, versions
-from meshdeform.runs.sent_weights import TAUGHT_WEIGHTS, WEIGHTS_ARTIFACT, weights_on_disk
 
 __all__ = ["MADE", "LessonRun", "TeachRequest", "made_members", "start", "start_lesson"]
 

@@ -12,16 +12,23 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.assets import Limits
 from meshdeform.assets.lesson_archive import MAX_MESHES, open_lesson
 from meshdeform.errors import ModelError, ParameterError
+from meshdeform.priors import configured_name, hidden_folders, public_names
+from meshdeform.priors.builtin.grammar import Attribute, Words
 from meshdeform.priors.builtin.taught import known_words
 from meshdeform.priors.builtin.teaching.lesson import NewNoun, attributes_of_folder, new_noun
-from meshdeform.priors.builtin.words import Attribute, Words
-from meshdeform.priors.public_names import configured_name, hidden_folders, public_names
-from meshdeform.requests.choices import JobKind
+from meshdeform.requests.choices import WEIGHTS_PART, JobKind, is_sent, is_taught
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, OutputOptions
-from meshdeform.requests.models import WEIGHTS_PART, is_sent, is_taught
 from meshdeform.requests.teaching import TeachParams
-from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
-from meshdeform.runs.sent_weights import TAUGHT_WEIGHTS, WEIGHTS_ARTIFACT, WEIGHTS_FILE, check_weights_part
+from meshdeform.runs.base import (
+    TAUGHT_WEIGHTS,
+    WEIGHTS_ARTIFACT,
+    WEIGHTS_FILE,
+    ArtifactKind,
+    FilePart,
+    Kind,
+    check_weights_part,
+    start_of,
+)
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary

@@ -23,9 +23,8 @@ from meshdeform.geometry.geodesic import surface_distances
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.guidance.sds import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.requests.prompts import Prompt, active_prompts
-from meshdeform.runs.control import Control
-from meshdeform.runs.selection import SelectableSurface
+from meshdeform.requests.parameters import Prompt, active_prompts
+from meshdeform.runs.control import Control, SelectableSurface
 
 __all__ = ["Prompts", "read_prompts"]
 

@@ -20,8 +20,15 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import MorphPath
 from meshdeform.requests.selection import find_excluded
-from meshdeform.runs.preparation import drawn_triangles, read_result, subdivided, welded_surface
-from meshdeform.runs.surfaces import DeformedSurface, deformed_surface, vertex_jacobians
+from meshdeform.runs.surfaces import (
+    DeformedSurface,
+    deformed_surface,
+    drawn_triangles,
+    read_result,
+    subdivided,
+    vertex_jacobians,
+    welded_surface,
+)
 
 __all__ = ["MAX_STRENGTH", "AssetPath", "check_same_asset", "matched", "with_strength", "write_morph"]
 

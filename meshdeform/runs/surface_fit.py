@@ -37,8 +37,7 @@ from meshdeform.fields.reader import read_field
 from meshdeform.fields.surface_sources import Surface, surface_of
 from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput
-from meshdeform.runs.report import RunLog, sha256_hex, versions
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, sha256_hex, versions
 from meshdeform.runs.surface_fit_kind import params_of
 
 __all__ = ["SurfaceFitRun", "start"]

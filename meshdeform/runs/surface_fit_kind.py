@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.document import JobKind, JobRequest, OutputOptions
+from meshdeform.requests.document import JobKind, JobRequest, OutputOptions, read_unbounded
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, MAX_LEVEL, SurfaceFitParams
-from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
 
 if TYPE_CHECKING:

@@ -1,4 +1,7 @@
-"""Give the asset's own vertices, which may be split at seams, the shape of the welded mesh, with normals and tangents.
+"""Prepare the asset of a run, and give its vertices the shape of the result.
+
+Nodes and backdrops are left out, the rest is welded, and subdivided for `output.subdivide`. At the end the asset's own
+vertices, which may be split at seams, get the shape of the welded mesh, with normals and tangents.
 
 Recomputing normals would lose hard edges, custom normals and everything that an artist baked into them. Instead, the
 source's normal n at a vertex becomes the direction of ``sum_f |f| cof(J_f) n`` over the faces f around it, with cof(J)
@@ -12,6 +15,8 @@ Source: Turkowski 1990, Properties of Surface-Normal Transformations.
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,22 +24,33 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import Asset, Surface
+from meshdeform.assets import Asset, Limits, Surface, load_asset
+from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.deformation.poisson import completed_jacobians
+from meshdeform.errors import AssetEmptyError, ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_cross
-from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.geometry.weld import WeldedMesh, weld
 from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose
+from meshdeform.requests.choices import BackdropMode
+from meshdeform.requests.document import OutputOptions, ResolvedParams
+from meshdeform.requests.selection import find_excluded
 
 __all__ = [
     "DeformedSurface",
     "Shown",
     "deformed_surface",
+    "drawn_triangles",
     "pose_in_frame",
+    "prepared",
+    "read_result",
     "rebuild_turned_normals",
+    "shape_id",
+    "subdivided",
     "transform_normals",
     "transform_tangents",
     "vertex_jacobians",
+    "welded_surface",
 ]
 
 
@@ -271,3 +287,65 @@ def _has_area(mesh: TriangleMesh) -> bool:
 
 def _poses(before: Surface, after: Surface) -> tuple[Pose, Pose]:
     return Pose(before.positions, before.normals), Pose(after.positions, after.normals)
+
+
+def prepared(
+    asset: Asset, params: ResolvedParams, output: OutputOptions, limits: Limits | None
+) -> tuple[Asset, Subdivision | None]:
+    """Return the asset that a run deforms, and what was split if it is subdivided.
+
+    Raises
+    ------
+    ParameterError
+        An excluded node does not exist, or nothing else is left.
+    """
+    if params.exclude:
+        asset = _without(asset, params.exclude)
+    return subdivided(asset, limits) if output.subdivide else (asset, None)
+
+
+def _without(asset: Asset, exclude: Sequence[str | int]) -> Asset:
+    try:
+        return asset.without(find_excluded(exclude, asset.parts().nodes))
+    except AssetEmptyError as error:
+        detail = "params.control.exclude: nothing is left to deform."
+        raise ParameterError.at(["params", "control", "exclude"], detail, "Exclude fewer nodes.") from error
+
+
+def drawn_triangles(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> NDArray[np.bool_]:
+    """Return flags (T,) of the triangles of the surface that are drawn and deformed: all but a backdrop's."""
+    found = asset.backdrop
+    if found is None or not found.left or backdrop is BackdropMode.DEFORM:
+        return np.ones(len(asset.surface.triangles), bool)
+    return ~found.triangles
+
+
+def welded_surface(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> WeldedMesh:
+    """Weld the triangles that are drawn and deformed.
+
+    Raises
+    ------
+    AssetEmptyError
+        None has an area.
+    """
+    surface = asset.surface
+    return weld(surface.positions, surface.triangles, left_out=~drawn_triangles(asset, backdrop))
+
+
+def subdivided(asset: Asset, limits: Limits | None) -> tuple[Asset, Subdivision]:
+    """Return the asset with its long edges split, within the limits of the deployment, and what was split."""
+    return asset.subdivided(min(MAX_TRIANGLES, (limits or Limits()).max_triangles))
+
+
+def shape_id(asset_sha256: str, asset: Asset, params: ResolvedParams, output: OutputOptions) -> str:
+    """Return the id of the mesh that a run deforms; a checkpoint fits only its own."""
+    done = ["subdivided"] if output.subdivide else []
+    without = [json.dumps(name) for name in params.exclude]
+    if not drawn_triangles(asset, params.backdrop).all():
+        without.append("backdrop")
+    return "+".join([asset_sha256, *done, *without])
+
+
+def read_result(result: bytes) -> Asset:
+    """Read our own `result.glb` back, without the limits for sources."""
+    return load_asset(result, "result.glb", Limits.unlimited())

@@ -24,19 +24,26 @@ from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import GuidanceKind, RigMode
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput
-from meshdeform.runs.control import read_control
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent, sha256_hex
+from meshdeform.runs.control import SelectableSurface, read_control
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
-from meshdeform.runs.preparation import drawn_triangles, prepared, read_result, shape_id, welded_surface
 from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.recognition import front_of, known_source
-from meshdeform.runs.report import RunLog, sha256_hex
-from meshdeform.runs.selection import SelectableSurface
-from meshdeform.runs.sent_weights import load_sent
 from meshdeform.runs.strength import AssetPath, write_morph
-from meshdeform.runs.surfaces import DeformedSurface, Shown, deformed_surface, pose_in_frame, vertex_jacobians
+from meshdeform.runs.surfaces import (
+    DeformedSurface,
+    Shown,
+    deformed_surface,
+    drawn_triangles,
+    pose_in_frame,
+    prepared,
+    read_result,
+    shape_id,
+    vertex_jacobians,
+    welded_surface,
+)
 from meshdeform.runs.text_deform_kind import read_target, resolved_params
 from meshdeform.runs.text_report import Outcome, RunFacts, build_report, precision_of, provenance, sees_colours
+from meshdeform.runs.verdict import front_of, known_source
 
 __all__ = ["TextDeformRun", "start"]
 

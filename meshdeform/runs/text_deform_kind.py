@@ -1,55 +1,322 @@
-"""Describe the kind `text_deform`: its files, the check of its requests, and its artifacts. Torch-free."""
+"""Describe the kind `text_deform`: its files, the check of its requests, and its artifacts. Torch-free.
+
+The check says whether a request could run: its model, prompts, targets and pictures.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from meshdeform.assets.check import MAX_PARTS
-from meshdeform.errors import MeshdeformError, ParameterError
-from meshdeform.priors.public_names import configured_name, hidden_folders
-from meshdeform.requests.choices import GuidanceKind
+from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.priors import configured_name, hidden_folders, public_names
+from meshdeform.requests.choices import WEIGHTS_PART, is_builtin, is_sent, is_taught
 from meshdeform.requests.document import (
+    BUILTIN_MODEL,
     DeformParams,
+    GuidanceKind,
     JobKind,
     JobRequest,
     ResolvedParams,
+    read_unbounded,
     resolve,
 )
-from meshdeform.requests.models import WEIGHTS_PART, is_sent
-from meshdeform.requests.parameters import CONSTANTS, SILHOUETTE_PARTS
-from meshdeform.requests.prompts import prompt_words
-from meshdeform.requests.removed import without_removed
+from meshdeform.requests.parameters import CONSTANTS, SILHOUETTE_PARTS, Silhouette, active_prompts, prompt_words
+from meshdeform.requests.removed import PLACES, without_removed
 from meshdeform.requests.selection import check_selections, find_excluded
-from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs.base import (
     FORMATS_OF_RESULT,
+    WEIGHTS_FILE,
     ArtifactKind,
     FilePart,
     InputFile,
     Kind,
     RunInput,
+    check_weights_part,
     start_of,
 )
-from meshdeform.runs.sent_weights import WEIGHTS_FILE
-from meshdeform.runs.text_deform_checks import check, check_places, check_words
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
+    from meshdeform.priors.builtin.grammar import Words
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "read_target", "resolved_params", "with_constants"]
+__all__ = ["TEXT_DEFORM", "check", "check_places", "check_words", "read_target", "resolved_params", "with_constants"]
+
+
+_PlacedPrompt = tuple[list[str | int], str]
+"""A prompt after its place in the document."""
+
+_MAX_REACH = 1_000_000
+"""How far from an asset a point may be, in lengths of its bounding box."""
+
+_Place = tuple[str, int, str, Sequence[float]]
+
+_SAME_DEG = 1.0
+"""Directions of pictures that differ by less are the same."""
+
 
 M = TypeVar("M", bound=BaseModel)
+
 _log = logging.getLogger(__name__)
 
 _GLB = "model/gltf-binary"
+
 _TARGET = "target"
+
 _MESHES = (_GLB, "model/obj", "model/ply", "model/stl", "application/zip")
+
+
+def check(
+    request: JobRequest,
+    *,
+    default_model: str,
+    allowed_models: Sequence[str] = (),
+    revision: str = "",
+    has_target: bool = False,
+    pictures: Collection[str] = (),
+    has_weights: bool = False,
+) -> ResolvedParams:
+    """Refuse a request that could not run; return the values of all its parameters.
+
+    Parameters
+    ----------
+    default_model : str
+        The model used if the request names none; always allowed, like `builtin`.
+    allowed_models : sequence of str
+        Further models that a request may name.
+    revision : str
+        Revision of the default model.
+    has_target : bool
+        Whether the second mesh for `target` guidance is present.
+    pictures : collection of str
+        The names of the parts with pictures that are present.
+    has_weights : bool
+        Whether taught weights are among the files.
+
+    Raises
+    ------
+    ParameterError
+        `target` guidance without a target, a target without `target` guidance, pictures without a direction or the
+        reverse, or parameters that contradict the preset or each other.
+    PromptError, VocabularyError
+        The prompt is empty, or it or the negative prompt has words outside the builtin prior's vocabulary.
+    ModelError
+        The model is not allowed, or not on this machine.
+    """
+    resolved = resolve(request.params, default_model=default_model)
+    _check_pictures(resolved, request.prompt, pictures)
+    _check_target(resolved, has_target=has_target)
+    known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
+    if resolved.guidance is GuidanceKind.SDS:
+        model = resolved.model
+        check_weights_part(model, [WEIGHTS_PART] if has_weights else [], "guidance")
+        if is_sent(model):  # its words are those of a file, which is checked later
+            return resolved
+        offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
+        if is_taught(model) and not offered:  # before its words are read
+            raise _not_allowed(model, known)
+        _check_prompts(_prompts(request), resolved)
+        if not offered:
+            raise _not_allowed(model, known)
+        from meshdeform.priors import check_model
+
+        check_model(model, revision if model == default_model else "")
+    elif has_weights:
+        check_weights_part(None, [WEIGHTS_PART], "guidance")
+    return resolved
+
+
+def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
+    """Refuse `target` guidance without a target mesh, and a target mesh without `target` guidance."""
+    if params.guidance is GuidanceKind.TARGET and not has_target:
+        raise ParameterError.at(
+            ["params", "guidance"], "`target` guidance needs a second mesh.", "Send it as the part `target`."
+        )
+    if has_target and params.guidance is not GuidanceKind.TARGET:
+        raise ParameterError.at(
+            ["params", "guidance"],
+            f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
+            'Set params.guidance to {"kind": "target"}, or omit the part `target`.',
+        )
+
+
+def _prompts(request: JobRequest) -> list[_PlacedPrompt]:
+    """Return the prompts of a request, each with its place in the document.
+
+    Raises
+    ------
+    ParameterError
+        There are several, and none pulls at anything.
+    """
+    params = request.params
+    if not params.prompts:
+        return [(["prompt"], request.prompt)]
+    if not active_prompts(request.prompt, params.prompts):
+        advice = "Give one of them a weight, or set prompt."
+        raise ParameterError.at(["params", "guidance", "prompts"], "All prompts have the weight 0.", advice)
+    found: list[_PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
+    for number, each in enumerate(params.prompts):
+        found.append((["params", "guidance", "prompts", number, "prompt"], each.prompt))
+    return found
+
+
+def _check_prompts(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> None:
+    """Refuse prompts that are empty, or that the builtin model cannot read."""
+    _filled(prompts)
+    if is_builtin(params.model) and prompts:
+        from meshdeform.priors.builtin.taught import known_words
+
+        _check_vocabulary(prompts, params, known_words(params.model))
+
+
+def _filled(prompts: Sequence[_PlacedPrompt]) -> Sequence[_PlacedPrompt]:
+    """Return the prompts; refuse empty ones."""
+    if not all(prompt for _, prompt in prompts):
+        raise PromptError("The prompt is empty.")
+    return prompts
+
+
+def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
+    return ModelError(
+        f"This server does not run the model {model!r}.",
+        advice=f"Use one of: {', '.join(known)}. The server's operator can add it to MESHDEFORM_ALLOWED_MODELS.",
+        models=list(known),
+    )
+
+
+def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
+    """Refuse a request with prompts that a prior with these words cannot read; its weights come with the job."""
+    params = resolve(request.params)
+    if params.guidance is GuidanceKind.SDS:
+        _check_vocabulary(_filled(_prompts(request)), params, known)
+
+
+def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str]) -> None:
+    """Refuse pictures without a direction, directions without a picture, and directions that are the same.
+
+    `present` has the names of the parts with pictures.
+    """
+    views = params.silhouettes
+    if params.guidance is GuidanceKind.TARGET and present:
+        detail = "Pictures cannot guide beside a second mesh, which has all its silhouettes."
+        raise ParameterError.at(["params", "guidance"], detail, "Leave the pictures out, or use another guidance.")
+    if params.guidance is GuidanceKind.SILHOUETTES:
+        if not views:
+            detail = "`silhouettes` guidance needs at least one picture."
+            raise ParameterError.at(
+                ["params", "guidance", "silhouettes"],
+                detail,
+                "Send it as the part `silhouette_1`, with its azimuth in params.guidance.silhouettes.",
+            )
+        if prompt:
+            detail = "There is a prompt, and `silhouettes` guidance does not use it."
+            advice = 'Use {"kind": "sds"} to use both, or leave the prompt out.'
+            raise ParameterError.at(["params", "guidance"], detail, advice)
+    wanted = SILHOUETTE_PARTS[: len(views)]
+    for number, name in enumerate(wanted):
+        if name not in present:
+            detail = f"params.guidance.silhouettes has {len(views)} entries, and the part `{name}` is missing."
+            raise ParameterError.at(
+                ["params", "guidance", "silhouettes", number], detail, f"Send the picture as the part `{name}`."
+            )
+    for name in sorted(set(present) - set(wanted)):
+        detail = f"The part `{name}` was sent, and params.guidance.silhouettes has {len(views)} entries."
+        advice = "Give each picture an entry with its azimuth, in the order of the parts."
+        raise ParameterError.at(["params", "guidance", "silhouettes"], detail, advice)
+    for number, view in enumerate(views):
+        for other in range(number):
+            if _same(view, views[other]):
+                detail = f"`{wanted[other]}` and `{wanted[number]}` have the same azimuth and elevation."
+                raise ParameterError.at(
+                    ["params", "guidance", "silhouettes", number],
+                    detail,
+                    "Correct one of the azimuths, or leave one of the pictures out.",
+                )
+
+
+def _same(one: Silhouette, other: Silhouette) -> bool:
+    apart = abs((one.azimuth - other.azimuth + 180.0) % 360.0 - 180.0)
+    return apart < _SAME_DEG and abs(one.elevation - other.elevation) < _SAME_DEG
+
+
+def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, known: Words) -> None:
+    """Refuse prompts that the builtin prior with these words cannot read.
+
+    Raises
+    ------
+    PromptError, VocabularyError
+        One of them, or the negative prompt; of several prompts the error says which.
+    """
+    from meshdeform.priors.builtin.grammar import parse, parse_negative
+
+    for place, prompt in prompts:
+        try:
+            parse(prompt, known)
+        except (PromptError, VocabularyError) as error:
+            if len(prompts) > 1:  # say which
+                error.located(place)
+            raise
+        if params.negative_prompt.strip():
+            try:
+                parse_negative(params.negative_prompt, prompt, known)
+            except (PromptError, VocabularyError) as error:
+                # Add which of the two texts the error is about.
+                error.located(["params", "guidance", "negative_prompt"])
+                raise
+    if params.source_noun is not None:
+        try:
+            parse(f"a {params.source_noun}", known)
+        except (PromptError, VocabularyError) as error:
+            error.located(["params", "guidance", "source_noun"])
+            raise
+
+
+def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[float]]]) -> None:
+    """Refuse points of handles and landmarks that are absurdly far from the file in whose world they are.
+
+    Parameters
+    ----------
+    bounds : mapping
+        The least and the greatest coordinates (2, 3) of the `asset` and the `target`, as far as they are known.
+
+    Raises
+    ------
+    ParameterError
+    """
+    for part, places in (("asset", _places_on_asset(params)), ("target", _places_on_target(params))):
+        if not bounds.get(part):
+            continue
+        low, high = bounds[part]
+        size = max(end - begin for begin, end in zip(low, high, strict=True))
+        for name, number, member, point in places:
+            away = max(max(a - x, x - b) for a, x, b in zip(low, point, high, strict=True))
+            if away > _MAX_REACH * size:
+                path = f"{PLACES[name][0]}.{name}"
+                detail = f"params.{path}: the point is {away / size:.1g} times as far from the {part} as that is long."
+                advice = f"Give a point within {_MAX_REACH:,} lengths of the {part}."
+                raise ParameterError.at(["params", *path.split("."), number, member], detail, advice)
+
+
+def _places_on_asset(params: ResolvedParams) -> Iterator[_Place]:
+    for number, handle in enumerate(params.handles):
+        if handle.position is not None:
+            yield "handles", number, "position", handle.position
+        yield "handles", number, "to", handle.to
+    for number, pair in enumerate(params.landmarks):
+        if not isinstance(pair.source, int):
+            yield "landmarks", number, "source", pair.source
+
+
+def _places_on_target(params: ResolvedParams) -> Iterator[_Place]:
+    for number, pair in enumerate(params.landmarks):
+        if not isinstance(pair.target, int):
+            yield "landmarks", number, "target", pair.target
 
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> ResolvedParams:

@@ -14,8 +14,8 @@ from torch import Tensor
 import meshdeform
 from meshdeform.assets import Asset
 from meshdeform.assets.notices import up_axis_warnings
-from meshdeform.assets.parts import Rig
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
+from meshdeform.assets.surface import Rig
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
@@ -23,19 +23,17 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import MeshQuality, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
-from meshdeform.priors.public_names import public_name
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
-from meshdeform.runs.base import InputFile
+from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
 from meshdeform.runs.control import Control, control_report
 from meshdeform.runs.goals import Goal, SilhouetteFit
 from meshdeform.runs.prompts import Prompts
-from meshdeform.runs.recognition import Recognition
-from meshdeform.runs.report import RunLog, sha256_hex, versions
 from meshdeform.runs.surfaces import Shown
-from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports, verdict
+from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports, verdict
 
 __all__ = [
     "Movement",

@@ -8,8 +8,8 @@ from pathlib import Path
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, StoredFileError
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
+from meshdeform.requests.choices import WEIGHTS_PART
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.requests.models import WEIGHTS_PART
 from meshdeform.runs import kind_of
 from meshdeform.runs.text_deform_kind import with_constants
 from service.http.idempotency import Answer, Caller, claimed, request_hash

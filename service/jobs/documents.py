@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_vali
 
 from meshdeform.api.limits import MAX_FILENAME, MAX_INLINE_BYTES
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
+from meshdeform.requests.choices import WEIGHTS_PART, teaching_job
 from meshdeform.requests.document import DeformParams, JobRequest
-from meshdeform.requests.models import WEIGHTS_PART, teaching_job
-from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
+from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.webhooks.addresses import MAX_URL
 
 __all__ = [

@@ -17,13 +17,13 @@ from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
 from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import DrawingError, ParameterError, SilhouetteError, UnavailableError
+from meshdeform.priors import public_names
 from meshdeform.priors.builtin import taught
-from meshdeform.priors.public_names import public_names
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
+from meshdeform.requests.choices import WEIGHTS_PART
 from meshdeform.requests.document import JobRequest, ResolvedParams
-from meshdeform.requests.models import WEIGHTS_PART
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import Kind
 from meshdeform.runs.orientation_process import check_searchable, orientation_of

@@ -16,7 +16,7 @@ from meshdeform.api.jobs import JobList, JobView, SignedUrl, job_headers
 from meshdeform.api.limits import MAX_PAGE, MAX_SEARCH
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.record.models import Job, JobState
-from meshdeform.record.removal import remove_job
+from meshdeform.record.reconciler import remove_job
 from meshdeform.requests.document import MAX_METADATA_ENTRIES, MAX_METADATA_NAME, MAX_METADATA_VALUE
 from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WAITED, JobId
 from service.downloads.responses import matches

@@ -11,9 +11,8 @@ from meshdeform.errors import NotFoundError
 from meshdeform.priors.catalogue import ModelInfo, describe_taught
 from meshdeform.record.models import Artifact, JobState
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.choices import JobKind
-from meshdeform.requests.models import model_of_job
-from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
+from meshdeform.requests.choices import JobKind, model_of_job
+from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.storage import ObjectStore
 from service.workspace import Workspace
 

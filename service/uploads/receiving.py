@@ -25,7 +25,7 @@ from meshdeform.errors import (
     RequestTimeoutError,
     UnavailableError,
 )
-from meshdeform.record.removal import remove_upload
+from meshdeform.record.reconciler import remove_upload
 from meshdeform.record.uploads import Upload
 from meshdeform.storage import sign_path, verify_path
 from service.schemas import UploadView

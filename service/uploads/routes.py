@@ -20,7 +20,7 @@ from meshdeform.errors import (
     TooManyUploadsError,
     UnavailableError,
 )
-from meshdeform.record.removal import remove_upload
+from meshdeform.record.reconciler import remove_upload
 from meshdeform.record.uploads import Upload
 from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, header, json_body
 from service.http.auth import PrincipalDep

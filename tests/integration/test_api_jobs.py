@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import httpx
+import pytest
+
+from meshdeform.errors import UnavailableError
 from meshdeform.record.models import JobState, NewJob, Progress
 from meshdeform.record.queue import JobQueue
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
-from tests.integration.conftest import Api, new_job, stored_file
-from tests.integration.http_calls import check_document, check_problem, finished_job
+from tests.integration.conftest import Api, new_job, serving_app, stored_file
+from tests.integration.http_calls import check_document, check_problem, eventually, finished_job
 
 
 def test_a_job_shows_its_progress_and_its_version(api: Api, openapi: dict[str, Any]) -> None:
@@ -159,3 +163,18 @@ def test_a_job_stays_readable_whatever_it_holds(api: Api, openapi: dict[str, Any
     check_document(document, "JobView", openapi)
     assert document["metadata"] == request.metadata
     assert document["asset"]["filename"] == "größe 1.glb"
+
+
+def test_a_job_is_deleted_while_the_store_is_away(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    job_id = finished_job(api)
+    (artifact,) = api.record.artifacts(job_id)
+    with serving_app(api.settings) as (url, app):
+
+        def away(prefix: str) -> None:
+            raise UnavailableError("away")
+
+        # There is another reconciler, of the fixture's API, which removes what this one cannot.
+        monkeypatch.setattr(app.state.app_state.store, "delete_prefix", away)
+        assert httpx.delete(f"{url}/v1/jobs/{job_id}").status_code == 204
+        check_problem(httpx.get(f"{url}/v1/jobs/{job_id}"), 404, "not_found")
+    eventually(lambda: not api.store.exists(artifact.key))

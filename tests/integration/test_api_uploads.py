@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from meshdeform.errors import UnavailableError
-from meshdeform.record.removal import remove_unreachable
+from meshdeform.record.reconciler import remove_unreachable
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import uploads
 from meshdeform.settings import Settings

@@ -8,7 +8,7 @@ import pytest
 
 from meshdeform.errors import UnavailableError
 from meshdeform.record.models import NewJob, Origin, OriginMode
-from meshdeform.record.removal import remove_job, remove_unreachable
+from meshdeform.record.reconciler import remove_job, remove_unreachable
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.record import insertion
-from meshdeform.record.insertion import NewRow, insert
+from meshdeform.record import database
+from meshdeform.record.database import NewRow, insert
 from meshdeform.record.models import NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import discarded, files, job_texts, labels, outbox, secrets
@@ -49,13 +49,13 @@ def test_jobs_of_one_shape_share_a_statement(record: JobRecord, labelled: dict[s
         request = JobRequest.model_validate({"prompt": "a vase", "metadata": labelled, **more})
         return record.create(NewJob(request, {"asset": stored_file()}, owner_id="ann")).id
 
-    insertion._kept.cache_clear()
+    database._kept.cache_clear()
     ids = [made() for _ in range(3)]
-    misses = insertion._kept.cache_info().misses
+    misses = database._kept.cache_info().misses
     assert misses == (0 if record.database.is_sqlite else 2), "one for jobs, one for events"
     # A deadline is an expression of its own each time, which is not kept.
     late = [made(deadline_s=60.0 + number) for number in range(3)]
-    assert insertion._kept.cache_info().currsize == misses
+    assert database._kept.cache_info().currsize == misses
     with record.database.read() as connection:
         for table, each in ((job_texts, 1), (outbox, 1), (labels, len(labelled))):
             count = sa.select(sa.func.count()).select_from(table).where(table.c.job_id.in_([*ids, *late]))

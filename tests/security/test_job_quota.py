@@ -13,7 +13,7 @@ import pytest
 from sqlalchemy import event
 
 from meshdeform.errors import TooMuchStoredError
-from meshdeform.record import room
+from meshdeform.record import files
 from meshdeform.record.models import Artifact, Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
@@ -77,7 +77,7 @@ def test_the_bytes_of_an_owners_jobs_are_limited(
         record.leases.finish(first["id"], 1, JobState.CANCELED)
         check_problem(post(sphere), 429, "too_much_stored")
         check_problem(ann.post(f"/v1/jobs/{first['id']}/retry"), 429, "too_much_stored")
-        # Deleting jobs makes room.
+        # Deleting jobs makes files.
         assert ann.delete(f"/v1/jobs/{first['id']}").status_code == 204
         assert post(sphere).status_code == 202
         assert post(vase).status_code == 429
@@ -101,8 +101,8 @@ def stored(record: JobRecord) -> int:
 def test_the_sum_of_many_jobs_is_remembered_but_refuses_nobody(
     record: JobRecord, database_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(room, "_FEW", 2)
-    monkeypatch.setattr(room, "_JOBS_PER_S", 0.001)
+    monkeypatch.setattr(files, "_FEW", 2)
+    monkeypatch.setattr(files, "_JOBS_PER_S", 0.001)
     sums: list[str] = []
 
     def note(_c: Any, _k: Any, statement: str, *_: Any) -> None:
@@ -130,7 +130,7 @@ def test_the_sum_of_many_jobs_is_remembered_but_refuses_nobody(
         assert len(sums) == 3
         made(record, 10, limit=100, owner="bob")
         assert len(sums) == 4, "each owner has a sum of its own"
-        monkeypatch.setattr(room, "_JOBS_PER_S", 1e9)
+        monkeypatch.setattr(files, "_JOBS_PER_S", 1e9)
         for count in (5, 6):
             record.check_room("bob", {}, 100)
             assert len(sums) == count, "that of few jobs is made each time"

@@ -18,7 +18,7 @@ from PIL import Image
 
 from meshdeform.assets import load_asset
 from meshdeform.requests.document import JobRequest, resolve
-from meshdeform.runs.report import sha256_hex
+from meshdeform.runs.base import sha256_hex
 from tests.cases import each_case
 
 ROOT = Path(__file__).parents[2]

@@ -283,9 +283,9 @@ def _kept_plan(out: Path, settings: Settings, judge: str, clip: Path | None) -> 
 
 
 def _model(prior: str, given: str | None, settings: Settings) -> str:
-    from meshdeform.priors.public_names import configured_name
+    from meshdeform.priors import configured_name
+    from meshdeform.requests.choices import is_builtin, is_taught
     from meshdeform.requests.document import BUILTIN_MODEL, DEFAULT_SD_MODEL
-    from meshdeform.requests.models import is_builtin, is_taught
 
     if prior == "builtin":
         if given is not None and not is_builtin(given):

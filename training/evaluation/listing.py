@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from meshdeform.requests.models import is_builtin
+from meshdeform.requests.choices import is_builtin
 from training.evaluation.plan import Plan
 from training.evaluation.retrieval import NO_JUDGE
 

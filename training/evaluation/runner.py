@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.errors import MeshdeformError, ParameterError, PromptError, VocabularyError, WorkerLostError
-from meshdeform.requests.models import is_builtin
+from meshdeform.requests.choices import is_builtin
 from meshdeform.support.files import write_files
 from training.evaluation.clip_judge import refuse_the_guides_own
 from training.evaluation.delivered import DeliveredEvaluator

@@ -20,8 +20,7 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, cylinder, icosphere, torus
-from meshdeform.judge.network import WEIGHTS, JudgeNetwork, encoded, read_judge
-from meshdeform.judge.scoring import Judge
+from meshdeform.judge.scoring import WEIGHTS, Judge, JudgeNetwork, encoded, read_judge
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, ParsedPrompt
 from training.judge.members import HELD_OUT, ViewSet
 

@@ -25,8 +25,7 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.judge.network import encoded
-from meshdeform.judge.scoring import VIEW_SIZE, draw_views, judging_cameras, training_cameras
+from meshdeform.judge.scoring import VIEW_SIZE, draw_views, encoded, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import ADJECTIVES, ATTRIBUTES, NOUNS, PARTS, Attribute, ParsedPrompt
 from meshdeform.priors.builtin.teaching.picture_set import drawn_from
 from training.judge import shapes

@@ -26,7 +26,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from meshdeform.judge.network import WEIGHTS, JudgeNetwork, Prompts, vocabulary_hash
+from meshdeform.judge.scoring import WEIGHTS, JudgeNetwork, Prompts, vocabulary_hash
 from meshdeform.priors.builtin.grammar import NOUNS
 from training.judge.augment import augmented
 from training.judge.members import CALIBRATION, ViewSet

@@ -14,8 +14,8 @@ from pathlib import Path
 import torch
 
 from meshdeform.priors.builtin.grammar import NOUNS
+from meshdeform.priors.builtin.network import WEIGHTS, read_network
 from meshdeform.priors.builtin.teaching.sheet import contact_sheet, sample
-from meshdeform.priors.builtin.weights_file import WEIGHTS, read_network
 
 __all__ = ["main"]
 

@@ -15,10 +15,9 @@ from torch import Tensor
 
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import NOUNS, PARTS, VOCABULARY
-from meshdeform.priors.builtin.network import PriorNetwork
+from meshdeform.priors.builtin.network import PriorNetwork, read_tensors, vocabulary_hash
 from meshdeform.priors.builtin.teaching.teacher import new_rows
 from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
-from meshdeform.priors.builtin.weights_file import read_tensors, vocabulary_hash
 
 __all__ = ["warm_start"]
 

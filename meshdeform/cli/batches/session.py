@@ -355,8 +355,8 @@ def write_target_sets(folder: Path, rows: Sequence[Row], settings: Settings) -> 
 
 def _row_result(source: Asset, row: Row, folder: Path, limits: Limits) -> tuple[Asset, Asset]:
     """Return the source as a row deformed it, and the row's result."""
-    from meshdeform.runs.preparation import read_result
     from meshdeform.runs.strength import matched
+    from meshdeform.runs.surfaces import read_result
 
     result = read_result(row.path(folder, "result.glb").read_bytes())
     return matched(source, result, row.request.params.control.exclude, limits)

@@ -10,39 +10,37 @@
 Every noun takes every adjective; `NOUNS` lists the parts of each noun. Synonyms, plurals, capitals and articles are
 accepted. Anything else is an error that suggests prompts: ignoring half of a prompt silently would be worse.
 
-Needs neither torch nor numpy: the service checks a prompt before it accepts the job.
+It needs neither torch nor numpy: the service checks a prompt before it accepts the job.
+
+`Words` looks up the words of the builtin prior, and `suggest` has prompts in place of one that is refused: for an
+unknown word come first the known words that are spelled alike, if the word is not a noun itself; then nouns that look
+alike; then nouns of similar meaning (`meaning.py`).
 """
 
 from __future__ import annotations
 
+import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 
 from meshdeform.errors import PromptError, VocabularyError
-from meshdeform.priors.builtin.suggestions import suggest
+from meshdeform.priors.builtin.meaning import is_noun, nearest
 from meshdeform.priors.builtin.vocabulary import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
+    DEGREE_SYNONYMS,
     FILLERS,
+    LENGTH,
+    LENGTHWISE,
+    NOUN_SYNONYMS,
     NOUNS,
     OPPOSITES,
+    PART_SYNONYMS,
     PARTS,
-)
-from meshdeform.priors.builtin.words import (
-    ATTRIBUTES,
-    BUILTIN_WORDS,
-    MAX_ATTRIBUTES,
-    SEQUENCE_LENGTH,
-    Attribute,
-    ParsedPrompt,
-    Words,
-    degree_of,
-    is_adjective,
-    is_known,
-    noun_of,
-    part_of,
+    SIZE,
+    SIZEWISE,
 )
 
 __all__ = [
@@ -50,6 +48,7 @@ __all__ = [
     "ATTRIBUTES",
     "BUILTIN_WORDS",
     "MAX_ATTRIBUTES",
+    "MAX_SUGGESTIONS",
     "NOUNS",
     "OPPOSITES",
     "PARTS",
@@ -57,20 +56,323 @@ __all__ = [
     "VOCABULARY",
     "Attribute",
     "ParsedPrompt",
+    "Suggestions",
     "Words",
+    "correct",
+    "degree_of",
+    "is_adjective",
+    "is_known",
+    "nearest_nouns",
+    "noun_of",
     "parse",
     "parse_negative",
+    "part_of",
+    "singular_forms",
+    "suggest",
     "tokenise",
     "variations",
 ]
 
 
-VOCABULARY = BUILTIN_WORDS.tokens
-"""Tokens of the weights in the package, in the order of their numbers."""
+MAX_SUGGESTIONS = 3
+
+_SIMILARITY = 0.79
+
+_MIN_LENGTH = 4
+
+_POPULAR = ("mushroom", "vase", "rabbit")
+
+# Frequent prompts, and the nouns that look most like them.
+_RELATED = {
+    "airplane": "glider drone",
+    "apple": "fruit orange peach cherry",
+    "armchair": "throne",
+    "bird": "dove hawk",
+    "boat": "canoe kayak",
+    "bottle": "jar",
+    "bowl": "mug",
+    "bucket": "basket pot",
+    "cat": "fox",
+    "church": "temple mosque",
+    "crocodile": "lizard",
+    "dog": "wolf",
+    "dragon": "monster",
+    "fish": "salmon",
+    "flower": "plant",
+    "goblet": "glass trophy",
+    "horse": "donkey zebra unicorn",
+    "house": "barn",
+    "lamp": "lantern",
+    "lion": "tiger leopard panther",
+    "mouse": "squirrel hamster",
+    "octopus": "squid jellyfish",
+    "person": "wizard knight soldier",
+    "rabbit": "kangaroo",
+    "rocket": "ufo satellite",
+    "sheep": "goat",
+    "skyscraper": "building",
+    "snowman": "gnome",
+    "teapot": "teacup",
+    "tree": "bush",
+    "truck": "van",
+    "vase": "jug pitcher",
+    "whale": "seal",
+}
+
+_NOUN_OF_RELATED = {word: noun for noun, words in _RELATED.items() for word in words.split()}
+
 
 _PROPORTIONS = ("tall", "wide", "thin", "fat", "short", "long")
+
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
+
 _OWN_WORDS = 5
+
+
+@dataclass(frozen=True, order=True)
+class Attribute:
+    """One property: `Attribute("whole", "tall")` of the shape, or `Attribute("neck", "long")` of a part."""
+
+    part: str
+    degree: str
+
+    def __str__(self) -> str:
+        """Return the attribute as written in a prompt."""
+        return self.degree if self.part == "whole" else f"{self.degree} {self.part}"
+
+
+ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in ADJECTIVES) + tuple(
+    Attribute(part, degree) for part, degrees in PARTS.items() for degree in degrees
+)
+"""Every attribute, those of the whole shape first."""
+
+MAX_ATTRIBUTES = 3
+
+SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
+"""Tokens of a prompt: the noun, and two for each attribute."""
+
+
+@dataclass(frozen=True)
+class Words:
+    """The words of one file of weights; attributes and parts are those of the grammar.
+
+    Attributes
+    ----------
+    nouns : mapping of str to tuple of str
+        Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`.
+    synonyms : mapping of str to str
+        Other names of nouns.
+    tokens : tuple of str
+        Tokens in the order of their numbers; 0 is padding.
+    """
+
+    nouns: Mapping[str, tuple[str, ...]]
+    synonyms: Mapping[str, str]
+    tokens: tuple[str, ...]
+
+
+BUILTIN_WORDS = Words(
+    NOUNS,
+    NOUN_SYNONYMS,
+    ("<pad>", *NOUNS, *dict.fromkeys([*ADJECTIVES, *LENGTH, *SIZE]), "whole", *PARTS),
+)
+
+VOCABULARY = BUILTIN_WORDS.tokens
+"""Tokens of the weights in the package, in the order of their numbers."""
+"""The words of the weights in the package."""
+
+
+@dataclass(frozen=True)
+class ParsedPrompt:
+    """Noun and attributes of a prompt."""
+
+    noun: str
+    attributes: tuple[Attribute, ...] = ()
+
+    @property
+    def tokens(self) -> tuple[str, ...]:
+        """Canonical words: the noun, then (degree, part) of each attribute."""
+        return (self.noun, *(word for attribute in self.attributes for word in (attribute.degree, attribute.part)))
+
+    def __str__(self) -> str:
+        """Return an English prompt with this meaning."""
+        whole = [attribute.degree for attribute in self.attributes if attribute.part == "whole"]
+        parts = [attribute for attribute in self.attributes if attribute.part != "whole"]
+        front = " ".join([*whole, self.noun.replace("-", " ")])
+        article = "an" if front[0] in "aeiou" else "a"
+        clauses = [f"{a.degree} {a.part}" if a.part.endswith("s") else f"a {a.degree} {a.part}" for a in parts]
+        return f"{article} {front}" + (f" with {' and '.join(clauses)}" if clauses else "")
+
+
+def singular_forms(word: str) -> list[str]:
+    """Return the word and its possible singular forms."""
+    forms = [word]
+    if word.endswith("ies"):
+        forms.append(word[:-3] + "y")
+    if word.endswith("es"):
+        forms.append(word[:-2])
+    if word.endswith("s"):
+        forms.append(word[:-1])
+    return forms
+
+
+def noun_of(word: str, words: Words = BUILTIN_WORDS) -> str | None:
+    """Return the canonical noun of a word, its plural or a synonym, or None."""
+    irregular = {"snowmen": "snowman", "cacti": "cactus", "octopi": "octopus"}
+    for form in singular_forms(irregular.get(word, word)):
+        canonical = form if form in words.nouns else words.synonyms.get(form, form)
+        if canonical in words.nouns:
+            return canonical
+    return None
+
+
+def part_of(word: str) -> str | None:
+    """Return the canonical part of a word or a synonym, or None."""
+    canonical = PART_SYNONYMS.get(word, word)
+    if canonical in PARTS:
+        return canonical
+    return canonical + "s" if canonical + "s" in PARTS else None
+
+
+def degree_of(word: str, part: str) -> str | None:
+    """Return the canonical degree that an adjective means for a part, or None."""
+    degree = DEGREE_SYNONYMS.get(word)
+    if degree is None:
+        return None
+    return (LENGTHWISE if PARTS[part] == LENGTH else SIZEWISE).get(degree, degree)
+
+
+def is_adjective(word: str) -> bool:
+    """Return whether a word is an adjective of the whole or of a part."""
+    return word in ADJECTIVES or word in ADJECTIVE_SYNONYMS or word in DEGREE_SYNONYMS
+
+
+def is_known(word: str, words: Words = BUILTIN_WORDS) -> bool:
+    """Return whether a word has a role in the grammar."""
+    return word in FILLERS or is_adjective(word) or part_of(word) is not None or noun_of(word, words) is not None
+
+
+@dataclass(frozen=True)
+class Suggestions:
+    """What to say in place of a refused prompt.
+
+    Attributes
+    ----------
+    prompts : list of str
+        One to three prompts that are accepted and keep what was understood.
+    corrections : dict of str to str
+        The known word in place of each misspelt one.
+    nearest : dict of str to list of str
+        By unknown word, known nouns that look like it or mean something similar; nearest first.
+    near : bool
+        Whether the prompts come from the refused one, and are not merely examples.
+    """
+
+    prompts: list[str]
+    corrections: dict[str, str]
+    nearest: dict[str, list[str]]
+    near: bool
+
+
+def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = BUILTIN_WORDS) -> dict[str, str]:
+    """Return the known word in place of each misspelt one.
+
+    Parameters
+    ----------
+    with_nouns : bool
+        Whether nouns count: a prompt that has one needs no second.
+    words : Words
+        The words that the model knows.
+    """
+    known = [*ADJECTIVES, *ADJECTIVE_SYNONYMS, *PARTS, *PART_SYNONYMS, *DEGREE_SYNONYMS]
+    if with_nouns:
+        known += [*words.nouns, *words.synonyms]
+    return {
+        word: match[0]
+        for word in unknown
+        if len(word) >= _MIN_LENGTH
+        and not _is_word(word)
+        and (match := difflib.get_close_matches(word, known, 1, _SIMILARITY))
+    }
+
+
+def _is_word(word: str) -> bool:
+    """Return whether a word is a noun of English, spelled correctly: a boot is no misspelt boat."""
+    return any(form in _NOUN_OF_RELATED or is_noun(form) for form in singular_forms(word))
+
+
+def nearest_nouns(word: str, words: Words = BUILTIN_WORDS) -> list[str]:
+    """Return up to three known nouns that look like what a word names, or mean something similar."""
+    for form in singular_forms(word):
+        looks_like = [_NOUN_OF_RELATED[form]] if _NOUN_OF_RELATED.get(form) in words.nouns else []
+        if found := list(dict.fromkeys([*looks_like, *nearest(form, words.nouns)])):
+            return found[:MAX_SUGGESTIONS]
+    return []
+
+
+def suggest(
+    nouns: Sequence[str],
+    whole: Sequence[str],
+    parts: Sequence[tuple[str, Sequence[str]]],
+    unknown: Sequence[str],
+    words: Words = BUILTIN_WORDS,
+) -> Suggestions:
+    """Return what to say in place of a refused prompt.
+
+    Parameters
+    ----------
+    nouns : sequence of str
+        Canonical nouns of the refused prompt.
+    whole : sequence of str
+        Adjectives of the whole.
+    parts : sequence of tuple
+        Canonical parts with their adjectives.
+    unknown : sequence of str
+        Words that were not understood.
+    words : Words
+        The words that the model knows.
+    """
+    corrections = correct(unknown, with_nouns=not nouns, words=words)
+    corrected = list(corrections.values())
+    whole = [*whole, *(word for word in corrected if word in ADJECTIVES or word in ADJECTIVE_SYNONYMS)]
+    chosen = list(nouns) or [noun for word in corrected if (noun := noun_of(word, words))]
+    near: dict[str, list[str]] = {}
+    if not chosen:
+        near = {word: found for word in unknown if word not in corrections and (found := nearest_nouns(word, words))}
+        chosen = [noun for found in near.values() for noun in found]
+    prompts: list[str] = []
+    for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in words.nouns] or words.nouns):
+        candidates = [*_of_whole(whole), *_of_parts(noun, parts, words)]
+        # The first of two attributes that contradict each other, or the last.
+        prompts += [str(_fitted(noun, order)) for order in (candidates, candidates[::-1])]
+    meant = bool(unknown and chosen)
+    return Suggestions(list(dict.fromkeys(prompts))[:MAX_SUGGESTIONS], corrections, near, meant)
+
+
+def _of_whole(words: Iterable[str]) -> list[Attribute]:
+    degrees = (word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word) for word in words)
+    return [Attribute("whole", degree) for degree in degrees if degree is not None]
+
+
+def _of_parts(noun: str, parts: Iterable[tuple[str, Sequence[str]]], words: Words) -> list[Attribute]:
+    found = []
+    for part, sizes in parts:
+        if part in words.nouns[noun]:
+            degrees = [degree for size in sizes if (degree := degree_of(size, part))]
+            found += [Attribute(part, degree) for degree in degrees or PARTS[part]]
+    return found
+
+
+def _fitted(noun: str, candidates: Iterable[Attribute]) -> ParsedPrompt:
+    """Take each attribute that does not contradict those before it."""
+    taken: list[Attribute] = []
+    for attribute in candidates:
+        of_whole = {other.degree for other in [*taken, attribute] if other.part == "whole"}
+        clash = any(pair <= of_whole for pair in OPPOSITES)
+        sized = attribute.part != "whole" and any(other.part == attribute.part for other in taken)
+        if attribute not in taken and not clash and not sized and len(taken) < MAX_ATTRIBUTES:
+            taken.append(attribute)
+    return ParsedPrompt(noun, tuple(sorted(taken, key=ATTRIBUTES.index)))
 
 
 def _advice(known: Words) -> str:

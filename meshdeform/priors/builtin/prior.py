@@ -34,10 +34,9 @@ from torch import Tensor
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.torch_threads import share_work
 from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
-from meshdeform.priors.builtin.network import null_tokens
+from meshdeform.priors.builtin.network import WEIGHTS, file_sha256, null_tokens, read_network
 from meshdeform.priors.builtin.style import STYLE
 from meshdeform.priors.builtin.taught import words_of
-from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, read_network
 from meshdeform.priors.native_precision import is_fast_in_int8
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 

@@ -1,6 +1,6 @@
 """Describe files of weights of the builtin prior with their own words, and check them. Torch-free.
 
-A file is safetensors, never a pickle. Its metadata has, besides what `weights_file.py` writes:
+A file is safetensors, never a pickle. Its metadata has, besides what `network.py` writes:
 
 `words_format`
     "1". Files without it have the words of the package.
@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.errors import ModelError
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, BUILTIN_WORDS, Words
 from meshdeform.priors.builtin.vocabulary import PARTS
-from meshdeform.priors.builtin.words import ATTRIBUTES, BUILTIN_WORDS, Words
 from meshdeform.priors.model_files import CONVERT
-from meshdeform.requests.models import is_taught
+from meshdeform.requests.choices import is_taught
 
 __all__ = [
     "MAX_FILE_BYTES",

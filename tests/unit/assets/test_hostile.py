@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshdeform.assets import inspect_asset, load_asset, scenegraph, storage
+from meshdeform.assets import inspect, inspect_asset, load_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTooLargeError
 from tests.cases import each_case
@@ -45,7 +45,7 @@ def test_checks_look_at_each_array_a_few_times_only(
     fill: Callable[[Builder, int], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looked_at = 0
-    real = storage.objects
+    real = inspect.objects
 
     def counting(parent: dict[str, Any], key: str, where: str = "") -> list[dict[str, Any]]:
         nonlocal looked_at
@@ -53,8 +53,7 @@ def test_checks_look_at_each_array_a_few_times_only(
         looked_at += len(found)
         return found
 
-    monkeypatch.setattr(storage, "objects", counting)
-    monkeypatch.setattr(scenegraph, "objects", counting)
+    monkeypatch.setattr(inspect, "objects", counting)
     made = builder()
     fill(made, 1000)
     many_views(made, 1000)

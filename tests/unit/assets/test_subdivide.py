@@ -8,8 +8,7 @@ import numpy as np
 import torch
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.accessors import read_accessor
-from meshdeform.assets.document import Document
+from meshdeform.assets.document import Document, read_accessor
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.middles import middles
 from meshdeform.assets.subdivide import MAX_TRIANGLES

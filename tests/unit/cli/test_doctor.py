@@ -178,7 +178,7 @@ def test_graphics_cards(device: str, driver: str, found: dict[str, object], stat
 
 
 def test_weights_are_whole_and_those_of_this_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from meshdeform.priors.builtin.weights_file import WEIGHTS
+    from meshdeform.priors.builtin.network import WEIGHTS
 
     (finding,) = checks.check_builtin(subject(tmp_path))
     assert finding.status is Status.OK, finding

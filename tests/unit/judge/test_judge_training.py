@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.judge.network import JudgeNetwork, encoded, read_judge
+from meshdeform.judge.scoring import JudgeNetwork, encoded, read_judge
 from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
 from training.judge.augment import augmented
 from training.judge.measure import prompts_of, variants

@@ -8,10 +8,9 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors.builtin import taught
-from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.network import WEIGHTS, ModelConfig, PriorNetwork, file_sha256, write_weights
 from meshdeform.priors.builtin.prior import BuiltinPrior, add_noise
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
-from meshdeform.priors.builtin.weights_file import WEIGHTS, file_sha256, write_weights
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from meshdeform.requests.document import DeformParams, resolve

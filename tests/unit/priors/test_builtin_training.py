@@ -6,7 +6,7 @@ import torch
 from safetensors.torch import save_file
 
 from meshdeform.errors import ModelError
-from meshdeform.priors.builtin import weights_file
+from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.grammar import NOUNS, OPPOSITES, VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
@@ -191,7 +191,7 @@ def test_weights_come_back_in_half_precision(tiny: PictureSet, tmp_path: Path) -
     trainer.total_steps = 1
     trainer.step()
     trainer.save(tmp_path / "state.pt", tmp_path / "prior.safetensors")
-    network, metadata = weights_file.read_network(tmp_path / "prior.safetensors")
+    network, metadata = weights_network.read_network(tmp_path / "prior.safetensors")
     assert metadata["steps"] == "1"
     assert network.config == SMALL
     for name, tensor in network.state_dict().items():
@@ -235,7 +235,7 @@ def older(tmp_path: Path) -> Path:
 def test_a_warm_start_maps_words_by_name_and_keeps_the_rest(older: Path) -> None:
     network = PriorNetwork(SMALL)
     assert warm_start.warm_start(network, older, torch.Generator()) == NEW
-    held, metadata = weights_file.read_tensors(older)
+    held, metadata = weights_network.read_tensors(older)
     words = metadata["words"].split()
     rows = network.text.word.weight.detach()
     for number, word in enumerate(VOCABULARY):
@@ -257,7 +257,7 @@ def test_a_run_starts_from_older_weights_and_says_so(
     tiny: PictureSet, older: Path, tmp_path: Path, small_network: None
 ) -> None:
     trainer = PriorTrainer(tiny, TrainConfig(batch=3), device="cpu", precision="fp32", initial=older)
-    held, _ = weights_file.read_tensors(older)
+    held, _ = weights_network.read_tensors(older)
     assert torch.equal(trainer.network.out.weight, held["out.weight"])
     assert torch.equal(trainer.average["out.weight"], held["out.weight"])
     trainer.total_steps = 2
@@ -265,14 +265,14 @@ def test_a_run_starts_from_older_weights_and_says_so(
     trainer.step()
     assert trainer.network.single.abs().max() > 0
     trainer.save(tmp_path / "state.pt", tmp_path / "prior.safetensors")
-    _, metadata = weights_file.read_network(tmp_path / "prior.safetensors")
-    assert metadata["initial"] == weights_file.file_sha256(older)
+    _, metadata = weights_network.read_network(tmp_path / "prior.safetensors")
+    assert metadata["initial"] == weights_network.file_sha256(older)
     assert metadata["words"].split() == list(VOCABULARY)
 
 
 def test_a_file_of_the_first_edition_is_known_by_its_hash_and_others_are_refused(older: Path, tmp_path: Path) -> None:
     first = [word for word in VOCABULARY if word not in SECOND_EDITION | THIRD_EDITION]
-    held, _ = weights_file.read_tensors(older)
+    held, _ = weights_network.read_tensors(older)
     held["text.word.weight"] = torch.randn(len(first), SMALL.text_width)
     path = tmp_path / "first.safetensors"
     save_file(held, path, {"vocabulary": "f5c2dc7550895897"})

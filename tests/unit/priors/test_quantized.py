@@ -8,8 +8,8 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from meshdeform.priors.builtin.compiled_quantization import quantize, quantize_normed, round_weights
 from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.priors.builtin.quantized import quantize, quantize_normed, round_weights
 from meshdeform.priors.native_precision import is_fast_in_int8
 from meshdeform.rendering.cameras import fixed_cameras
 from tests.cases import each_case

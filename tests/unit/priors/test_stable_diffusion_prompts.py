@@ -24,7 +24,7 @@ from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.text_deform_checks import check
+from meshdeform.runs.text_deform_kind import check
 from tests.cases import each_case
 from tests.close import assert_close
 

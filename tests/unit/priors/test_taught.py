@@ -26,7 +26,7 @@ from meshdeform.errors import (
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import check_model, load_prior
 from meshdeform.priors.builtin import taught
-from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, ParsedPrompt, Words, parse, parse_negative, tokenise
 from meshdeform.priors.builtin.taught import Lesson, known_words, lessons_of, metadata_of, words_of
 from meshdeform.priors.builtin.teaching import measure
 from meshdeform.priors.builtin.teaching.lesson import attributes_of_folder, new_noun
@@ -34,7 +34,6 @@ from meshdeform.priors.builtin.teaching.picture_set import PictureSet
 from meshdeform.priors.builtin.teaching.replay import shipped_pictures
 from meshdeform.priors.builtin.teaching.shapes import seen_turned, shape_of
 from meshdeform.priors.builtin.vocabulary import THIRD_EDITION
-from meshdeform.priors.builtin.words import BUILTIN_WORDS, ParsedPrompt, Words
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, write_small_weights
 from training.prior.rehearsal import rehearsal

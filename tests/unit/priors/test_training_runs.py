@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.judge.network import JudgeNetwork, read_judge
-from meshdeform.priors.builtin import weights_file
+from meshdeform.judge.scoring import JudgeNetwork, read_judge
+from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from tests.cases import each_case
@@ -33,7 +33,7 @@ def test_the_prior_is_trained_for_a_step_and_written(tmp_path: Path, monkeypatch
     )
     monkeypatch.setattr(sys, "argv", ["train", *options.split(), "--cache", str(cache), "--output", str(weights)])
     train.main()
-    network, metadata = weights_file.read_network(weights)
+    network, metadata = weights_network.read_network(weights)
     assert network.config == small
     assert metadata["steps"] == "1"
     assert sorted(path.name for path in cache.iterdir()) == ["bowl.safetensors", "heart.safetensors"]

@@ -8,10 +8,17 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from meshdeform.errors import UnreadableJobError
-from meshdeform.requests.document import DeformParams, JobRequest, ResolvedParams, params_by_kind, read_stored, resolve
+from meshdeform.requests.document import (
+    DeformParams,
+    JobRequest,
+    ResolvedParams,
+    params_by_kind,
+    read_stored,
+    read_unbounded,
+    resolve,
+)
 from meshdeform.requests.parameters import GUIDANCES, Control
 from meshdeform.requests.removed import grouped
-from meshdeform.requests.unbounded import read_unbounded
 from meshdeform.runs import kinds
 from tests.cases import each_case
 

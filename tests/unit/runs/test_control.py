@@ -20,8 +20,7 @@ from meshdeform.requests.removed import grouped
 from meshdeform.requests.selection import Selection, check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.control import Control, read_control
-from meshdeform.runs.selection import SelectableSurface
+from meshdeform.runs.control import Control, SelectableSurface, read_control
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder

@@ -15,8 +15,16 @@ from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
-from meshdeform.runs.verdict import before, likeness, likeness_and_before, summarize
+from meshdeform.runs.verdict import (
+    Recognition,
+    before,
+    front_of,
+    known_source,
+    likeness,
+    likeness_and_before,
+    recognise,
+    summarize,
+)
 from tests.cases import each_case
 from training.evaluation.sources import source_mesh
 from training.judge.members import HELD_OUT, seeded

@@ -21,8 +21,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.text_deform_checks import check
-from meshdeform.runs.text_deform_kind import TEXT_DEFORM
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
 from meshdeform.runs.text_report import rig_warnings
 from meshdeform.testing import FakePrior
 from tests.cases import each_case

@@ -22,8 +22,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.text_deform_checks import check
-from meshdeform.runs.text_deform_kind import TEXT_DEFORM
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
 from meshdeform.runs.verdict import prompt_reports
 from tests.cases import each_case
 from tests.unit.guidance.pictures import PicturesPrior

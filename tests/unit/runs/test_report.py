@@ -10,7 +10,7 @@ import torch
 
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import box, icosphere
-from meshdeform.runs.report import RunLog, sha256_hex, versions
+from meshdeform.runs.base import RunLog, sha256_hex, versions
 from meshdeform.runs.text_report import measure_movement
 from tests.cases import each_case
 from tests.unit.runs.test_text_deform import glb, request, start

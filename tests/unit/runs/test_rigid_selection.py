@@ -19,8 +19,8 @@ from meshdeform.requests.removed import grouped
 from meshdeform.requests.selection import RigidSelector, check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
+from meshdeform.runs.control import SelectableSurface, select_bodies
 from meshdeform.runs.inspection import inspect_parts
-from meshdeform.runs.selection import SelectableSurface, select_bodies
 from meshdeform.testing import FakePrior
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder

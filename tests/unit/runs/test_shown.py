@@ -18,8 +18,7 @@ from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.preparation import welded_surface
-from meshdeform.runs.surfaces import Shown, pose_in_frame
+from meshdeform.runs.surfaces import Shown, pose_in_frame, welded_surface
 from meshdeform.runs.verdict import likeness_and_before
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player

@@ -15,9 +15,9 @@ import pytest
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.builtin.taught import known_words
 from meshdeform.priors.builtin.teaching.teacher import TeachConfig
+from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.runs.prior_teach import TeachRequest, start_lesson
 from meshdeform.runs.prior_teach_kind import MeshFile
-from meshdeform.runs.sent_weights import WEIGHTS_ARTIFACT
 
 pytestmark = pytest.mark.training
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.priors.builtin.words import Attribute
+from meshdeform.priors.builtin.grammar import Attribute
 
 __all__ = ["WHOLE", "Part", "deformed", "normalised"]
 

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from meshdeform.errors import ParameterError, PromptError, VocabularyError
-from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.grammar import Attribute, Words, is_adjective, noun_of, parse, part_of
 from meshdeform.priors.builtin.taught import MAX_NOUNS
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, FILLERS, PARTS
-from meshdeform.priors.builtin.words import Attribute, Words, is_adjective, noun_of, part_of
 
 __all__ = ["STATE_MAGIC", "NewNoun", "attributes_of_folder", "new_noun"]
 

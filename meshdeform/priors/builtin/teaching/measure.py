@@ -16,11 +16,10 @@ from collections.abc import Sequence
 
 import torch
 
-from meshdeform.priors.builtin.grammar import tokenise
+from meshdeform.priors.builtin.grammar import ParsedPrompt, Words, tokenise
 from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
-from meshdeform.priors.builtin.words import ParsedPrompt, Words
 
 __all__ = ["held_out_loss", "interval", "retrieved"]
 

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from meshdeform.priors.builtin.grammar import tokenise
+from meshdeform.priors.builtin.grammar import ParsedPrompt, Words, tokenise
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.priors.builtin.teaching.lesson import NewNoun
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, joined, pictures, single_views, taken
 from meshdeform.priors.builtin.teaching.replay import shipped_pictures
 from meshdeform.priors.builtin.teaching.shapes import Shape, member, prompt_of
-from meshdeform.priors.builtin.words import ParsedPrompt, Words
 
 __all__ = ["KEPT_PICTURES", "LessonPictures", "LessonSize", "draw_lesson", "replay_of"]
 

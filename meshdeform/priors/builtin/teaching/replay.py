@@ -21,12 +21,10 @@ from PIL import Image
 from torch import Tensor
 
 from meshdeform.errors import ModelError
-from meshdeform.priors.builtin.grammar import SEQUENCE_LENGTH, parse, tokenise
-from meshdeform.priors.builtin.network import IMAGE_SIZE
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, SEQUENCE_LENGTH, Words, parse, tokenise
+from meshdeform.priors.builtin.network import IMAGE_SIZE, REPLAY, WEIGHTS, read_tensors
 from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
-from meshdeform.priors.builtin.weights_file import REPLAY, WEIGHTS, read_tensors
-from meshdeform.priors.builtin.words import BUILTIN_WORDS, Words
 
 __all__ = ["REHEARSAL", "Rehearsal", "packed_rehearsal", "read_replay", "replay_tensors", "shipped_pictures"]
 

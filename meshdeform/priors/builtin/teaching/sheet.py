@@ -14,11 +14,10 @@ import torch
 from PIL import Image, ImageDraw
 from torch import Tensor
 
-from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, parse, tokenise
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, Attribute, ParsedPrompt, Words, parse, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE, PriorNetwork, null_tokens
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
-from meshdeform.priors.builtin.words import Attribute, ParsedPrompt, Words
 
 __all__ = ["contact_sheet", "learned_sheet", "sample"]
 

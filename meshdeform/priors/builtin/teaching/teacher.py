@@ -16,12 +16,12 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import CheckpointError
+from meshdeform.priors.builtin.grammar import Words
 from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.teaching.lesson import STATE_MAGIC, NewNoun
 from meshdeform.priors.builtin.teaching.measure import held_out_loss
 from meshdeform.priors.builtin.teaching.pictures import LessonPictures
 from meshdeform.priors.builtin.teaching.trainer import TrainConfig, Trainer
-from meshdeform.priors.builtin.words import Words
 from meshdeform.priors.native_precision import is_fast_in_bfloat16
 
 __all__ = ["TeachConfig", "TeachStep", "Teacher", "extended", "fastest_precision", "new_rows", "read_state"]
