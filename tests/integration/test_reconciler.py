@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterator
 from datetime import timedelta
@@ -105,26 +104,6 @@ def test_there_are_never_fewer_messages_than_queued_jobs_whichever_job_a_worker_
         connection.lpop("rq:queue:test", 3)
     assert len(looks.run_once()) >= 3
     assert queue.length() >= record.upkeep.queued_count() == len(jobs) - 2
-
-
-@pytest.mark.both_databases
-def test_reconcilers_that_look_at_once_leave_every_job_told(
-    record: JobRecord, queue: JobQueue, database_url: str
-) -> None:
-    jobs = {new_job(record).id for _ in range(20)}
-    records = [JobRecord(database_url) for _ in range(3)]
-    threads = [threading.Thread(target=reconciler(each, queue).run_once) for each in records]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for each in records:
-        each.close()
-    assert queue.announced() == jobs
-    # What was told twice is taken once.
-    taken = [record.leases.claim_next("worker", LEASE_S) for _ in range(queue.length())]
-    assert {job.id for job in taken if job} == jobs
-    assert {record.get(job_id).attempt for job_id in jobs} == {1}
 
 
 def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:

@@ -137,3 +137,62 @@ def _other() -> Path:
     mesh = icosphere(2)
     Path("other.glb").write_bytes(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
     return Path("other.glb")
+
+
+# `meshdeform convert`: assets in other formats, from files alone.
+
+
+def convert(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["convert", *map(str, arguments)])
+
+
+@pytest.fixture
+def written_ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    verts, faces = BALL.verts.numpy() * [1, 2, 1], BALL.faces.numpy()
+    Path("written_ball.glb").write_bytes(build_glb(verts, faces, material="clay", name="written_ball"))
+    Path("shell.glb").write_bytes(build_glb(verts, faces[1:]))
+    return Path("written_ball.glb")
+
+
+def test_an_stl_is_in_the_chosen_frame_and_reads_as_a_glb_again(written_ball: Path) -> None:
+    import trimesh
+
+    done = convert(written_ball, "-o", "for print/written_ball.stl", "--up", "z", "--unit", "mm")
+    assert (done.exit_code, done.stdout) == (0, "for print/written_ball.stl\n"), done.output
+    mesh = trimesh.load_mesh("for print/written_ball.stl")
+    assert mesh.is_watertight
+    np.testing.assert_allclose(mesh.extents, np.ptp(BALL.verts.numpy(), axis=0)[[0, 2, 1]] * [1e3, 1e3, 2e3], rtol=1e-6)
+    assert convert(written_ball, "-o", "plain.stl").exit_code == 0
+    again = convert("plain.stl", "-o", "again.glb", "--json")
+    assert json.loads(again.stdout)["triangles"] == 80
+    surface, read = (load_asset(path.read_bytes()).surface for path in (written_ball, Path("again.glb")))
+    np.testing.assert_array_equal(
+        read.positions[read.triangles], surface.positions[surface.triangles].astype(np.float32)
+    )
+    assert convert(written_ball, "-o", "same.glb").exit_code == 0
+    assert Path("same.glb").read_bytes() == written_ball.read_bytes()
+
+
+@pytest.mark.parametrize(("source", "closed"), [("written_ball.glb", True), ("shell.glb", False)])
+def test_whether_a_surface_is_closed_is_said(written_ball: Path, source: str, closed: bool) -> None:
+    facts = json.loads(convert(source, "-o", "x.stl", "--json").stdout)
+    assert facts["closed"] is closed
+
+
+def test_what_cannot_be_done_is_said(written_ball: Path) -> None:
+    def refused(*arguments: object) -> str:
+        done = convert(*arguments)
+        assert done.exit_code in (2, 3), done.output
+        return " ".join(done.output.split())
+
+    assert "ends in none of .glb, .stl" in refused(written_ball, "-o", "written_ball.fbx")
+    assert "Blender" in refused(written_ball, "-o", "written_ball.obj.zip")
+    Path("written_ball.stl").write_text("mine")
+    assert "written_ball.stl exists" in refused(written_ball, "-o", "written_ball.stl")
+    assert Path("written_ball.stl").read_text() == "mine"
+    assert convert(written_ball, "-o", "written_ball.stl", "--force").exit_code == 0
+    assert "is an input" in refused("written_ball.stl", "-o", "./written_ball.stl", "--force")
+    Path("broken.glb").write_bytes(b"glTF")
+    refused("broken.glb", "-o", "x.stl")
+    assert not Path("x.stl").exists()
