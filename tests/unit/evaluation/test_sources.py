@@ -16,7 +16,7 @@ from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import box
 from meshdeform.priors.builtin.grammar import parse
 from tests.cases import each_case
-from tests.unit.rendering.test_painted import encoded, textured
+from tests.unit.rendering.test_shading import encoded, textured
 from training.evaluation.measures import measures
 from training.evaluation.mesh_file import read_texels, write_texels
 from training.evaluation.relaxed import capsule, geodesic_sphere, relaxed_surface
