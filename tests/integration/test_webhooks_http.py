@@ -114,6 +114,8 @@ def test_nobody_finds_another_owners_webhook_over_http(record: JobRecord, http: 
         answer = bob.request(method, url, json={} if method == "PATCH" else None)
         assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), (method, url)
     assert bob.get("/v1/webhooks").json() == {"webhooks": []}
+    own = bob.post("/v1/webhooks", json={"url": "http://127.0.0.1:8080/"}).headers["location"]
+    assert bob.get(f"{own}/deliveries/{sent['id']}").status_code == 404
     assert ann.get(path).status_code == 200
 
 
