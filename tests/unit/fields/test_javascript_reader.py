@@ -253,7 +253,7 @@ def test_distances_on_a_sphere_are_angles(tmp_path: Path) -> None:
 # Spectrum and samples in JavaScript: eigenvalues of the sphere and of Python, and places that keep their distance.
 
 
-SAMPLES = """
+SPECTRUM = """
 const [folder, file] = process.argv.slice(1);
 const { readFileSync } = await import("node:fs");
 const [{ delaunay }, { HeatGeodesics }, { spectrum }, { whiteNoise, blueNoise }] =
@@ -283,7 +283,7 @@ def sphere_and_torus(tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarr
     file = tmp_path_factory.mktemp("samples") / "mesh.json"
     given = {"positions": verts.ravel().tolist(), "indices": faces.ravel().tolist(), "count": 10, "samples": SAMPLES}
     file.write_text(json.dumps(given))
-    run = [node, "--input-type=module", "-e", SAMPLES, VIEWER.as_uri(), str(file)]
+    run = [node, "--input-type=module", "-e", SPECTRUM, VIEWER.as_uri(), str(file)]
     found = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=120).stdout)
     return verts, faces, found
 

@@ -17,7 +17,7 @@ from tests.cases import each_case
 from tests.close import assert_close
 
 F64 = torch.float64
-FLAT_SQUARE = torch.tensor([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=F64)
+SQUARE = torch.tensor([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=F64)
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 UVS = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
 FRONT = fixed_cameras(0.0, 0.0, 20.0, views=1)
@@ -57,13 +57,13 @@ def test_colours_are_lit_like_clay_in_linear_light() -> None:
     quarters[:4, :4, :3], quarters[4:, 4:, :3] = (255, 0, 0), (0, 188, 0)
     look = appearance(quarters, factor=(0.5, 1.0, 1.0, 1.0))
     look = replace(look, colors=np.tile(np.array([[1, 0.25, 1, 1]], np.float32), (4, 1)))
-    found = linear(look, 0.7 * FLAT_SQUARE)
+    found = linear(look, 0.7 * SQUARE)
     assert found[8, 8].tolist() == pytest.approx([0.5 * LIT, 0, 0], abs=1e-4)
     assert found[8, 15].tolist() == pytest.approx([0.5 * LIT, 0.25 * LIT, LIT], abs=1e-4)
     half = ((188 / 255 + 0.055) / 1.055) ** 2.4
     assert found[15, 15].tolist() == pytest.approx([0, 0.25 * half * LIT, 0], abs=1e-4)
     # What is not covered keeps its colour exactly.
-    assert renderer(look).render(0.7 * FLAT_SQUARE, FRONT)[0, 0, 0].tolist() == pytest.approx(list(BLUE), abs=1e-6)
+    assert renderer(look).render(0.7 * SQUARE, FRONT)[0, 0, 0].tolist() == pytest.approx(list(BLUE), abs=1e-6)
 
 
 @each_case("size", [1.4, 0.7], ids=["inside", "silhouettes"])
@@ -71,7 +71,7 @@ def test_gradients_are_those_of_the_picture(size: float) -> None:
     """Every coordinate's derivative against finite differences: texture, light, perspective, and edges."""
     look = appearance()
     turn = torch.linalg.matrix_exp(torch.tensor([[0, -0.3, 0.4], [0.3, 0, -0.2], [-0.4, 0.2, 0]], dtype=F64))
-    verts = (size * FLAT_SQUARE @ turn.T + torch.tensor([0.013, -0.027, 0.1], dtype=F64)).requires_grad_()
+    verts = (size * SQUARE @ turn.T + torch.tensor([0.013, -0.027, 0.1], dtype=F64)).requires_grad_()
     weights = torch.rand(24, 24, 3, generator=torch.Generator().manual_seed(1), dtype=F64)
     picture = renderer(look)
 
@@ -101,7 +101,7 @@ def test_the_edge_of_a_cut_out_moves_with_its_texture() -> None:
         return linear_from_srgb(picture.render(verts, FRONT)[0])[..., 0].sum() / LIT
 
     # Twice as high as wide, so that a texel is no square of pixels.
-    verts = (torch.tensor([1.5, 3.0, 0], dtype=F64) * FLAT_SQUARE + torch.tensor([0.011, 0, 0])).requires_grad_()
+    verts = (torch.tensor([1.5, 3.0, 0], dtype=F64) * SQUARE + torch.tensor([0.011, 0, 0])).requires_grad_()
     left = area(verts)
     assert left.item() == pytest.approx((size / 2 - 0.011 * scale) * size, rel=1e-4)
     (gradient,) = torch.autograd.grad(left, verts)
@@ -118,7 +118,7 @@ def test_a_cut_out_keeps_what_reaches_the_cutoff_and_nothing_else(cutoff: float)
     half = np.full((8, 8, 4), 255, np.uint8)
     half[:, :4, 3] = 0
     look = appearance(half, alpha_mode="MASK", alpha_cutoff=cutoff)
-    found = renderer(look).render(0.7 * FLAT_SQUARE, FRONT)[0, 12]
+    found = renderer(look).render(0.7 * SQUARE, FRONT)[0, 12]
     kept = (found - torch.tensor(BLUE)).abs().amax(-1) > 1e-6
     assert bool(kept[6]) == (cutoff == 0)
     assert bool(kept[17])
@@ -130,8 +130,8 @@ def test_what_is_cut_away_neither_shows_nor_separates() -> None:
     look = appearance(empty, copies=2, alpha_mode="MASK")
     look = replace(look, paints=(look.paints[0], Paint((1.0, 1.0, 1.0, 1.0), Texture(NOISE, ("clamp", "clamp")))))
     alone = appearance()
-    back = 0.7 * FLAT_SQUARE
-    verts = torch.cat([0.4 * FLAT_SQUARE + torch.tensor([0.01, 0.02, 0.3], dtype=F64), back]).requires_grad_()
+    back = 0.7 * SQUARE
+    verts = torch.cat([0.4 * SQUARE + torch.tensor([0.01, 0.02, 0.3], dtype=F64), back]).requires_grad_()
     picture = renderer(look).render(verts, FRONT)
     assert_close(picture.detach(), renderer(alone).render(back, FRONT))
     (gradient,) = torch.autograd.grad(picture.square().sum(), verts)
@@ -141,7 +141,7 @@ def test_what_is_cut_away_neither_shows_nor_separates() -> None:
 
 def test_glass_shows_what_is_behind_it() -> None:
     look = appearance(None, copies=2, factor=(0.0, 1.0, 0.0, 0.25), alpha_mode="BLEND")
-    verts = torch.cat([0.4 * FLAT_SQUARE + torch.tensor([0, 0, 0.3], dtype=F64), 0.7 * FLAT_SQUARE])
+    verts = torch.cat([0.4 * SQUARE + torch.tensor([0, 0, 0.3], dtype=F64), 0.7 * SQUARE])
     found = linear(look, verts)
     assert found[12, 12].tolist() == pytest.approx([0.75 * 0.8 * LIT, (0.25 + 0.075) * LIT, 0.075 * LIT], abs=1e-4)
 
