@@ -18,21 +18,8 @@ def each_case(
     """Run a test once for every case without making each case a test of its own.
 
     It is written like `pytest.mark.parametrize`. The difference is that the fixtures are made once and shared by all
-    cases, so use it where a case leaves nothing behind that the next one would see.
-
-    Parameters
-    ----------
-    names : str or sequence of str
-        Parameters of the test that the cases fill: "method, path" or ["method", "path"].
-    cases : iterable
-        One value for each case, or one tuple where there are several names.
-    ids : iterable of str, or callable, optional
-        What a report calls each case; the values themselves without it.
-
-    Raises
-    ------
-    ValueError
-        There are no cases: such a test would pass without having run.
+    cases, so use it where a case leaves nothing behind that the next one would see. A test without cases would pass
+    without having run: ValueError.
     """
     wanted = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     table = [_values(case, len(wanted)) for case in cases]

@@ -16,19 +16,7 @@ _TOLERANCES = {2: (1e-3, 1e-5), 4: (1.3e-6, 1e-5), 8: (1e-7, 1e-7)}
 
 
 def assert_close(actual: Tensor, expected: Tensor, *, rtol: float | None = None, atol: float | None = None) -> None:
-    """Fail unless both have the same shape, dtype and, within the tolerances, the same values.
-
-    Parameters
-    ----------
-    actual, expected : Tensor
-    rtol, atol : float, optional
-        Tolerances; without both, those of torch for the dtype.
-
-    Raises
-    ------
-    AssertionError
-        They differ.
-    """
+    """Fail unless both have the same shape, dtype and, within the tolerances (by default torch's), the same values."""
     assert (actual.shape, actual.dtype) == (expected.shape, expected.dtype)
     if not actual.dtype.is_floating_point:
         assert actual.equal(expected)

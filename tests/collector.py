@@ -10,15 +10,7 @@ __all__ = ["Collector"]
 
 
 class Collector:
-    """Takes OTLP over HTTP, without compression, and keeps the spans.
-
-    Attributes
-    ----------
-    endpoint : str
-    spans : list of Span
-    services : dict
-        The `service.name` that sent a span, by the span's id.
-    """
+    """Takes OTLP over HTTP, without compression; keeps `spans`, and in `services` the `service.name` by a span's id."""
 
     def __init__(self) -> None:
         from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest

@@ -66,13 +66,7 @@ _LINKS: dict[str, tuple[str, dict[str, dict[str, str]]]] = {
 
 
 def add_links(document: dict[str, Any]) -> None:
-    """Add the links to an OpenAPI document.
-
-    Raises
-    ------
-    KeyError
-        The document lacks an operation or a status that a link refers to.
-    """
+    """Add the links to an OpenAPI document, which must have every operation and status that one refers to."""
     operations = {
         operation["operationId"]: operation
         for methods in document["paths"].values()

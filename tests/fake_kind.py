@@ -42,16 +42,9 @@ class _FakeRun:
 
 
 class FakeKind:
-    """Starts fake runs and remembers with what.
+    """Starts fake runs and remembers with what input (`started`) and at which step (`started_at`).
 
-    Attributes
-    ----------
-    on_step : callable
-        Called in every step with its number, before anything is changed; may raise, cancel, or stop the worker.
-    started : list of RunInput
-        What each start was given.
-    started_at : list of int
-        The step at which each run began.
+    `on_step` is called in every step before anything is changed; it may raise, cancel, or stop the worker.
     """
 
     def __init__(self) -> None:

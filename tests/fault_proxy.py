@@ -22,19 +22,7 @@ class FaultProxy:
     """Stands in front of a server; a context manager. It passes everything on until it is told otherwise.
 
     A change of the mode ends the connections of the mode before (except that `hang` lets them stand), so that no pool
-    goes on with an old one.
-
-    Parameters
-    ----------
-    target_port : int
-        The server's, on loopback.
-
-    Attributes
-    ----------
-    port : int
-        Where to connect; the same in every mode.
-    connections : int
-        How many it has accepted so far.
+    goes on with an old one. `port` is the same in every mode; `connections` counts those accepted so far.
     """
 
     def __init__(self, target_port: int) -> None:

@@ -1,7 +1,7 @@
 """Do in this process what the API leaves to child processes.
 
 Each child imports numpy, and some import torch, which takes seconds; what a child may do and what bounds it has is
-tested in `tests/security/test_checks.py`, `tests/unit/assets/test_check.py` and with every real `meshdeform serve`.
+tested in `tests/security/test_checks.py`, `tests/unit/assets/test_inspect.py` and with every real `meshdeform serve`.
 """
 
 from __future__ import annotations

@@ -95,15 +95,7 @@ for name, port in ports.items():
 
 @dataclass(frozen=True)
 class S3Server:
-    """Where it is and who may ask.
-
-    Attributes
-    ----------
-    port : int
-    host : str
-    key, secret : str
-    region : str
-    """
+    """Where it is and who may ask."""
 
     port: int
     host: str = "127.0.0.1"

@@ -49,14 +49,7 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
 
 
 class RedisServer:
-    """A Redis on a port of its own that can be killed and started again. It keeps nothing: the worst of all Redises.
-
-    Parameters
-    ----------
-    folder : Path
-    host : str
-        Where it listens.
-    """
+    """A Redis on a port of its own that can be killed and started again. It keeps nothing: the worst of all Redises."""
 
     def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
         try:
@@ -124,17 +117,8 @@ def _unprivileged() -> list[str]:
 class PostgresServer:
     """A PostgreSQL cluster of its own that can be killed and started again; the superuser is `meshdeform`.
 
-    Parameters
-    ----------
-    folder : Path
-        Others may enter it: PostgreSQL does not run as root.
-    host : str
-        Where it listens; everybody on that network is trusted.
-    durable : bool
-        Whether it syncs to the disk. Without, it is faster, and loses what it has when the machine dies, not when it
-        does.
-    options : dict of str to str, optional
-        Settings of the server by name, such as `max_connections`.
+    Others may enter its folder: PostgreSQL does not run as root. All on the network of `host` are trusted. Unless it
+    is `durable` it does not sync, and loses what it has when the machine dies, not when it does.
     """
 
     def __init__(
@@ -213,15 +197,7 @@ def postgres_server(folder: Path) -> Iterator[int]:
 
 
 class PgBouncer:
-    """A PgBouncer in front of a PostgreSQL, which shares its connections between transactions.
-
-    Parameters
-    ----------
-    folder : Path
-    server : PostgresServer
-    connections : int
-        Number of connections to the server, which all clients share.
-    """
+    """A PgBouncer in front of a PostgreSQL, which shares its `connections` between the transactions of all clients."""
 
     def __init__(self, folder: Path, server: PostgresServer | int, connections: int = 4) -> None:
         program = shutil.which("pgbouncer", path=f"{os.environ['PATH']}:/usr/sbin:/sbin")

@@ -18,13 +18,7 @@ WAYS = {
 
 
 class ShutDatabase:
-    """A database with a user of its own.
-
-    Attributes
-    ----------
-    url : str
-        Where the user logs in.
-    """
+    """A database with a user of its own, who logs in at `url`."""
 
     def __init__(self, admin: sa.Engine, url: sa.URL, user: str) -> None:
         self._admin, self._name, self._user = admin, url.database, user

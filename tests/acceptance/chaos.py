@@ -21,23 +21,9 @@ __all__ = ["Chaos"]
 
 
 class Chaos:
-    """Faults of a deployment, one after the other, in a thread, for the length of a `with` block.
+    """Faults of a deployment with an API and the named supervisors, one after the other, in a thread, for a block.
 
-    Parameters
-    ----------
-    cluster : Cluster
-        With an API and the named supervisors running.
-    seed : int
-    supervisors : list of str
-    postgres : PostgresServer, optional
-        The cluster's record; crashed now and then.
-    pause_s : tuple of float
-        Least and greatest time between two faults.
-
-    Attributes
-    ----------
-    faults : Counter
-        How often each fault struck.
+    `pause_s` has the least and the greatest time between two; `faults` counts how often each struck.
     """
 
     def __init__(

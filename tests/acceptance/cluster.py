@@ -116,12 +116,7 @@ class Part:
 
 
 class Followed:
-    """Jobs of a record that a test waits for.
-
-    Attributes
-    ----------
-    record : JobRecord
-    """
+    """Jobs of `record` that a test waits for."""
 
     record: JobRecord
 
@@ -162,20 +157,9 @@ class Followed:
 
 
 class Cluster(Followed):
-    """Record, Redis, object store, API and supervisors.
+    """Record, Redis (which runs already), object store, API and supervisors.
 
-    Parameters
-    ----------
-    folder : Path
-        For the logs, and for record and objects where no URLs are given.
-    redis : RedisServer
-        Running.
-    database_url, storage_url : str
-        Empty: a SQLite file and a folder.
-    environment : mapping
-        More settings for every part.
-    api_host : str
-        Where the API listens.
+    Without URLs, the record is a SQLite file and the store a folder, both in `folder`; `environment` is for every part.
     """
 
     def __init__(

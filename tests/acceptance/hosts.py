@@ -23,12 +23,7 @@ _PREFIX = "10.213.47"
 class Network:
     """Namespaces on a bridge. The first one holds the bridge, and the thread that made the network is in it.
 
-    Attributes
-    ----------
-    tag : str
-        Begins the names of the namespaces.
-    names : tuple of str
-        The hosts, in the order of their addresses.
+    `tag` begins the names of the namespaces; `names` has the hosts in the order of their addresses.
     """
 
     tag: str
@@ -53,14 +48,9 @@ class Network:
 
 @contextlib.contextmanager
 def network(names: Sequence[str]) -> Iterator[Network]:
-    """Make hosts and enter the first one, for the block.
+    """Make hosts and enter the first one, for the block; takes root, the right to make namespaces, and the program ip.
 
     Use it only in a process of its own: threads that libraries start in the block stay in the namespace.
-
-    Raises
-    ------
-    NotInstalledError
-        Not here: it takes root, the right to make namespaces, and the program ip.
     """
     if os.geteuid() != 0 or shutil.which("ip") is None:
         raise NotInstalledError("hosts of their own need root and the program ip (apt install iproute2)")

@@ -39,12 +39,7 @@ def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADL
 
 
 class Gate:
-    """The files of the failpoint `pause:PATH`, at which processes wait.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """The files of the failpoint `pause:PATH`, at which processes wait."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -67,18 +62,7 @@ class Gate:
 class Service:
     """One `meshdeform serve` with its children.
 
-    Parameters
-    ----------
-    data_dir : Path
-    environment : mapping
-        Settings for it.
-    flags : sequence of str
-        More options of the command.
-
-    Attributes
-    ----------
-    gate : Gate
-        Where `held_jobs` stops jobs, unless the settings name other failpoints.
+    `held_jobs` stops jobs at `gate`, unless the settings name other failpoints.
     """
 
     def __init__(self, data_dir: Path, environment: Mapping[str, str], flags: Sequence[str] = ()) -> None:

@@ -22,20 +22,7 @@ NOT_INSTALLED = 77
 
 
 def main(folder: Path, servers: Path) -> None:
-    """Run the scenario.
-
-    Parameters
-    ----------
-    folder : Path
-        For the deployment.
-    servers : Path
-        For the servers, which may run as users of their own: readable by all.
-
-    Raises
-    ------
-    NotInstalledError
-        Without root, network namespaces, or one of the servers.
-    """
+    """Run the scenario; `servers` is a folder for servers that run as users of their own, readable by all."""
     for name in ("postgres", "redis", "s3"):
         (servers / name).mkdir(parents=True)
     servers.chmod(0o755)

@@ -140,19 +140,3 @@ def _kill_api(service: Service) -> None:
                 process.kill()
                 return
     raise AssertionError("there is no API process")
-
-
-def test_what_is_wrong_has_its_exit_code_and_costs_no_job(folder: Path, url: str) -> None:
-    before = len(answer("jobs", "--limit", 500, "--url", url, cwd=folder)["jobs"])
-    for arguments, code in (
-        (("run", "sphere.obj", "a vase", "--steps", "0"), 3),
-        (("run", "sphere.obj", "a qwertz"), 3),
-        (("run", "nowhere.glb", "a vase"), 2),
-        (("watch", "job_00000000000000000000000000"), 3),
-        (("jobs", "--state", "sleeping"), 2),
-    ):
-        done = call(*arguments, "--json", "--url", url, cwd=folder)
-        assert done.returncode == code, (arguments, done.stderr)
-        assert done.stdout == ""
-        assert json.loads(done.stderr.splitlines()[-1])["exit_code"] == code
-    assert len(answer("jobs", "--limit", 500, "--url", url, cwd=folder)["jobs"]) == before

@@ -51,14 +51,7 @@ def waiting_at(cluster: Cluster, points: list[str]) -> dict[str, str]:
 
 
 class Deaths:
-    """Failpoints that kill, none of them yet: each acts once when it is armed, in whatever process reaches it next.
-
-    Parameters
-    ----------
-    folder : Path
-        For the files that say which points are armed.
-    points : list of str
-    """
+    """Failpoints that kill, none of them yet: each acts once when it is armed, in whatever process reaches it next."""
 
     def __init__(self, folder: Path, points: list[str]) -> None:
         self._files = {point: folder / f"{point}.died" for point in points}
@@ -89,15 +82,6 @@ def test_a_worker_killed_at_every_failpoint_loses_nothing(cluster: Cluster, tmp_
         deaths.wait(point)
         # Before the claim there was no attempt to lose, and after the end there is nothing left to lose.
         assert job.attempt == (1 if point in ("worker.told", "worker.ended") else 2), point
-
-
-@pytest.mark.long  # as in test_leases.py
-def test_nobody_waits_for_the_lease_of_a_worker_that_its_supervisor_has_seen_die(
-    cluster: Cluster, tmp_path: Path
-) -> None:
-    job_id = cluster.submit(STEPS)
-    cluster.start_worker(MESHDEFORM_FAILPOINTS=f"worker.step=kill;{tmp_path / 'died'}", MESHDEFORM_LEASE_S="3600")
-    assert cluster.check(job_id, steps=STEPS).attempt == 2
 
 
 # A newer version beside this one

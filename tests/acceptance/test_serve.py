@@ -63,21 +63,6 @@ def test_a_job_over_http_succeeds_and_its_artifacts_can_be_had(service: Service,
     assert json.loads(service.artifact(job["id"], "report.json"))
 
 
-def test_a_job_is_canceled_at_once_while_queued_and_after_its_step_while_running(
-    service: Service, sphere: Path, egg: Path
-) -> None:
-    with service.held_jobs():
-        running, queued = service.submit(sphere, REQUEST, egg), service.submit(sphere, REQUEST, egg)
-        service.at_step(running, 1)
-        assert service.http.post(f"/v1/jobs/{queued}/cancel").json()["state"] == "canceled"
-        assert service.http.post(f"/v1/jobs/{running}/cancel").json()["state"] == "canceling"
-    at = service.finished(running)
-    assert at["state"] == "canceled"
-    assert at["progress"]["step"] < STEPS
-    assert service.http.post(f"/v1/jobs/{running}/cancel").status_code == 200
-    assert service.job(queued)["state"] == "canceled"
-
-
 def test_the_api_comes_back_when_it_is_killed(service: Service) -> None:
     api = _api(service)
     api.kill()

@@ -121,9 +121,3 @@ def test_a_record_that_takes_no_writes_or_no_logins_ends_no_supervisor(
             assert "Traceback" not in supervisor.log
         finally:
             cluster.clean_up()
-
-
-def test_a_step_that_is_longer_than_a_lease_does_not_lose_it(tmp_path: Path) -> None:
-    with cluster_with(tmp_path) as cluster:
-        cluster.start_worker(MESHDEFORM_LEASE_S="2", FAKE_STEP_S="5")
-        assert cluster.check(cluster.submit(1), steps=1).attempt == 1

@@ -110,16 +110,6 @@ def test_a_cancellation_does_not_wait_for_a_step_that_does_not_end(usual: Cluste
     assert usual.job(job_id) == job
 
 
-def test_a_worker_without_work_is_not_taken_for_hung(impatient: Cluster) -> None:
-    worker = impatient.parts["worker"]
-    impatient.check(impatient.submit(STEPS), steps=STEPS)
-    process = worker.child()
-    rested = time.monotonic() + 6.0
-    until("more than the limit has passed", lambda: time.monotonic() > rested)
-    assert worker.child() == process
-    impatient.check(impatient.submit(STEPS), steps=STEPS)
-
-
 def test_an_idle_worker_takes_jobs_while_redis_is_away_and_afterwards(usual: Cluster) -> None:
     worker = usual.parts["worker"]
     usual.check(usual.submit(STEPS), steps=STEPS)

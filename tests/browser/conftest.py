@@ -154,13 +154,7 @@ def _launched() -> Iterator[Browser]:
 
 
 class Watch:
-    """What pages did that they should not have done.
-
-    Parameters
-    ----------
-    home : str
-        The origin that they may speak to.
-    """
+    """What pages did that they should not have done; they may speak to the origin `home`."""
 
     def __init__(self, home: str) -> None:
         self._home = urlsplit(home).netloc

@@ -72,24 +72,6 @@ def test_two_jobs_of_the_list_are_compared(page: Page, service: Service, pair: t
 
 
 @pytest.mark.without_3d
-def test_a_job_is_compared_with_one_that_is_searched_for(page: Page, pair: tuple[str, str]) -> None:
-    page.goto(f"/#/jobs/{pair[1]}")
-    page.get_by_role("button", name="Compare with…").click()
-    dialog = page.get_by_role("dialog", name="Compare with")
-    dialog.get_by_label("Search").fill("no such prompt")
-    expect(dialog).to_contain_text("No finished job matches.")
-    dialog.get_by_role("button", name="Compare").click()
-    expect(dialog).to_contain_text("Choose a job first.")
-    dialog.get_by_label("Search").fill("a tall vase")
-    dialog.get_by_label("Job", exact=True).select_option(value=pair[0])
-    dialog.get_by_role("button", name="Compare").click()
-    page.wait_for_url(f"**/#/compare/{pair[1]}/{pair[0]}")
-    # Without WebGL the figures are there.
-    expect(page.get_by_text("Nothing can be drawn here")).to_be_visible()
-    expect(page.get_by_role("table", name="Result")).to_contain_text("Flipped faces")
-
-
-@pytest.mark.without_3d
 def test_what_cannot_be_compared_is_said(
     page: Page, watch: Watch, service: Service, pair: tuple[str, str], small_sphere: Path
 ) -> None:

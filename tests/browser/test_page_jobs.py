@@ -265,30 +265,3 @@ def test_jobs_are_searched_and_several_are_deleted(page: Page, service: Service,
     until("the jobs are deleted", lambda: service.http.get(f"/v1/jobs/{jobs[1]}").status_code == 404)
     until("the jobs are deleted", lambda: service.http.get(f"/v1/jobs/{jobs[2]}").status_code == 404)
     assert [service.http.get(f"/v1/jobs/{job}").status_code for job in jobs] == [200, 404, 404]
-
-
-@pytest.mark.without_3d
-def test_variations_are_compared_on_one_sheet(page: Page, service: Service, small_sphere: Path) -> None:
-    open_form(page)
-    choose(page, small_sphere)
-    page.get_by_label("Prompt", exact=True).fill("a fat penguin")
-    set_steps(page, 2, seed=100)
-    page.get_by_role("button", name="More variations").click()
-    page.get_by_role("button", name="Deform, 2 variations").click()
-    page.wait_for_url("**/#/groups/*")
-    expect(page.get_by_text("2 variations", exact=True)).to_be_visible()
-    cards = page.locator(".contact-sheet .card")
-    expect(cards).to_have_count(2)
-    expect(page.locator(".contact-sheet .card img")).to_have_count(2)
-    assert [card.inner_text().splitlines()[0] for card in cards.all()] == [
-        "Variation 100",
-        "Variation 101",
-    ]
-    group = page.url.rpartition("/")[2]
-    jobs = service.http.get("/v1/jobs", params={"metadata[group]": group}).json()["jobs"]
-    assert sorted(job["params"]["seed"] for job in jobs) == [100, 101]
-    page.get_by_role("link", name="Variation 101").click()
-    expect(badge(page)).to_have_text("Succeeded")
-    assert service.job(shown_job(page))["params"]["seed"] == 101
-    page.go_back()
-    expect(cards).to_have_count(2)

@@ -83,17 +83,6 @@ def test_words_that_the_prior_does_not_know_are_refused_with_advice(
     expect(page.locator("#estimate")).to_contain_text("steps")
 
 
-def test_a_parameter_out_of_its_bounds_is_refused_beside_it(page: Page, watch: Watch, small_sphere: Path) -> None:
-    open_form(page)
-    choose(page, small_sphere)
-    page.get_by_label("Prompt", exact=True).fill("a vase")
-    set_steps(page, 0)
-    expect(page.locator("#param-steps-problem")).to_have_text("At least 1.")
-    page.get_by_role("button", name="Deform").click()
-    expect(page.get_by_label("Steps", exact=True)).to_have_attribute("aria-invalid", "true")
-    assert watch.posted() == []
-
-
 def test_a_job_is_canceled_retried_and_branched(page: Page, watch: Watch, service: Service, small_sphere: Path) -> None:
     # A checkpoint every 5 steps: one that was listed has given way to newer ones when its mesh is asked for.
     watch.allow(r"status of 404 .*/checkpoints/\d+/mesh\.glb")

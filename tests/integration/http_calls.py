@@ -72,9 +72,10 @@ def finished_job(api: Api, content: bytes = bytes(range(256)) * 64, owner_id: st
     return job.id
 
 
-def eventually(true: Callable[[], bool]) -> None:
-    """Wait until something is so."""
+def eventually(look: Callable[[], Any]) -> Any:
+    """Return the first true value."""
     deadline = time.monotonic() + DEADLINE_S
-    while not true():
+    while not (result := look()):
         assert time.monotonic() < deadline, "it never came to be so"
         time.sleep(0.01)
+    return result

@@ -45,35 +45,6 @@ def test_artifacts_are_listed_and_streamed(api: Api, openapi: dict[str, Any]) ->
     assert (have.status_code, have.content) == (304, b"")
 
 
-def test_parts_of_an_artifact(api: Api) -> None:
-    content = bytes(range(256)) * 64
-    job_id, size = finished_job(api, content), len(content)
-    url = f"/v1/jobs/{job_id}/artifacts/result.glb"
-    tag = f'"{hashlib.sha256(content).hexdigest()}"'
-    for header, part in {
-        "bytes=0-0": slice(0, 1),
-        "bytes=100-199": slice(100, 200),
-        "bytes=16000-": slice(16000, None),
-        "bytes=-10": slice(-10, None),
-        "bytes=-99999": slice(0, None),
-        "bytes=5-99999": slice(5, None),
-    }.items():
-        answer = api.http.get(url, headers={"Range": header})
-        start, stop, _ = part.indices(size)
-        assert (answer.status_code, answer.content) == (206, content[part]), header
-        assert answer.headers["content-range"] == f"bytes {start}-{stop - 1}/{size}"
-        assert answer.headers["content-length"] == str(stop - start)
-    for header in ("bytes=5-4", "bytes=", "bytes=-", "lines=1-2", "bytes=0-1,5-6"):
-        assert api.http.get(url, headers={"Range": header}).content == content, header
-    same = api.http.get(url, headers={"Range": "bytes=1-2", "If-Range": tag})
-    other = api.http.get(url, headers={"Range": "bytes=1-2", "If-Range": '"other"'})
-    assert (same.status_code, other.status_code) == (206, 200)
-    for header in (f"bytes={size}-", "bytes=-0"):
-        answer = api.http.get(url, headers={"Range": header})
-        check_problem(answer, 416, "range_not_satisfiable")
-        assert answer.headers["content-range"] == f"bytes */{size}"
-
-
 def test_an_artifact_whose_object_is_gone_is_an_error_before_the_first_byte(api: Api) -> None:
     job_id = finished_job(api)
     api.store.delete(api.record.artifacts(job_id)[0].key)

@@ -18,15 +18,11 @@ import pytest
 from meshdeform.errors import UnavailableError
 from meshdeform.record.ids import JOB_ID_PATTERN
 from meshdeform.record.queue import JobQueue
-from meshdeform.record.reconciler import Reconciler
-from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from meshdeform.storage import ObjectStore
 from service.workspace import Workspace
 from tests.cases import each_case
 from tests.integration.conftest import Api, serving
 from tests.integration.http_calls import PROMPT, check_document, check_problem, glb, post
-from tests.servers import free_port
 
 
 def test_a_posted_job_is_accepted_recorded_stored_and_told(api: Api, sphere: bytes, openapi: dict[str, Any]) -> None:
@@ -207,30 +203,6 @@ def test_a_body_over_the_limit_is_refused_before_it_is_read(api: Api, declared: 
     assert problem["limit"] == api.settings.max_upload_bytes
     assert "MESHDEFORM_MAX_UPLOAD_BYTES" in problem["advice"]
     assert sent < total
-
-
-def test_without_redis_jobs_are_accepted_and_told_later(
-    database_url: str, redis_url: str, tmp_path: Path, sphere: bytes
-) -> None:
-    """And `/readyz` says which part is missing."""
-    settings = Settings(
-        data_dir=tmp_path, database_url=database_url, redis_url=f"redis://127.0.0.1:{free_port()}/0", queue="away"
-    )
-    record = JobRecord(database_url)
-    with serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
-        lost = Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
-        answer = post(lost, sphere)
-        assert answer.status_code == 202, answer.text
-        ready = http.get("/readyz")
-        assert ready.status_code == 503
-        assert ready.json()["redis"]["status"] == "unavailable"
-        assert ready.json()["record"]["status"] == ready.json()["store"]["status"] == "ok"
-        assert http.get("/healthz").status_code == 200
-    queue = JobQueue(redis_url, "back-again")
-    assert answer.json()["id"] in Reconciler(record, queue, 3, 60.0).run_once()
-    assert answer.json()["id"] in queue.announced()
-    queue.close()
-    record.close()
 
 
 def test_a_part_that_hangs_does_not_hold_up_the_answer_about_it(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from typing import Any
 
 import httpx
@@ -164,24 +163,6 @@ def test_a_job_stays_readable_whatever_it_holds(api: Api, openapi: dict[str, Any
     check_document(document, "JobView", openapi)
     assert document["metadata"] == request.metadata
     assert document["asset"]["filename"] == "größe 1.glb"
-
-
-def test_deleting_a_job_is_no_time_to_remove_others(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    job_id, other_id = finished_job(api), finished_job(api)
-    with serving_app(api.settings) as (url, app):
-        store = app.state.app_state.store
-        remove, removed = store.delete_prefix, []
-
-        def watched(prefix: str) -> None:
-            if threading.current_thread().name != "reconciler":
-                removed.append(prefix)
-            remove(prefix)
-
-        monkeypatch.setattr(store, "delete_prefix", watched)
-        api.record.delete(other_id)
-        assert httpx.delete(f"{url}/v1/jobs/{job_id}").status_code == 204
-        # Its own, unless the reconciler of the fixture's API came first, and never the other's.
-        assert set(removed) <= {f"jobs/{job_id}/"}
 
 
 def test_a_job_is_deleted_while_the_store_is_away(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:

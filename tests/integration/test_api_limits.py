@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import uuid
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -67,18 +68,36 @@ def test_more_steps_than_allowed_are_refused_also_where_the_preset_says_so(small
     assert answer.status_code == 202
 
 
-def test_a_body_that_does_not_come_is_given_up(small: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.http.bodies.IDLE_S", 0.2)
-    with begun(small) as connection:
-        answer = b""
-        while b"request_timeout" not in answer and (part := connection.recv(65536)):
-            answer += part
-    assert answer.startswith(b"HTTP/1.1 408 ")
-    assert b'"code":"request_timeout"' in answer
-    assert b"connection: close" in answer.lower()
-
-
 def test_a_document_that_is_too_long_is_refused(small: Api) -> None:
     headers = {"Content-Type": "application/json"}
     check_problem(small.http.post("/v1/jobs", content=b" " * 300_000, headers=headers), 422, "request_invalid")
     check_problem(small.http.post("/v1/uploads", content=b"{}"), 422, "request_invalid")
+
+
+# Which models a server has, over HTTP.
+
+
+def test_the_models_of_a_server(redis_server_url: str, tmp_path: Path, openapi: dict[str, Any], sphere: bytes) -> None:
+    settings = Settings(
+        data_dir=tmp_path,
+        redis_url=redis_server_url,
+        queue=f"test-{tmp_path.name}",
+        model=str(tmp_path / "checkpoint"),
+        allowed_models=["owner/other"],
+    )
+    with serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
+        answer = http.get("/v1/models")
+        assert answer.status_code == 200, answer.text
+        document = answer.json()
+        check_document(document, "ModelList", openapi)
+        assert document["default"] == "checkpoint"
+        first, builtin, other = document["models"]
+        assert (first["id"], first["available"], first["vocabulary"]) == (document["default"], False, None)
+        assert first["problem"]
+        assert (other["id"], other["available"]) == ("owner/other", False)
+        assert (builtin["id"], builtin["available"], builtin["problem"]) == ("builtin", True, None)
+        # What it says is understood is accepted; so the answer is of use to whoever writes a prompt.
+        for prompt in builtin["vocabulary"]["examples"]:
+            request = {"prompt": prompt, "params": {"guidance": {"model": "builtin"}}}
+            sent = {"asset": ("sphere.glb", sphere), "request": (None, httpx.Response(200, json=request).content)}
+            assert http.post("/v1/jobs:validate", files=sent).status_code == 200, prompt

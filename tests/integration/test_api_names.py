@@ -41,14 +41,6 @@ def test_unknown_query_parameters_are_refused(url: str, place: str, message: str
     assert message is None or problem["detail"] == f"{place}: {message}"
 
 
-def test_known_query_parameters_are_accepted(api: Api) -> None:
-    job_id = finished_job(api)
-    for url in ("/v1/jobs?state=queued&limit=1&metadata[shot]=1", f"/v1/jobs/{job_id}/events?after=0&format=json"):
-        assert api.http.get(url).status_code == 200, url
-    signed = api.http.post(f"/v1/jobs/{job_id}/artifacts/result.glb/url").json()["url"]
-    assert [api.http.get(signed).status_code, api.http.head(signed).status_code] == [200, 200]
-
-
 @each_case(
     "document, expected",
     [

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import threading
 import uuid
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
-import pytest
 
-from meshdeform.storage import ObjectStore
 from tests.cases import each_case
 from tests.integration.conftest import Api
 from tests.integration.http_calls import PROMPT, check_problem
@@ -65,29 +62,6 @@ def test_a_refused_request_gives_its_key_free(api: Api, sphere: bytes) -> None:
 def test_a_key_that_is_none_is_refused(api: Api, sphere: bytes, text: str) -> None:
     problem = check_problem(create(api, sphere, {"Idempotency-Key": text.encode()}), 422, "parameter_invalid")  # type: ignore[dict-item]
     assert problem["errors"][0]["loc"] == ["header", "idempotency-key"]
-
-
-def test_two_at_the_same_time_make_one_job(api: Api, sphere: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first one is held within its check until the second one has its answer."""
-    headers, before = key(), count(api)
-    begun, go_on = threading.Event(), threading.Event()
-    holds = ObjectStore.holds
-
-    def held(store: ObjectStore, name: str, sha256: str) -> bool:
-        begun.set()
-        assert go_on.wait(30.0)
-        return holds(store, name, sha256)
-
-    with ThreadPoolExecutor(1) as pool, monkeypatch.context() as patch:
-        patch.setattr("meshdeform.storage.ObjectStore.holds", held)
-        first = pool.submit(create, api, sphere, headers)
-        assert begun.wait(30.0)
-        second = create(api, sphere, headers)
-        go_on.set()
-        assert first.result().status_code == 202
-    check_problem(second, 409, "idempotency_in_flight")
-    assert count(api) == before + 1
-    assert create(api, sphere, headers).json() == first.result().json()
 
 
 @each_case("what", ["create", "retry", "branch", "upload"])

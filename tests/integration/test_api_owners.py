@@ -22,7 +22,7 @@ from service.app import create_app
 from service.http.auth import Principal, principal
 from tests.integration import conftest
 from tests.integration.conftest import Api, stored_file
-from tests.integration.http_calls import PROMPT, check_problem, post
+from tests.integration.http_calls import PROMPT, check_problem
 
 
 def named(request: Request) -> Principal:
@@ -155,19 +155,3 @@ def test_one_key_of_two_owners_is_two_keys(two: tuple[Api, Api], sphere: bytes) 
     first, second = posted(two[0], "a vase"), posted(two[1], "a mushroom")
     assert (first.status_code, second.status_code) == (202, 202)
     assert first.json()["id"] != second.json()["id"]
-
-
-def test_one_has_only_so_many_unfinished_jobs(two: tuple[Api, Api], sphere: bytes) -> None:
-    ann, _ = two
-    ann.http.headers["x-owner"] = "ann-with-two"
-    try:
-        ann.http.headers["x-jobs"] = "2"
-        posted = [post(ann, sphere) for _ in range(3)]
-        assert [answer.status_code for answer in posted] == [202, 202, 429]
-        check_problem(posted[2], 429, "too_many_jobs")
-        assert posted[2].headers["retry-after"]
-        ann.http.post(f"/v1/jobs/{posted[0].json()['id']}/cancel")
-        assert post(ann, sphere).status_code == 202
-    finally:
-        ann.http.headers["x-owner"] = "ann"
-        del ann.http.headers["x-jobs"]

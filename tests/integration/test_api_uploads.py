@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import socket
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +19,7 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.cases import each_case
 from tests.integration.conftest import Api, serving
-from tests.integration.http_calls import check_document, check_problem, eventually
+from tests.integration.http_calls import check_document, check_problem
 
 TEXT = bytes(range(256)) * 40
 
@@ -92,19 +91,6 @@ def test_a_piece_that_does_not_begin_where_the_upload_ends_is_told_where_that_is
     check_problem(send(api, upload, TEXT), 409, "conflict")
 
 
-def test_a_body_that_breaks_off_leaves_what_came(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.uploads.receiving._BLOCK", 1000)
-    upload = begin(api)
-    host, port = api.url.removeprefix("http://").split(":")
-    with socket.create_connection((host, int(port))) as connection:
-        head = f"PUT {upload['url']} HTTP/1.1\r\nHost: {host}\r\nContent-Length: {len(TEXT)}\r\n\r\n"
-        connection.sendall(head.encode() + TEXT[:5000])
-        eventually(lambda: offset(api, upload) == 5000)
-    assert api.http.get(f"/v1/uploads/{upload['id']}").json()["offset"] == 5000
-    assert send(api, upload, TEXT[5000:], 5000).status_code == 204
-    assert complete(api, upload).status_code == 200
-
-
 def test_the_whole_replaces_what_came_before(api: Api) -> None:
     upload = begin(api)
     assert send(api, upload, b"x" * 100, 0).status_code == 204
@@ -120,17 +106,6 @@ def test_a_content_range_that_cannot_be_is_refused(api: Api, header: str) -> Non
     upload = begin(api)
     answer = api.http.put(upload["url"], content=TEXT[:10], headers={"Content-Range": header})
     check_problem(answer, 422, "request_invalid")
-
-
-@pytest.mark.parametrize("declared", [True, False], ids=["with a length", "chunked"])
-def test_more_bytes_than_announced_are_refused(api: Api, declared: bool) -> None:
-    upload = begin(api)
-    content = TEXT + b"x"
-    check_problem(api.http.put(upload["url"], content=content if declared else iter([content])), 413, "asset_too_large")
-    ranged = {"Content-Range": f"bytes 0-9/{len(TEXT)}"}
-    body = TEXT[:11] if declared else iter([TEXT[:11]])
-    check_problem(api.http.put(upload["url"], content=body, headers=ranged), 413, "asset_too_large")
-    check_problem(api.http.post("/v1/uploads", json={"filename": "a", "size": 2**20 + 1}), 413, "asset_too_large")
 
 
 def test_other_bytes_than_announced_are_a_checksum_mismatch_and_can_be_corrected(api: Api) -> None:

@@ -131,15 +131,7 @@ class Containers:
     """Runs the containers of the project as processes: their commands, their environment and nothing else of ours.
 
     The names of other containers, the folders that they can write to, and the published port are replaced by those of
-    this machine.
-
-    Parameters
-    ----------
-    repository, folder : Path
-    secrets : dict of str to str
-        What `.env` says.
-    places : dict of str to str
-        Pieces of the environment's values, and what they are here.
+    this machine (`places`); `secrets` is what `.env` says.
     """
 
     def __init__(self, repository: Path, folder: Path, secrets: dict[str, str], places: dict[str, str]) -> None:

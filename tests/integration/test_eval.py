@@ -17,15 +17,12 @@ import torch
 from PIL import Image
 from typer.testing import CliRunner, Result
 
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors import load_prior
 from tests.cases import each_case
 from tests.taught import write_small_weights
-from tests.unit.runs.test_text_deform import glb
 from training.evaluation.__main__ import app
 from training.evaluation.mesh_file import read_ply
-from training.evaluation.suite import ASSET_PAIRS, SUITES, find_suite
+from training.evaluation.suite import SUITES
 
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
 FIRST = "sphere--a-mushroom--seed0"
@@ -265,39 +262,3 @@ def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path,
     assert [record["failed"] for record in results(out)["records"] if record["failed"]] == []
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert all((out / "items" / item.name / "record.json").exists() for item in SUITES["small"].items(int(count)))
-
-
-def obj_text(mesh: TriangleMesh) -> bytes:
-    lines = [f"v {x} {y} {z}" for x, y, z in mesh.verts.tolist()]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
-    return "\n".join(lines).encode()
-
-
-def test_the_suite_of_real_assets_takes_its_files_from_a_folder(tmp_path: Path) -> None:
-    folder = tmp_path / "files" / "kits"
-    folder.mkdir(parents=True)
-    apart = TriangleMesh(icosphere(1).verts + 2.5, icosphere(1).faces)
-    for name in find_suite("assets").sources:
-        mesh = join(icosphere(1), apart)
-        (folder / name).write_bytes(obj_text(mesh) if name.endswith(".obj") else glb(mesh))
-    options = (
-        "--suite",
-        "assets",
-        "--assets",
-        str(folder.parent),
-        "--steps",
-        "1",
-        "--limit",
-        "1",
-        "--jobs",
-        "1",
-        *KEEP,
-    )
-    done = evaluated(tmp_path / "run", *options)
-    assert done.exit_code == 0, done.output
-    assert f"1 of {len(ASSET_PAIRS)} done" in done.stdout
-    table = (tmp_path / "run" / "table.md").read_text()
-    assert "| CesiumMilkTruck " in table
-    assert "most apart" in table
-    again = CliRunner().invoke(app, ["--rejudge", "--out", str(tmp_path / "run")])
-    assert again.exit_code == 0, again.output

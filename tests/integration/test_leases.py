@@ -12,7 +12,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import ConflictError, StaleAttemptError
 from meshdeform.record.leases import WorkerIdentity
-from meshdeform.record.models import Job, JobError, JobState, Progress
+from meshdeform.record.models import JobError, JobState, Progress
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs as jobs_table
 from meshdeform.runs.base import StepReport
@@ -190,21 +190,6 @@ def test_the_newest_checkpoint_comes_first(record: JobRecord) -> None:
     assert [found.step for found in record.leases.checkpoints(job.id)] == [250, 300, 200]
 
 
-def test_many_threads_write_without_an_error(record: JobRecord) -> None:
-    jobs = [claimed(record, new_job(record)) for _ in range(4)]
-
-    def publish(job: Job) -> None:
-        for step in range(1, 26):
-            record.leases.save_progress(
-                job.id, 1, Progress(step=step, total_steps=25, fraction=step / 25, phase="optimizing")
-            )
-            record.leases.heartbeat(job.id, 1, LEASE_S)
-
-    with ThreadPoolExecutor(4) as pool:
-        list(pool.map(publish, jobs))
-    assert {record.get(job.id).progress.fraction for job in jobs} == {1.0}
-
-
 def test_an_attempt_that_is_over_writes_nothing(record: JobRecord) -> None:
     old = claimed(record, new_job(record), OVER)
     # Whoever has not taken it back yet does not give it away either.
@@ -286,16 +271,6 @@ def test_many_that_take_the_next_job_at_once_take_each_job_once(record: JobRecor
         each.close()
     assert sorted(taken) == sorted(jobs)
     assert {record.get(job_id).attempt for job_id in jobs} == {1}
-
-
-@pytest.mark.parametrize("database_url", ["postgresql"], indirect=True)  # SQLite has no rows that somebody holds
-def test_a_job_that_somebody_holds_does_not_keep_workers_from_the_next_one(record: JobRecord) -> None:
-    first, second = new_job(record), new_job(record)
-    with record.database.write() as connection:
-        connection.exec_driver_sql(f"SELECT id FROM jobs WHERE id = '{first.id}' FOR UPDATE")
-        taken = record.leases.claim_next("worker", LEASE_S)
-    assert taken is not None
-    assert taken.id == second.id
 
 
 @pytest.mark.both_databases(long=True)

@@ -90,15 +90,6 @@ def test_a_job_that_is_not_there_is_not_waited_for(server: tuple[httpx.Client, F
     assert app.state.app_state.waiters.held == 0
 
 
-def test_a_client_that_goes_away_frees_its_place(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
-    http, app = server
-    job = new_job(record)
-    with httpx.Client(base_url=http.base_url) as impatient:
-        with pytest.raises(httpx.ReadTimeout):
-            impatient.get(f"/v1/jobs/{job.id}", headers=WAIT, timeout=httpx.Timeout(DEADLINE_S, read=1.0))
-        until(lambda: app.state.app_state.waiters.held == 0, "the place is free")
-
-
 def test_a_post_may_wait_too(server: tuple[httpx.Client, FastAPI], record: JobRecord, sphere: bytes) -> None:
     http, app = server
     files: dict[str, Any] = {"asset": ("sphere.glb", sphere), "request": (None, '{"prompt": "a mushroom"}')}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterator
 from datetime import timedelta
@@ -107,26 +106,6 @@ def test_there_are_never_fewer_messages_than_queued_jobs_whichever_job_a_worker_
     assert queue.length() >= record.upkeep.queued_count() == len(jobs) - 2
 
 
-@pytest.mark.both_databases
-def test_reconcilers_that_look_at_once_leave_every_job_told(
-    record: JobRecord, queue: JobQueue, database_url: str
-) -> None:
-    jobs = {new_job(record).id for _ in range(20)}
-    records = [JobRecord(database_url) for _ in range(3)]
-    threads = [threading.Thread(target=reconciler(each, queue).run_once) for each in records]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for each in records:
-        each.close()
-    assert queue.announced() == jobs
-    # What was told twice is taken once.
-    taken = [record.leases.claim_next("worker", LEASE_S) for _ in range(queue.length())]
-    assert {job.id for job in taken if job} == jobs
-    assert {record.get(job_id).attempt for job_id in jobs} == {1}
-
-
 def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:
     job = claimed(record, new_job(record), OVER)
     record.upkeep.mark_announced([job.id])
@@ -204,6 +183,14 @@ def test_a_job_that_brings_down_its_machine_each_time_fails_at_last(record: JobR
     claimed(record, job, OVER)
     assert record.upkeep.reclaim_expired(2, watch) == []
     assert record.get(job.id).state is JobState.FAILED
+
+
+def test_a_lease_of_a_clock_that_was_set_back_does_not_last(record: JobRecord, queue: JobQueue) -> None:
+    job = claimed(record, new_job(record), 86_400.0)
+    usual = claimed(record, new_job(record), LEASE_S)
+    reconciler(record, queue).run_once()
+    assert record.upkeep.shorten_leases(LEASE_S / 2 + 1.0) == 0
+    assert {record.get(each.id).state for each in (job, usual)} == {JobState.RUNNING}
 
 
 def test_the_worker_of_a_job_whose_deadline_is_over_is_told_to_stop(record: JobRecord, queue: JobQueue) -> None:

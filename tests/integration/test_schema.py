@@ -18,10 +18,9 @@ import sqlalchemy as sa
 import meshdeform.record
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.database import Database
-from meshdeform.record.models import EventType, JobState, NewJob, StoredFile
+from meshdeform.record.models import EventType, JobState, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD, jobs, metadata
-from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S
 from tests.integration.record_calls import LEASE_S, history, ids
@@ -126,7 +125,6 @@ def test_only_its_user_can_read_a_record_on_sqlite(tmp_path: Path) -> None:
 
 # -- migrations with data in them
 Migrate = Callable[[str], None]
-_OLD_FILES = ("asset_key", "asset", "target_key", "target")
 
 
 @pytest.fixture
@@ -256,47 +254,6 @@ def _check_files(record: JobRecord) -> None:
         assert record.get(_old_id(state)).files == {"asset": asset, **target}
     record.files.unpin(["assets/b"])
     assert record.files.unused() == []
-
-
-def test_files_of_parts_and_origins_are_carried_over_to_0005_and_back(
-    record: JobRecord, migrate: Migrate, database_url: str
-) -> None:
-    migrate("0001")
-    _fill_0001(record)
-    migrate("0004")
-    origin = {"job_id": _old_id(JobState.CANCELED), "step": 5, "mode": "retry", "key": "assets/c", "sha256": "c" * 64}
-    tables = sa.MetaData()
-    with record.database.write() as connection:
-        tables.reflect(connection, only=["jobs"])
-        old = tables.tables["jobs"]
-        before = connection.execute(sa.select(old.c["id", *_OLD_FILES]).order_by(old.c.id)).all()
-        branch = sa.update(old).where(old.c.id == _old_id(JobState.QUEUED))
-        connection.execute(branch.values(origin_key="assets/c", origin=origin, owner_id="me"))
-    opened = JobRecord(database_url)
-    try:
-        _check_files(opened)
-        opened.files.unpin(["assets/c"])
-        assert opened.files.unused() == []
-        found = opened.get(_old_id(JobState.QUEUED)).origin
-        assert found is not None
-        assert (found.key, found.size) == ("assets/c", 0)
-        # 0004 has no place for the files of another kind of job.
-        asset = opened.get(_old_id(JobState.QUEUED)).files["asset"]
-        other = opened.create(NewJob(JobRequest(prompt="a vase"), {"mesh": asset}))
-        migrate("0004")
-        with record.database.read() as connection:
-            after = connection.execute(sa.select(old.c["id", *_OLD_FILES]).order_by(old.c.id)).all()
-            assert after == before
-            assert connection.scalar(sa.select(old.c.origin_key).where(old.c.origin_key.is_not(None))) == "assets/c"
-            assert connection.scalars(sa.text("SELECT prefix FROM discarded")).all() == [f"jobs/{other.id}/"]
-        migrate(HEAD)
-        _check_files(opened)
-        assert sorted(opened.delete(_old_id(JobState.CANCELED))) == ["assets/a"]
-        opened.request_cancel(_old_id(JobState.QUEUED))
-        assert opened.delete(_old_id(JobState.QUEUED)) == ["assets/a", "assets/b", "assets/c"]
-        assert opened.files.unused() == ["assets/b", "assets/c"]
-    finally:
-        opened.close()
 
 
 def test_a_record_can_go_back_to_the_first_version_and_come_again(

@@ -98,15 +98,6 @@ def test_api_clients_and_command_line_search(api: Api) -> None:
         check_problem(api.http.get("/v1/jobs", params=httpx.QueryParams(q=words)), 422, "parameter_invalid")
 
 
-def test_all_prompts_are_searched(record: JobRecord) -> None:
-    request = JobRequest.model_validate(
-        {"prompt": "a pear", "params": {"guidance": {"prompts": [{"prompt": "a shark"}]}}}
-    )
-    job = record.create(NewJob(request, {"asset": stored_file(filename="Duck.glb")}))
-    for words, expected in (("pear SHARK duck", [job.id]), ("pear vase", [])):
-        assert [found.id for found in record.list_jobs(words=words).jobs] == expected
-
-
 async def _prompts(url: str) -> list[str]:
     async with AsyncClient(url) as client:
         return [job.prompt async for job in client.jobs(search="mushroom")]

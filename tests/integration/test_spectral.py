@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.cases import each_case
 
 Findings = dict[str, list[tuple[str, str]]]
 SPOILT = (
@@ -67,3 +70,22 @@ def test_nothing_is_found(findings: Findings) -> None:
 
 def test_our_rules_find_what_they_are_for(findings: Findings) -> None:
     assert set(SPOILT) <= {rule for rule, _ in findings["spoilt"]}
+
+
+# hadolint finds nothing in the Dockerfiles, not even a remark.
+
+
+@pytest.fixture(scope="module")
+def hadolint(repository: Path) -> str:
+    found = sorted((repository / "tests/.hadolint").glob("*/bin/hadolint"))
+    program = str(found[-1]) if found else shutil.which("hadolint")
+    if program is None:
+        pytest.skip("hadolint is not installed (scripts/test installs it)")
+    return program
+
+
+@each_case("name", ["service", "worker"])
+def test_images_are_built_as_hadolint_says(hadolint: str, repository: Path, name: str) -> None:
+    path = repository / f"docker/{name}.Dockerfile"
+    done = subprocess.run([hadolint, "--no-color", str(path)], capture_output=True, text=True, check=False, timeout=60)
+    assert (done.stdout, done.stderr, done.returncode) == ("", "", 0)

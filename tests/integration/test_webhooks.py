@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -21,8 +19,8 @@ from meshdeform.record.webhooks import Webhook
 from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
 from tests.integration.conftest import DEADLINE_S, WEBHOOK_SETTINGS, new_job
-from tests.servers import free_port
-from tests.unit.webhooks.receiver import Message, Receiver, receiving
+from tests.integration.http_calls import eventually
+from tests.unit.webhooks.receiver import Message, Receiver
 
 
 def make_due(record: JobRecord) -> None:
@@ -39,14 +37,6 @@ def only_delivery(record: JobRecord, webhook: Webhook, owner: str = "") -> Any:
 
 def sums(record: JobRecord) -> dict[str, float]:
     return {label: value for (name, label), value in record.counters().items() if name == "webhook_deliveries"}
-
-
-def eventually(found: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + DEADLINE_S
-    while not (result := found()):
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.02)
-    return result
 
 
 def test_every_event_of_a_job_arrives_signed(record: JobRecord, delivery: WebhookDelivery, receiver: Receiver) -> None:
@@ -118,22 +108,6 @@ def test_a_receiver_may_ask_for_more_time_but_not_for_less(
         wait_s = (only_delivery(record, webhook).next_at - datetime.now(UTC)).total_seconds()
         assert least < wait_s < most
         make_due(record)
-
-
-def test_a_message_waits_for_a_receiver_that_is_down(record: JobRecord, delivery: WebhookDelivery) -> None:
-    port = free_port()
-    webhook, secret = record.webhooks.create("", f"http://127.0.0.1:{port}/hook", ["job.queued"])
-    new_job(record)
-    assert delivery.run_once() == 1
-    assert only_delivery(record, webhook).log[0].error == "The connection failed."
-    with receiving(port=port) as receiver:
-        make_due(record)
-        assert delivery.run_once() == 1
-    assert [message.is_signed_by(secret) for message in receiver.messages] == [True]
-    found = only_delivery(record, webhook)
-    assert found.state == "delivered"
-    assert [attempt.status for attempt in found.log] == [None, 204]
-    assert sums(record) == {"retried": 1, "delivered": 1}
 
 
 def test_the_address_is_checked_again_when_a_message_is_sent(record: JobRecord, receiver: Receiver) -> None:

@@ -7,9 +7,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from typer.testing import CliRunner
 
-from meshdeform.cli.app import app as commands
 from meshdeform.errors import UnavailableError
 from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.models import NewJob
@@ -20,7 +18,6 @@ from meshdeform.storage import ObjectStore
 from service.events import routes as event_routes
 from service.http import auth
 from tests.integration.conftest import DEADLINE_S, serving, serving_app, stored_file
-from tests.servers import free_port
 
 
 def test_the_event_stream_of_a_revoked_key_ends(
@@ -89,12 +86,3 @@ def test_a_key_whose_request_died_says_when_to_try_again(
             codes.append(answer.status_code)
         assert codes == [500, 409]
         assert 1 <= int(answer.headers["retry-after"]) <= 5
-
-
-def test_serve_without_a_key_leaves_no_folder(tmp_path: Path) -> None:
-    result = CliRunner().invoke(
-        commands, ["serve", "--host", "0.0.0.0", "--port", str(free_port()), "--data-dir", str(tmp_path / "z")]
-    )
-    assert result.exit_code == 3
-    assert "keys create" in result.output
-    assert not (tmp_path / "z").exists()

@@ -20,17 +20,7 @@ class InterruptProcessingException(Exception):
 
 
 class Host:
-    """Its three modules, in `modules`.
-
-    Attributes
-    ----------
-    input, output : Path
-        Its folders.
-    interrupted : bool
-        Whether Cancel has been pressed.
-    shown : list of float
-        What the progress bar has shown, from 0 to 1.
-    """
+    """Its three modules, in `modules`; `shown` has what the progress bar has shown, from 0 to 1."""
 
     def __init__(self, folder: Path) -> None:
         self.input, self.output, self.temp = folder / "input", folder / "output", folder / "temp"

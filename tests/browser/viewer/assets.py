@@ -24,18 +24,7 @@ NORMALS = (VERTS / np.linalg.norm(VERTS, axis=1, keepdims=True)).astype(np.float
 
 @dataclass(frozen=True)
 class Kind:
-    """A file and what it becomes.
-
-    Attributes
-    ----------
-    data, format
-        The file.
-    result : bytes
-        The GLB that the project writes for it.
-    displacement : float
-        Largest distance in the world that a vertex goes.
-    triangles : int
-    """
+    """A file, the GLB that the project writes for it, and the largest distance in the world that a vertex goes."""
 
     data: bytes
     format: str

@@ -19,13 +19,7 @@ PAGE = Path(__file__).parent / "page"
 
 
 class ViewerSite:
-    """Serves the viewer's modules, the page and files on loopback.
-
-    Attributes
-    ----------
-    files : dict of str to bytes
-        What `/files/<name>` answers.
-    """
+    """Serves the viewer's modules, the page and `files` (at `/files/<name>`) on loopback."""
 
     def __init__(self, web: Path) -> None:
         self.files: dict[str, bytes] = {}

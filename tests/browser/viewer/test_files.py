@@ -11,7 +11,7 @@ from meshdeform.assets import load_asset
 from tests.browser.viewer.assets import GROWTH, KINDS, VERTS
 from tests.browser.viewer.site import ViewerSite
 from tests.cases import each_case
-from tests.unit.rendering.test_painted import encoded, textured
+from tests.unit.rendering.test_shading import encoded, textured
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

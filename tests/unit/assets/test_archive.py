@@ -23,7 +23,7 @@ from meshdeform.errors import (
 )
 from tests.cases import each_case
 from tests.unit.assets.archives import packed
-from tests.unit.assets.builders import QUAD_FACES, QUAD_VERTS, Builder, notable, pack, unpack
+from tests.unit.assets.builders import QUAD_VERTS, Builder, notable, pack, unpack
 from tests.unit.assets.test_replace import DOT, position
 
 UVS = QUAD_VERTS[:, :2].copy()
@@ -250,15 +250,3 @@ def test_a_local_gltf_takes_no_file_of_another_folder_along(tmp_path: Path) -> N
     builder.root["images"] = [{"uri": "link.png"}]
     path.write_bytes(json.dumps(builder.root).encode())
     assert read_with_files(path, Limits()) == path.read_bytes()
-
-
-def test_triangles_of_an_obj_are_the_same_with_and_without_materials() -> None:
-    plain = load_asset(OBJ.replace(b"usemtl", b"# ").replace(b"\ng ", b"\n# "), "a.obj").surface
-    kept = load_asset(OBJ, "a.obj").surface
-
-    def corners(surface: object) -> list[list[float]]:
-        rows = surface.positions[surface.triangles].reshape(-1, 9)  # type: ignore[attr-defined]
-        return sorted(rows.tolist())
-
-    assert corners(plain) == corners(kept)
-    assert len(kept.triangles) == len(QUAD_FACES)

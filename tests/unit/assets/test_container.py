@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import struct
 
 import pytest
 
-from meshdeform.assets.container import glb_layout, pack_glb
+from meshdeform.assets.container import clone, dump_json, glb_layout, pack_glb, parse_json
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
 from tests.cases import each_case
@@ -67,3 +68,75 @@ def test_what_is_not_a_glb_is_told(data: bytes, error: type[AssetError]) -> None
 def test_the_json_chunk_has_a_limit() -> None:
     with pytest.raises(AssetTooLargeError, match="MESHDEFORM_MAX_JSON_BYTES"):
         glb_layout(quad(), Limits(max_json_bytes=100))
+
+
+# JSON that comes back with the values that it had, within limits.
+
+
+TEXT = (
+    r'{"asset": {"version" : "2.0"}, "a": [1.0, 1, 0.1000, 1e5, 1E+05, -0, -0.0, 12345678901234567890.0,'
+    r" 12345678901234567890],"
+    '\n "nodes": [ {"translation": [0.10, 2, 3.0], "extras": {"kept": 1.50}} , {"b": "\\u00e9\\/é"} ], "z": null}'
+)
+
+
+def test_an_unchanged_document_keeps_every_value_and_the_order() -> None:
+    written = dump_json(clone(parse_json(TEXT.encode(), LIMITS))).decode()
+    assert json.loads(written) == json.loads(TEXT)
+    assert list(json.loads(written)) == ["asset", "a", "nodes", "z"]
+    # Integers stay integers and floats stay floats, however large.
+    assert '"a":[1.0,1,0.1,100000.0,100000.0,0,-0.0,1.2345678901234567e+19,12345678901234567890]' in written
+
+
+@each_case("number", [0.1, 1 / 3, 5e-324, 1.7976931348623157e308, -0.0, 2.5e-7, float(2**53 + 2)])
+def test_every_double_comes_back_as_itself(number: float) -> None:
+    root = parse_json(f'{{"v": {number:.30e}}}'.encode(), LIMITS)
+    assert json.loads(dump_json(root))["v"].hex() == number.hex()
+
+
+def test_a_lone_surrogate_survives() -> None:
+    text = r'{"name": "\ud800", "other": "é", "n": 1}'
+    assert json.loads(dump_json(parse_json(text.encode(), LIMITS))) == json.loads(text)
+
+
+def test_duplicate_keys_are_no_crash_and_the_last_one_counts() -> None:
+    assert dump_json(parse_json(b'{"a": 1, "a": [2.50]}', LIMITS)) == b'{"a":[2.5]}'
+
+
+@each_case(
+    "text",
+    [
+        b"",
+        b"[]",
+        b"nonsense",
+        b'{"a": NaN}',
+        b'{"a": -Infinity}',
+        b'{"a": 1e999}',
+        b'{"a": -1e999}',
+        b'{"a": "\xff"}',
+        b'{"a": ' + b"9" * 5000 + b"}",
+        b'{"a": ' + b"[" * 100_000 + b"]" * 100_000 + b"}",
+        b'{"a": ' + b"[" * 100_000,
+        b'{"a": ' + b'{"a":' * 100_000,
+        b'{"unterminated',
+        b'{"a": 1} {"b": 2}',
+    ],
+)
+def test_what_is_not_a_json_object_is_one_clear_error(text: bytes) -> None:
+    with pytest.raises(AssetError):
+        parse_json(text, LIMITS)
+
+
+def test_brackets_inside_strings_do_not_count_as_depth() -> None:
+    text = json.dumps({"a": "[" * 1000 + '"' + "\\" * 3 + '"{'}).encode()
+    assert parse_json(text, Limits(max_json_depth=3))["a"].startswith("[[")
+
+
+def test_a_large_integer_is_exact() -> None:
+    text = b'{"c":' + b"9" * 4000 + b"}"
+    assert dump_json(parse_json(text, LIMITS)) == text
+
+
+def test_values_are_counted_before_they_are_made() -> None:
+    with pytest.raises(AssetTooLargeError):
+        parse_json(b'{"a": [' + b"[]," * 1000 + b"1]}", Limits(max_json_values=1000))

@@ -78,29 +78,6 @@ def test_obj_vertices_are_split_at_uv_seams_and_not_merged() -> None:
     assert len(load_asset(seam, "mesh.obj").surface.positions) == 8
 
 
-def test_obj_objects_become_meshes() -> None:
-    two = OBJ + b"o second\nv 9 9 9\nv 8 9 9\nv 9 8 9\nf 5/1 6/2 7/3\n"
-    root, _, _ = unpack(load_asset(two, "mesh.obj").to_bytes())
-    assert sorted(node["name"] for node in root["nodes"]) == ["first", "second"]
-
-
-def test_ply_keeps_normals_and_colors() -> None:
-    asset = load_asset(PLY, "mesh.ply")
-    np.testing.assert_array_equal(asset.surface.normals, [[0, 0, 1]] * 4)
-    assert len(asset.surface.triangles) == 2
-    root, binary, _ = unpack(asset.to_bytes())
-    colors = accessor(root, binary, root["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"])
-    np.testing.assert_array_equal(colors[2], [0, 1, 0, 1])
-
-
-def test_stl_binary_and_text() -> None:
-    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
-    for data in (stl(), b"solid x\n" + facet * 2 + b"endsolid x\n"):
-        surface = load_asset(data, "mesh.stl").surface
-        assert surface.positions.shape == (6, 3)
-        assert np.isnan(surface.normals).all()  # one per face, which flat shading gives anyway
-
-
 def test_a_binary_stl_may_start_with_solid() -> None:
     data = b"solid" + stl()[5:]
     assert len(load_asset(data, "mesh.stl").surface.triangles) == 2

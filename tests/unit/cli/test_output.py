@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-import pytest
+import json
+from datetime import UTC, datetime
+from typing import Any
 
+import pytest
+from typer.testing import CliRunner
+
+from meshdeform import errors
+from meshdeform.api.jobs import JobView
 from meshdeform.cli import output
+from meshdeform.cli.app import app
+from meshdeform.cli.exits import ExitCode, exit_code, problem
+from meshdeform.cli.jobs import left_running, outcome_failure
 from meshdeform.cli.output import ago, duration, plain, table
 from tests.cases import each_case
 
@@ -59,3 +69,114 @@ def test_quiet_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
         view.phase("loading")
         view.step(1, 1, 0.5)
     assert capsys.readouterr().err == ""
+
+
+# What a job's end, an error or wrong usage is to a script: an exit code and, with --json, a problem document.
+
+
+def job(state: str, error: dict[str, Any] | None = None) -> JobView:
+    file = {"filename": "a.glb", "size": 1, "sha256": "0" * 64}
+    return JobView.model_validate(
+        {
+            "id": "job_x",
+            "kind": "text_deform",
+            "state": state,
+            "prompt": "a vase",
+            "params": {},
+            "output": {},
+            "metadata": {},
+            "asset": file,
+            "error": error,
+            "created_at": datetime.now(UTC),
+            "progress": {},
+        }
+    )
+
+
+@each_case(
+    ("state", "code"),
+    [("succeeded", None), ("failed", 5), ("canceled", 6), ("expired", 6)],
+)
+def test_how_a_job_ended(state: str, code: int | None) -> None:
+    failure = outcome_failure(job(state))
+    assert (failure.exit_code if failure else None) == code
+
+
+def test_a_failed_job_says_why() -> None:
+    why = {"code": "gpu_oom", "title": "t", "detail": "No memory.", "advice": "Simplify the mesh.", "status": 500}
+    failure = outcome_failure(job("failed", why))
+    assert failure is not None
+    document = problem(failure)
+    assert (document["code"], document["exit_code"], document["job_id"]) == ("gpu_oom", 5, "job_x")
+    assert document["detail"] == "The job job_x failed: No memory."
+    assert document["advice"] == "Simplify the mesh."
+
+
+@each_case(
+    ("error", "code"),
+    [
+        (errors.UnauthorizedError("x"), 9),
+        (errors.ForbiddenError("x"), 9),
+        (errors.LimitError("x"), 10),
+        (errors.TooManyJobsError("x"), 10),
+        (errors.NotFoundError("x"), 3),
+        (errors.ConflictError("x"), 3),
+        (errors.RequestTimeoutError("x"), 4),
+    ],
+)
+def test_exit_codes_of_what_a_service_answers(error: errors.MeshdeformError, code: int) -> None:
+    assert exit_code(error) == code
+
+
+def test_a_problem_is_the_services_problem_with_the_exit_code() -> None:
+    document = problem(errors.VocabularyError("No qwertz.", advice="Say vase.", unknown=["qwertz"]))
+    assert document == {
+        "unknown": ["qwertz"],
+        "type": "urn:meshdeform:problem:prompt_unknown_words",
+        "title": "The builtin demonstration prior does not know a word of the prompt",
+        "status": 422,
+        "code": "prompt_unknown_words",
+        "detail": "No qwertz.",
+        "advice": "Say vase.",
+        "exit_code": 3,
+    }
+
+
+def test_ctrl_c_names_the_commands_to_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MESHDEFORM_URL", "http://set:1")
+    assert "meshdeform watch job_x\n" in left_running(["job_x"], "http://set:1").advice
+    assert (
+        "meshdeform wait job_x job_y --url http://other:1" in left_running(["job_x", "job_y"], "http://other:1").advice
+    )
+
+
+@each_case(
+    "arguments",
+    [
+        ["jobs", "--json", "--no-such"],
+        ["watch", "--json"],
+        ["jobs", "--json", "--url", "nonsense"],
+        ["jobs", "--json", "--url", "http://host:99999"],
+        ["run", "nowhere.glb", "--json"],
+        ["no-such-command", "--json"],
+    ],
+)
+def test_wrong_usage_is_a_problem_document_too(arguments: list[str]) -> None:
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == ExitCode.USAGE
+    assert result.stdout == ""
+    document = json.loads(result.stderr)
+    assert (document["code"], document["exit_code"]) == ("usage", 2)
+
+
+def test_a_service_that_is_not_there_is_exit_code_4(monkeypatch: pytest.MonkeyPatch) -> None:
+    from meshdeform.client import Client
+    from tests.servers import free_port
+
+    monkeypatch.setattr(
+        "meshdeform.cli.options.connect",
+        lambda *_: Client(f"http://127.0.0.1:{free_port()}", max_retries=0),
+    )
+    result = CliRunner().invoke(app, ["jobs", "--json"])
+    assert result.exit_code == ExitCode.UNAVAILABLE
+    assert json.loads(result.stderr.splitlines()[-1])["code"] == "unavailable"

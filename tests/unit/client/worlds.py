@@ -29,11 +29,7 @@ def answer(status: int = 200, content: bytes | str = b"", **headers: str) -> Ans
 class World(httpx.BaseTransport):
     """A service that gives its replies one by one, and the connection to it.
 
-    Parameters
-    ----------
-    *replies : Answer, exception, callable or list of bytes
-        One for each request. A list gives the parts of a stream of events; an exception in it is raised instead.
-    policy : Policy
+    A list gives the parts of a stream of events; an exception, in it or in its place, is raised instead.
     """
 
     def __init__(self, *replies: Reply, policy: Policy) -> None:

@@ -13,7 +13,7 @@ from meshdeform.geometry.shapes import box, grid, icosphere, torus
 from tests.cases import each_case
 from tests.close import assert_close
 
-MESHES = [icosphere(1), box(2), grid(3), torus(n=8, m=6)]
+DEFORMED = [icosphere(1), box(2), grid(3), torus(n=8, m=6)]
 
 
 def noise(mesh: TriangleMesh, size: float = 0.1, seed: int = 0) -> Tensor:
@@ -27,7 +27,7 @@ def rotation(seed: int = 0) -> Tensor:
     return q * torch.linalg.det(q)
 
 
-@each_case("mesh", MESHES)
+@each_case("mesh", DEFORMED)
 def test_edges_go_to_edges(mesh: TriangleMesh) -> None:
     verts = noise(mesh)
     for jacobians in (
@@ -51,7 +51,7 @@ def test_the_maps_own_jacobian_forgets_the_normal_and_the_completed_one_scales_i
     assert_close(moved, stretch[:, None] * face_normals(verts, mesh.faces), atol=1e-12, rtol=0)
 
 
-@each_case("mesh", MESHES)
+@each_case("mesh", DEFORMED)
 def test_a_similarity_is_itself_on_every_face(mesh: TriangleMesh) -> None:
     similarity = 2.5 * rotation()
     found = completed_jacobians(mesh, mesh.verts @ similarity.T + 7)

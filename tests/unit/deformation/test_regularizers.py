@@ -10,12 +10,19 @@ import pytest
 import torch
 from torch import Tensor
 
+from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.poisson import completed_jacobians, identity_jacobians
-from meshdeform.deformation.regularizers import Regularizers
-from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_normals
+from meshdeform.deformation.regularizers import STRAINED, Pulls, Regularizers
+from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_areas, face_normals
 from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
+from meshdeform.guidance.target import TargetGuidance
+from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.rendering.shading import RenderStyle
+from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 from tests.close import assert_close
+from training.evaluation.summary import outweighed
 
 F64 = torch.float64
 
@@ -215,3 +222,156 @@ def test_bad_rest_meshes_give_finite_values_and_gradients(mesh: TriangleMesh) ->
     assert bool(torch.isfinite(total))
     assert verts.grad is not None
     assert bool(torch.isfinite(verts.grad).all())
+
+
+# The symmetric Dirichlet term: known values, gradients, any resolution; and no face that outweighs the others.
+
+
+def logarithm(energy: float) -> float:
+    return STRAINED * math.log1p(energy / STRAINED)
+
+
+def scaled(verts: Tensor, *factors: float) -> Tensor:
+    return verts * torch.tensor(factors, dtype=F64)
+
+
+@each_case("n", [2, 9])
+def test_a_stretched_sheet_has_the_known_energy_at_every_resolution(n: int) -> None:
+    mesh = grid(n)
+    regularizers = Regularizers(mesh)
+    assert float(regularizers.dirichlet(mesh.verts)) == pytest.approx(0.0, abs=1e-12)
+    found = float(regularizers.dirichlet(scaled(mesh.verts, 2.0, 0.5, 1.0)))
+    assert found == pytest.approx(logarithm(4 + 0.25 + 0.25 + 4 - 4))
+
+
+def test_a_motion_costs_nothing_and_the_unit_does_not_matter() -> None:
+    mesh = icosphere(2)
+    turn = torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(0), dtype=F64))[0]
+    assert float(Regularizers(mesh).dirichlet(mesh.verts @ turn + 5)) == pytest.approx(0.0, abs=1e-9)
+    small = TriangleMesh(mesh.verts * 1e-6, mesh.faces)
+    one = Regularizers(mesh).dirichlet(scaled(mesh.verts, 1.0, 3.0, 1.0))
+    other = Regularizers(small).dirichlet(scaled(small.verts, 1.0, 3.0, 1.0))
+    assert float(one) == pytest.approx(float(other))
+
+
+def test_it_grows_without_bound_towards_a_collapse_and_stays_finite_at_it() -> None:
+    mesh = grid(3)
+    regularizers = Regularizers(mesh)
+    for width in (1e-1, 1e-2, 1e-3):
+        energy = float(regularizers.dirichlet(scaled(mesh.verts, 1.0, width, 1.0)))
+        assert energy == pytest.approx(logarithm(1 / width**2), rel=0.02)
+    flat = scaled(mesh.verts, 1.0, 0.0, 1.0).requires_grad_()
+    energy = regularizers.dirichlet(flat)
+    energy.backward()
+    assert flat.grad is not None
+    assert math.isfinite(energy.item())
+    assert torch.isfinite(flat.grad).all()
+
+
+def test_a_face_that_nearly_collapses_outweighs_no_others() -> None:
+    """In the plain energy it would be a hundred million, for all steps left."""
+    mesh = grid(20)
+    verts = mesh.verts.clone()
+    first, second = verts[mesh.faces[100, 0]], verts[mesh.faces[100, 1]]
+    verts[mesh.faces[100, 0]] = second + 1e-4 * (first - second)
+    assert float(Regularizers(mesh).dirichlet(verts)) < 10
+
+
+def test_its_gradient_is_right() -> None:
+    generator = torch.Generator().manual_seed(0)
+    for mesh in (icosphere(0), grid(2)):
+        noise = torch.randn(mesh.verts.shape, generator=generator, dtype=F64)
+        assert torch.autograd.gradcheck(Regularizers(mesh).dirichlet, ((mesh.verts + 0.1 * noise).requires_grad_(),))
+
+
+def test_a_run_with_the_barrier_keeps_the_faces_that_one_without_it_loses() -> None:
+    mesh = icosphere(1, 0.6)
+    plate = TriangleMesh(scaled(mesh.verts, 1.4, 0.02, 1.4), mesh.faces)
+    guidance = TargetGuidance(plate, style=RenderStyle(view_size=16, supersample=1))
+    smallest = []
+    for weight in (0.0, 0.1):
+        params = resolve(
+            DeformParams.model_validate(
+                {
+                    "preset": "paper",
+                    "steps": 30,
+                    "learning_rate": 0.1,
+                    "dirichlet_weight": weight,
+                    "normal_weight": 0.0,
+                    "laplacian_weight": 0.0,
+                    "jacobian_reg_weight": 0.0,
+                    "guidance": {"kind": "target"},
+                }
+            )
+        )
+        run = Deformation(mesh, guidance, params)
+        losses = [step.losses for step in run]
+        assert ("dirichlet" in losses[-1]) is bool(weight)
+        smallest.append(float((face_areas(run.verts(), mesh.faces) / face_areas(mesh.verts, mesh.faces)).min()))
+    assert smallest[1] > 2 * smallest[0]
+
+
+# The pulls of regularisers are norms of gradients against the guidance's, and on needles stay below it.
+
+
+def test_a_pull_is_the_norm_of_the_gradient_summed_over_the_measured_steps() -> None:
+    first, second = (torch.zeros(n, dtype=torch.float64, requires_grad=True) for n in (4, 3))
+    unused = torch.zeros(2, dtype=torch.float64, requires_grad=True)
+    pulls = Pulls()
+    assert pulls.to_dict() is None
+    for step in range(60):
+        slope = 3.0 if step == 10 else 9.0  # measured at 10, 30 and 50
+        terms = {"guidance": slope * first.sum(), "normal": first.sum() + 2 * second[0]}
+        pulls.measure(terms, [first, second, unused], step)
+    ratios = pulls.to_dict()
+    assert ratios is not None
+    assert ratios["normal"] == pytest.approx(3 * math.sqrt(8) / (6 + 18 + 18))
+    assert ratios["laplacian"] == 0
+    assert first.grad is None
+
+
+def cylinder(radius: float, sides: int = 96) -> TriangleMesh:
+    """A closed cylinder of needles, whose sides are some thirty times as long as wide."""
+    angle = torch.arange(sides, dtype=torch.float64) * (2 * math.pi / sides)
+    ring = torch.stack([radius * angle.cos(), torch.full_like(angle, 0.5), radius * angle.sin()], 1)
+    axis = torch.tensor([[0.0, 0.5, 0.0], [0.0, -0.5, 0.0]], dtype=torch.float64)
+    verts = torch.cat([ring, ring * torch.tensor([1.0, -1.0, 1.0]), axis])
+    here = torch.arange(sides)
+    there = (here + 1) % sides
+    top, bottom = torch.full_like(here, 2 * sides), torch.full_like(here, 2 * sides + 1)
+    corners = [(here, there, here + sides), (there, there + sides, here + sides), (here, top, there)]
+    corners.append((here + sides, there + sides, bottom))
+    faces = torch.cat([torch.stack(each, 1) for each in corners])
+    return TriangleMesh(verts, faces.flip(1))
+
+
+def needles() -> TriangleMesh:
+    """Two cylinders beside each other: a multi-part asset."""
+    part = cylinder(0.25)
+    shift = torch.tensor([0.3, 0.0, 0.0], dtype=torch.float64)
+    return join(TriangleMesh(part.verts - shift, part.faces), TriangleMesh(part.verts + shift, part.faces))
+
+
+@each_case("mesh", [cylinder(0.25), needles()])
+def test_on_needles_no_regulariser_outweighs_the_guidance(mesh: TriangleMesh) -> None:
+    settings = resolve(DeformParams.model_validate({"preset": "preview", "steps": 60}))
+    deformation = Deformation(mesh, score_distillation(BuiltinPrior(), "a bus", settings), settings)
+    for _ in deformation:
+        pass
+    pulls = deformation.pulls.to_dict()
+    assert pulls is not None
+    assert {name for name, pull in pulls.items() if pull > 0} >= {"normal", "dirichlet"}
+    assert max(pulls.values()) < 1, pulls
+    assert not deformation.pulls.warnings
+
+
+def test_a_regulariser_that_decides_is_named() -> None:
+    settings = resolve(DeformParams.model_validate({"preset": "preview", "steps": 31, "jacobian_reg_weight": 3000}))
+    deformation = Deformation(cylinder(0.25), score_distillation(BuiltinPrior(), "a bus", settings), settings)
+    for _ in deformation:
+        pass
+    (warning,) = deformation.pulls.warnings
+    assert "jacobian" in warning
+    record = {"source": "cylinder", "prompt": "a bus", "seed": 0, "pulls": deformation.pulls.to_dict()}
+    (line,) = outweighed([record, {**record, "pulls": None}])
+    assert line.startswith("cylinder, a bus, seed 0: `jacobian`")

@@ -14,8 +14,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from meshdeform.fields.container import encode_base, write_field
+from meshdeform.fields.intrinsic import delaunay
+from meshdeform.fields.intrinsic_operators import HeatGeodesics, mass, spectrum
 from meshdeform.fields.network import FieldNetwork
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.scalar_fields import learn_scalars
@@ -183,3 +186,140 @@ def test_both_readers_refuse_a_file_that_lies_below_a_good_checksum(tmp_path: Pa
     assert last == "read"
     for name, words in zip(files, said, strict=True):
         assert any(part in words for part in ("contradicts itself", "impossible counts", "another size")), (name, words)
+
+
+# Flips and geodesic distances in JavaScript: those of the counterparts in Python, on a mesh that needs both.
+
+
+VIEWER = Path(__file__).parents[3] / "service" / "web" / "viewer"
+GEODESICS = """
+const [folder, file] = process.argv.slice(1);
+const { readFileSync } = await import("node:fs");
+const { delaunay } = await import(`${folder}/intrinsic.js`);
+const { HeatGeodesics } = await import(`${folder}/heat.js`);
+const { positions, indices, sources } = JSON.parse(readFileSync(file));
+const mesh = delaunay(Float32Array.from(positions), Uint32Array.from(indices));
+const solver = new HeatGeodesics(mesh);
+const distances = sources.map((source) => Array.from(solver.distances(source), (d) => (Number.isFinite(d) ? d : null)));
+console.log(JSON.stringify({ flips: mesh.flips, lengths: Array.from(mesh.lengths).sort((a, b) => a - b), distances }));
+"""
+
+
+def computed(folder: Path, verts: np.ndarray, faces: np.ndarray, sources: list[int]) -> dict[str, list[float]]:
+    """What JavaScript makes of a mesh."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    file = folder / "mesh.json"
+    given = {"positions": verts.ravel().tolist(), "indices": faces.ravel().tolist(), "sources": sources}
+    file.write_text(json.dumps(given))
+    run = [node, "--input-type=module", "-e", GEODESICS, VIEWER.as_uri(), str(file)]
+    found: dict[str, list[float]] = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=120).stdout)
+    return found
+
+
+def test_flips_and_distances_are_those_of_python(tmp_path: Path) -> None:
+    # A long thin torus, a grid with a border, and a sphere: obtuse triangles, borders, parts without a source.
+    mesh = join(torus(n=60, m=24), grid(6), icosphere(2))
+    verts = mesh.verts.numpy().copy()
+    verts[: 60 * 24, 0] *= 4
+    verts = verts.astype(np.float32).astype(np.float64)
+    faces = mesh.faces.numpy()
+    sources = [0, 700, len(verts) - 1]
+    found = computed(tmp_path, verts, faces, sources)
+    wanted = delaunay(verts, faces)
+    assert wanted.flips > 50
+    assert wanted.certified
+    # Where four points lie on a circle either diagonal will do; the lengths that occur are the same.
+    assert found["flips"] == pytest.approx(wanted.flips, rel=0.1)
+    assert np.abs(np.array(found["lengths"]) - np.sort(wanted.lengths.ravel())).max() < 1e-5
+    solver = HeatGeodesics(wanted)
+    for source, each in zip(sources, found["distances"], strict=True):
+        ours = np.array([np.inf if d is None else d for d in each])
+        exact = solver.distances([source])
+        assert (np.isfinite(ours) == np.isfinite(exact)).all()
+        reached = np.isfinite(exact)
+        assert np.abs(ours[reached] - exact[reached]).max() < 2e-3 * exact[reached].max()
+
+
+def test_distances_on_a_sphere_are_angles(tmp_path: Path) -> None:
+    mesh = icosphere(4)
+    verts = mesh.verts.numpy()
+    found = computed(tmp_path, verts, mesh.faces.numpy(), [0])
+    angles = np.arccos(np.clip(verts @ verts[0] / (verts**2).sum(1) ** 0.5 / np.linalg.norm(verts[0]), -1, 1))
+    assert np.abs(np.array(found["distances"][0]) - angles * np.linalg.norm(verts[0])).mean() < 0.02
+
+
+# Spectrum and samples in JavaScript: eigenvalues of the sphere and of Python, and places that keep their distance.
+
+
+SPECTRUM = """
+const [folder, file] = process.argv.slice(1);
+const { readFileSync } = await import("node:fs");
+const [{ delaunay }, { HeatGeodesics }, { spectrum }, { whiteNoise, blueNoise }] =
+  await Promise.all(["intrinsic", "heat", "spectrum", "samples"].map((name) => import(`${folder}/${name}.js`)));
+const given = JSON.parse(readFileSync(file));
+const [positions, indices] = [Float32Array.from(given.positions), Uint32Array.from(given.indices)];
+const { values, functions } = spectrum(new HeatGeodesics(delaunay(positions, indices)), given.count);
+const white = whiteNoise(positions, indices, given.samples);
+console.log(JSON.stringify({
+  values, functions: functions.map((x) => Array.from(x)), area: white.area,
+  white: Array.from(white.points), blue: Array.from(blueNoise(positions, indices, given.samples)),
+}));
+"""
+SAMPLES = 400
+
+
+@pytest.fixture(scope="module")
+def sphere_and_torus(tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """Vertices and faces of a sphere beside a torus, and what JavaScript makes of them."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    mesh = join(icosphere(3), torus(n=40, m=16))
+    verts = mesh.verts.numpy().copy()
+    verts[len(icosphere(3).verts) :, 0] += 4
+    faces = mesh.faces.numpy()
+    file = tmp_path_factory.mktemp("samples") / "mesh.json"
+    given = {"positions": verts.ravel().tolist(), "indices": faces.ravel().tolist(), "count": 10, "samples": SAMPLES}
+    file.write_text(json.dumps(given))
+    run = [node, "--input-type=module", "-e", SPECTRUM, VIEWER.as_uri(), str(file)]
+    found = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=120).stdout)
+    return verts, faces, found
+
+
+def test_eigenvalues_and_functions_are_those_of_python(
+    sphere_and_torus: tuple[np.ndarray, np.ndarray, dict[str, Any]],
+) -> None:
+    verts, faces, found = sphere_and_torus
+    mesh = delaunay(verts, faces)
+    values, _functions = spectrum(mesh, 12)
+    assert values[:2] == pytest.approx([0, 0], abs=1e-6)  # one for each part, which JavaScript leaves out
+    assert found["values"] == pytest.approx(values[2:], rel=1e-3)
+    assert sum(1.9 < value < 2.1 for value in found["values"]) >= 3  # l (l + 1) of the sphere
+    ours = np.array(found["functions"])
+    assert ours @ (mass(mesh)[:, None] * ours.T) == pytest.approx(np.eye(10), abs=1e-3)
+    # Functions of one eigenvalue span the same: each of ours lies in the span of Python's, and of a few more.
+    _, more = spectrum(mesh, 20)
+    shares = (more.T @ (mass(mesh)[:, None] * ours.T)) ** 2
+    assert (shares.sum(0) > 0.999).all()
+
+
+def test_white_noise_goes_by_area_and_blue_noise_keeps_its_distance(
+    sphere_and_torus: tuple[np.ndarray, np.ndarray, dict[str, Any]],
+) -> None:
+    verts, faces, found = sphere_and_torus
+    corners = verts[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    assert found["area"] == pytest.approx(area.sum(), rel=1e-4)
+    white, blue = (np.array(found[name]).reshape(-1, 3) for name in ("white", "blue"))
+    share = area[corners[:, :, 0].mean(1) < 2].sum() / area.sum()
+    for points, slack in ((white, 4.0), (blue, 2.0)):  # in standard deviations of a binomial
+        assert len(points) == SAMPLES
+        sphere = points[points[:, 0] < 2]
+        assert np.linalg.norm(sphere, axis=1) == pytest.approx(1, abs=0.02)
+        assert abs(len(sphere) - SAMPLES * share) < slack * np.sqrt(SAMPLES * share * (1 - share))
+    least = [cKDTree(points).query(points, k=2)[0][:, 1].min() for points in (white, blue)]
+    densest = 2 * np.sqrt(area.sum() / (2 * np.sqrt(3) * SAMPLES))
+    assert least[1] > 0.6 * densest  # 0.7 in the plane, by the paper
+    assert least[0] < 0.3 * densest

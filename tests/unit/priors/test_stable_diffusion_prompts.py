@@ -14,16 +14,18 @@ from torch import Tensor
 
 from meshdeform.assets import build_glb
 from meshdeform.errors import PromptError
-from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_kind import check
+from tests.cases import each_case
 from tests.close import assert_close
 
 CAMERAS = fixed_cameras(0.0, 15.0)
@@ -145,3 +147,45 @@ def test_a_further_prompt_that_would_be_cut_is_refused(
 ) -> None:
     with pytest.raises(PromptError, match="has 90 tokens; this model reads 75"):
         start(str(tiny_stable_diffusion), prior, "a pear", {"prompt": "y" * 90})
+
+
+# Our presets for Stable Diffusion on the real classes, random weights: few controls, the paper's penalties, resume.
+
+
+PAIR = join(BALL, TriangleMesh(0.4 * BALL.verts + torch.tensor([0.0, 1.3, 0.3], dtype=torch.float64), BALL.faces))
+
+
+def begin(prior: StableDiffusionPrior, mesh: TriangleMesh, **given: Any) -> text_deform.TextDeformRun:
+    params = {"preset": "preview", "steps": 4, "guidance": {"model": "tiny-sd", "appearance": "clay"}}
+    request = JobRequest.model_validate({"prompt": "a pear", "params": grouped(params)})
+    asset = build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    return text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=prior, **given))
+
+
+@each_case("mesh, kind, elements", [(BALL, "surface", "face"), (PAIR, "lattice", "cell")])
+def test_a_preset_moves_few_controls_and_resumes_to_the_bit(
+    prior: StableDiffusionPrior, mesh: TriangleMesh, kind: str, elements: str
+) -> None:
+    whole = begin(prior, mesh)
+    steps = iter(whole)
+    next(steps)
+    saved = whole.checkpoint()
+    state = whole._deformation.checkpoint().tensors
+    assert state[f"{elements}_level_0"].abs().max() > 0
+    assert (state[f"{elements}_level_2"] == 0).all(), "it is unlocked later"
+    list(steps)
+    resumed = begin(prior, mesh, checkpoint=saved)
+    list(resumed)
+    assert (whole.positions() == resumed.positions()).all()
+    report = json.loads(whole.finish()["report.json"].data)
+    assert (report["carrier"]["kind"], report["carrier"]["mirror"]) == (kind, "x")
+
+
+@each_case("preset", ["preview", "balanced"])
+def test_the_weights_are_the_papers(preset: str) -> None:
+    ours, paper = (
+        resolve(DeformParams.model_validate({"preset": name, "guidance": {"model": "tiny-sd"}}))
+        for name in (preset, "paper")
+    )
+    for name in ("guidance_weight", "jacobian_reg_weight", "laplacian_weight", "normal_weight", "dirichlet_weight"):
+        assert getattr(ours, name) == getattr(paper, name), name

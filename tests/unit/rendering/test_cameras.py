@@ -14,6 +14,7 @@ from meshdeform.rendering.cameras import (
     fixed_cameras,
     sample_orthogonal_cameras,
 )
+from meshdeform.rendering.shading import OrthogonalGrid, RenderStyle
 from tests.cases import each_case
 from tests.close import assert_close
 
@@ -119,3 +120,17 @@ def test_orthogonal_cameras_name_each_views_azimuth() -> None:
     cameras = fixed_cameras(-30.0, 10.0)
     assert cameras.azimuths_deg == (-30.0, 60.0, 150.0, 240.0)
     assert cameras.azimuth_deg == -30.0
+
+
+# The arrangement of views: which cameras, which picture.
+
+
+def test_four_views_a_quarter_turn_apart_fill_one_picture() -> None:
+    views = OrthogonalGrid(CameraRange(), RenderStyle(view_size=24))
+    cameras = views.sample(torch.Generator().manual_seed(0), 1.05)
+    turns = [(b - a) % 360 for a, b in zip(cameras.azimuths_deg, cameras.azimuths_deg[1:], strict=False)]
+    assert turns == pytest.approx([90.0] * 3)
+    images = torch.arange(4.0).view(4, 1, 1, 1).expand(4, 24, 24, 3)
+    picture = views.arrange(images)
+    assert picture.shape == (1, 3, 48, 48)
+    assert picture[0, 0, ::47, ::47].tolist() == [[0, 1], [2, 3]]

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 
+import pytest
+import torch
+
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.runs.base import RunLog, sha256_hex, versions
+from meshdeform.runs.text_report import measure_movement
+from tests.cases import each_case
+from tests.unit.runs.test_text_deform import glb, request, start
 
 
 def test_short_histories_are_kept_whole() -> None:
@@ -38,3 +47,40 @@ def test_phases_add_up() -> None:
 def test_versions_and_hashes() -> None:
     assert {"meshdeform", "python", "torch", "numpy"} <= set(versions())
     assert sha256_hex(b"") == "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
+
+
+# A run that hardly moves says so, and what held it back.
+
+
+REST = RestMesh.of(box(2))
+
+
+def test_the_figure_is_a_share_of_the_diagonal() -> None:
+    moved = measure_movement(REST, REST.verts + torch.tensor([0.3, 0.0, 0.4]), 0.0)
+    assert moved.rms == pytest.approx(0.5 / 3**0.5)
+    assert moved.stalled_by is None
+    assert moved.warnings == []
+
+
+@each_case(
+    ("held", "cause", "remedy"),
+    [(0.8, "safeguard", "safeguard to flips"), (0.02, "guidance", "prompt")],
+)
+def test_what_held_it_back_is_named_with_its_remedy(held: float, cause: str, remedy: str) -> None:
+    still = measure_movement(REST, REST.verts + 1e-4, held)
+    assert still.stalled_by == cause
+    assert still.held_share == pytest.approx(held)
+    (warning,) = still.warnings
+    assert "hardly moved (0.0% of its size)" in warning
+    assert remedy in warning
+
+
+def test_the_report_of_a_run_has_it() -> None:
+    for rate, stalled in ((1e-6, True), (0.03, False)):
+        run = start(glb(icosphere(2)), request(learning_rate=rate))
+        for _ in run:
+            pass
+        report = json.loads(run.finish()["report.json"].data)
+        assert (report["movement"]["stalled_by"] == "guidance") is stalled
+        assert bool(report["warnings"]) is stalled
+        assert (report["movement"]["rms"] < 0.01) is stalled

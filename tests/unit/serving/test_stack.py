@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
 import subprocess
 import sys
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
+import psutil
 import pytest
 
 from meshdeform.errors import UnavailableError
-from meshdeform.serving.stack import _environment, _url, listen
+from meshdeform.serving.access import is_loopback, needs_keys
+from meshdeform.serving.processes import Backoff, Child, SignalInbox, SupervisedChild
+from meshdeform.serving.stack import DirectoryLock, _environment, _url, listen
 from meshdeform.settings import Settings
 from tests.cases import each_case
 
@@ -62,3 +70,167 @@ def test_a_taken_port_ends_serve_with_one_line_and_starts_nothing(tmp_path: Path
     assert "Cannot listen on" in result.stderr
     assert "Traceback" not in result.stderr
     assert [p.name for p in (tmp_path / "data").iterdir()] == ["serve.lock"]
+
+
+# Who can reach an address, and whether requests at it need a key.
+
+
+@each_case("address", ["127.0.0.1", "127.8.9.10", "::1", "::ffff:127.0.0.1", "localhost", "::1%lo"])
+def test_loopback_needs_no_key(address: str) -> None:
+    assert is_loopback(address)
+    assert not needs_keys("auto", address)
+
+
+@each_case(
+    "address",
+    [
+        "0.0.0.0",
+        "::",
+        "192.0.2.7",
+        "10.0.0.1",
+        "::ffff:192.0.2.7",
+        "fe80::1%eth0",
+        "example.com",
+        "",
+        "127.0.0.1.nip.io",
+    ]
+    + ["/run/meshdeform.sock", "localhost.example.com", None],
+)
+def test_whatever_is_not_certainly_loopback_needs_one(address: str | None) -> None:
+    assert not is_loopback(address)
+    assert needs_keys("auto", address)
+
+
+@each_case("address", ["127.0.0.1", "0.0.0.0", None])
+def test_on_and_off_ask_no_address(address: str | None) -> None:
+    assert needs_keys("on", address)
+    assert not needs_keys("off", address)
+
+
+# Children that do not outlive us, restarts with back-off, and signals that wait to be read.
+
+
+SLEEP = [sys.executable, "-c", "import time; time.sleep(600)"]
+
+
+def until(condition: Callable[[], bool], deadline_s: float = 30.0) -> None:
+    deadline = time.monotonic() + deadline_s
+    while not condition():
+        assert time.monotonic() < deadline, "the condition did not come true in time"
+        time.sleep(0.01)
+
+
+def test_each_line_of_a_child_arrives() -> None:
+    lines: list[str] = []
+    program = "import sys; print('one'); print('zwei äö', file=sys.stderr); print('no newline', end='')"
+    child = Child("talker", [sys.executable, "-X", "utf8", "-c", program], on_line=lines.append)
+    until(lambda: child.exit_code is not None)
+    assert child.stop(1.0) == 0
+    assert sorted(lines) == ["no newline", "one", "zwei äö"]
+
+
+def test_a_child_reads_its_input() -> None:
+    lines: list[str] = []
+    child = Child("cat", ["cat"], stdin=b"hello\n", on_line=lines.append)
+    until(lambda: child.exit_code == 0)
+    child.stop(1.0)
+    assert lines == ["hello"]
+
+
+def test_a_program_that_does_not_exist_ends_with_127() -> None:
+    child = Child("nothing", ["/no/such/program"], on_line=lambda line: None)
+    until(lambda: child.exit_code is not None)
+    assert child.exit_code == 127
+
+
+def test_a_deaf_child_is_killed_with_what_it_started() -> None:
+    program = (
+        "import signal, subprocess, sys, time\n"
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "print(subprocess.Popen(['sleep', '600']).pid, flush=True)\n"
+        "time.sleep(600)"
+    )
+    lines: list[str] = []
+    child = Child("deaf", [sys.executable, "-c", program], on_line=lines.append)
+    until(lambda: bool(lines))
+    grandchild = psutil.Process(int(lines[0]))
+    assert child.stop(0.05) == -signal.SIGKILL
+    until(lambda: not grandchild.is_running() or grandchild.status() == psutil.STATUS_ZOMBIE)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a child of its parent's death")
+def test_a_child_dies_with_a_parent_that_was_killed() -> None:
+    program = (
+        "import time; from meshdeform.serving.processes import Child\n"
+        f"print(Child('sleeper', {SLEEP!r}).pid, flush=True); time.sleep(600)"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        child = psutil.Process(int(parent.stdout.readline()))
+        parent.kill()
+        until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE)
+
+
+def test_the_wait_before_a_restart_doubles_and_is_forgiven() -> None:
+    backoff = Backoff(first_s=1.0, longest_s=5.0, healthy_s=10.0)
+    assert [backoff.after(0.1) for _ in range(4)] == [1.0, 2.0, 4.0, 5.0]
+    assert backoff.after(11.0) == 1.0
+
+
+def test_a_kept_child_comes_back() -> None:
+    said: list[str] = []
+    ended: list[int] = []
+    kept = SupervisedChild(lambda: Child("sleeper", SLEEP), said.append, lambda: ended.append(kept.child.pid))
+    first = kept.child.pid
+    os.kill(first, signal.SIGKILL)
+
+    def back() -> bool:
+        kept.supervise()
+        return kept.child.pid != first
+
+    until(back)
+    kept.stop(5.0)
+    assert said == ["sleeper was ended by SIGKILL; starting it again in 0.5 s"]
+    assert ended == [first]
+
+
+def test_signals_wait_to_be_read() -> None:
+    before = signal.getsignal(signal.SIGUSR1)
+    with SignalInbox(signal.SIGUSR1, signal.SIGUSR2) as inbox:
+        assert inbox.wait(0.0) == set()
+        os.kill(os.getpid(), signal.SIGUSR1)
+        assert inbox.wait(60.0) == {signal.SIGUSR1}
+        threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGUSR2)).start()
+        assert inbox.wait(60.0) == {signal.SIGUSR2}
+    assert signal.getsignal(signal.SIGUSR1) is before
+
+
+def test_a_second_serve_on_the_directory_is_told_who_holds_it(tmp_path: Path) -> None:
+    lock = DirectoryLock(tmp_path / "data")
+    with pytest.raises(UnavailableError, match=rf"process {os.getpid()}\)"):
+        DirectoryLock(tmp_path / "data")
+    lock.close()
+    DirectoryLock(tmp_path / "data").close()
+
+
+def test_the_lock_waits_for_the_children_of_a_killed_serve(tmp_path: Path) -> None:
+    program = (
+        "import pathlib, sys, time; from meshdeform.serving.stack import DirectoryLock; import subprocess\n"
+        "lock = DirectoryLock(pathlib.Path(sys.argv[1]))\n"
+        "print(subprocess.Popen(['sleep', '600'], pass_fds=(lock.fd,)).pid, flush=True); time.sleep(600)"
+    )
+    with subprocess.Popen([sys.executable, "-c", program, tmp_path], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        left = int(parent.stdout.readline())
+        parent.kill()
+        parent.wait()
+        with pytest.raises(UnavailableError):
+            DirectoryLock(tmp_path, patience_s=0.1)
+        threading.Timer(0.2, os.kill, (left, signal.SIGKILL)).start()
+        DirectoryLock(tmp_path, patience_s=30.0).close()
+
+
+def test_a_directory_that_cannot_be_made_is_one_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UnavailableError, match="cannot be written"):
+        DirectoryLock(tmp_path / "file" / "data")

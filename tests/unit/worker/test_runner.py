@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
 import time
 from collections.abc import Iterator
@@ -12,14 +13,16 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.errors import NumericalError
-from meshdeform.record.models import Job, JobState, NewJob
+from meshdeform.errors import CheckpointError, ModelError, NumericalError
+from meshdeform.record.models import Job, JobState, NewJob, Origin, OriginMode
 from meshdeform.record.schema import jobs
 from meshdeform.requests.document import resolve
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
-from tests.worker_world import STEPS, World, new_world
+from tests.fake_kind import OutOfMemoryError
+from tests.worker_world import EVERY, STEPS, World, away, fail_for_a_while, new_world
+from worker.attempt import is_out_of_memory
 
 
 @pytest.fixture
@@ -292,3 +295,237 @@ def test_a_deadline_that_passes_stops_the_run_and_the_next_job_begins(world: Wor
     assert world.record.artifacts(job.id) == []
     world.kind.on_step = lambda step: None
     assert world.run(world.create()).state is JobState.SUCCEEDED
+
+
+# A device without memory: what was done is saved, the process ends for a clean context, and not without end.
+
+
+def run_out(world: World, job: Job, at: int) -> Job:
+    """Run the job to a step that finds no memory."""
+
+    def fail(step: int) -> None:
+        if step == at:
+            raise OutOfMemoryError("CUDA out of memory.")
+
+    world.kind.on_step = fail
+    return world.run(job)
+
+
+def test_the_state_before_the_step_is_stored_and_the_process_ends(world: World) -> None:
+    whole = world.create()
+    world.run(whole)
+    job = world.create()
+    left = run_out(world, job, at=17)
+    assert (left.state, left.attempt, left.oom_attempts) == (JobState.QUEUED, 1, 1)
+    assert world.kept(job) == [16, 10]
+    assert world.renewals == ["now"]
+    world.kind.on_step = lambda step: None
+    assert world.run(job).state is JobState.SUCCEEDED
+    assert world.kind.started_at == [0, 0, 16]
+    assert world.result(job) == world.result(whole)
+
+
+def test_after_so_many_times_it_fails(world: World) -> None:
+    job = world.create()
+    for _ in range(Settings().max_attempts):
+        left = run_out(world, job, at=17)
+    assert left.error is not None
+    assert (left.state, left.error.code) == (JobState.FAILED, "gpu_oom")
+    assert len(world.renewals) == Settings().max_attempts
+
+
+def test_it_may_come_before_the_first_step(world: World) -> None:
+    job = world.create(guidance="sds")
+
+    def load(model: str) -> Any:
+        raise ModelError("The model cannot be loaded.") from OutOfMemoryError("CUDA out of memory.")
+
+    world.runner(load_prior=load).run(job.id)
+    left = world.record.get(job.id)
+    assert (left.state, left.oom_attempts, world.renewals) == (JobState.QUEUED, 1, ["now"])
+
+
+def test_what_is_taken_for_it() -> None:
+    import torch
+
+    assert is_out_of_memory(torch.OutOfMemoryError("CUDA out of memory."))
+    assert is_out_of_memory(RuntimeError("CUDA error: out of memory\nCUDA kernel errors might be"))
+    assert not is_out_of_memory(MemoryError())
+    assert not is_out_of_memory(RuntimeError("no memory of it"))
+    assert not is_out_of_memory(None)
+
+
+# A job that continues another one: a retry ends as if never interrupted, a branch begins with its shape.
+
+
+def continued(world: World, mode: OriginMode, data: bytes | None, **params: Any) -> Job:
+    """A job with an origin, whose checkpoint is stored; without one where there are no bytes."""
+    sha256 = hashlib.sha256(data).hexdigest() if data is not None else ""
+    key = f"assets/{sha256}" if data is not None else ""
+    if data is not None:
+        world.store.put(key, data)
+    return world.create(origin=Origin(job_id="job_before", step=30, mode=mode, key=key, sha256=sha256), **params)
+
+
+def state(world: World) -> tuple[bytes, bytes]:
+    """The checkpoint of step 30 of an uninterrupted run, and that run's result."""
+    whole = world.create()
+    world.run(whole)
+    (key,) = [each.key for each in world.record.leases.checkpoints(whole.id) if each.step == 30]
+    return world.store.get(key), world.result(whole)
+
+
+def test_a_retry_goes_on_from_the_checkpoint_to_the_same_bytes(world: World) -> None:
+    data, result = state(world)
+    job = continued(world, OriginMode.RETRY, data)
+    assert world.run(job).state is JobState.SUCCEEDED
+    assert world.kind.started_at[-1] == 30
+    assert world.result(job) == result
+
+
+def test_its_own_checkpoints_come_first(world: World) -> None:
+    data, _ = state(world)
+    job = continued(world, OriginMode.RETRY, data)
+    world.kind.on_step = lambda step: setattr(world, "stop", step == 44)
+    world.run(job)
+    world.stop, world.kind.on_step = False, lambda step: None
+    assert world.run(job).state is JobState.SUCCEEDED
+    assert world.kind.started_at[-2:] == [30, 44]
+
+
+def test_a_retry_without_one_or_with_a_torn_one_begins_anew(world: World) -> None:
+    data, result = state(world)
+    torn = continued(world, OriginMode.RETRY, data)
+    assert torn.origin is not None
+    world.store.put(torn.origin.key, data[:-2])
+    for job in (torn, continued(world, OriginMode.RETRY, None)):
+        assert world.run(job).state is JobState.SUCCEEDED
+        assert world.kind.started_at[-1] == 0
+        assert world.result(job) == result
+
+
+def test_a_branch_begins_with_the_shape_at_step_0(world: World) -> None:
+    data, result = state(world)
+    job = continued(world, OriginMode.BRANCH, data, steps=5)
+    assert world.run(job).state is JobState.SUCCEEDED
+    given = world.kind.started[-1]
+    assert (given.checkpoint, given.initial, world.kind.started_at[-1]) == (None, data, 0)
+    value = json.loads(data)["value"]
+    for step in range(1, 6):
+        value = value * 3 + step
+    assert world.result(job) == str(value).encode() != result
+
+
+def test_a_branch_without_its_shape_fails(world: World) -> None:
+    data, _ = state(world)
+    job = continued(world, OriginMode.BRANCH, data)
+    assert job.origin is not None
+    world.store.delete(job.origin.key)
+    done = world.run(job)
+    assert done.error is not None
+    assert (done.state, done.error.code) == (JobState.FAILED, CheckpointError.code)
+
+
+# While the store or the record is away, an attempt waits: it throws nothing away and hears what it is told.
+
+
+def _part(world: World, name: str) -> Any:
+    return world.store if name == "store" else getattr(world.record, name)
+
+
+def test_a_store_that_is_away_for_good_leaves_the_job_to_the_next_attempt(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = world.create()
+    with monkeypatch.context() as patch:
+        patch.setattr(world.store, "put", away)
+        world.runner(retry_for_s=0.3).run(job.id)
+    left = world.record.get(job.id)
+    assert (left.state, left.attempt, world.record.artifacts(job.id)) == (JobState.QUEUED, 1, [])
+    assert world.run(job).state is JobState.SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("part", "method"),
+    [("store", "get"), ("store", "put"), ("leases", "checkpoints"), ("leases", "finish")],
+)
+def test_an_outage_costs_no_attempt(world: World, monkeypatch: pytest.MonkeyPatch, part: str, method: str) -> None:
+    job = world.create(checkpoint_every_steps=STEPS)
+    calls = fail_for_a_while(monkeypatch, _part(world, part), method, times=2)
+    done = world.run(job)
+    assert (done.state, done.attempt) == (JobState.SUCCEEDED, 1)
+    assert len(calls) > 2
+
+
+@pytest.mark.parametrize(("part", "method"), [("store", "put"), ("leases", "set_checkpoint")])
+def test_a_checkpoint_that_cannot_be_stored_is_stored_a_little_later(
+    world: World, monkeypatch: pytest.MonkeyPatch, part: str, method: str
+) -> None:
+    monkeypatch.setattr("worker.outputs._PAUSE_S", 0.0)
+    monkeypatch.setattr("worker.outputs._PAUSE_PER_S", 0.0)
+    job = world.create()
+    fail_for_a_while(monkeypatch, _part(world, part), method, times=3)
+    done = world.run(job)
+    assert (done.state, done.attempt) == (JobState.SUCCEEDED, 1)
+    assert world.kept(job) == [40, 30, 20, 13], "three tries failed, one after each step"
+
+
+def test_what_the_store_does_not_keep_as_it_was_written_is_written_again(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job, real, broken = world.create(), world.store.put, []
+
+    def put(key: str, data: bytes, *more: Any, **named: Any) -> Any:
+        stored = real(key, data, *more, **named)
+        if key.endswith("result.glb") and not broken:
+            broken.append(key)
+            real(key, data[:-1])
+        return stored
+
+    monkeypatch.setattr(world.store, "put", put)
+    assert world.run(job).state is JobState.SUCCEEDED
+    assert broken
+    (artifact,) = world.record.artifacts(job.id)
+    assert hashlib.sha256(world.store.get(artifact.key)).hexdigest() == artifact.sha256
+
+
+def test_a_cancel_is_heard_while_the_store_is_away(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    job = world.create()
+
+    def get(key: str, sha256: str = "") -> Any:
+        world.record.request_cancel(job.id)
+        return away()
+
+    monkeypatch.setattr(world.store, "get", get)
+    world.runner(settings=Settings(lease_s=1.0), retry_for_s=60.0).run(job.id)
+    assert world.record.get(job.id).state is JobState.CANCELED
+
+
+def test_a_worker_that_stops_while_the_store_is_away_hands_the_job_back(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = world.create()
+
+    def get(key: str, sha256: str = "") -> Any:
+        world.stop = True
+        return away()
+
+    monkeypatch.setattr(world.store, "get", get)
+    world.runner(retry_for_s=60.0).run(job.id)
+    assert world.record.get(job.id).state is JobState.QUEUED
+
+
+def test_a_worker_that_stops_stores_no_checkpoint_where_it_cannot_and_hands_the_job_back(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = world.create()
+
+    def stop(step: int) -> None:
+        if step == 17:
+            world.stop = True
+            monkeypatch.setattr(world.store, "put", away)
+
+    world.kind.on_step = stop
+    assert world.run(job).state is JobState.QUEUED
+    assert world.kept(job) == [10]
+    assert EVERY == 10

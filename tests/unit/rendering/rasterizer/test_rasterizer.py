@@ -7,9 +7,19 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
+from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.shapes import grid, icosphere, torus
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.rasterizer import EMPTY_DEPTH, rasterize, rasterize_compiled, rasterize_spans
+from meshdeform.rendering.rasterizer import (
+    EMPTY_DEPTH,
+    SilhouetteEdges,
+    antialias,
+    interpolate,
+    interpolate_torch,
+    rasterize,
+    rasterize_compiled,
+    rasterize_spans,
+)
 from tests.cases import each_case
 from tests.close import assert_close
 
@@ -120,3 +130,187 @@ def test_triangles_behind_the_camera_and_empty_meshes_draw_nothing(backend) -> N
 def test_wrong_shapes_are_refused() -> None:
     with pytest.raises(ShapeError, match="clip"):
         rasterize(torch.zeros(3, 4), torch.zeros(1, 3, dtype=torch.int64), 8, 8)
+
+
+# Interpolation: linear functions come back, perspective included; gradients checked twice.
+
+
+SIZE = 24
+
+
+def scene() -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    mesh = icosphere(1, 0.8)
+    cameras = fixed_cameras(20.0, 10.0)
+    clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    ids = rasterize(clip, mesh.faces, SIZE, SIZE).face_ids.view(-1)
+    pixels = (ids >= 0).nonzero()[:, 0]
+    return mesh.verts, clip, mesh.faces, pixels, ids[pixels]
+
+
+def test_a_function_that_is_linear_in_space_is_exact() -> None:
+    """The clip coordinates themselves, interpolated, project back to the pixel: perspective is right."""
+    _, clip, faces, pixels, face = scene()
+    found = interpolate(clip, clip, faces, pixels, face, SIZE, SIZE)
+    within = pixels % (SIZE * SIZE)
+    x = (within % SIZE + 0.5) * 2 / SIZE - 1
+    y = 1 - (within // SIZE + 0.5) * 2 / SIZE
+    assert_close(found[:, 0] / found[:, 3], x, atol=1e-5, rtol=0)
+    assert_close(found[:, 1] / found[:, 3], y, atol=1e-5, rtol=0)
+
+
+def test_the_backends_agree_in_values_and_gradients() -> None:
+    verts, clip, faces, pixels, face = scene()
+    values = torch.stack([verts.float().sin()] * 4)
+    weights = torch.rand(len(pixels), 3, generator=torch.Generator().manual_seed(0))
+    found = []
+    for function in (interpolate, interpolate_torch):
+        c, v = clip.clone().requires_grad_(), values.clone().requires_grad_()
+        out = function(c, v, faces, pixels, face, SIZE, SIZE)
+        (out * weights).sum().backward()
+        found.append((out, c.grad, v.grad))
+    for a, b in zip(*found, strict=True):
+        assert_close(a, b, atol=2e-4, rtol=1e-3)
+
+
+def test_the_backends_agree_on_small_faces() -> None:
+    """20,480 faces of a few pixels each: x - p w cancels, and float32 would leave percents of the gradients."""
+    mesh = icosphere(5, 0.6)
+    cameras = fixed_cameras(20.0, 15.0)
+    clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    ids = rasterize(clip, mesh.faces, SIZE, SIZE).face_ids.view(-1)
+    pixels = (ids >= 0).nonzero()[:, 0]
+    values = torch.stack([mesh.verts.float().sin()] * 4)
+    weights = torch.rand(len(pixels), 3, generator=torch.Generator().manual_seed(0))
+    gradients = []
+    for function in (interpolate, interpolate_torch):
+        c = clip.clone().requires_grad_()
+        (function(c, values, mesh.faces, pixels, ids[pixels], SIZE, SIZE) * weights).sum().backward()
+        assert c.grad is not None
+        gradients.append(c.grad)
+    assert float((gradients[0] - gradients[1]).abs().max()) < 1e-5 * float(gradients[0].abs().max())
+
+
+def test_gradcheck() -> None:
+    verts, clip, faces, pixels, face = scene()
+    values = torch.stack([verts.sin()] * 4)
+    some = slice(None, None, 37)
+
+    def function(c: Tensor, v: Tensor) -> Tensor:
+        return interpolate(c, v, faces, pixels[some], face[some], SIZE, SIZE)
+
+    inputs = (clip.double().requires_grad_(), values.requires_grad_())
+    assert torch.autograd.gradcheck(function, inputs, atol=1e-6)
+
+
+def test_a_face_seen_exactly_edge_on_gives_its_mean_and_pushes_nothing() -> None:
+    """Three corners on one line through the pixel's centre: the areas sum to zero in exact arithmetic."""
+    clip = torch.tensor([[[-0.5, 0.25, 0.0, 1.0], [0.0, 0.25, 0.5, 1.0], [0.5, 0.25, 0.2, 1.0]]])
+    values = torch.tensor([[[3.0], [6.0], [0.0]]])
+    pixels, face = torch.tensor([5]), torch.tensor([0])
+    for function in (interpolate, interpolate_torch):
+        c, v = clip.clone().requires_grad_(), values.clone().requires_grad_()
+        out = function(c, v, torch.tensor([[0, 1, 2]]), pixels, face, 4, 4)
+        assert_close(out, torch.tensor([[3.0]]))
+        out.sum().backward()
+        assert c.grad is not None
+        assert v.grad is not None
+        assert torch.equal(c.grad, torch.zeros_like(clip))
+        assert_close(v.grad, torch.full_like(values, 1 / 3))
+
+
+# Silhouette gradients against finite differences of a fine picture, at triangles from coarse to subpixel.
+
+
+def draw(
+    verts: Tensor, faces: Tensor, edges: SilhouetteEdges, size: int, weights: Tensor | None, smooth: bool
+) -> Tensor:
+    """Mean over the picture of (weighted) coverage."""
+    cameras = fixed_cameras(13.0, 10.0)
+    clip = verts @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    fragments = rasterize(clip, faces, size, size)
+    image = (fragments.face_ids >= 0).float()[..., None]
+    if smooth:
+        image = antialias(image, clip, edges, fragments.depth)
+    if weights is None:
+        return image.mean()
+    scaled = torch.nn.functional.interpolate(weights, size=(size, size), mode="bilinear", align_corners=False)
+    return (image[..., 0] * scaled[:, 0]).mean()
+
+
+def silhouette_edges(faces: Tensor) -> SilhouetteEdges:
+    edges = edges_of(faces)
+    return SilhouetteEdges(edges.edges, edges.opposite)
+
+
+@each_case("subdivisions", [1, 2, 3, 4, 5])
+@each_case("size", [64, 256])
+def test_the_area_of_a_sphere_grows_as_it_should(subdivisions: int, size: int) -> None:
+    mesh = icosphere(subdivisions)
+    edges = silhouette_edges(mesh.faces)
+    verts = mesh.verts.float()
+    scale = torch.tensor(0.6, requires_grad=True)
+    draw(verts * scale, mesh.faces, edges, size, None, True).backward()
+    with torch.no_grad():
+        above = draw(verts * 0.61, mesh.faces, edges, 1024, None, False)
+        below = draw(verts * 0.59, mesh.faces, edges, 1024, None, False)
+    assert scale.grad is not None
+    assert scale.grad.item() == pytest.approx(((above - below) / 0.02).item(), rel=0.05)
+
+
+def test_a_torus_moves_and_stretches_as_finite_differences_say() -> None:
+    mesh = torus(n=60, m=40)
+    edges = silhouette_edges(mesh.faces)
+    verts = mesh.verts.float()
+    weights = torch.rand(4, 1, 9, 9, generator=torch.Generator().manual_seed(1))
+
+    def value(p: Tensor, size: int, smooth: bool) -> Tensor:
+        return draw(verts * (1 + p[3:]) + p[:3], mesh.faces, edges, size, weights, smooth)
+
+    p = torch.zeros(6, requires_grad=True)
+    value(p, 128, True).backward()
+    differences = []
+    for i in range(6):
+        e = torch.zeros(6)
+        e[i] = 0.02
+        with torch.no_grad():
+            differences.append(((value(e, 768, False) - value(-e, 768, False)) / 0.04).item())
+    expected = torch.tensor(differences)
+    assert p.grad is not None
+    assert (p.grad - expected).norm() < 0.06 * expected.norm()
+
+
+def test_an_open_border_has_a_gradient() -> None:
+    mesh = grid(8)
+    edges = silhouette_edges(mesh.faces)
+    scale = torch.tensor(1.0, requires_grad=True)
+    draw(mesh.verts.float() * scale, mesh.faces, edges, 64, None, True).backward()
+    with torch.no_grad():
+        above = draw(mesh.verts.float() * 1.02, mesh.faces, edges, 1024, None, False)
+        below = draw(mesh.verts.float() * 0.98, mesh.faces, edges, 1024, None, False)
+    assert scale.grad is not None
+    assert scale.grad.item() == pytest.approx(((above - below) / 0.04).item(), rel=0.05)
+
+
+def test_coverage_after_antialiasing_is_nearer_to_the_truth() -> None:
+    mesh = icosphere(3)
+    edges = silhouette_edges(mesh.faces)
+    verts = mesh.verts.float() * 0.7
+    true = draw(verts, mesh.faces, edges, 1024, None, False)
+    errors = [abs((draw(verts, mesh.faces, edges, 32, None, smooth) - true).item()) for smooth in (False, True)]
+    assert errors[1] < 0.002
+    assert errors[1] <= errors[0]
+
+
+def test_hidden_edges_change_nothing() -> None:
+    """A small sphere behind a large one leaves the picture as it is, and gets no gradient."""
+    front, back = icosphere(3), icosphere(2, 0.2)
+    faces = torch.cat([front.faces, back.faces + front.verts.shape[0]])
+    shift = torch.zeros(3, requires_grad=True)
+    cameras = fixed_cameras(0.0, 0.0, views=1)
+    verts = torch.cat([front.verts.float() * 0.6, back.verts.float() + torch.tensor([0.0, 0.0, -0.75]) + shift])
+    clip = verts @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    fragments = rasterize(clip, faces, 64, 64)
+    image = antialias((fragments.face_ids >= 0).float()[..., None], clip, silhouette_edges(faces), fragments.depth)
+    image.sum().backward()
+    assert shift.grad is not None
+    assert shift.grad.abs().max() == 0

@@ -1,0 +1,353 @@
+"""What a batch shall do: tables, folders, prompts, and rows whose keys and names stay."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.cli.app import app
+from meshdeform.cli.batches import runners
+from meshdeform.cli.batches.ledger import Ledger
+from meshdeform.cli.batches.rows import Entry, Row, combine, make_rows, read_prompts, read_table
+from meshdeform.cli.batches.runners import RowOutcome
+from meshdeform.cli.batches.session import Session
+from meshdeform.cli.output import ProgressView
+from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.geometry.shapes import icosphere
+from tests.cases import each_case
+from tests.unit.assets.builders import unpack
+from tests.unit.assets.test_replace import accessor
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two different assets."""
+    (tmp_path / "a.glb").write_bytes(b"one")
+    (tmp_path / "b.obj").write_bytes(b"two")
+    (tmp_path / "notes.txt").write_text("no asset")
+    return tmp_path
+
+
+def rows_of(entries: list[Entry], **more: object) -> list[Row]:
+    return make_rows(entries, **{"defaults": {}, **more})[0]  # type: ignore[arg-type]
+
+
+def test_the_same_rows_in_every_format(folder: Path) -> None:
+    (folder / "m.csv").write_text('asset,prompt,seed,name,morph\na.glb,"a vase, tall",3,,\nb.obj,2 dogs,,pets,yes\n')
+    (folder / "m.tsv").write_text(
+        "asset\tprompt\tseed\tname\tmorph\na.glb\ta vase, tall\t3\nb.obj\t2 dogs\t\tpets\tyes\n"
+    )
+    (folder / "m.jsonl").write_text(
+        '{"asset": "a.glb", "prompt": "a vase, tall", "params": {"seed": 3}}\n\n'
+        '{"asset": "b.obj", "prompt": "2 dogs", "output": "pets", "morph": true}\n'
+    )
+    tables = [read_table(folder / f"m.{suffix}") for suffix in ("csv", "tsv", "jsonl")]
+    for table in tables:
+        first, second = table
+        assert (first.asset, first.prompt, first.params) == (folder / "a.glb", "a vase, tall", {"seed": 3})
+        assert (second.prompt, second.name, second.morph, second.params) == ("2 dogs", "pets", True, {})
+    assert len({tuple(row.key for row in rows_of(table)) for table in tables}) == 1
+
+
+@each_case(
+    ("name", "text", "said"),
+    [
+        ("m.csv", "prompt\na vase\n", "line 2: the asset is missing"),
+        ("m.csv", "asset\n", "has no rows"),
+        ("m.csv", "asset,prompt\na.glb,a vase,more\n", "more cells"),
+        ("m.csv", "asset,morph\na.glb,perhaps\n", "not true or false"),
+        ("m.jsonl", "[1]\n", "line 1, is not a JSON object"),
+        ("m.jsonl", "{\n", "line 1, is not JSON"),
+    ],
+)
+def test_a_broken_table_says_where(folder: Path, name: str, text: str, said: str) -> None:
+    (folder / name).write_text(text)
+    with pytest.raises(ParameterError, match=said):
+        read_table(folder / name)
+
+
+def test_a_folder_times_prompts_times_seeds(folder: Path) -> None:
+    (folder / "prompts.txt").write_text("# shapes\n\na vase\n a mushroom \n")
+    entries = combine(folder, read_prompts(folder / "prompts.txt"))
+    rows = rows_of(entries, seeds=range(5, 8))
+    assert [row.name for row in rows[:4]] == [
+        "a-a-vase-seed5",
+        "a-a-vase-seed6",
+        "a-a-vase-seed7",
+        "a-a-mushroom-seed5",
+    ]
+    assert [row.request.params.seed for row in rows[:3]] == [5, 6, 7]
+    assert len(rows) == len({row.key for row in rows}) == len({row.name for row in rows}) == 12
+    with pytest.raises(ParameterError, match="not a manifest"):
+        combine(folder, [])
+
+
+def test_every_wrong_row_is_told_at_once(folder: Path) -> None:
+    entries = [
+        Entry("line 2", folder / "a.glb", params={"steps": 0}),
+        Entry("line 3", folder / "gone.glb", "a vase"),
+        Entry("line 4", folder / "a.glb", name="../out"),
+        Entry("line 5", folder / "a.glb", params={"colour": "red"}),
+        Entry("line 6", folder / "a.glb", "a vase"),
+    ]
+    with pytest.raises(ParameterError, match="4 of 5 rows") as told:
+        rows_of(entries)
+    assert [error["place"] for error in told.value.extra["errors"]] == ["line 2", "line 3", "line 4", "line 5"]
+
+
+def test_a_key_is_what_decides_the_result_and_nothing_else(folder: Path) -> None:
+    def key(**more: object) -> str:
+        entry = Entry("x", folder / "a.glb", "a vase", **more)  # type: ignore[arg-type]
+        return rows_of([entry])[0].key
+
+    same = key()
+    (folder / "c.glb").write_bytes(b"one")
+    assert rows_of([Entry("elsewhere", folder / "c.glb", "a vase")])[0].key == same
+    assert key(params={"seed": 0}) == same, "the default, written out"
+    others = [key(params={"seed": 1}), key(morph=True), key(name="other"), key(target=folder / "b.obj")]
+    assert len({same, *others}) == 5
+    (folder / "a.glb").write_bytes(b"another one")
+    assert key() != same
+
+
+def test_names_stay_when_others_join_and_never_meet(folder: Path) -> None:
+    one = Entry("1", folder / "a.glb", "a vase", params={"steps": 10})
+    (first,) = rows_of([one])
+    other = Entry("0", folder / "a.glb", "A Vase", params={"steps": 20})
+    again = rows_of([other, one], known_names={first.key: first.name})
+    names = {row.key: row.name for row in again}
+    assert names[first.key] == first.name
+    assert len({name.casefold() for name in names.values()}) == 2
+    rows, repeated = make_rows([one, one], defaults={})
+    assert len(rows) == 1
+    assert repeated == ["1"]
+
+
+# The ledger of a batch: it survives a torn line, is one process's own, and says what is damaged.
+
+
+def test_what_was_written_is_known_again(tmp_path: Path) -> None:
+    with Ledger(tmp_path / "out") as ledger:
+        identity = ledger.batch_id
+        ledger.append("failed", "k1", "vase", error={"code": "x"})
+        ledger.append("failed", "k1", "vase", error={"code": "y"})
+        ledger.append("done", "k2", "dog", seconds=1.5)
+    with Ledger(tmp_path / "out") as again:
+        assert again.batch_id == identity
+        assert again.tries == {"k1": 2}
+        assert again.last["k1"]["error"] == {"code": "y"}
+        assert again.last["k2"]["event"] == "done"
+        assert again.known_names() == {"k1": "vase", "k2": "dog"}
+
+
+@each_case("keep", [1, 20, 60])
+def test_half_a_line_at_the_end_is_cut_off(tmp_path: Path, keep: int) -> None:
+    folder = tmp_path / str(keep)
+    with Ledger(folder) as ledger:
+        ledger.append("done", "k1", "vase")
+        whole = ledger.path.read_bytes()
+        ledger.append("done", "k2", "dog")
+        torn = ledger.path.read_bytes()[: len(whole) + keep]
+    ledger.path.write_bytes(torn)
+    with Ledger(folder) as again:
+        assert set(again.last) == {"k1"}
+        again.append("done", "k3", "cat")
+    with Ledger(folder) as once_more:
+        assert set(once_more.last) == {"k1", "k3"}
+
+
+def test_a_folder_is_one_processs_own(tmp_path: Path) -> None:
+    with Ledger(tmp_path), pytest.raises(UnavailableError, match="Another `meshdeform batch`"):
+        Ledger(tmp_path)
+    with Ledger(tmp_path):
+        pass
+
+
+def test_a_damaged_line_is_named(tmp_path: Path) -> None:
+    with Ledger(tmp_path) as ledger:
+        ledger.append("done", "k1", "vase")
+    with ledger.path.open("ab") as file:
+        file.write(b"nonsense\n")
+    with pytest.raises(ParameterError, match="line 3"):
+        Ledger(tmp_path)
+
+
+def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"in the way")
+    with pytest.raises(UnavailableError, match="cannot be written"):
+        Ledger(tmp_path / "file" / "out")
+
+
+# `batch --as-morph-targets`: the results of one asset as named morph targets of one file.
+
+
+HEIGHTS = {"a mushroom": 2.0, "a vase": 3.0, "a rocket": None}
+
+
+class FakeRunner:
+    """Stretches an asset to the height of its prompt, or fails."""
+
+    def __init__(self, folder: Path, _share: object) -> None:
+        self._folder = folder
+
+    def do(self, row: Row, _progress: ProgressView) -> RowOutcome:
+        height = HEIGHTS[row.request.prompt]
+        if height is None:
+            return RowOutcome("failed", 1.0, error={"code": "numerical_error", "detail": "", "advice": ""})
+        source = load_asset(row.asset.read_bytes())
+        path = row.path(self._folder, "result.glb")
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(source.replace(source.surface.positions * [1, height, 1]))
+        return RowOutcome("succeeded", 1.0)
+
+    def close(self) -> None:
+        """Close nothing."""
+
+
+def test_the_results_of_an_asset_are_the_targets_of_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runners, "LocalRunner", FakeRunner)
+    ball = icosphere(1).verts.numpy()
+    (tmp_path / "ball.glb").write_bytes(build_glb(ball, icosphere(1).faces.numpy()))
+    prompts = [word for prompt in HEIGHTS for word in ("--prompt", prompt)]
+    command = ["batch", str(tmp_path / "ball.glb"), *prompts, "-o", str(tmp_path / "out"), "--as-morph-targets"]
+    done = CliRunner().invoke(app, [*command, "--json"])
+    assert done.exit_code == 8, done.output  # one row failed
+    made = json.loads(done.stdout.splitlines()[-1])["files"]["ball.targets.glb"]
+    root, binary, _ = unpack(Path(made).read_bytes())
+    (mesh,) = root["meshes"]
+    assert mesh["extras"]["targetNames"] == ["ball-a-mushroom", "ball-a-vase"]
+    assert mesh["weights"] == [0.0, 0.0]
+    assert "animations" not in root
+    for target, height in zip(mesh["primitives"][0]["targets"], (2.0, 3.0), strict=True):
+        moved = accessor(root, binary, target["POSITION"])
+        np.testing.assert_allclose(moved, ball * [0, height - 1, 0], atol=1e-6)
+
+
+# `batch --flat`: results in one folder, under names that say what they are.
+
+
+class NamingRunner:
+    """Writes the name of a row as its results; fails on the rows that it was given."""
+
+    def __init__(self, folder: Path, breaks_on: str = "") -> None:
+        self.folder, self.breaks_on, self.done = folder, breaks_on, list[str]()
+
+    def do(self, row: Row, _progress: ProgressView) -> RowOutcome:
+        (self.folder / row.name).mkdir(exist_ok=True)
+        for artifact in ("result.glb", "report.json", "preview.png"):
+            (self.folder / row.name / artifact).write_text(row.name)
+        if row.name == self.breaks_on:
+            raise UnavailableError("The disk is full.")
+        self.done.append(row.name)
+        return RowOutcome("succeeded", 1.0)
+
+    def close(self) -> None:
+        """Close nothing."""
+
+
+@pytest.fixture
+def duck(tmp_path: Path) -> Path:
+    path = tmp_path / "duck.glb"
+    path.write_bytes(b"one")
+    return path
+
+
+def flat_rows(session: Session, *entries: Entry, seeds: tuple[int, ...] = ()) -> list[Row]:
+    occupied = [path.name for path in session.folder.iterdir()]
+    known = session.ledger.known_names()
+    return make_rows(entries, defaults={}, seeds=seeds, flat=True, occupied=occupied, known_names=known)[0]
+
+
+def files(out: Path) -> set[str]:
+    return {path.name for path in out.iterdir() if path.suffix in {".glb", ".json", ".png"}} - {
+        "summary.json",
+        "sheet.png",
+    }
+
+
+def test_names_say_what_the_files_are_and_never_meet(duck: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "mine.morph.glb").write_text("kept")
+    vase = Entry("1", duck, "a tall vase", params={"seed": 7})
+    entries = [
+        vase,
+        Entry("2", duck, "A tall vase", params={"seed": 7, "steps": 9}),
+        Entry("3", duck, "a dog", name="mine"),
+        Entry("4", duck, "a dog", name="other"),
+        Entry("5", duck, "a dog", name="other.report"),
+    ]
+    with Ledger(out, flat=True) as ledger:
+        session = Session(ledger, as_json=False, quiet=True)
+        rows = flat_rows(session, *entries)
+        session.run(rows, NamingRunner(out), 1, retry_failed=False)
+        session.finish(rows)
+    names = [row.name for row in rows]
+    assert names[0] == "duck-a-tall-vase-seed7"
+    assert names[1] == f"duck-A-tall-vase-seed7-{rows[1].key[:8]}"
+    assert names[2] == f"mine-{rows[2].key[:8]}"
+    assert (out / "mine.morph.glb").read_text() == "kept"
+    assert files(out) == {"mine.morph.glb"} | {
+        f"{n}{e}" for n in names for e in (".glb", ".report.json", ".preview.png")
+    }
+    assert all((out / f"{name}.glb").read_text() == name for name in names)
+    assert not any(path.is_dir() for path in out.iterdir())
+    assert str(out / "duck-a-tall-vase-seed7.glb") in (out / "summary.csv").read_text()
+
+
+def test_an_interrupted_batch_resumes_under_the_same_names(duck: Path, tmp_path: Path) -> None:
+    out, entry = tmp_path / "out", Entry("1", duck, "a vase")
+    seeds = (3, 4, 5)
+    with Ledger(out, flat=True) as ledger:
+        session = Session(ledger, as_json=False, quiet=True)
+        rows = flat_rows(session, entry, seeds=seeds)
+        with pytest.raises(UnavailableError):
+            session.run(rows, NamingRunner(out, "duck-a-vase-seed4"), 1, retry_failed=False)
+    # As if it had died while it moved the files of the second row.
+    (out / "duck-a-vase-seed4" / "report.json").replace(out / "duck-a-vase-seed4.report.json")
+    with Ledger(out, flat=True) as ledger:
+        session = Session(ledger, as_json=False, quiet=True)
+        again, runner = flat_rows(session, entry, seeds=seeds), NamingRunner(out)
+        session.run(again, runner, 1, retry_failed=False)
+    assert [row.name for row in again] == [f"duck-a-vase-seed{n}" for n in seeds]
+    assert runner.done == ["duck-a-vase-seed4", "duck-a-vase-seed5"]
+    assert files(out) == {f"duck-a-vase-seed{n}{e}" for n in seeds for e in (".glb", ".report.json", ".preview.png")}
+
+
+def test_the_layout_of_a_batch_does_not_change(tmp_path: Path) -> None:
+    with Ledger(tmp_path):
+        pass
+    with pytest.raises(ParameterError, match="without --flat"):
+        Ledger(tmp_path, flat=True)
+
+
+# `meshdeform variants`: a run for each seed, a file for each strength, and one sheet.
+
+
+def test_every_seed_at_every_strength_and_one_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    mesh = icosphere(1)
+    for name, height in (("ball.glb", 1.0), ("egg.glb", 2.0)):
+        Path(name).write_bytes(build_glb(mesh.verts.numpy() * [1, height, 1], mesh.faces.numpy()))
+    command = ["variants", "ball.glb", "--target", "egg.glb", "--set", "steps=1", "-o", "out"]
+    refused = CliRunner().invoke(app, [*command, "--strengths", "0.5,2"])
+    assert (refused.exit_code, Path("out").exists()) == (2, False)
+    assert CliRunner().invoke(app, [*command, "--seeds", "one"]).exit_code == 2
+    assert CliRunner().invoke(app, ["variants", "ball.glb", "--target", ".", "-o", "out"]).exit_code == 2
+    done = CliRunner().invoke(app, [*command, "--seeds", "3,4", "--strengths", "0.5,1,1.5"])
+    assert done.exit_code == 0, done.output
+    for seed in (3, 4):
+        names = {path.name for path in Path(f"out/seed{seed}").iterdir()}
+        assert names >= {"result.glb", "strength50.glb", "strength100.glb", "strength150.glb"}
+        assert Path(f"out/seed{seed}/strength100.glb").read_bytes() == Path(f"out/seed{seed}/result.glb").read_bytes()
+    with Image.open("out/variants.png") as sheet:
+        assert sheet.size == (3 * 224, 2 * (224 + 24))
+    again = CliRunner().invoke(app, command)
+    assert again.exit_code == 3
+    assert "out is not empty" in again.output

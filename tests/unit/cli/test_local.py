@@ -1,0 +1,153 @@
+"""The job behind `meshdeform run`."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from meshdeform.cli.app import app
+from meshdeform.cli.exits import ExitCode
+from meshdeform.cli.local import LocalJob, ctrl_c_between_steps, second_ctrl_c_ends
+from meshdeform.errors import ModelError
+from meshdeform.requests.document import JobRequest
+from meshdeform.settings import Settings
+from meshdeform.testing import FakePrior
+from tests.cases import each_case
+from tests.unit.assets.test_archive import image, scene
+from tests.unit.assets.test_replace import DOT
+
+
+class Silent:
+    """Tells nobody."""
+
+    def phase(self, name: str) -> None: ...
+
+    def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None: ...
+
+
+def test_the_prior_is_loaded_as_the_settings_say(tmp_path: Path) -> None:
+    seen: list[Any] = []
+
+    def load(model: str, **how: Any) -> Any:
+        seen.append((model, how))
+        raise ModelError("Enough was seen.")
+
+    asset = tmp_path / "a.glb"
+    asset.write_bytes(b"is not read before the prior is there")
+    settings = Settings(model="some/model", model_revision="v2", dtype="bfloat16", device="cpu")
+    with pytest.raises(ModelError, match="Enough"):
+        LocalJob(JobRequest(prompt="a vase"), {"asset": asset}, {}, settings, load=load).run(Silent())
+    assert seen == [("some/model", {"device": "cpu", "revision": "v2", "dtype": "bfloat16"})]
+
+
+def test_the_files_beside_a_gltf_come_along(tmp_path: Path) -> None:
+    for name, data in scene().items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    outputs = {name: tmp_path / name for name in ("result.glb", "report.json", "preview.png")}
+    request = JobRequest.model_validate({"prompt": "an egg", "params": {"preset": "preview", "steps": 1}})
+    files = {"asset": tmp_path / "model/scene.gltf"}
+    job = LocalJob(request, files, outputs, Settings(device="cpu"), load=lambda *_, **__: FakePrior())
+    finished = job.run(Silent())
+    assert image(outputs["result.glb"].read_bytes()) == image(finished.artifacts["result.glb"]) == DOT
+
+
+# `meshdeform run --kind`: what other kinds of job take, refused before a service is asked.
+
+
+@each_case(
+    ("arguments", "said"),
+    [
+        (["a mushroom", "--kind", "surface_fit"], "has no prompt"),
+        (["--kind", "surface_fit", "--compact"], "--compact"),
+        (["--kind", "surface_fit", "--preset", "preview"], "preset"),
+        (["--kind", "surface_fit", "--set", "base_faces=1"], "base_faces"),
+        (["--kind", "surface_fit", "--file", "target=ball.obj"], "reads base"),
+        (["--kind", "family_synthesize"], "collection=FILE"),
+        (["--kind", "family_synthesize", "--file", "collection=nowhere.zip"], "not a file"),
+        (["--kind", "unfold"], "surface_fit"),
+        (["a mushroom", "--checkpoint", "state"], "--checkpoint"),
+    ],
+)
+def test_what_does_not_go_together_is_refused_by_name(
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ball.obj").write_text("v 0 0 0\n")
+    monkeypatch.setattr("meshdeform.cli.options.connect", lambda *_: pytest.fail("the service was asked"))
+    result = CliRunner().invoke(app, ["run", "ball.obj", *arguments, "--url", "http://127.0.0.1:1"], terminal_width=200)
+    assert result.exit_code in (2, 3)
+    assert said in result.output
+
+
+@each_case(
+    ("arguments", "said"),
+    [
+        (["run", "ball.obj", "--kind", "surface_fit"], "meshdeform surface-fit"),
+        (["run", "ball.obj", "a mushroom", "--detach"], "--url"),
+        (["submit", "ball.obj", "a mushroom", "--wait"], "meshdeform run --url"),
+    ],
+)
+def test_a_job_of_a_service_needs_its_address(
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ball.obj").write_text("v 0 0 0\n")
+    result = CliRunner().invoke(app, arguments, terminal_width=200)
+    assert result.exit_code in (2, 3)
+    assert said in result.output
+
+
+# Ctrl-C in a call of compiled code that does not return, which Python's own handlers wait for.
+
+
+IN_COMPILED_CODE = """
+import hashlib, signal
+from meshdeform.cli.local import second_ctrl_c_ends
+signal.signal(signal.SIGINT, lambda *_: print("heard", flush=True))
+with second_ctrl_c_ends():
+    print("begins", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
+"""
+
+
+def test_the_second_one_ends_the_process() -> None:
+    with subprocess.Popen([sys.executable, "-c", IN_COMPILED_CODE], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "begins\n"
+        deadline = time.monotonic() + 60.0
+        try:
+            # Signals that come close together are one.
+            while process.poll() is None and time.monotonic() < deadline:
+                process.send_signal(signal.SIGINT)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(0.5)
+            assert process.returncode == ExitCode.INTERRUPTED
+        finally:
+            process.kill()
+
+
+def test_what_ends_by_itself_is_left_alone() -> None:
+    """Both handlers are as before, one within the other too."""
+    handler, descriptor = signal.getsignal(signal.SIGINT), signal.set_wakeup_fd(-1)
+    with second_ctrl_c_ends():
+        try:
+            with ctrl_c_between_steps() as interrupted:
+                assert not interrupted()
+                signal.raise_signal(signal.SIGINT)
+                assert interrupted()
+                signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            interrupted = None
+    assert interrupted is None
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert signal.set_wakeup_fd(descriptor) == -1

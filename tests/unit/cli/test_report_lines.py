@@ -1,0 +1,88 @@
+"""The line that `meshdeform run` prints about the texture."""
+
+from __future__ import annotations
+
+import pytest
+import typer
+
+from meshdeform.cli.report_lines import orientation_line, prompt_lines, source_line, stretch_line
+from meshdeform.cli.request import read_prompt
+from meshdeform.deformation.orientation import Orientation, OrientationSource
+from meshdeform.requests.document import DeformParams
+from tests.cases import each_case
+
+
+def test_the_line_names_median_percentile_and_share() -> None:
+    found = {"p50": 1.034, "p95": 2.5, "above_2": 0.094, "scale": 1.2, "measured": 1.0}
+    assert stretch_line(found) == (
+        "Texture stretch: 1.03 at the median, 2.50 at the 95th percentile; 9% of the textured surface above 2"
+    )
+
+
+# The line that `meshdeform run` prints about the front.
+
+
+def test_a_front_that_was_searched_is_named_and_one_that_was_given_is_not() -> None:
+    found = Orientation(180.0, OrientationSource.FOUND, 0.437, (0.2, 0.1))
+    assert orientation_line(found.to_dict()) == (
+        "Front: the side at 180 degrees (0 is +Z, 90 is +X); it fits what the asset is 44% better than the next one"
+    )
+    assert found.to_dict()["grades"] == [[0.0, 0.2], [180.0, 0.1]]
+    others = [source for source in OrientationSource if source is not OrientationSource.FOUND]
+    lines = {source: orientation_line(Orientation(source=source).to_dict()) for source in others}
+    assert lines[OrientationSource.UNDECIDED].endswith("no side is clearly better")
+    assert "params.guidance.orientation" in lines[OrientationSource.UNCONDITIONED]
+    assert "source_noun" in lines[OrientationSource.UNRECOGNISED]
+    for source in (OrientationSource.KEPT, OrientationSource.GIVEN, OrientationSource.CONTINUED):
+        assert not lines[source]
+
+
+def test_what_an_asset_was_taken_for_and_what_was_kept_is_said() -> None:
+    known = {"noun": "chair", "probability": 0.64, "recognised": True}
+    carrier = {"kind": "lattice", "cells": 900, "mirror": "x", "level": True}
+    assert source_line({"source_noun": known, "carrier": carrier}) == (
+        "Taken for: chair (64%; --set source_noun=NOUN corrects it). Kept: mirror symmetry across x, level and upright"
+    )
+    assert source_line({"source_noun": {**known, "recognised": False}, "carrier": {**carrier, "level": False}}) == (
+        "Kept: mirror symmetry across x"
+    )
+    assert not source_line({"source_noun": None, "carrier": {"kind": "surface", "cells": None}})
+
+
+# `--also`: what is typed is what the request has, and what comes of it is said for each prompt.
+
+
+def test_further_prompts_are_written_with_weight_and_place() -> None:
+    written = ["a rabbit", "a rabbit: .5", " a 2:1 box:2@node=Head@box=0,0,0,1,1,1", "a horse@outside:material=3"]
+    parsed = [read_prompt(text) for text in written]
+    box = {"box": {"min": [0, 0, 0], "max": [1, 1, 1]}}
+    assert parsed == [
+        {"prompt": "a rabbit"},
+        {"prompt": "a rabbit", "weight": 0.5},
+        {"prompt": "a 2:1 box", "weight": 2.0, "regions": [{"node": "Head"}, box]},
+        {"prompt": "a horse", "regions": [{"material": 3}], "outside": True},
+    ]
+    assert len(DeformParams.model_validate({"guidance": {"prompts": parsed}}).prompts) == 4
+
+
+@each_case("text", ["", "@node=a", "a vase@", "a vase@head", "a vase@node=a@outside:node=b"])
+def test_anything_else_is_refused(text: str) -> None:
+    with pytest.raises(typer.BadParameter):
+        read_prompt(text)
+
+
+def test_each_prompt_gets_a_line() -> None:
+    like = {"noun": "bell", "probability": 0.6, "rank": 1, "nouns": 122, "matches": True}
+    like["next"] = {"noun": "owl", "probability": 0.2}
+    found = [
+        {"prompt": "a bell", "regions": [], "likeness": like},
+        {"prompt": "a vase", "regions": [], "likeness": None},
+        {"prompt": "an old bell", "regions": [{"node": "Head"}], "likeness": like},
+        {"prompt": "a bell", "regions": [{"node": "Head"}], "likeness": {**like, "before": {"probability": 0.002}}},
+    ]
+    looks = "Looks like: a bell (60% among the judge's 122 nouns); next: an owl (20%)"
+    assert prompt_lines(found) == [
+        f"a bell: {looks}",
+        f"an old bell (in its region): {looks}",
+        f"a bell (in its region, under 1% before): {looks}",
+    ]
