@@ -91,10 +91,31 @@ async function parseGltf(buffer, renderer) {
   }
   const root = gltf.scene ?? gltf.scenes[0];
   if (!root) throw new Error("The glTF file has no scene.");
+  const found = [...gltf.parser.associations].filter(([, { nodes } = {}]) => nodes !== undefined);
+  const nodes = new Map(found.map(([object, each]) => [object, Number(each.nodes)]));
+  atRest(json, nodes);
   requireTriangles(root);
-  const nodes = [...gltf.parser.associations].filter(([, found]) => found?.nodes !== undefined);
-  origins.set(root, { format: "glb", json, nodes: new Map(nodes.map(([object, found]) => [object, Number(found.nodes)])) });
+  origins.set(root, { format: "glb", json, nodes });
   return root;
+}
+
+/**
+ * Show what three's loader leaves out: weights of nodes; and leave out what KHR_node_visibility hides.
+ * @param {Record<string, any>} json
+ * @param {Map<any, number>} nodes
+ */
+function atRest(json, nodes) {
+  for (const [object, at] of nodes) {
+    const node = json.nodes[at];
+    if (isHidden(node)) object.removeFromParent();
+    const own = [object, ...object.children].filter((each) => each instanceof Mesh && (each === object || !nodes.has(each)));
+    for (const mesh of node.weights ? own : []) node.weights.forEach((/** @type {number} */ weight, /** @type {number} */ k) => (mesh.morphTargetInfluences[k] = weight));
+  }
+}
+
+/** @param {Record<string, any>} node of the file @returns {boolean} */
+export function isHidden(node) {
+  return node.extensions?.KHR_node_visibility?.visible === false;
 }
 
 /** @param {ArrayBuffer} buffer @param {"obj" | "ply" | "stl"} kind @returns {Promise<import("three").Object3D>} */

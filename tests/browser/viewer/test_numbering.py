@@ -60,8 +60,22 @@ def several() -> Kind:
     return kind(builder.glb())
 
 
+def at_rest() -> Kind:
+    """A mesh with morph weights of its own, an instance with others, and a hidden node with a child."""
+    builder = Builder()
+    primitive = builder.primitive(VERTS, FACES, NORMAL=NORMALS)
+    primitive["targets"] = [{"POSITION": builder.accessor(np.roll(VERTS, 1, axis=1), bounds=True)}]
+    mesh = builder.mesh(primitive, weights=[0.5])
+    builder.node(mesh)
+    builder.node(mesh, translation=[9, 0, 0], weights=[-0.25])
+    child = builder.node(mesh, in_scene=False)
+    builder.node(mesh, children=[child], extensions={"KHR_node_visibility": {"visible": False}})
+    builder.root["extensionsUsed"] = ["KHR_node_visibility"]
+    return kind(builder.glb())
+
+
 def test_face_by_face_as_the_service_counts(page: Page, site: ViewerSite) -> None:
-    for name, make in {**KINDS, "grouped": grouped, "several": several}.items():
+    for name, make in {**KINDS, "grouped": grouped, "several": several, "at rest": at_rest}.items():
         made = make()
         site.files[name] = made.data
         found: dict[str, Any] = page.evaluate(

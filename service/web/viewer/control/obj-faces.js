@@ -1,18 +1,16 @@
 // @ts-check
 /**
- * The faces of an OBJ in the order in which the service counts them: that of its reader, trimesh. Objects, groups and
- * materials are gathered into meshes, the last one first; where all faces of a mesh are quads, their first halves come
- * before their second halves. No three.js here, so that node can test it.
+ * The faces of an OBJ in the order in which the service counts them. Objects, groups and materials are gathered into
+ * meshes, the last one first; a polygon is a fan from its first corner. No three.js here, so that node can test it.
  */
 
-/** @typedef {{ corners: number[], columns: number }} Polygon `columns`: how many numbers its line has */
 /** @typedef {{ positions: Float64Array, corners: Uint32Array, counts: number[] }} ObjFaces `counts`: triangles of each mesh */
 
 /** @param {string} text of the file @returns {ObjFaces | null} null where it has no faces, or one that refers to no vertex */
 export function readObjFaces(text) {
   /** @type {number[]} */
   const places = [];
-  /** @type {Map<string, Polygon[]>} */
+  /** @type {Map<string, number[][]>} */
   const meshes = new Map();
   let [material, object, group] = ["", "", ""];
   for (const line of text.replaceAll("\r\n", "\n").replaceAll("\\\n", "").split("\n")) {
@@ -25,20 +23,20 @@ export function readObjFaces(text) {
       const key = JSON.stringify([material, object, group]);
       const faces = meshes.get(key) ?? [];
       if (!faces.length) meshes.set(key, faces);
-      faces.push({ corners: rest.map((corner) => parseInt(corner, 10)), columns: rest.join("/").split("/").filter(Boolean).length });
+      const before = places.length / 3; // relative indices count back from their line
+      faces.push(rest.map((text) => parseInt(text, 10)).map((corner) => (corner > 0 ? corner - 1 : before + corner)));
     }
   }
   const vertices = places.length / 3;
   const parts = [...meshes.values()].reverse().map(triangles);
-  const corners = Uint32Array.from(parts.flat(2), (corner) => (corner > 0 ? corner - 1 : vertices + corner));
+  const corners = Uint32Array.from(parts.flat(2));
   if (!corners.length || corners.some((corner) => !(corner < vertices))) return null;
   return { positions: Float64Array.from(places), corners, counts: parts.map((part) => part.length) };
 }
 
-/** @param {Polygon[]} faces @returns {number[][]} triangles */
+/** @param {number[][]} faces @returns {number[][]} triangles; a quad's second one begins at the other end of the cut */
 function triangles(faces) {
-  if (faces.every(({ corners, columns }) => corners.length === 4 && columns === faces[0].columns)) {
-    return [...faces.map(({ corners: [a, b, c] }) => [a, b, c]), ...faces.map(({ corners: [a, , c, d] }) => [c, d, a])];
-  }
-  return faces.flatMap(({ corners: [hub, ...rest] }) => rest.slice(1).map((corner, i) => [hub, rest[i], corner]));
+  return faces.flatMap(([hub, ...rest]) =>
+    rest.slice(1).map((corner, i) => (rest.length === 3 && i === 1 ? [rest[1], corner, hub] : [hub, rest[i], corner])),
+  );
 }

@@ -5,7 +5,7 @@
  */
 import { Matrix4, Vector3 } from "../../vendor/three/three.module.js";
 import { worldPositions } from "../deformation.js";
-import { meshesOf, originOf, triangleCount } from "../loading.js";
+import { isHidden, meshesOf, originOf, triangleCount } from "../loading.js";
 import { floats } from "../topology.js";
 import { weld } from "../weld.js";
 import { readObjFaces } from "./obj-faces.js";
@@ -140,7 +140,7 @@ class Joined {
 
   /** @param {import("three").Mesh} mesh @param {number} mode @param {{ node: number, mesh: number, material: number }} names */
   add(mesh, mode, names) {
-    const positions = floats(mesh.geometry.attributes.position, 3, null);
+    const positions = restPositions(mesh);
     const at = placement(mesh);
     const point = new Vector3();
     const places = Array.from(positions);
@@ -155,6 +155,16 @@ class Joined {
     this.vertices += positions.length / 3;
     this.faces += count;
   }
+}
+
+/** @param {import("three").Mesh} mesh @returns {Float32Array} with what its morph targets add at rest */
+function restPositions({ geometry, morphTargetInfluences }) {
+  const positions = floats(geometry.attributes.position, 3, null).slice();
+  (geometry.morphAttributes.position ?? []).forEach((target, k) => {
+    const weight = morphTargetInfluences?.[k] ?? 0;
+    if (weight) floats(target, 3, null).forEach((value, i) => (positions[i] += weight * value));
+  });
+  return positions;
 }
 
 /** @param {import("three").Mesh} mesh @param {number} mode of the file: 4 a list, 5 a strip, 6 a fan @returns {Uint32Array} */
@@ -206,7 +216,7 @@ function together(primitives) {
 
 /** @param {Record<string, any>} json @returns {number[]} nodes of the default scene */
 function depthFirst(json) {
-  const visit = (/** @type {number} */ node) => /** @type {number[]} */ ([node, ...(json.nodes[node].children ?? []).flatMap(visit)]);
+  const visit = (/** @type {number} */ node) => /** @type {number[]} */ (isHidden(json.nodes[node]) ? [] : [node, ...(json.nodes[node].children ?? []).flatMap(visit)]);
   return (json.scenes?.[json.scene ?? 0]?.nodes ?? []).flatMap(visit);
 }
 
