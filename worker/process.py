@@ -320,6 +320,8 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
     )
 
     def idle() -> None:
+        if stopping:  # a signal that came before RQ's handlers were there
+            raise StopRequested
         try:
             record.leases.idle(worker)
         except MeshdeformError as error:
@@ -337,11 +339,16 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
                 connection = Redis.from_url(settings.redis_url)
                 listener = InProcessWorker(settings.queue, connection, runner.run, on_idle=idle, on_stop=stop)
                 listener.work(logging_level="WARNING")
-            except RedisError as error:
+            except (RedisConnectionError, RedisTimeoutError) as error:
                 _log.warning("this worker could not register with Redis, or deregister: %s", type(error).__name__)
+            except RedisError:  # it answers, but refuses: the supervisor starts another process, ever more slowly
+                if not stopping and not spent:
+                    raise
             else:
                 if not listener.lost_redis:
                     break
+    except StopRequested:
+        _log.debug("a signal came between two loops")
     finally:
         stop_tracing()
     return OUT_OF_MEMORY if spent and not stopping else 0
