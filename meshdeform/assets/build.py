@@ -14,9 +14,8 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.inspect import UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.assets.materials import image_type
-from meshdeform.assets.notices import rounding_warning
 
-__all__ = ["Primitive", "build_glb", "far_origin", "linear_color", "rounded"]
+__all__ = ["Primitive", "build_glb", "far_origin", "linear_color"]
 
 _FAR = 32.0
 """Distance from the origin, in diagonals, from which 32-bit floats round a mesh by more than a 500,000th of it."""
@@ -134,14 +133,6 @@ def far_origin(places: Sequence[NDArray[Any]]) -> NDArray[np.float64] | None:
         return None
     step = 10.0 ** np.floor(np.log10(size))
     return np.asarray(np.round((low + high) / 2 / step) * step)
-
-
-def rounded(places: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return a sentence about places (V, 3) of a file of 32-bit floats that are rounded in it already."""
-    if not len(places):
-        return ()
-    step = float(np.spacing(np.float32(np.abs(places).max())))
-    return rounding_warning(step, float(np.linalg.norm(np.ptp(places, axis=0))))
 
 
 def _material(document: Document, primitive: Primitive) -> Json:

@@ -23,7 +23,7 @@ __all__ = [
     "coarseness_warnings",
     "find_backdrop",
     "looks_z_up",
-    "rounding_warning",
+    "rounded_places",
     "rounding_warnings",
     "up_axis_warnings",
 ]
@@ -197,10 +197,18 @@ def rounding_warnings(surface: Surface, blocks: Sequence[Block]) -> tuple[str, .
         for block in blocks
         if len(block.positions)
     ]
-    return rounding_warning(max(steps), float(np.linalg.norm(np.ptp(surface.positions, axis=0))))
+    return _rounding(max(steps), float(np.linalg.norm(np.ptp(surface.positions, axis=0))))
 
 
-def rounding_warning(step: float, size: float) -> tuple[str, ...]:
+def rounded_places(places: _Floats) -> tuple[str, ...]:
+    """Return a sentence about places (V, 3) of a file of 32-bit floats that are rounded in it already."""
+    if not len(places):
+        return ()
+    step = float(np.spacing(np.float32(np.abs(places).max())))
+    return _rounding(step, float(np.linalg.norm(np.ptp(places, axis=0))))
+
+
+def _rounding(step: float, size: float) -> tuple[str, ...]:
     """Return a sentence if the steps between the floats of an asset are large beside its diagonal."""
     if not size > 0.0 or step < _ROUNDED * size:
         return ()

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.archive import Archive, not_found, not_readable
-from meshdeform.assets.build import Primitive, rounded
+from meshdeform.assets.build import Primitive
 from meshdeform.assets.materials import portable_picture
+from meshdeform.assets.notices import rounded_places
 from meshdeform.assets.polygons import Triangulation, cut_polygons
 from meshdeform.errors import AssetError, AssetFormatError, AssetNotFiniteError, AssetTruncatedError
 
@@ -121,7 +122,7 @@ def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str,
     faces, triangles = polygon[cut.polygons], np.flatnonzero(of_polygon)[cut.triangles]
     notices += [*cut.notices(), *_left_out(header, vertex)]
     if header.order and vertex.columns["x"].itemsize == 4:
-        notices += rounded(places)
+        notices += rounded_places(places)
     reader = _Mesh(vertex, face, places, sizes, corners, _textures(header, archive, notices), notices)
     return list(reader.primitives(faces, triangles, cut)), tuple(notices)
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.build import Primitive, rounded
+from meshdeform.assets.build import Primitive
+from meshdeform.assets.notices import rounded_places
 from meshdeform.assets.other_formats import is_ascii_stl
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
 
@@ -44,7 +45,7 @@ def read_stl(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, 
     facets = np.frombuffer(data, _FACET, count, 84)
     corners = facets["corners"].astype(np.float64)
     solid = _primitive(corners, "geometry_0", _colors(data[:80], facets["attribute"]))
-    return [solid], rounded(solid.verts)
+    return [solid], rounded_places(solid.verts)
 
 
 def _read_text(data: bytes, most_parts: int) -> list[Primitive]:
