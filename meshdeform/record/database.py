@@ -150,6 +150,15 @@ class Database:
             return _NOW
         return sa.type_coerce(_CLOCK + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
 
+    def seconds(self, start: sa.ColumnElement[Any], end: Any) -> sa.ColumnElement[float]:
+        """Return the expression for the seconds between two times; 0 if one is unknown, or the clock was set back."""
+        if self.is_sqlite:
+            end = sa.literal(end, UtcDateTime()) if isinstance(end, datetime) else end
+            between: Any = (sa.func.julianday(end) - sa.func.julianday(start)) * 86_400.0
+        else:
+            between = sa.cast(sa.extract("epoch", end - start), sa.Double)
+        return sa.case((between > 0.0, between), else_=0.0)
+
     def clock(self) -> datetime:
         """Return the current time by the clock of `now`, as a value."""
         if self.is_sqlite:
