@@ -24,7 +24,7 @@ from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Artifact, Job, JobError, JobState, OriginMode, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.turns import Turns
-from meshdeform.runs.base import InputFile, JobRun, RunInput, StartRun
+from meshdeform.runs.base import InputFile, JobRun, RunInput, StartRun, StepReport
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint

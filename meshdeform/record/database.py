@@ -121,8 +121,6 @@ class Database:
         with _answers(), self._engine.begin() as connection:
             yield connection
 
-    write_once = write
-
     def now(self, later_s: float = 0.0) -> Any:
         """Return the current time, or a time so many seconds later, by the clock that all processes share.
 

@@ -82,7 +82,7 @@ class Leases:
         waiting = waits_longer(self._database, self._readable(), turns, job)
         stays = sa.and_(rows.fenced(job.id, job.attempt), jobs.c.yielded_at.is_(None))
         mark = sa.update(jobs).where(stays, waiting.exists()).values(yielded_at=self._database.now())
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             return connection.execute(mark.returning(jobs.c.id)).first() is not None
 
     def _last_served(self) -> Any:
@@ -149,8 +149,7 @@ class Leases:
         """Renew the lease of a job and the row of its worker; return the job's state, which may be `canceling`."""
         renew = sa.update(jobs).where(rows.fenced(job_id, attempt))
         renew = renew.values(lease_expires_at=self._database.now(lease_s))
-        opened = self._database.write_once if worker is None else self._database.write
-        with opened() as connection:
+        with self._database.write() as connection:
             state = connection.execute(renew.returning(jobs.c.state)).scalar_one_or_none()
             if state is None:
                 raise stale(connection, job_id, attempt)
@@ -160,7 +159,7 @@ class Leases:
 
     def idle(self, worker: WorkerIdentity) -> None:
         """Renew the row of a worker without a job."""
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             self._renew(connection, worker)
 
     def _renew(self, connection: sa.Connection, worker: WorkerIdentity) -> None:
@@ -211,7 +210,7 @@ class Leases:
             if as_event
             else change.returning(jobs.c.state)
         )
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             state = connection.execute(statement).scalar_one_or_none()
             if state is None:
                 raise stale(connection, job_id, attempt)

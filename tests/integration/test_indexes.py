@@ -153,7 +153,9 @@ Ask = Callable[[JobRecord], object]
 QUESTIONS: dict[str, Ask] = {
     "a job": lambda record: record.get(MIDDLE),
     "the next job": lambda record: record.leases.claim_next("worker", LEASE_S),
-    "the next job of owners that may run few": lambda record: record.leases.claim_next("worker", LEASE_S, Turns(9.0, 99)),
+    "the next job of owners that may run few": lambda record: record.leases.claim_next(
+        "worker", LEASE_S, Turns(9.0, 99)
+    ),
     "whether to make room": lambda record: record.leases.hand_over(record.get(f"{_PREFIX}{COUNT}"), Turns(0.0, 99)),
     "what a worker writes": lambda record: _work(record),
     "artifacts": lambda record: record.artifacts(MIDDLE),

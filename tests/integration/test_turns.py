@@ -132,9 +132,7 @@ def test_jobs_of_one_owner_do_not_make_room_for_each_other(service: Simulation) 
 
 
 @pytest.mark.parametrize(("waiting", "hand_overs"), [(1, 1), (9, 2)])
-def test_an_owner_with_all_workers_gives_up_an_equal_share(
-    service: Simulation, waiting: int, hand_overs: int
-) -> None:
+def test_an_owner_with_all_workers_gives_up_an_equal_share(service: Simulation, waiting: int, hand_overs: int) -> None:
     service.employ(3)
     for _ in range(8):
         service.post("a", 10_000)
