@@ -20,8 +20,6 @@ from meshdeform.errors import ParameterError
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["inspect"]
-
 _SHOWN = 40
 _READ = ("guidance.model", "guidance.source_noun", "guidance.prompts")
 

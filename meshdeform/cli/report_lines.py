@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
     from meshdeform.cli.options import Printed
 
+<<<<<<< HEAD
 __all__ = [
     "change_lines",
     "fit_line",
@@ -28,6 +29,8 @@ __all__ = [
     "verdict_line",
 ]
 
+=======
+>>>>>>> main
 
 def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed: Printed) -> None:
     """Print the result of a job of any kind, whose files are named by artifact, as JSON or in lines."""

@@ -21,7 +21,6 @@ from meshdeform.assets import Asset
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.plain.words import singular
 
-
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -16,7 +16,6 @@ from meshdeform.plain.maps import Moved, move
 from meshdeform.plain.parts import PartMissing, Parts
 from meshdeform.plain.words import SHAPES, WHOLE, Change
 
-
 _ROUNDS = 12
 _ATTEMPTS = ((0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.5), (1.0, 0.25), (1.0, 0.125))
 """How evenly a change is spread, and which share of it is made, until no face flips."""

@@ -20,7 +20,6 @@ from meshdeform.plain.body import UP, Body, Flags, Floats, ease, step
 from meshdeform.plain.parts import Head, Legs, Limb, PartMissing, Parts, attachment
 from meshdeform.plain.words import SHAPES, WHOLE, Change
 
-
 _SLABS = 160
 _Line = Callable[[Floats], Floats]
 

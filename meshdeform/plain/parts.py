@@ -18,7 +18,6 @@ from scipy.spatial import cKDTree
 
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step, tokens
 
-
 _AROUND = np.ones((3, 3, 3))
 
 _CLASSES = {

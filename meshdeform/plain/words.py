@@ -18,7 +18,6 @@ from dataclasses import dataclass, field
 
 from meshdeform.errors import PromptError
 
-
 WHOLE = "whole"
 """The part of a change of everything."""
 
@@ -108,8 +107,45 @@ _PART_OF = {
     for word in words.split()
 }
 _FILLERS = frozenset(
-    "a an the its it it's is be this that make made let give please have has having get of to in more "
-    "version one some them by factor look looks looking into become and as with".split()
+    [
+        "a",
+        "an",
+        "the",
+        "its",
+        "it",
+        "it's",
+        "is",
+        "be",
+        "this",
+        "that",
+        "make",
+        "made",
+        "let",
+        "give",
+        "please",
+        "have",
+        "has",
+        "having",
+        "get",
+        "of",
+        "to",
+        "in",
+        "more",
+        "version",
+        "one",
+        "some",
+        "them",
+        "by",
+        "factor",
+        "look",
+        "looks",
+        "looking",
+        "into",
+        "become",
+        "and",
+        "as",
+        "with",
+    ]
 )
 _DETERMINERS = frozenset({"a", "an", "the", "its"})
 _SLIGHT = frozenset({"slightly", "bit", "somewhat"})

@@ -35,7 +35,7 @@ __all__ = [
     "workers",
 ]
 
-HEAD = "0009"
+HEAD = "0010"
 """The newest migration. A record at this version is opened without Alembic.
 
 The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
@@ -121,6 +121,17 @@ jobs = sa.Table(
     sa.Column("oom_attempts", sa.Integer, nullable=False),
     sa.Column("worker_id", sa.String(255)),
     sa.Column("lease_expires_at", UtcDateTime),
+    # Time of the newest claim, and the seconds that earlier attempts ran.
+    sa.Column("claimed_at", UtcDateTime),
+    sa.Column("ran_s", sa.Double, nullable=False, server_default="0"),
+    # When it was handed back so that others could run; it takes its turn as if it had been queued then.
+    sa.Column("yielded_at", UtcDateTime),
+    # Failures in a row that may pass, and the time before which it is not tried again.
+    sa.Column("failures", sa.Integer, nullable=False, server_default="0"),
+    sa.Column("retry_at", UtcDateTime),
+    # Size of its mesh, the basis of estimates; null if unknown.
+    sa.Column("faces", sa.Integer),
+    sa.Column("parts", sa.Integer),
     # Sequence number of the newest event.
     sa.Column("event_seq", sa.Integer, nullable=False),
     sa.Column("step", sa.Integer, nullable=False),
@@ -145,6 +156,8 @@ jobs = sa.Table(
 # The order in which workers claim jobs: by priority, and within one the owners in turn.
 sa.Index("ix_jobs_urgency", jobs.c.state, jobs.c.priority.desc(), jobs.c.id)
 sa.Index("ix_jobs_share", jobs.c.state, jobs.c.priority, jobs.c.owner_id, jobs.c.id)
+_yielded = jobs.c.yielded_at.is_not(None)
+sa.Index(None, jobs.c.state, jobs.c.yielded_at, sqlite_where=_yielded, postgresql_where=_yielded)
 
 # The stored files that a job needs: those of its parts, and the checkpoint of its origin as `ORIGIN`. Never changed.
 job_files = sa.Table(
@@ -303,7 +316,10 @@ webhooks = sa.Table(
     sa.Column("disabled_at", UtcDateTime),
     sa.Column("disabled_reason", sa.String(255)),
     sa.Column("created_at", UtcDateTime, nullable=False),
+    # The one job that it is for; null: all of the owner.
+    sa.Column("job_id", _ID),
     sa.Index(None, "owner_id", "id"),
+    sa.Index(None, "job_id"),
 )
 
 # One message to one webhook, written with its event.

@@ -23,7 +23,6 @@ from meshdeform.requests.choices import GuidanceKind, is_builtin
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.questions import Question, answer
 
-
 _SHOWN = 20
 _TIMEOUT_S = 60.0
 _UNUSED = ("regions", "rigid", "handles")

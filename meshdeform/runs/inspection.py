@@ -17,8 +17,6 @@ from meshdeform.plain.body import body_of
 from meshdeform.plain.change import list_parts
 from meshdeform.runs.surfaces import welded_surface
 
-__all__ = ["MAX_COMPARED", "inspect_parts"]
-
 MAX_COMPARED = 200
 """Components that are compared with each other: those with the most faces."""
 

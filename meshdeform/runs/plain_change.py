@@ -27,7 +27,6 @@ from meshdeform.runs.surfaces import DeformedSurface, Shown, deformed_surface, r
 from meshdeform.runs.text_report import AssetFacts, Outcome, change_report, provenance
 from meshdeform.runs.verdict import Recognition
 
-
 _GLB = "model/gltf-binary"
 
 

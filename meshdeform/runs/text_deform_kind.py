@@ -40,7 +40,6 @@ from meshdeform.runs.base import (
     check_weights_part,
     start_of,
 )
-
 from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change
 
 if TYPE_CHECKING:

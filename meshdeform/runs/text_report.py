@@ -36,20 +36,6 @@ from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.surfaces import Shown
 from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports, verdict
 
-__all__ = [
-    "AssetFacts",
-    "Movement",
-    "Outcome",
-    "RunFacts",
-    "build_report",
-    "change_report",
-    "measure_movement",
-    "precision_of",
-    "provenance",
-    "rig_warnings",
-    "sees_colours",
-]
-
 _STALLED = 0.01
 """Root mean square displacement, as a share of the diagonal, below which a result looks like its source."""
 _MOSTLY = 0.5
@@ -181,7 +167,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
     first_step : int
         Number of steps done by earlier attempts.
     """
-    params, asset, shown = facts.params, facts.asset, outcome.shown
+    params, asset = facts.params, facts.asset
     with log.phase("measure"):
         measured = _measured(facts, outcome)
         movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, outcome.held_share)
