@@ -12,11 +12,6 @@ from meshdeform.assets.document import Document, read_accessor, read_floats, rea
 from meshdeform.assets.surface import Block
 from meshdeform.errors import AssetError
 
-<<<<<<< HEAD
-__all__ = ["corner_colors", "corner_weights", "joint_shares", "skin_weights"]
-
-=======
->>>>>>> main
 _Floats = NDArray[np.float64]
 
 

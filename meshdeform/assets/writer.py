@@ -24,22 +24,9 @@ from meshdeform.assets.pose import pose_maps
 from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handedness, transformed_normals, unit_rows
 from meshdeform.errors import AssetError, NumericalError, ShapeError
 
-<<<<<<< HEAD
 if TYPE_CHECKING:
     from meshdeform.assets.rig import RigMotion
 
-__all__ = [
-    "Deformation",
-    "Finish",
-    "carried_positions",
-    "embed_data_uris",
-    "write_shape",
-    "write_targets",
-    "write_vertex_values",
-]
-
-=======
->>>>>>> main
 
 @dataclass(frozen=True)
 class Deformation:

@@ -14,23 +14,6 @@ if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
     from meshdeform.cli.options import Printed
 
-<<<<<<< HEAD
-__all__ = [
-    "change_lines",
-    "fit_line",
-    "kept_line",
-    "likeness_line",
-    "orientation_line",
-    "print_result",
-    "prompt_lines",
-    "silhouettes_line",
-    "source_line",
-    "stretch_line",
-    "verdict_line",
-]
-
-=======
->>>>>>> main
 
 def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed: Printed) -> None:
     """Print the result of a job of any kind, whose files are named by artifact, as JSON or in lines."""
