@@ -1,9 +1,8 @@
 """Measure and draw changes in plain words: ``python bench/plain.py ASSETS [-o FOLDER] [--only NAME]``.
 
-Makes each of eight changes on each asset that is in the folder, prints a table of what was asked for and got, and writes
-a sheet of pictures for each asset, its source first. `rest` is how far vertices outside of the part moved against each
-other, as a share of the diagonal; `cuts` are new self-intersections; `asymmetry` is that of the mirror images that the
-source had.
+Makes each of eight changes on each asset that is in the folder, prints a table of what was asked for and got, and
+writes a sheet of pictures for each asset. `rest` is how far vertices outside of the part moved against each other, as a share
+of the diagonal; `cuts` are new self-intersections; `asymmetry` is that of the mirror images that the source had.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.plain.body import Body, body_of
 from meshdeform.plain.change import apply_changes
 from meshdeform.plain.maps import move
-from meshdeform.plain.parts import PartMissing, Parts
+from meshdeform.plain.parts import PartMissingError, Parts
 from meshdeform.plain.words import WHOLE, read_changes
 from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.rendering.studio import Pose, Studio
@@ -95,7 +94,7 @@ def measured(name: str, asset: Asset, sentence: str, *, cuts: bool) -> Any:
     assert asked is not None
     try:
         changed, done = apply_changes(body, asked.changes)
-    except PartMissing as error:
+    except PartMissingError as error:
         print(f"{name:16.16} {sentence:20.20} refused: {error}", flush=True)
         return None
     seconds = time.perf_counter() - began

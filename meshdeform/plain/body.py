@@ -254,7 +254,8 @@ class Solid:
 
     def indices(self, places: Floats) -> Index:
         """Return the cells of places, (N, 3)."""
-        return np.clip(((places - self.origin) / self.side).astype(int), 0, np.array(self.surface.shape) - 1)
+        cells = ((places - self.origin) / self.side).astype(np.int64)
+        return np.asarray(np.clip(cells, 0, np.array(self.surface.shape) - 1))
 
     def heights(self, layers: Index | Floats) -> Floats:
         """Return the heights of the middles of layers."""
@@ -284,7 +285,7 @@ class Solid:
         """Return how far each cell (C,) is from one of them, inside the solid."""
         found = csgraph.dijkstra(self._graph, directed=False, indices=cell)
         reached = np.isfinite(found)
-        return np.where(reached, found, found[reached].max())
+        return np.asarray(np.where(reached, found, found[reached].max()))
 
     def at(self, values: Floats, places: Floats, *, nearest: bool = False) -> Floats:
         """Return values (C,) of the cells at places (N, 3), interpolated."""
@@ -352,13 +353,12 @@ def _joint_above(node: int, parents: Mapping[int, int], numbers: Mapping[int, in
 def _names(asset: Asset, vertex_map: Index, count: int) -> dict[str, Flags]:
     """Return the welded vertices of named nodes and materials, those of one name together."""
     parts, corners = asset.parts(), vertex_map[asset.surface.triangles]
-    named = [(node["name"], lambda at=node["index"]: parts.in_node(at)) for node in parts.nodes]
-    named += [(look["name"], lambda at=look["index"]: parts.of_material(at)) for look in parts.materials]
+    named = [(each, parts.in_node) for each in parts.nodes] + [(each, parts.of_material) for each in parts.materials]
     found: dict[str, Flags] = {}
-    for name, triangles in named[:_MOST_NAMES]:
-        if not tokens(name):
+    for each, triangles_of in named[:_MOST_NAMES]:
+        if not tokens(each["name"]):
             continue
-        flags = found.setdefault(name, np.zeros(count, bool))
-        own = corners[triangles()].ravel()
+        flags = found.setdefault(each["name"], np.zeros(count, bool))
+        own = corners[triangles_of(each["index"])].ravel()
         flags[own[own >= 0]] = True
     return found

@@ -13,7 +13,7 @@ import numpy as np
 
 from meshdeform.plain.body import UP, Body, Flags, Floats
 from meshdeform.plain.maps import Moved, move
-from meshdeform.plain.parts import PartMissing, Parts
+from meshdeform.plain.parts import PartMissingError, Parts
 from meshdeform.plain.words import SHAPES, WHOLE, Change
 
 _ROUNDS = 12
@@ -89,7 +89,7 @@ def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Don
 
     Raises
     ------
-    PartMissing
+    PartMissingError
         A part is not there; nothing is changed.
     """
     done = []
@@ -105,7 +105,7 @@ def missing_part(body: Body, changes: Sequence[Change]) -> str | None:
     try:
         for change in changes:
             _calibrated(parts, change)
-    except PartMissing as error:
+    except PartMissingError as error:
         return str(error)
     return None
 
@@ -145,7 +145,7 @@ def _calibrated(parts: Parts, change: Change) -> float:
         before = made.length(parts.body.points)
         grown = made.length(_settled(parts.body, change, made)) / before - 1 if before else 0.0
         if change.part != WHOLE and grown / (asked - 1) < _TOLD_APART:
-            raise PartMissing(f"The {change.part} cannot be told from the rest well enough to change it.")
+            raise PartMissingError(f"The {change.part} cannot be told from the rest well enough to change it.")
         if abs(grown - (asked - 1)) < 0.01 or grown * (asked - 1) <= 0:
             break
         most = _MOST_CORRECTED * abs(asked - 1)

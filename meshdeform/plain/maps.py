@@ -1,13 +1,14 @@
 """Move the vertices of a body as an operation on a part says: with full strength in the part, blended over its band.
 
 Legs lift what stands on them, and feet keep their shape on the ground. Fatness scales sections about each part's own
-centre line, most at the belly, and carries limbs along. A change of one axis goes where it hurts least: slabs of oblique
-surface, narrow peaks of the solid (seats, tops, posts) and wheels keep their slope (after Kraevoy et al. 2008,
+centre line, most at the belly, and carries limbs along. A change of one axis goes where it hurts least: slabs of
+oblique surface, narrow peaks of the solid (seats, tops, posts) and wheels keep their slope (after Kraevoy et al. 2008,
 Non-homogeneous resizing of complex models).
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,8 +17,8 @@ from scipy import ndimage
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from meshdeform.plain.body import UP, Body, Flags, Floats, ease, step
-from meshdeform.plain.parts import Head, Legs, Limb, PartMissing, Parts, attachment
+from meshdeform.plain.body import UP, Body, Flags, Floats, Index, ease, step
+from meshdeform.plain.parts import Head, Legs, Limb, PartMissingError, Parts, attachment
 from meshdeform.plain.words import SHAPES, WHOLE, Change
 
 _SLABS = 160
@@ -50,13 +51,13 @@ def move(parts: Parts, change: Change, factor: float) -> Moved:
 
     Raises
     ------
-    PartMissing
+    PartMissingError
         The part is not there.
     """
     if change.part == WHOLE:
         return _whole(parts, change.operation, factor)
     if change.operation in SHAPES:
-        raise PartMissing(f"Only the whole can be {change.operation}, no part of it.")
+        raise PartMissingError(f"Only the whole can be {change.operation}, no part of it.")
     special: dict[str, Callable[[Parts, str, float], Moved | None]] = {
         "leg": _leg,
         "head": _head,
@@ -72,12 +73,12 @@ def move(parts: Parts, change: Change, factor: float) -> Moved:
     try:
         made = special[change.part](parts, change.operation, factor) if change.part in special else None
         return made or _limb(parts.body, parts.named(change.part), change.operation, factor)
-    except PartMissing:
+    except PartMissingError:
         if change.part not in special:
             raise
         try:  # a node or a material may have the name of what is not found otherwise
             return _limb(parts.body, parts.named(change.part), change.operation, factor)
-        except PartMissing:
+        except PartMissingError:
             pass
         raise
 
@@ -282,7 +283,7 @@ def _centre_line(
     low, high = ends
     edges = np.linspace(low, high, bins + 1)
     middles, values = [], []
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in itertools.pairwise(edges):
         own = (along >= first) & (along <= last) & (weight > 0.5)
         if own.sum() > 2:
             middles.append(along[own].mean())
@@ -426,7 +427,7 @@ def _wheel(parts: Parts, operation: str, factor: float) -> Moved | None:
     )
 
 
-def _groups(body: Body, flags: Flags) -> list[Floats]:
+def _groups(body: Body, flags: Flags) -> list[Index]:
     """Return the rows of the connected pieces of some vertices; pieces that are nearly in touch count as one."""
     rows = np.flatnonzero(flags)
     _, labels = csgraph.connected_components(body.edges[rows][:, rows], directed=False)
@@ -545,7 +546,7 @@ def _shares(parts: Parts, legs: Legs | None) -> _Shares:
 def _or_none(find: Callable[[], Floats], none: Floats) -> Floats:
     try:
         return find()
-    except PartMissing:
+    except PartMissingError:
         return none
 
 
@@ -592,12 +593,12 @@ def _fat(parts: Parts, factor: float) -> Moved:
     """Scale sections about each part's own centre line, most at the belly; limbs are carried by what they hang on."""
     body = parts.body
     if parts.wheels.any():
-        raise PartMissing('Things on wheels are not fat or thin: say "wider" or "narrower".')
+        raise PartMissingError('Things on wheels are not fat or thin: say "wider" or "narrower".')
     if parts.built:
         return _fat_thing(parts, factor)
     try:
         legs: Legs | None = parts.legs
-    except PartMissing:
+    except PartMissingError:
         legs = None
     shares = _shares(parts, legs)
     amount = factor - 1

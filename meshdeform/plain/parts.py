@@ -37,7 +37,7 @@ _MOSTLY = 0.6
 _HELPERS = frozenset({"ik", "pole", "target", "control", "ctrl"})
 
 
-class PartMissing(Exception):
+class PartMissingError(Exception):
     """A part that a word names is not there; the message says why."""
 
 
@@ -119,7 +119,7 @@ class Tail:
 
 @dataclass(frozen=True)
 class _End:
-    """An end of the body: distances (C,) of the cells from its tip, and the area of each section of `step` thickness."""
+    """An end of the body: distances (C,) of the cells from its tip, and the areas of sections `step` thick."""
 
     distances: Floats
     areas: Floats
@@ -156,7 +156,7 @@ class Parts:
         for name, find in finders.items():
             try:
                 find()
-            except PartMissing:
+            except PartMissingError:
                 continue
             found.append(name)
         named = [name for name in self.body.names if tokens(name) and self._is_part(self.body.names[name])]
@@ -200,18 +200,18 @@ class Parts:
 
         Raises
         ------
-        PartMissing
+        PartMissingError
             Nothing stands between the ground and the body.
         """
         body = self.body
         if self.wheels.any():
-            raise PartMissing("This stands on wheels: it has no legs.")
+            raise PartMissingError("This stands on wheels: it has no legs.")
         rigged = self._standing_joints()
         if self.rigged and rigged is None:
-            raise PartMissing("The skeleton has no legs that stand on the ground.")
+            raise PartMissingError("The skeleton has no legs that stand on the ground.")
         try:
             stand: _Stand | None = self._stand
-        except PartMissing:
+        except PartMissingError:
             if rigged is None:
                 raise
             stand = None
@@ -283,19 +283,19 @@ class Parts:
 
         Raises
         ------
-        PartMissing
+        PartMissingError
             There is nothing like a neck.
         """
         own = self.of_class("head")
         if own is not None and own.max() > 0.5:
             return self._head_of_joints(own)
         if self.rigged:
-            raise PartMissing("The skeleton has no head.")
+            raise PartMissingError("The skeleton has no head.")
         if self.built:
-            raise PartMissing("No head was found: this is a thing on legs or wheels.")
+            raise PartMissingError("No head was found: this is a thing on legs or wheels.")
         found = self._head_of_ends() or self._head_of_levels()
         if found is None:
-            raise PartMissing("No head was found: there is nothing like a neck.")
+            raise PartMissingError("No head was found: there is nothing like a neck.")
         return found
 
     def _head_of_joints(self, own: Floats) -> Head:
@@ -367,7 +367,7 @@ class Parts:
         """Whether it stands on wheels, or is a slab on legs."""
         try:
             return bool(self.wheels.any()) or self.slab is not None
-        except PartMissing:
+        except PartMissingError:
             return False
 
     @cached_property
@@ -376,7 +376,7 @@ class Parts:
 
         Raises
         ------
-        PartMissing
+        PartMissingError
             The rear end is not thin.
         """
         body, solid = self.body, self.body.solid
@@ -389,13 +389,13 @@ class Parts:
             distance = solid.at(solid.distances(solid.nearest(tip)), body.points)
             return Tail(weight, distance, float(np.percentile(distance[mine], 98)), "joints")
         if self.rigged:
-            raise PartMissing("The skeleton has no tail.")
+            raise PartMissingError("The skeleton has no tail.")
         if self.built:
-            raise PartMissing("No tail was found: this is a thing on legs or wheels.")
+            raise PartMissingError("No tail was found: this is a thing on legs or wheels.")
         end = self._ends[1]
         wide = int(np.argmax(end.areas > 0.3 * end.areas[: end.far].max()))
         if wide < 0.18 * end.far:
-            raise PartMissing("No tail was found: the rear end is not thin.")
+            raise PartMissingError("No tail was found: the rear end is not thin.")
         cut = wide * end.step
         distance = solid.at(end.distances, body.points)
         return Tail(1 - step((distance - 0.85 * cut) / (0.3 * cut)), distance, cut, "geometry")
@@ -406,7 +406,7 @@ class Parts:
         body, solid = self.body, self.body.solid
         try:
             labels, trunk = self._stand.labels, self._stand.trunk
-        except PartMissing:
+        except PartMissingError:
             labels, trunk = np.zeros(len(solid.cells), int), np.zeros(len(solid.cells), bool)
         free = (labels == 0) & ~trunk
         if not free.any():
@@ -438,12 +438,12 @@ class Parts:
 
         Raises
         ------
-        PartMissing
+        PartMissingError
             There are none.
         """
         own = self.of_class("arm")
         if own is None or own.max() <= 0.5:
-            raise PartMissing("No arms were found: arms are known by the joints of a skeleton.")
+            raise PartMissingError("No arms were found: arms are known by the joints of a skeleton.")
         weight = self.body.smooth(own, 2)
         return Limb(weight, attachment(self.body, weight), "joints")
 
@@ -472,7 +472,7 @@ class Parts:
 
     def _wheels_or_missing(self) -> Flags:
         if not self.wheels.any():
-            raise PartMissing("No wheels were found.")
+            raise PartMissingError("No wheels were found.")
         return self.wheels
 
     @cached_property
@@ -481,12 +481,12 @@ class Parts:
 
         Raises
         ------
-        PartMissing
+        PartMissingError
             It has no legs, or nothing like a slab.
         """
         body, solid = self.body, self.body.solid
         if self.rigged:
-            raise PartMissing("A body with a skeleton has no seat.")
+            raise PartMissingError("A body with a skeleton has no seat.")
         hip = self.legs.hip
         areas = solid.filled.sum((0, 2)).astype(float)
         heights = solid.heights(np.arange(len(areas)))
@@ -499,7 +499,7 @@ class Parts:
             high += 1
         thick = (high - low + 1) * solid.side
         if thick > 0.3 * body.size[UP] or areas[widest] < 0.3 * body.size[0] * body.size[2] / solid.side**2:
-            raise PartMissing("No seat or top was found: there is no slab on legs.")
+            raise PartMissingError("No seat or top was found: there is no slab on legs.")
         return float(heights[low] - solid.side / 2), float(heights[high] + solid.side / 2)
 
     def back(self) -> Limb:
@@ -507,13 +507,13 @@ class Parts:
 
         Raises
         ------
-        PartMissing
+        PartMissingError
             There is no seat, or nothing above it.
         """
         body = self.body
         _, seat = self.slab
         if body.points[:, UP].max() - seat < 0.1 * body.size[UP]:
-            raise PartMissing("No back was found: nothing stands above the seat.")
+            raise PartMissingError("No back was found: nothing stands above the seat.")
         weight = (body.points[:, UP] > seat - 0.5 * body.solid.side).astype(float)
         above = body.points[weight > 0]
         return Limb(weight, np.array([above[:, 0].mean(), seat, above[:, 2].mean()]), "geometry")
@@ -523,7 +523,7 @@ class Parts:
 
         Raises
         ------
-        PartMissing
+        PartMissingError
             None has it, or all of the asset does.
         """
         body, wanted = self.body, set(word.split())
@@ -544,7 +544,7 @@ class Parts:
             if wanted <= words and not elsewhere and self._is_part(each):
                 flags |= each
         if not flags.any():
-            raise PartMissing(f"No part called {word!r} was found.")
+            raise PartMissingError(f"No part called {word!r} was found.")
         weight = body.smooth(flags.astype(float), 2)
         # Components that belong to it in whole are not blended with what they merely touch.
         whole = np.bincount(body.components, ~flags)[body.components] == 0
@@ -559,7 +559,7 @@ class Parts:
 
         Raises
         ------
-        PartMissing
+        PartMissingError
             There are none.
         """
         flags = self._wheels_or_missing()
@@ -582,7 +582,7 @@ def _find_stand(body: Body) -> _Stand:
 
     Raises
     ------
-    PartMissing
+    PartMissingError
         Nothing does.
     """
     solid = body.solid
@@ -624,7 +624,7 @@ def _find_stand(body: Body) -> _Stand:
         while hip > 0 and of_layer[hip] > 0.45 * areas.max():
             hip -= 1
     if hip < max(3, 0.08 * (top - ground)) or hip > 0.95 * (top - ground):
-        raise PartMissing("No legs were found: nothing stands between the ground and the body.")
+        raise PartMissingError("No legs were found: nothing stands between the ground and the body.")
     labels, found = feet(ground + hip)
     good = kept[hip] if hip < len(kept) else found
     within = np.isin(labels, good)

@@ -12,6 +12,7 @@ share their part, "longer legs and arms" their adjective. Whatever is not unders
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -334,15 +335,15 @@ def _split(text: str) -> list[tuple[str, list[str]]]:
     """Return the words of each clause, with what stands before it."""
     found: list[tuple[str, list[str]]] = []
     after, words = "", list[str]()
-    for token in re.findall(r"§\d+|[^\W_]+(?:'[^\W_]+)?|[,;.]", text):
-        if token in ("and", "but", "with", "then", ",", ";", "."):
+    for word in re.findall(r"§\d+|[^\W_]+(?:'[^\W_]+)?|[,;.]", text):
+        if word in ("and", "but", "with", "then", ",", ";", "."):
             if words:
                 found.append((after, words))
-                after, words = token, []
-            elif token == "with":
-                after = token
+                after, words = word, []
+            elif word == "with":
+                after = word
             continue
-        words.append(token)
+        words.append(word)
     return [*found, (after, words)]
 
 
@@ -410,7 +411,7 @@ def _adjective(word: str) -> tuple[str, bool, bool] | None:
 
 def _joined(clauses: list[_Clause], text: str) -> list[Change] | None:
     """Give clauses what they share with those beside them, and return all changes; None if one lacks its half."""
-    for here, following in zip(clauses, clauses[1:], strict=False):
+    for here, following in itertools.pairwise(clauses):
         lists = following.after in ("and", ",", "then")
         if not following.adjectives and following.part and here.adjectives and here.part and lists:  # legs and arms
             following.adjectives, following.times, following.strength = here.adjectives, here.times, here.strength

@@ -387,7 +387,8 @@ class Kind:
         these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free.
     check_asset : callable
         Refuses a request that does not fit the contents of the first file, where that takes more than its summary.
-        Takes the request, the result of `check`, the file's path and name, and the limits. Default: all fit. Torch-free.
+        Takes the request, the result of `check`, the file's path and name, and the limits. Default: all fit.
+        Torch-free.
     as_branch : callable
         Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
         request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free.

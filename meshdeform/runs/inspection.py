@@ -27,7 +27,8 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
     """Return what a selection can refer to in an asset, and proposals for `params.control.rigid`, as JSON.
 
     Beside the named `nodes`, `mesh_names`, `materials` and `joints` there are the `box` of its coordinates, whether it
-    has vertex `colors`, the `parts` that a change in plain words can name, and its `symmetry`: the axes along which `params.control.symmetry` can be kept.
+    has vertex `colors`, the `parts` that a change in plain words can name, and its `symmetry`: the axes along which
+    `params.control.symmetry` can be kept.
 
     A component has its `number` for `params.control.rigid`, its `triangles`, its `size` as a share of the asset's,
     its `nodes` and its `materials`. A proposal has the numbers of its `components`, whether they are

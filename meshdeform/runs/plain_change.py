@@ -16,7 +16,7 @@ from torch import Tensor
 
 from meshdeform.plain.body import Body, body_of
 from meshdeform.plain.change import Done, apply_changes, list_parts
-from meshdeform.plain.parts import PartMissing
+from meshdeform.plain.parts import PartMissingError
 from meshdeform.plain.words import Sentence
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import RigMode
@@ -48,7 +48,7 @@ def start_change(
         body = body_of(facts.asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
         try:
             changed, done = apply_changes(body, sentence.changes)
-        except PartMissing as missing:
+        except PartMissingError as missing:
             if recognised is not None:
                 return None
             raise part_not_found(str(missing), list_parts(body)) from missing

@@ -76,8 +76,6 @@ def start(given: RunInput) -> JobRun:
     request, file, limits, device = given.request, given.files["asset"], given.limits, given.device
     params = resolved_params(request, given.default_model, given.resolved)
     sentence = asked_changes(request.prompt, params)
-    changed = sentence is not None and is_change(sentence)
-    prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS and not changed else None
     target = read_target(params, given)
     file = replace(file, sha256=file.sha256 or sha256_hex(file.data))
     with log.phase("read"):
@@ -89,6 +87,7 @@ def start(given: RunInput) -> JobRun:
         change, recognised = _change(facts, sentence, given, log)
         if change is not None:
             return change
+    prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS else None
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(file.sha256 or "", asset, params, request.output)

@@ -255,7 +255,7 @@ class _Measured:
     quality: MeshQuality
     posed: MeshQuality | None
     stretch: TextureStretch | None
-    left_out: list[str]
+    left_out: dict[str, int]
 
     def warnings(self, facts: AssetFacts) -> list[str]:
         """Return the sentences about damage, about how the source lies, and about what was split."""
