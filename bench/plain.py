@@ -1,8 +1,9 @@
 """Measure and draw changes in plain words: ``python bench/plain.py ASSETS [-o FOLDER] [--only NAME]``.
 
 Makes each of eight changes on each asset that is in the folder, prints a table of what was asked for and got, and
-writes a sheet of pictures for each asset. `rest` is how far vertices outside of the part moved against each other, as a share
-of the diagonal; `cuts` are new self-intersections; `asymmetry` is that of the mirror images that the source had.
+writes a sheet of pictures for each asset. `rest` is how far vertices outside of the part moved against each other, as
+a share of the diagonal; `cuts` are new self-intersections; `asymmetry` is that of the mirror images that the source
+had.
 """
 
 from __future__ import annotations

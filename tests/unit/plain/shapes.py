@@ -45,7 +45,7 @@ def plain_glb(mesh: TriangleMesh, name: str = "", **more: object) -> bytes:
 
 
 def rigged_dog(*, turned: bool = False) -> bytes:
-    """The dog with a joint in each part, below hips at the root, and a walk; `turned`: its bind pose lies on its side."""
+    """The dog with a joint in each part, below hips at the root, and a walk; `turned`: in its bind pose it lies."""
     builder, parts = Builder(), dog()
     verts, faces, owner, start = [], [], [], 0
     for number, mesh in enumerate(parts.values()):
@@ -57,13 +57,10 @@ def rigged_dog(*, turned: bool = False) -> bytes:
     joints[:, 0] = owner
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (start, 1))
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]) if turned else np.eye(3)
-    primitive = builder.primitive(
-        places @ turn.T, np.concatenate(faces).astype(np.uint16), JOINTS_0=joints, WEIGHTS_0=weights
-    )
+    corners = np.concatenate(faces).astype(np.uint16)
+    primitive = builder.primitive(places @ turn.T, corners, JOINTS_0=joints, WEIGHTS_0=weights)
     builder.node(builder.mesh(primitive), skin=0)
-    at = {"trunk": (0.0, 1.4, 0.0)} | {
-        name: _joint_place(name, mesh) for name, mesh in parts.items() if name != "trunk"
-    }
+    at = {name: _joint_place(name, mesh) for name, mesh in parts.items()}
     children = [
         builder.node(in_scene=False, name=name, translation=np.subtract(at[name], at["trunk"]).tolist())
         for name in parts
@@ -85,6 +82,8 @@ def rigged_dog(*, turned: bool = False) -> bytes:
 def _joint_place(name: str, mesh: TriangleMesh) -> tuple[float, float, float]:
     low, high = mesh.verts.amin(0).tolist(), mesh.verts.amax(0).tolist()
     x, z = (low[0] + high[0]) / 2, (low[2] + high[2]) / 2
+    if name == "trunk":
+        return 0.0, 1.4, 0.0
     if name.startswith("Leg"):
         return x, HIP, z
     return (x, low[1], z) if name != "Tail" else (x, low[1], high[2])

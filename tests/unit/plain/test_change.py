@@ -176,9 +176,8 @@ def test_a_named_node_is_a_part() -> None:
     named = Body(body.points, body.faces, {"Antenna_01": flags}, (), body.weights)
     after, (done,) = changed(named, "bigger antenna")
     assert done.found_by == "names"
-    assert np.ptp(after.points[flags], axis=0)[0] == pytest.approx(
-        1.45 * np.ptp(body.points[flags], axis=0)[0], rel=0.02
-    )
+    wide = [np.ptp(each.points[flags], axis=0)[0] for each in (body, after)]
+    assert wide[1] == pytest.approx(1.45 * wide[0], rel=0.02)
 
 
 def test_a_description_is_a_change_if_the_source_is_what_it_says() -> None:

@@ -56,15 +56,9 @@ def test_a_sentence_asks_for_its_changes(text: str, wanted: list[str]) -> None:
     assert [f"{each.operation} {each.part} {round(each.factor, 2)}" for each in found.changes] == wanted
 
 
-@each_case(
-    "text",
-    ["", "a chair", "longr legs", "big antenna", "a dog and a taller cat", "the legs", "twice", "legs taller of"],
-)
+@each_case("text", ["", "a chair", "longr legs", "big antenna", "a dog and a taller cat", "the legs", "twice"])
 def test_what_is_not_understood_is_no_change(text: str) -> None:
-    if text == "legs taller of":  # fillers alone change nothing
-        assert read_changes(text, noun_of) == read_changes("legs taller", noun_of)
-    else:
-        assert read_changes(text, noun_of) is None
+    assert read_changes(text, noun_of) is None
 
 
 @each_case(
