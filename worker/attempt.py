@@ -16,6 +16,7 @@ from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Artifact, Job, JobError, JobState, OriginMode, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.runs.base import InputFile, JobRun, RunInput, StartRun
+from meshdeform.runs.costs import END_SHARE, costs_of
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
@@ -335,8 +336,9 @@ class JobRunner:
             _log.info("job %s: attempt %d %s", job.id, job.attempt, ended.outcome.name.lower())
 
     def _attempt(self, job: Job) -> Ended:
-        at = self.at
-        with JobWatch(at.record.leases, at.worker, job, lambda: at.listen(job.id), at.settings.lease_s) as watch:
+        at, leases = self.at, self.at.record.leases
+        end_s = END_SHARE * costs_of(job.request.workload).seconds(job.faces, job.parts, None).once
+        with JobWatch(leases, at.worker, job, lambda: at.listen(job.id), at.settings.lease_s, end_s) as watch:
             ended = Attempt(at, job, watch).run()
             if watch.lost:
                 raise StaleAttemptError("The lease is lost.")
