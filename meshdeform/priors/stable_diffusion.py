@@ -17,10 +17,10 @@ Salimans & Ho 2022, appendix D (v-prediction).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from torch import Tensor
@@ -34,8 +34,6 @@ from meshdeform.rendering.shading import RenderStyle
 
 if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
-
-__all__ = ["StableDiffusionPrior"]
 
 _PREDICTIONS = ("epsilon", "v_prediction")
 
@@ -107,6 +105,7 @@ class StableDiffusionPrior:
                 advice=f"Use a text-to-image checkpoint that predicts {' or '.join(_PREDICTIONS)} from {latents}.",
             )
         self._check_conditions(files.model)
+        self._graphs: dict[tuple[torch.Size, ...], Callable[..., Tensor]] = {}
         shrink = 2 ** (len(self._vae.config.block_out_channels) - 1)
         self.image_size = _side(self._unet.config.sample_size, files.model) * shrink
         self.style = RenderStyle(view_size=self.image_size // 2, supersample=1, shading="lambert", scene="varied")
@@ -211,13 +210,30 @@ class StableDiffusionPrior:
         steps = timestep.to(self.device)
         embeddings = embedding.repeat_interleave(len(z_t), 0)
         inputs = noisy.to(self.dtype).repeat(count, 1, 1, 1)
-        output = self._unet(inputs, steps.repeat(count), encoder_hidden_states=embeddings).sample.float()
-        predictions: tuple[Tensor, ...] = output.chunk(count)
+        run = self._run_unet if self.device.type == "cpu" else self._replay_unet
+        output = run(inputs, steps.repeat(count), embeddings)
+        predictions: tuple[Tensor, ...] = output.to(torch.float32, copy=True).chunk(count)
         if self._prediction == "epsilon":
             return predictions
         level = self.alphas_cumprod[steps].view(-1, 1, 1, 1)
         signal, sigma = level.sqrt(), (1 - level).sqrt()
         return tuple(signal * velocity + sigma * noisy for velocity in predictions)
+
+    def _run_unet(self, inputs: Tensor, steps: Tensor, embeddings: Tensor) -> Tensor:
+        output: Tensor = self._unet(inputs, steps, encoder_hidden_states=embeddings).sample
+        return output
+
+    def _replay_unet(self, *given: Tensor) -> Tensor:
+        """Run the U-Net as one CUDA graph: kernel by kernel, a GPU waits most of the time for the next launch.
+
+        The next call overwrites the result.
+        """
+        shapes = tuple(tensor.shape for tensor in given)
+        if shapes not in self._graphs:
+            samples = tuple(tensor.clone() for tensor in given)
+            graphed = torch.cuda.make_graphed_callables(self._run_unet, samples)
+            self._graphs[shapes] = cast("Callable[..., Tensor]", graphed)
+        return self._graphs[shapes](*given)
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:

@@ -41,7 +41,7 @@ _MIGRATIONS = Path(__file__).parent / "migrations"
 
 _BUSY_TIMEOUT_S = 30.0
 
-_CONNECT_TIMEOUT_S = 30.0
+_TIMEOUT_S = 30.0
 
 MAX_CONNECTIONS = 15
 """Connections of an API process to PostgreSQL at most; docs/scaling.md has the sum."""
@@ -59,9 +59,6 @@ example while it is being restored."""
 _AWAY = (READ_ONLY_SERVER, "25P03", "25P04", *_REFUSED, "08", "40", "53", "57", "58")
 """PostgreSQL's codes and classes of temporary errors. Beside those above: a transaction that lasted too long,
 connection, rollback (deadlock), resources, operator, system."""
-
-_UNKNOWN_STATEMENT = "26000"
-"""PostgreSQL's code if a statement was prepared on another connection, which only a pooler brings about."""
 
 _Statement = TypeVar("_Statement")
 
@@ -96,7 +93,7 @@ class Database:
         try:
             if self.is_sqlite:
                 _make_private(Path(self._engine.url.database or ""))
-            self._migrate(url if upgrade_elsewhere else None)
+            self._migrate(url, elsewhere=upgrade_elsewhere)
         except BaseException:
             self.close()
             raise
@@ -112,13 +109,9 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:
-        """Open a connection for queries. On SQLite they see one snapshot; on PostgreSQL each has its own."""
-        options: dict[str, Any] = {_READ_ONLY: True}
-        if not self.is_sqlite:
-            # A transaction at PostgreSQL's default level would see the same, and cost two more round trips.
-            options["isolation_level"] = "AUTOCOMMIT"
+        """Open a transaction of queries. On SQLite they see one snapshot; on PostgreSQL each has its own."""
         with _answers(), self._engine.connect() as connection:
-            connection = connection.execution_options(**options)
+            connection = connection.execution_options(**{_READ_ONLY: True})
             with connection.begin():
                 yield connection
 
@@ -128,15 +121,7 @@ class Database:
         with _answers(), self._engine.begin() as connection:
             yield connection
 
-    @contextmanager
-    def write_once(self) -> Iterator[sa.Connection]:
-        """Open a connection for one statement that writes, which PostgreSQL runs as a transaction of its own."""
-        if self.is_sqlite:
-            with self.write() as connection:
-                yield connection
-            return
-        with _answers(), self._engine.connect() as connection:
-            yield connection.execution_options(isolation_level="AUTOCOMMIT")
+    write_once = write
 
     def now(self, later_s: float = 0.0) -> Any:
         """Return the current time, or a time so many seconds later, by the clock that all processes share.
@@ -177,31 +162,33 @@ class Database:
 
         return postgresql.insert(table)
 
-    def _migrate(self, elsewhere: str | None) -> None:
+    def _migrate(self, url: str, *, elsewhere: bool) -> None:
         with self.read() as connection:
             # Usually. Many processes that start at once must not wait for each other's lock.
             if compatible(_version(connection)):
                 return
-        if elsewhere is not None:
-            _upgrade_apart(elsewhere)
-        with self.write() as connection:
-            # The lock ends with the transaction. DDL is transactional in both databases.
-            if self.is_sqlite:
-                self._migrate_in(connection)
-                return
-            from meshdeform.record.postgresql import without_time_limit
-
-            with without_time_limit(connection):
+        if elsewhere:
+            _upgrade_apart(url)
+        # DDL is transactional in both databases.
+        if self.is_sqlite:
+            with self.write() as connection:
+                _upgrade(connection)
+            return
+        # An index of many rows takes as long as it takes.
+        patient = make_engine(url, connections=1, patient=True)
+        try:
+            with _answers(), patient.begin() as connection:
+                # The lock ends with the transaction.
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_MIGRATION_LOCK)))
-                self._migrate_in(connection)
-
-    def _migrate_in(self, connection: sa.Connection) -> None:
-        if not compatible(_version(connection)):
-            _upgrade(connection)
+                _upgrade(connection)
+        finally:
+            patient.dispose()
 
 
-def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:
+def make_engine(url: str, connections: int = MAX_CONNECTIONS, *, patient: bool = False) -> sa.Engine:
     """Return the engine of a record, with its driver, time limits and TLS. Neither connects nor migrates.
+
+    If `patient`, there is no limit to how long a statement on PostgreSQL takes.
 
     Raises
     ------
@@ -224,7 +211,7 @@ def make_engine(url: str, connections: int = MAX_CONNECTIONS) -> sa.Engine:
         return _sqlite_engine(parsed)
     arguments: dict[str, Any] = {}
     if ours:
-        arguments["timeout"] = _CONNECT_TIMEOUT_S
+        arguments["timeout"] = None if patient else _TIMEOUT_S
         if mode := parsed.query.get("sslmode"):
             parsed = parsed.difference_update_query(["sslmode"])
             if context := _ssl_context(str(mode)):
@@ -330,11 +317,6 @@ def _answers() -> Iterator[None]:
         _log.warning("the record does not answer: %s", error)
         raise UnavailableError("The record does not answer.") from error
     except sqlalchemy.exc.DBAPIError as error:
-        if sql_state(error.orig) == _UNKNOWN_STATEMENT:
-            raise UnavailableError(
-                "The record is behind a connection pooler that shares connections between statements.",
-                advice="Set pool_mode = transaction or session in PgBouncer (docs/scaling.md).",
-            ) from error
         state = sql_state(error.orig)
         if not error.connection_invalidated and not state.startswith(_AWAY):
             raise
@@ -355,6 +337,8 @@ def _version(connection: sa.Connection) -> str | None:
 
 def _upgrade(connection: sa.Connection) -> None:
     """Upgrade the record to this version's schema in the connection's transaction, unless it has a newer one."""
+    if compatible(_version(connection)):
+        return
     # Import Alembic only if there is something to do, to save time and memory.
     import alembic.command
     import alembic.config

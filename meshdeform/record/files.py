@@ -215,7 +215,7 @@ class FileLedger:
             time.sleep(_POLL_EVERY_S)
 
     def _pinned(self, key: str) -> bool:
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             return connection.execute(self._database.prepared(_pin), {"file": key}).first() is not None
 
     def unpin(self, keys: Iterable[str], connection: sa.Connection | None = None) -> None:

@@ -146,7 +146,7 @@ class Candidate:
         """End the term, so that the next look of another process takes over."""
         mine = sa.and_(leaders.c.name == self.name, leaders.c.holder == self._holder)
         over = sa.update(leaders).where(mine).values(expires_at=self._database.now(-1.0))
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             connection.execute(over)
         self.leads = False
 
@@ -177,7 +177,7 @@ class Candidate:
         mine = sa.or_(leaders.c.holder == self._holder, ~self._held())
         insert = self._database.upsert(leaders).values(values)
         insert = insert.on_conflict_do_update(index_elements=["name"], set_=values, where=mine)
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             row = connection.execute(insert.returning(leaders.c.candidates)).one_or_none()
         if row is not None:
             self._candidates = row.candidates

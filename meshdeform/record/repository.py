@@ -64,7 +64,7 @@ class JobRecord:
     def ping(self) -> None:
         """Ask the database once whether it answers and takes writes."""
         # It changes nothing, and yet a database that is read-only refuses it.
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             connection.execute(sa.update(jobs).where(sa.false()).values(version=jobs.c.version))
 
     def create(self, new: NewJob) -> Job:

@@ -16,7 +16,6 @@ import sqlalchemy as sa
 
 from meshdeform.errors import UnavailableError
 from meshdeform.record import database as module
-from meshdeform.record import postgresql
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs
@@ -29,9 +28,8 @@ from tests.shut_database import WAYS, database_to_shut
 
 def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: str) -> None:
     record = JobRecord(postgres_url)  # the first, since migrations import much within their transaction
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(postgresql, "_IDLE_IN_TRANSACTION_S", 0.3)
-        sleeper = JobRecord(postgres_url)
+    sleeper = JobRecord(postgres_url)
+    sleeper.database._engine.dialect.idle_s = 0.3
     try:
         job = new_job(record)
         claimed = record.leases.claim(job.id, "the sleeper", -1.0)
@@ -70,14 +68,6 @@ def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: st
         record.close()
 
 
-def test_a_pooler_that_loses_prepared_statements_is_named(postgres_url: str) -> None:
-    database = module.Database(postgres_url)
-    with pytest.raises(UnavailableError, match="pooler") as raised, database.write() as connection:
-        connection.exec_driver_sql("EXECUTE prepared_elsewhere")
-    assert "pool_mode = transaction" in raised.value.advice_text
-    database.close()
-
-
 @pytest.mark.parametrize("way", WAYS)
 def test_a_server_that_takes_no_writes_or_no_logins_is_away_until_it_does(
     way: str, postgres_url: str, redis_url: str, sphere: bytes, tmp_path: Path
@@ -99,7 +89,6 @@ def test_a_server_that_takes_no_writes_or_no_logins_is_away_until_it_does(
             # What a standby still answers.
             assert http.get(f"/v1/jobs/{job_id}").status_code == (200 if way == "read-only" else 503)
             database.open(way)
-            # A connection that has just answered is not asked whether it lives before it is used again.
             eventually(lambda: http.get("/readyz").status_code == 200)
             eventually(lambda: http.post(f"/v1/jobs/{job_id}/cancel").json().get("state") == "canceled")
 

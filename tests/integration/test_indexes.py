@@ -50,7 +50,9 @@ def large(database_url: str) -> Iterator[JobRecord]:
         _multiply(connection, record)
     if not record.database.is_sqlite:
         # As the server does by itself after a while; SQLite never does.
-        engine = sa.create_engine(record.database._engine.url, isolation_level="AUTOCOMMIT")
+        engine = sa.create_engine(
+            record.database._engine.url.set(drivername="postgresql+pg8000"), isolation_level="AUTOCOMMIT"
+        )
         with engine.connect() as connection:
             connection.exec_driver_sql("VACUUM ANALYZE")
         engine.dispose()

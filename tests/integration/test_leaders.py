@@ -85,7 +85,7 @@ def test_a_leader_that_finds_no_answer_goes_on_where_it_was(record: JobRecord, m
         yield
 
     with monkeypatch.context() as patch:
-        patch.setattr(record.database, "write_once", away)
+        patch.setattr(record.database, "write", away)
         with pytest.raises(UnavailableError):
             first.look()
     assert first.look()

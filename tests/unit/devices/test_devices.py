@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,11 +26,13 @@ from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors import load_prior
+from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize_compiled, rasterize_spans
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.testing import build_tiny_stable_diffusion
 from tests.cases import each_case
 from tests.close import assert_close
 
@@ -143,3 +146,23 @@ def test_a_whole_step_is_the_same(device: str, guidance: Callable[[TriangleMesh,
     for name in ("total", "guidance", "jacobian", "laplacian", "normal", "dirichlet"):
         assert other_losses[name] == pytest.approx(losses[name], rel=1e-3, abs=1e-6), name
     assert float((direction - other).norm()) < 0.02 * float(direction.norm())
+
+
+def test_stable_diffusion_predicts_the_same_as_kernel_by_kernel(device: str, tmp_path: Path) -> None:
+    prior = StableDiffusionPrior(str(build_tiny_stable_diffusion(tmp_path)), device=device)
+    generator = torch.Generator().manual_seed(7)
+    side = prior.image_size // 8
+
+    def compare(texts: list[str], step: int) -> None:
+        z_t, timestep = torch.randn(1, 4, side, side, generator=generator), torch.tensor([step])
+        embedding = prior.encode_texts(*texts)
+        predictions = prior.predict_noise(z_t, timestep, embedding, fixed_cameras(0.0, 15.0))
+        for row, prediction in zip(embedding, predictions, strict=True):
+            inputs = z_t.to(device, prior.dtype)
+            expected = prior._run_unet(inputs, timestep.to(device), row[None]).detach()
+            assert_close(prediction.cpu(), expected.float().cpu(), atol=2e-2 if device == "cuda" else 1e-5)
+
+    compare(["a mushroom", ""], 500)
+    compare(["a goblet", "a chair"], 20)
+    compare(["a mushroom", "", "blurry"], 500)
+    compare(["a vase", ""], 999)
