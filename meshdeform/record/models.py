@@ -139,6 +139,8 @@ class Job(_Frozen):
     deadline_at: datetime | None = None
     retain_until: datetime | None = None
     oom_attempts: int = 0
+    ran_s: float = 0.0
+    """Seconds for which its attempts ran, without one that runs now."""
     event_seq: int = 0
     request_id: str | None = None
     traceparent: str | None = None

@@ -115,6 +115,7 @@ def job(row: Row) -> Job:
         deadline_at=row.deadline_at,
         retain_until=row.retain_until,
         oom_attempts=row.oom_attempts,
+        ran_s=row.ran_s,
         event_seq=row.event_seq,
         request_id=row.request_id,
         traceparent=row.traceparent,

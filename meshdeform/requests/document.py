@@ -318,6 +318,15 @@ class JobRequest(StrictModel):
         description="Seconds from its creation after which an unfinished job becomes `expired`. Default: none.",
         examples=[3600],
     )
+    max_run_s: float | None = Field(
+        None,
+        ge=1.0,
+        le=MAX_DEADLINE_S,
+        description="Seconds for which the job may run, all its attempts together and without its waits; it then fails "
+        "with `run_time_exceeded` and a checkpoint, from which a retry goes on. Default and maximum: the server's "
+        "MESHDEFORM_MAX_RUN_S.",
+        examples=[3600],
+    )
     retention_s: float | None = Field(
         None,
         ge=60.0,

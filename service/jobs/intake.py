@@ -71,6 +71,12 @@ def check_params(request: JobRequest, settings: Settings, *, files: Collection[s
         # PostgreSQL cannot store this character.
         if "\0" in name + value:
             raise ParameterError.at(["metadata", name], "A label contains the character U+0000.")
+    if settings.max_run_s and (request.max_run_s or 0.0) > settings.max_run_s:
+        raise ParameterError.at(
+            ["max_run_s"],
+            f"{request.max_run_s:g} s are longer than a job of this server may run: {settings.max_run_s:g} s.",
+            "Set max_run_s lower, or leave it out. The service's operator can raise MESHDEFORM_MAX_RUN_S.",
+        )
     params = check_request(request, settings, files=files)
     steps = kind_of(request.kind).steps(request, settings.model, None)
     if steps > settings.max_steps:
@@ -188,6 +194,7 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         queue=app.settings.queue,
         owner_id=principal.owner_id,
         safeguard=getattr(params, "safeguard", None),
+        turn_s=app.settings.turn_s,
         **_size(summaries),
     )
     model = getattr(params, "model", None)
