@@ -19,8 +19,6 @@ from meshdeform.cli.request import DEFORMATION, make_request, merge_params, pars
 from meshdeform.cli.results import check_animation, drawn_animation
 from meshdeform.requests.choices import JobKind
 
-__all__ = ["run"]
-
 _OUTPUTS = "Outputs"
 _LOCAL = {JobKind.SURFACE_FIT: "surface-fit", JobKind.PRIOR_TEACH: "teach"}
 
@@ -33,7 +31,7 @@ def _file(text: str) -> Any:
 @with_options(
     of_kind("text_deform", short=DEFORMATION),
     of_request("output", _OUTPUTS),
-    of_request("job", "Service", only=("kind", "priority", "deadline_s", "retention_s")),
+    of_request("job", "Service", only=("kind", "priority", "deadline_s", "max_run_s", "retention_s")),
 )
 def run(
     ctx: typer.Context,

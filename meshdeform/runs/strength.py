@@ -30,8 +30,6 @@ from meshdeform.runs.surfaces import (
     welded_surface,
 )
 
-__all__ = ["MAX_STRENGTH", "AssetPath", "check_same_asset", "matched", "with_strength", "write_morph"]
-
 MAX_STRENGTH = 1.5
 
 _Floats = NDArray[np.float64]
