@@ -11,8 +11,9 @@ import argparse
 import numpy as np
 import torch
 
-from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt
+from meshdeform.priors.builtin.grammar import ParsedPrompt
 from meshdeform.priors.builtin.prior import BuiltinPrior
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from training.prior.families import member

@@ -26,9 +26,6 @@ from meshdeform.assets.texcoords import moved_texcoords
 from meshdeform.errors import AssetError
 from meshdeform.geometry.appearance import CLAY, Appearance, Paint, Texture
 
-__all__ = ["Pictures", "read_appearance"]
-
-
 _MAX_SIDE = 1024
 _MAX_TEXELS = 1 << 24
 """Of all textures together, after they were reduced: 64 MiB."""

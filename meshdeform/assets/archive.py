@@ -26,8 +26,6 @@ from meshdeform.errors import (
     AssetUnsupportedError,
 )
 
-__all__ = ["ZIP_MAGIC", "Archive", "FileNames", "inspect_archive", "not_found", "not_readable", "open_archive"]
-
 ZIP_MAGIC = b"PK\x03\x04"
 _ENDINGS = (("glb", "gltf"), ("obj",), ("ply",), ("stl",))
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}

@@ -21,8 +21,6 @@ from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document, read_floa
 from meshdeform.assets.inspect import UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.errors import AssetError
 
-__all__ = ["Piece", "assemble"]
-
 _KEPT = ("TEXCOORD_", "COLOR_", "_")
 _OF_IMAGES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
 

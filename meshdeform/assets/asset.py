@@ -49,8 +49,6 @@ if TYPE_CHECKING:
     from meshdeform.assets.subdivide import Subdivision
     from meshdeform.geometry.appearance import Appearance
 
-__all__ = ["Asset", "load_asset"]
-
 
 class Asset:
     """A loaded asset.

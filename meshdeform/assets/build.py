@@ -15,8 +15,6 @@ from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.inspect import UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.assets.materials import image_type
 
-__all__ = ["Primitive", "build_glb", "far_origin", "linear_color"]
-
 _FAR = 32.0
 """Distance from the origin, in diagonals, from which 32-bit floats round a mesh by more than a 500,000th of it."""
 

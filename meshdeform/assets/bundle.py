@@ -23,8 +23,6 @@ from meshdeform.assets.obj_reader import linked_libraries, linked_pictures
 from meshdeform.assets.writer import embed_data_uris
 from meshdeform.errors import AssetExternalError, AssetTooLargeError, AssetTruncatedError
 
-__all__ = ["pack_gltf", "read_with_files"]
-
 _DATE = (1980, 1, 1, 0, 0, 0)
 _DEPTH, _MOST_NAMES = 3, 5_000
 """How deep below an asset files are looked for that lie elsewhere than it says, and among how many."""

@@ -14,8 +14,6 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, Floats, transformed_normals, unit_rows
 
-__all__ = ["carry_targets"]
-
 
 def carry_targets(
     document: Document,

@@ -23,18 +23,6 @@ from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
 from meshdeform.requests.declaration import StrictModel
 
-__all__ = [
-    "LABELS_FILE",
-    "MAX_COLLECTION",
-    "MIN_COLLECTION",
-    "AssetLabels",
-    "CollectionFiles",
-    "FamilyLabels",
-    "inspect_collection",
-    "open_collection",
-    "unpacked",
-]
-
 MIN_COLLECTION, MAX_COLLECTION = 10, 3000
 LABELS_FILE = "labels.json"
 _ENDINGS = ("glb", "obj", "ply", "stl")

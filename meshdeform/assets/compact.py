@@ -17,8 +17,6 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, Usage, accessor_slots, buffer_ranges, possible_references, view_slots
 from meshdeform.assets.inspect import COMPONENT_BYTES, FLOAT, MESHOPT_EXTENSIONS, TYPE_COMPONENTS
 
-__all__ = ["compact"]
-
 _WORD = 4  # bytes; offsets keep their alignment
 
 

@@ -36,9 +36,6 @@ from meshdeform.assets.meshopt.filters import apply_filter
 from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles
 from meshdeform.errors import AssetError, AssetUnsupportedError, DependencyError
 
-__all__ = ["decode_draco", "decode_meshopt", "decode_view", "drop_extension", "normalize_weights", "restore_exactness"]
-
-
 _ADVICE = "Decompress it: gltf-transform copy in.glb out.glb"
 
 

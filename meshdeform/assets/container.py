@@ -21,26 +21,6 @@ from typing import Any, NoReturn
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
 
-__all__ = [
-    "GLB_MAGIC",
-    "Data",
-    "Json",
-    "Layout",
-    "clone",
-    "dump_json",
-    "extension",
-    "glb_layout",
-    "index",
-    "integer",
-    "member",
-    "numbers",
-    "objects",
-    "pack_glb",
-    "padded",
-    "parse_json",
-    "text",
-]
-
 _JSON = 0x4E4F534A
 _BINARY = 0x004E4942
 GLB_MAGIC = b"glTF"

@@ -15,8 +15,6 @@ from meshdeform.assets.ply_reader import read_ply
 from meshdeform.assets.stl_reader import read_stl
 from meshdeform.errors import AssetEmptyError, AssetTooLargeError
 
-__all__ = ["convert_to_glb"]
-
 
 def convert_to_glb(data: bytes, kind: str, limits: Limits, archive: Archive) -> tuple[bytes, tuple[str, ...]]:
     """Convert a mesh file.

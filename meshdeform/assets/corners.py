@@ -12,8 +12,6 @@ from meshdeform.assets.document import Document, read_accessor, read_floats, rea
 from meshdeform.assets.surface import Block
 from meshdeform.errors import AssetError
 
-__all__ = ["corner_colors", "corner_weights", "skin_weights"]
-
 _Floats = NDArray[np.float64]
 
 

@@ -44,25 +44,6 @@ from meshdeform.assets.inspect import (
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTruncatedError
 
-__all__ = [
-    "ARRAY_BUFFER",
-    "DTYPES",
-    "ELEMENT_ARRAY_BUFFER",
-    "Document",
-    "Usage",
-    "accessor_slots",
-    "buffer_ranges",
-    "possible_references",
-    "read_accessor",
-    "read_floats",
-    "read_indices",
-    "read_triangles",
-    "refresh_bounds",
-    "triangle_list",
-    "view_slots",
-]
-
-
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -264,7 +245,7 @@ def decode_data_uri(uri: str, where: str) -> bytes:
         raise AssetError(f"{where} has a data URI that is not base64: {error}.") from error
 
 
-Slot = tuple[Json, str]
+_Slot = tuple[Json, str]
 """An object and the name of its member that holds an index."""
 
 _WITHOUT_REFERENCES = (
@@ -309,7 +290,7 @@ class Usage:
         )
 
 
-def accessor_slots(root: Json) -> Iterator[Slot]:
+def accessor_slots(root: Json) -> Iterator[_Slot]:
     """Yield every place that holds an accessor's index."""
     for mesh in _objects(root, "meshes"):
         for primitive in _objects(mesh, "primitives"):
@@ -325,7 +306,7 @@ def accessor_slots(root: Json) -> Iterator[Slot]:
         yield from _indices(_extension(node, GPU_INSTANCING).get("attributes"))
 
 
-def view_slots(root: Json) -> Iterator[Slot]:
+def view_slots(root: Json) -> Iterator[_Slot]:
     """Yield every place that holds a buffer view's index."""
     for accessor in _objects(root, "accessors"):
         yield from _indices(accessor, "bufferView")
@@ -381,7 +362,7 @@ def _extension(holder: Json, name: str) -> Json:
     return body if isinstance(body, dict) else {}
 
 
-def _indices(holder: Any, *keys: str) -> Iterator[Slot]:
+def _indices(holder: Any, *keys: str) -> Iterator[_Slot]:
     if isinstance(holder, dict):
         for key in keys or tuple(holder):
             if isinstance(holder.get(key), int) and not isinstance(holder[key], bool):

@@ -10,8 +10,6 @@ from PIL import Image, ImageFilter, UnidentifiedImageError
 
 from meshdeform.errors import DrawingError
 
-__all__ = ["MAX_BYTES", "SIDE", "check_drawing", "ink_of", "prepared", "read_drawing"]
-
 SIDE = 64
 """Side of the picture that the network sees."""
 MAX_BYTES = 20_000_000

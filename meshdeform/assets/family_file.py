@@ -19,8 +19,6 @@ from meshdeform.assets.limits import Limits
 from meshdeform.assets.surface import Surface
 from meshdeform.errors import AssetError, AssetFormatError, AssetNotFiniteError, AssetTooLargeError, AssetTruncatedError
 
-__all__ = ["FAMILY_FORMAT", "FamilyFile", "dump_family", "read_family", "surface_digest"]
-
 FAMILY_FORMAT = "meshdeform-family-2"
 _ANY_VERSION = "meshdeform-family-"
 _MAX_HEADER_BYTES = 16 * 2**20

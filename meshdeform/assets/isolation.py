@@ -16,15 +16,6 @@ from typing import Any
 
 from meshdeform.errors import AssetError, DependencyError, MeshdeformError, ParameterError, UnavailableError
 
-__all__ = [
-    "ChildOutcome",
-    "bound_memory",
-    "bound_resources",
-    "error_from",
-    "error_to_json",
-    "run_child",
-]
-
 # Our package's folder comes last, so that a file beside it cannot replace an installed module. A child lives for
 # seconds, most of which are imports: they make a million objects that would be searched for garbage after each 700, and
 # again as it ends (`support.memory`).

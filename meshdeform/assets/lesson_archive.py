@@ -15,8 +15,6 @@ from meshdeform.assets.inspect import AssetSummary, inspect_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, AssetTruncatedError
 
-__all__ = ["MAX_MESHES", "MIN_FACES", "inspect_lesson", "is_archive", "open_lesson"]
-
 MAX_MESHES = 200
 """Most meshes of a lesson."""
 MIN_FACES = 4

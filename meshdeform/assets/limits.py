@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Self
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
-__all__ = ["CHECK_BASE_BYTES", "CHECK_BYTES_PER_BYTE", "Limits"]
-
 # Address space of a check: what Python, numpy and trimesh map, plus a multiple of the file's size for its arrays.
 CHECK_BASE_BYTES = 512 * 2**20
 CHECK_BYTES_PER_BYTE = 16

@@ -14,8 +14,6 @@ from meshdeform.assets.container import Json, extension, index, integer, member,
 from meshdeform.assets.document import Document, decode_data_uri
 from meshdeform.errors import AssetError
 
-__all__ = ["Image", "Material", "TextureUse", "image_type", "portable_picture", "read_image", "read_material"]
-
 _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
 _MAX_PIXELS = 2**26

@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["as_precise", "draco_mesh", "meshopt_mesh", "packed_sizes"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _BITS = (6, 16)

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["middles"]
-
 _Rows = NDArray[Any]
 _Index = NDArray[np.int64]
 

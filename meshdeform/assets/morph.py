@@ -21,8 +21,6 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, LocalShape
 
-__all__ = ["ANIMATION_NAME", "MorphTarget", "NewTargets", "Track", "add_morph_targets", "straight"]
-
 ANIMATION_NAME = "deform"
 _DURATION_S = 1.0
 _POINTER = re.compile(r"/(nodes|meshes)/(\d{1,9})/weights", re.ASCII)

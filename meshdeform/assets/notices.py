@@ -17,18 +17,6 @@ from numpy.typing import NDArray
 from meshdeform.assets.document import Document
 from meshdeform.assets.surface import Block, Surface
 
-__all__ = [
-    "Backdrop",
-    "coarse_share",
-    "coarseness_warnings",
-    "find_backdrop",
-    "looks_z_up",
-    "rounded_places",
-    "rounding_warnings",
-    "up_axis_warnings",
-]
-
-
 _LARGE = 0.6
 """Share of the scene's diagonal from which a part spans the scene."""
 _WIDE = 0.4

@@ -25,8 +25,6 @@ from meshdeform.assets.other_formats import plain_text
 from meshdeform.assets.polygons import cut_polygons
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
 
-__all__ = ["linked_libraries", "linked_pictures", "read_obj"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -14,8 +14,6 @@ from meshdeform.errors import (
     AssetTruncatedError,
 )
 
-__all__ = ["CONVERTERS", "inspect_foreign", "is_ascii_stl", "no_triangles", "plain_text", "refuse_other_format"]
-
 _WRITE = "bpy.ops.export_scene.gltf(filepath='out.glb')"
 _READ_BY_BLENDER = "blender -b --python-expr \"import bpy; bpy.ops.wm.{}(filepath='in.{}'); {}\""
 _USD = ("usd", "usda", "usdc", "usdz")

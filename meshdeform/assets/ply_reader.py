@@ -22,8 +22,6 @@ from meshdeform.assets.notices import rounded_places
 from meshdeform.assets.polygons import Triangulation, cut_polygons
 from meshdeform.errors import AssetError, AssetFormatError, AssetNotFiniteError, AssetTruncatedError
 
-__all__ = ["PlyElement", "linked_pictures", "read_elements", "read_ply"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _Bytes = NDArray[np.uint8]

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from meshdeform.errors import AssetTooLargeError
 
-__all__ = ["Triangulation", "cut_polygons"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -18,8 +18,6 @@ from meshdeform.assets.corners import skin_weights
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, Surface, unit_rows, world_matrices
 
-__all__ = ["pose_maps", "posed_surface"]
-
 _Floats = NDArray[np.float64]
 
 

@@ -14,8 +14,6 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats, read_triangles
 from meshdeform.assets.inspect import TRIANGLES, instances_of
 
-__all__ = ["Repairs", "rebuild_directions"]
-
 _Rows = NDArray[np.float64]
 _Triangles = NDArray[np.int64]
 

@@ -32,8 +32,6 @@ from meshdeform.assets.corners import skin_weights
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, Matrix, bind_placement, is_invertible, local_matrix, world_matrices
 
-__all__ = ["JointMove", "RigMotion", "joint_moves", "move_joints"]
-
 _NEAR = 0.1
 """Distance within which vertices count alike, as a share of the spread of those that follow a joint."""
 _STIFFNESS = 0.1

@@ -19,8 +19,6 @@ from meshdeform.errors import (
     AssetTooLargeError,
 )
 
-__all__ = ["MAX_OUTPUTS", "SampledScalars", "read_scalar_file", "summary_of_scalars"]
-
 _Floats = NDArray[np.float64]
 
 MAX_OUTPUTS = 64

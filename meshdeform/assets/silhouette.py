@@ -19,8 +19,6 @@ from PIL import Image, ImageFilter, ImageOps
 from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import AssetTooLargeError, SilhouetteError
 
-__all__ = ["SilhouettePicture", "read_silhouette"]
-
 _FORMATS = ("PNG", "JPEG", "WEBP")
 _MAX_PIXELS = 64 * 1024 * 1024
 _SIDE = 512

@@ -11,8 +11,6 @@ from meshdeform.assets.asset import Asset
 from meshdeform.assets.build import far_origin
 from meshdeform.errors import AssetEmptyError
 
-__all__ = ["Stl", "Unit", "Up", "write_stl"]
-
 Up = Literal["y", "z"]
 Unit = Literal["m", "cm", "mm"]
 

@@ -17,8 +17,6 @@ from meshdeform.assets.notices import rounded_places
 from meshdeform.assets.other_formats import is_ascii_stl
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
 
-__all__ = ["read_stl"]
-
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _SOLID = re.compile(rb"^[ \t]*solid\b[ \t]*([^\r\n]*)", re.IGNORECASE | re.MULTILINE)
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)

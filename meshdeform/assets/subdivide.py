@@ -32,8 +32,6 @@ from meshdeform.errors import AssetError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.geometry.edge_splits import longest_together, split_triangles, unique_edges
 
-__all__ = ["LONGEST_EDGE", "MAX_TRIANGLES", "Subdivision", "subdivide"]
-
 LONGEST_EDGE = 0.1
 """Length, as a share of the longest side of the bounding box, above which edges are split."""
 

@@ -26,25 +26,6 @@ from meshdeform.assets.document import Document, read_floats, read_triangles
 from meshdeform.assets.inspect import GPU_INSTANCING, LOOSE, TRIANGLES, Instance, instance_count, instances_of
 from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 
-__all__ = [
-    "Block",
-    "LocalShape",
-    "Parts",
-    "Rig",
-    "Surface",
-    "bind_placement",
-    "is_invertible",
-    "local_matrix",
-    "placement_matrix",
-    "read_parts",
-    "read_rig",
-    "read_surface",
-    "rig_accessors",
-    "shown_vertices",
-    "world_matrices",
-]
-
-
 Floats = NDArray[np.float64]
 
 Matrix = NDArray[np.float64]
@@ -166,7 +147,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class RestTargets:
+class _RestTargets:
     """What morph targets add to a block at rest, by the weights of its node or mesh, in mesh space.
 
     Attributes
@@ -197,7 +178,7 @@ class Block:
     positions: NDArray[np.float32]  # in mesh space, as in the file
     normals: NDArray[np.float32] | None
     tangents: NDArray[np.float32] | None
-    rest: RestTargets | None = None
+    rest: _RestTargets | None = None
 
 
 @dataclass(frozen=True)
@@ -349,7 +330,7 @@ def _rest_weights(root: Json, instance: Instance) -> list[float]:
     return [float(weight) for weight in weights]
 
 
-def _rest_targets(document: Document, instance: Instance, block: Block) -> RestTargets | None:
+def _rest_targets(document: Document, instance: Instance, block: Block) -> _RestTargets | None:
     """Return what the morph targets of a block add at rest; None if that is nothing."""
     targets = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]].get("targets", [])
     added: dict[str, Floats] = {}
@@ -365,7 +346,7 @@ def _rest_targets(document: Document, instance: Instance, block: Block) -> RestT
     if not added:
         return None
     none = np.zeros(block.positions.shape)
-    return RestTargets(added.get("POSITION", none), added.get("NORMAL"), added.get("TANGENT"))
+    return _RestTargets(added.get("POSITION", none), added.get("NORMAL"), added.get("TANGENT"))
 
 
 def shown_vertices(block: Block) -> tuple[Floats, Floats | None, Floats | None]:

@@ -27,15 +27,13 @@ from meshdeform.errors import (
     AssetTruncatedError,
 )
 
-__all__ = ["DistanceGrid", "ImplicitNetwork", "OrientedPoints", "read_surface_file"]
-
 _Floats = NDArray[np.float64]
 
-ACTIVATIONS = ("relu", "silu", "sine", "softplus", "tanh")
-MAX_POINTS = 1_000_000
-MAX_GRID_VALUES = 256**3
-MAX_NETWORK_WEIGHTS = 1_000_000
-MAX_NETWORK_LAYERS = 32
+_ACTIVATIONS = ("relu", "silu", "sine", "softplus", "tanh")
+_MAX_POINTS = 1_000_000
+_MAX_GRID_VALUES = 256**3
+_MAX_NETWORK_WEIGHTS = 1_000_000
+_MAX_NETWORK_LAYERS = 32
 _FEWEST_POINTS = 100
 _FEWEST_CELLS = 4
 _NEAREST = 1e-4
@@ -147,9 +145,9 @@ def _points(points: _Floats, normals: _Floats) -> OrientedPoints:
         raise AssetEmptyError(
             f"The file has {len(points)} points; a surface needs {_FEWEST_POINTS}.", advice="Send a denser cloud."
         )
-    if len(points) > MAX_POINTS:
+    if len(points) > _MAX_POINTS:
         raise AssetTooLargeError(
-            f"The file has {len(points)} points; the limit is {MAX_POINTS}.", advice="Thin it out."
+            f"The file has {len(points)} points; the limit is {_MAX_POINTS}.", advice="Thin it out."
         )
     if not (np.isfinite(points).all() and np.isfinite(normals).all() and np.abs(points).max() < _LARGEST):
         raise AssetNotFiniteError(
@@ -187,7 +185,7 @@ def _xyz(data: bytes) -> tuple[_Floats, _Floats]:
     if not any(line.partition(b"#")[0].strip() for line in io.BytesIO(data)):
         raise AssetEmptyError("The file has no points.", advice="Write x y z nx ny nz in each line.")
     try:
-        rows = np.loadtxt(io.BytesIO(data), dtype=np.float64, comments="#", ndmin=2, max_rows=MAX_POINTS + 1)
+        rows = np.loadtxt(io.BytesIO(data), dtype=np.float64, comments="#", ndmin=2, max_rows=_MAX_POINTS + 1)
     except ValueError as error:
         raise AssetFormatError(
             "The XYZ file is not a table of numbers.", advice="Write x y z nx ny nz in each line."
@@ -203,8 +201,8 @@ def _xyz(data: bytes) -> tuple[_Floats, _Floats]:
 def _grid(data: bytes) -> DistanceGrid:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if sum(member.file_size for member in archive.infolist()) > 8 * MAX_GRID_VALUES + 4096:
-                raise AssetTooLargeError(f"The grid has more than {MAX_GRID_VALUES} values.", advice=_COARSER)
+            if sum(member.file_size for member in archive.infolist()) > 8 * _MAX_GRID_VALUES + 4096:
+                raise AssetTooLargeError(f"The grid has more than {_MAX_GRID_VALUES} values.", advice=_COARSER)
         with np.load(io.BytesIO(data), allow_pickle=False) as found:
             arrays = {name: np.asarray(found[name]) for name in found.files}
     except MemoryError as error:  # the header of an array may state any shape
@@ -220,8 +218,10 @@ def _grid(data: bytes) -> DistanceGrid:
             f"sdf must be (X, Y, Z) numbers, at least {_FEWEST_CELLS} each way, not {values.dtype} {values.shape}.",
             advice=_GRID,
         )
-    if values.size > MAX_GRID_VALUES:
-        raise AssetTooLargeError(f"The grid has {values.size} values; the limit is {MAX_GRID_VALUES}.", advice=_COARSER)
+    if values.size > _MAX_GRID_VALUES:
+        raise AssetTooLargeError(
+            f"The grid has {values.size} values; the limit is {_MAX_GRID_VALUES}.", advice=_COARSER
+        )
     try:
         origin = np.broadcast_to(arrays["origin"].astype(np.float64).reshape(-1), 3).copy()
         spacing = np.broadcast_to(arrays["spacing"].astype(np.float64).reshape(-1), 3).copy()
@@ -278,23 +278,23 @@ def _network(data: bytes) -> ImplicitNetwork:
             raise AssetError(f"Layer {len(layers)} of the network does not fit the one before it.", advice=form)
         layers.append((weight.astype(np.float64), bias.astype(np.float64)))
         width = weight.shape[0]
-        if len(layers) > MAX_NETWORK_LAYERS:
+        if len(layers) > _MAX_NETWORK_LAYERS:
             raise AssetTooLargeError(
-                f"The network has more than {MAX_NETWORK_LAYERS} layers.", advice="Train a smaller one."
+                f"The network has more than {_MAX_NETWORK_LAYERS} layers.", advice="Train a smaller one."
             )
     if not layers or width != 1 or len(tensors) != 2 * len(layers):
         raise AssetError("The network has another architecture.", advice=form)
-    if sum(weight.size for weight, _ in layers) > MAX_NETWORK_WEIGHTS:
+    if sum(weight.size for weight, _ in layers) > _MAX_NETWORK_WEIGHTS:
         raise AssetTooLargeError(
-            f"The network has more than {MAX_NETWORK_WEIGHTS} weights.", advice="Train a smaller one."
+            f"The network has more than {_MAX_NETWORK_WEIGHTS} weights.", advice="Train a smaller one."
         )
     if not all(np.isfinite(array).all() for layer in layers for array in layer):
         raise AssetNotFiniteError("The network has weights that are not finite.", advice="Train it again.")
     activation = metadata.get("activation", "")
-    if activation not in ACTIVATIONS:
+    if activation not in _ACTIVATIONS:
         raise AssetError(
             f"The network's activation is {activation[:40]!r}.",
-            advice=f"Set the file's metadata `activation` to one of: {', '.join(ACTIVATIONS)}.",
+            advice=f"Set the file's metadata `activation` to one of: {', '.join(_ACTIVATIONS)}.",
         )
     try:
         omega, bounds = float(metadata.get("omega", "1")), json.loads(metadata.get("bounds", ""))

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.materials import TextureUse
 
-__all__ = ["moved_texcoords"]
-
 
 def moved_texcoords(values: NDArray[np.floating], use: TextureUse) -> NDArray[np.float64]:
     """Return texture coordinates (V, 2), v downwards, as a use of a texture reads them.

@@ -8,8 +8,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["coarsening", "thin_warnings"]
-
 _Floats = NDArray[np.float64]
 _CELLS = 192
 """Most cells along the longest side of the grid from which a first mesh is made."""

@@ -15,8 +15,6 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.inspect import UNSIGNED_INT
 
-__all__ = ["WallShape", "wall_glb"]
-
 _POINTS = 0
 _APART = 1.15
 """Distance of two shapes in widths or heights of the largest one."""

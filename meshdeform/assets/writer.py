@@ -26,16 +26,6 @@ from meshdeform.errors import AssetError, NumericalError, ShapeError
 if TYPE_CHECKING:
     from meshdeform.assets.rig import JointMove
 
-__all__ = [
-    "Deformation",
-    "Finish",
-    "carried_positions",
-    "embed_data_uris",
-    "write_shape",
-    "write_targets",
-    "write_vertex_values",
-]
-
 
 @dataclass(frozen=True)
 class Deformation:
@@ -76,7 +66,7 @@ class Deformation:
         return cls(surface, np.asarray(positions, np.float64), *optional, joints)
 
 
-def local_shape(block: Block, shape: Deformation) -> LocalShape:
+def _local_shape(block: Block, shape: Deformation) -> LocalShape:
     """Transform a block's new vertices back to mesh space.
 
     Vertices that did not move keep their exact bits: positions are the source plus the displacement, and directions
@@ -145,7 +135,7 @@ def write_shape(
     """
     locals_ = _local_shapes(blocks, loose, shape)
     blocks = [*blocks, *loose]
-    owners = own_meshes(document, blocks)
+    owners = _own_meshes(document, blocks)
     replaced: list[tuple[int, int]] = []
     for block, local in zip(blocks, locals_, strict=True):
         replaced += _replace(document, block, local, document.root["meshes"][owners[block.node]])
@@ -189,13 +179,13 @@ def write_targets(
     """Write shapes as morph targets into the document and return it as a GLB; `Asset.morph` documents the rest."""
     locals_ = [_local_shapes(blocks, loose, shape) for shape in shapes]
     blocks = [*blocks, *loose]
-    add_morph_targets(document, blocks, locals_, own_meshes(document, blocks), new)
+    add_morph_targets(document, blocks, locals_, _own_meshes(document, blocks), new)
     return _finished(document, finish, [])
 
 
 def write_vertex_values(document: Document, blocks: list[Block], name: str, values: NDArray[np.float32]) -> bytes:
     """Add a vertex attribute to the document and return it as a GLB; `Asset.with_vertex_values` documents the rest."""
-    owners = own_meshes(document, blocks)
+    owners = _own_meshes(document, blocks)
     for block in blocks:
         accessor = document.append_accessor(values[block.rows])
         for p in block.primitives:
@@ -208,7 +198,7 @@ def _local_shapes(blocks: list[Block], loose: list[Block], shape: Deformation) -
     moved = shape.positions - shape.surface.positions
     carried = carried_positions(shape.surface, moved, loose)
     return [
-        *(local_shape(block, shape) for block in blocks),
+        *(_local_shape(block, shape) for block in blocks),
         *(LocalShape(positions, None, None) for positions in carried),
     ]
 
@@ -231,7 +221,7 @@ def _record(document: Document, provenance: Mapping[str, Any]) -> None:
         extras["meshdeform"] = clone(dict(provenance))
 
 
-def own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
+def _own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
     """Give every deformed node its own mesh and return the mesh of each node.
 
     The first node of a mesh keeps the original, unless a node that is not deformed (in another scene, or drawn by GPU

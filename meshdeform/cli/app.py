@@ -34,8 +34,6 @@ from meshdeform.errors import ParameterError
 from meshdeform.support.memory import skip_last_collections
 from meshdeform.support.threads import limit_spinning
 
-__all__ = ["app", "main"]
-
 # From the click that typer uses, which may be a copy of its own.
 _UsageError: type[Exception] = typer.BadParameter.__base__ or Exception
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from meshdeform.cli.batches.rows import Entry
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["batch"]
-
 _WHAT, _HOW = "What", "How"
 _ROWS_AT_SERVICE = 8
 

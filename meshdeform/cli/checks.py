@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
     from meshdeform.settings import Settings
 
-__all__ = ["Finding", "Status", "Subject", "all_findings", "fail", "ok", "run_checks", "skip", "warn"]
-
 _GPU_TIMEOUT_S = 90.0
 _GIB, _MIB = 2**30, 2**20
 _ENOUGH, _TOO_LITTLE = 2 * _GIB, 200 * _MIB

@@ -15,8 +15,6 @@ from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
 if TYPE_CHECKING:
     from meshdeform.cli.checks import Finding
 
-__all__ = ["doctor"]
-
 _COLOURS = {"ok": "green", "skip": None, "warn": "yellow", "fail": "red"}
 
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from meshdeform.client import Client
     from meshdeform.settings import Settings
 
-__all__ = ["command_line", "complete_models", "connect", "load_settings", "read_key", "require", "service_url"]
-
 
 def load_settings(**flags: Any) -> Settings:
     """Return the settings from the environment, overridden by the flags that are not None."""

@@ -50,8 +50,6 @@ from meshdeform.errors import (
     UnavailableError,
 )
 
-__all__ = ["ExitCode", "OutcomeError", "clean_errors", "exit_code", "problem", "report"]
-
 P = ParamSpec("P")
 
 

@@ -27,18 +27,6 @@ if TYPE_CHECKING:
 
 from meshdeform.cli.environment import complete_models
 
-__all__ = [
-    "Form",
-    "ShortForm",
-    "form_command",
-    "of_kind",
-    "of_request",
-    "overlaid",
-    "parameter_choices",
-    "with_options",
-    "written",
-]
-
 _F = TypeVar("_F", bound=Callable[..., None])
 _META = "meshdeform.forms"
 _SENTENCE = re.compile(r"(?<=[a-z0-9)])[.:] ")

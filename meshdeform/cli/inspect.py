@@ -19,8 +19,6 @@ from meshdeform.cli.request import ALSO, make_request, merge_params
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = ["inspect"]
-
 _SHOWN = 40
 _READ = ("guidance.model", "guidance.source_noun", "guidance.prompts")
 

@@ -34,15 +34,6 @@ from meshdeform.support.files import zipped
 if TYPE_CHECKING:
     from meshdeform.runs.base import InputFile
 
-__all__ = [
-    "family_fit",
-    "family_synthesize",
-    "packed",
-    "surface_fit",
-    "teach",
-    "unfold",
-]
-
 _FIT = "Base, network and fit"
 _MAX_FACES = 4_000_000
 

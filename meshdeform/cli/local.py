@@ -38,22 +38,6 @@ if TYPE_CHECKING:
     from meshdeform.runs.base import InputFile, JobRun
     from meshdeform.settings import Settings
 
-__all__ = [
-    "FinishedRun",
-    "LocalJob",
-    "check_free",
-    "check_glb",
-    "check_locally",
-    "check_outputs",
-    "ctrl_c_between_steps",
-    "find_taught",
-    "read_asset",
-    "run_here",
-    "second_ctrl_c_ends",
-    "write_all",
-    "writing",
-]
-
 _GRACE_S = 2.0
 """Seconds that the second Ctrl-C has to end the work by an exception."""
 _OVER = b"\0"

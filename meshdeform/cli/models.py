@@ -13,8 +13,6 @@ from meshdeform.cli.options import JsonOption, Place
 from meshdeform.cli.output import emit, table
 from meshdeform.errors import ModelError
 
-__all__ = ["models"]
-
 _STATES = {True: "available", False: "missing", None: "unknown"}
 
 

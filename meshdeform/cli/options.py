@@ -15,30 +15,6 @@ from meshdeform.cli.environment import connect
 if TYPE_CHECKING:
     from meshdeform.client import Client
 
-__all__ = [
-    "MAX_STRENGTH",
-    "DataDirOption",
-    "ForceOption",
-    "Here",
-    "JobIdArgument",
-    "JobIdsArgument",
-    "JobPlace",
-    "JsonOption",
-    "Place",
-    "Printed",
-    "QuietOption",
-    "SetOption",
-    "TimeoutOption",
-    "complete_job_ids",
-    "complete_parameters",
-    "complete_states",
-    "file_argument",
-    "file_option",
-    "flag",
-    "option",
-    "output_option",
-]
-
 MAX_STRENGTH = 1.5
 """As `meshdeform.runs.strength` has it, which needs torch."""
 _SERVICE = "Service"

@@ -20,20 +20,6 @@ import typer
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-__all__ = [
-    "BatchView",
-    "Pace",
-    "ProgressView",
-    "ago",
-    "duration",
-    "emit",
-    "note",
-    "plain",
-    "show_batch",
-    "show_progress",
-    "table",
-]
-
 _MINUTE, _HOUR, _DAY = 60, 3600, 86_400
 _LINE_EVERY_S = 5.0
 

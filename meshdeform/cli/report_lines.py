@@ -14,19 +14,6 @@ if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
     from meshdeform.cli.options import Printed
 
-__all__ = [
-    "fit_line",
-    "kept_line",
-    "likeness_line",
-    "orientation_line",
-    "print_result",
-    "prompt_lines",
-    "silhouettes_line",
-    "source_line",
-    "stretch_line",
-    "verdict_line",
-]
-
 
 def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed: Printed) -> None:
     """Print the result of a job of any kind, whose files are named by artifact, as JSON or in lines."""

@@ -22,27 +22,6 @@ from meshdeform.requests.choices import JobKind
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
 
-__all__ = [
-    "ALSO",
-    "ANCHOR",
-    "DEFORMATION",
-    "Pictures",
-    "make_request",
-    "make_settings",
-    "merge_params",
-    "parse_files",
-    "parse_labels",
-    "parse_pictures",
-    "read_anchor",
-    "read_handle",
-    "read_name",
-    "read_prompt",
-    "read_region",
-    "read_rigid",
-    "read_selection",
-    "split_pairs",
-]
-
 _MODES = ("rigid", "similarity")
 _HANDLE = "vertex=NUMBER:X,Y,Z or position=X,Y,Z:X,Y,Z, with a soft handle's @WEIGHT at the end"
 _ALSO = "--also"

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from meshdeform.requests.document import MorphPath
     from meshdeform.settings import Settings
 
-__all__ = ["animate", "apply", "check_animation", "convert", "drawn_animation"]
-
 _ANIMATED = (".webp", ".gif")
 _CONVERTED = (".glb", ".stl")
 _MAP = ".safetensors"

@@ -19,8 +19,6 @@ from meshdeform.cli.request import DEFORMATION, make_request, merge_params, pars
 from meshdeform.cli.results import check_animation, drawn_animation
 from meshdeform.requests.choices import JobKind
 
-__all__ = ["run"]
-
 _OUTPUTS = "Outputs"
 _LOCAL = {JobKind.SURFACE_FIT: "surface-fit", JobKind.PRIOR_TEACH: "teach"}
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from meshdeform.record.keys import ApiKey, KeyRing
     from meshdeform.settings import Settings
 
-__all__ = ["api", "keys", "mcp", "serve", "worker"]
-
 _HostOption = Annotated[str, option("Address to listen on.")]
 _PortOption = Annotated[int, option("Port to listen on; 0 takes a free one.", min=0, max=65535)]
 _NoAuthOption = Annotated[

@@ -19,8 +19,6 @@ from meshdeform.errors import ParameterError
 if TYPE_CHECKING:
     from meshdeform.sketch.guesses import Guess
 
-__all__ = ["sketch"]
-
 
 @clean_errors
 def sketch(

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
     from meshdeform.settings import Settings
 
-__all__ = ["variants"]
-
 _SHEET = "variants.png"
 
 

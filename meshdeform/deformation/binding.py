@@ -31,8 +31,6 @@ from meshdeform.deformation.poisson import jacobians_from_verts
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_cross, face_normals
 from meshdeform.geometry.places import NearestPlaces
 
-__all__ = ["Binding", "corner_normals"]
-
 _FACES_PER_ROUND = 8
 """Faces per simplified face for each round of averaging. Fewer leave kinks, more blur the deformation."""
 _ROUNDS = (2, 32)

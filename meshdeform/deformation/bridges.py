@@ -17,8 +17,6 @@ from scipy.spatial import Delaunay
 
 from meshdeform.geometry.mesh import RestMesh
 
-__all__ = ["Bridges", "Placement"]
-
 _POINTS, _FEWEST, _MOST = 4000, 16, 40_000
 _JITTER = 1e-4
 _SOFTENING = 0.01

@@ -17,8 +17,6 @@ from torch import Tensor
 
 from meshdeform.errors import CheckpointError
 
-__all__ = ["Checkpoint", "dump_checkpoint", "fingerprint", "load_checkpoint", "load_shape"]
-
 _FORMAT = "meshdeform-checkpoint-1"
 
 

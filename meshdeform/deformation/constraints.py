@@ -28,8 +28,6 @@ from meshdeform.geometry.geodesic import surface_distances
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import NearestPlaces
 
-__all__ = ["UNCONSTRAINED", "Constraints", "Handle", "Placement", "freedom_around"]
-
 _JOIN_EDGES = 2.0
 """Edges of a stand-in over which the whole mesh joins what is kept exactly: the stand-in has joined it already."""
 

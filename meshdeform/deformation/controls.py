@@ -43,9 +43,6 @@ from meshdeform.deformation.poisson import identity_jacobians
 from meshdeform.geometry.mesh import RestMesh, sparse_product
 from meshdeform.geometry.places import NearestPlaces, even_samples
 
-__all__ = ["Controls", "Hierarchy", "Level", "OwnJacobians", "Structure", "is_level", "mirror_planes", "plane_of"]
-
-
 _SAMPLES = 5000
 
 _NEAR = 0.006

@@ -27,8 +27,6 @@ from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.simplify import simplified
 
-__all__ = ["EditMap", "Outside"]
-
 _FORMAT = "meshdeform-edit-map"
 _VERSION = "1"
 _COUNTS = (250, 500, 1000, 2000, 4000, 8000)

@@ -26,8 +26,6 @@ from meshdeform.deformation.constraints import Handle, Placement
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh, sparse_product
 
-__all__ = ["Handles", "handle_rows"]
-
 _UNMOVED = 1e-12
 _ON_PLACE = 1e-6
 _SINGULAR = 1e-9

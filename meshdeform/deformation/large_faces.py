@@ -22,8 +22,6 @@ from meshdeform.deformation.lattice import Lattice
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import LargeFaces, nearest_larger_faces
 
-__all__ = ["pull_of_large_faces"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -30,8 +30,6 @@ from meshdeform.errors import NumericalError
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import count_samples, sample_blocks
 
-__all__ = ["CELLS", "MAX_CELLS", "Lattice", "LatticeSystem"]
-
 CELLS = 24
 """Cells along the longest side of the asset's bounding box."""
 

@@ -30,8 +30,6 @@ from meshdeform.deformation.variables import Elements
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, sparse_product
 
-__all__ = ["LatticeField"]
-
 _LEAST_VOLUME = 1e-6
 """Lower bound of a cell's relative volume in its energy."""
 

@@ -48,8 +48,6 @@ from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, 
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
 from meshdeform.rendering.shading import OrthogonalGrid, Renderer, RenderStyle, Shading
 
-__all__ = ["Deformation", "Step"]
-
 _ORIENTATION, _STRUCTURE, _PULLS = "orientation", "structure", "pulls"
 _REACHED = 1e-8
 """Value of a target's guidance that differs from zero by rounding only."""

@@ -23,8 +23,6 @@ from meshdeform.deformation.binding import corner_normals
 from meshdeform.geometry.mesh import RestMesh, sparse_product
 from meshdeform.geometry.places import NearestPlaces
 
-__all__ = ["TOLERANCE", "Mirror", "Partners", "find_partners"]
-
 TOLERANCE = 1e-4
 """Distance, as a share of the diagonal, up to which a vertex counts as the mirror image of another."""
 

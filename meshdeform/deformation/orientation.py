@@ -30,8 +30,6 @@ from torch import Tensor
 
 from meshdeform.rendering.cameras import Cameras
 
-__all__ = ["Front", "Grader", "Orientation", "OrientationSource", "find_orientation"]
-
 _TURNS = 12
 _FINE_DEG = 15.0
 _FIRST_DEG = (0.0, 120.0, 240.0)

@@ -29,8 +29,6 @@ from meshdeform.deformation.rotations import rotation_matrices, rotation_vectors
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
-__all__ = ["ShapePath"]
-
 _STILL = 0.05
 """Displacement, relative to the diagonal, from which vertices hardly count as staying in place."""
 

@@ -51,20 +51,9 @@ from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.errors import NumericalError, ShapeError
+from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import COLLAPSED_SHAPE, RestMesh, TriangleMesh, face_areas, face_normals, sparse_product
-
-__all__ = [
-    "Factor",
-    "LinearSystem",
-    "PoissonSystem",
-    "completed_jacobians",
-    "factorise",
-    "identity_jacobians",
-    "jacobians_from_verts",
-    "solve_linear",
-]
-
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_normals, sparse_product
 
 _Floats = NDArray[np.float64]
 

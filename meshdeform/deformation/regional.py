@@ -23,8 +23,6 @@ from meshdeform.deformation.variables import Variables
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import NearestPlaces
 
-__all__ = ["RegionalGradients"]
-
 _Floats = NDArray[np.float64]
 
 

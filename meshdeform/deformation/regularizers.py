@@ -55,21 +55,6 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
-__all__ = [
-    "REFERENCE_FACES",
-    "STRAINED",
-    "TERMS",
-    "Pulls",
-    "Regularizers",
-    "bends",
-    "crease_energy",
-    "dirichlet_penalty",
-    "jacobian_penalty",
-    "normal_penalty",
-    "penalty",
-]
-
-
 _CREASE = 1 - math.cos(math.radians(15))
 """y_0: on the reference mesh, an angle of more than 15 degrees between neighbours counts as a crease."""
 

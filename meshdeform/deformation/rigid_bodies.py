@@ -29,8 +29,6 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 from meshdeform.deformation.settings import Rigidity
 from meshdeform.geometry.mesh import RestMesh, sparse_product
 
-__all__ = ["Body", "RigidBodies"]
-
 _STEADINESS = 1e-6
 _LEAST_STIFFNESS = 1e-12
 

@@ -18,8 +18,6 @@ from scipy.spatial.transform import Rotation
 
 from meshdeform.geometry.kernels import kernel
 
-__all__ = ["polar_rotations", "rotation_matrices", "rotation_vectors"]
-
 _FLAT = 1e-4
 """Second singular value, relative to the first, below which a Jacobian does not determine a rotation."""
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Protocol
 
-__all__ = ["Carrier", "GuidanceKind", "OrientationMode", "Rigidity", "Safeguard", "Settings"]
-
 
 class GuidanceKind(StrEnum):
     """Source of the gradient that deforms the mesh."""

@@ -36,8 +36,6 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.simplify import simplified
 
-__all__ = ["FACES", "MAX_FACES", "StandIn", "carry", "chosen_carrier", "stand_in_of"]
-
 
 def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> Carrier:
     """Return the carrier that `auto` stands for: several connected components or rigid bodies need the lattice."""

@@ -20,8 +20,6 @@ from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.base_colours import BaseColours, srgb_from_linear
 
-__all__ = ["baked_appearance", "welded_appearance"]
-
 _DETAIL = 1 / 200
 """Length of a texel as a share of the diagonal: about a pixel of a view."""
 _SIDES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)

@@ -50,9 +50,6 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import count_samples, samples_of
 from meshdeform.geometry.quality import FaceNeighbours
 
-__all__ = ["EVERY_STEPS", "StepRepair", "SurfaceGuard"]
-
-
 _BLEND_RINGS = (2, 3)
 
 _HOLD_RINGS = (1, 2, 3, 4, 6, 8, 12, 16, 32)

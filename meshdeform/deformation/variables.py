@@ -38,9 +38,6 @@ from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
-__all__ = ["Adam", "Elements", "JacobianField", "Variables", "copy_into", "placed"]
-
-
 _Floats = NDArray[np.float64]
 
 _Flags = NDArray[np.bool_]

@@ -14,8 +14,6 @@ from meshdeform.assets.family_file import FamilyFile
 from meshdeform.families.embedded import Embedding, Pull, axis_fit
 from meshdeform.families.members import Contact, MemberPart, MemberShape, PlacedSurface, turned
 
-__all__ = ["Assembler", "Assembly", "PlacedPart", "part_presence"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -16,8 +16,6 @@ from scipy.spatial import ConvexHull, QhullError
 
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 
-__all__ = ["boundary_defects", "welded", "without_strays"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -13,8 +13,6 @@ from torch import Tensor
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.places import even_samples
 
-__all__ = ["FEATURES", "Collection", "SampledShape", "far_apart", "rotated", "sample_shape", "turned_alike"]
-
 FEATURES = 13
 """Number of local features of a sample."""
 

@@ -14,8 +14,6 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-__all__ = ["Embedding", "Pull", "axis_fit"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

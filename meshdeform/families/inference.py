@@ -20,11 +20,9 @@ from torch import Tensor
 from meshdeform.families.collection import Collection
 from meshdeform.families.templates import Template, first_template, graph
 
-__all__ = ["Inference"]
-
-EPSILON = 1e-2
+_EPSILON = 1e-2
 """Price of a correspondence whose part label disagrees."""
-NEAREST_SAMPLES, NEAREST_POINTS = 100, 20
+_NEAREST_SAMPLES, _NEAREST_POINTS = 100, 20
 """Correspondences that are not between such neighbours have the probability 0."""
 
 _S1, _S2 = 0.08**2, 0.05**2
@@ -186,7 +184,7 @@ class Inference:
         score = torch.cdist(features, wanted).square_()
         score += (self.variance[shape] / self.s1).sum(1)
         score *= -0.5
-        score += math.log(EPSILON) * (1 - self.parts[shape][:, template.labels])
+        score += math.log(_EPSILON) * (1 - self.parts[shape][:, template.labels])
         return score.masked_fill_(~_near(points, deformed), -torch.inf)
 
     def _make_room(self, t: int, score: Tensor) -> None:
@@ -199,7 +197,7 @@ class Inference:
 
     def _label(self, t: int, matched: Tensor) -> None:
         """Update Q(S) of one shape; `matched` (P, L) sums Q(U) over the points of each part."""
-        unary = math.log(EPSILON) * (1 - matched)
+        unary = math.log(_EPSILON) * (1 - matched)
         alike, near = self.alike[t], self.collection.neighbours[t]
         bond = (alike.log() - (1 - alike).log())[:, :, None]
         q = self.parts[t]
@@ -224,7 +222,7 @@ class Inference:
 def _near(points: Tensor, deformed: Tensor) -> Tensor:
     """Return flags (P, K) of the pairs of which one is among the nearest of the other."""
     distance = torch.cdist(points, deformed)
-    within = _smallest(distance, NEAREST_POINTS), _smallest(distance.T.contiguous(), NEAREST_SAMPLES)
+    within = _smallest(distance, _NEAREST_POINTS), _smallest(distance.T.contiguous(), _NEAREST_SAMPLES)
     return (distance <= within[0][:, None]) | (distance <= within[1])
 
 

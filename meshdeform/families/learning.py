@@ -9,8 +9,6 @@ from torch import Tensor
 
 from meshdeform.families.machine import STRONGEST, BetaMachine, Hidden
 
-__all__ = ["Learning"]
-
 _RATE, _SLOWER, _FASTER = 1e-3, 0.9, 1.1
 _RATES = 1e-3, 0.01
 """Bounds of the rate. Errors are noisy, and without a lower bound their noise alone makes the rate vanish."""

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-__all__ = ["HIGH", "LOW", "STRONGEST", "BetaMachine", "Hidden", "layer_sizes"]
-
 LOW, HIGH = 0.25, 0.75
 """Coordinates are scaled into this interval, away from the ends where the logarithms diverge."""
 STRONGEST = 4000.0

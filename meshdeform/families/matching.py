@@ -13,15 +13,6 @@ from torch import Tensor
 from meshdeform.families.inference import Inference
 from meshdeform.families.machine import HIGH, LOW
 
-__all__ = [
-    "Correspondences",
-    "correspondences",
-    "strangers",
-    "triangle_parts",
-    "unlike",
-    "visible_points",
-]
-
 _MASS = 0.25
 """A point exists where at least this share of the mean number of samples corresponds to it."""
 _NEAR = 0.05

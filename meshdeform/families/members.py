@@ -16,8 +16,6 @@ from meshdeform.assets.family_file import FamilyFile
 from meshdeform.families.boundary import welded
 from meshdeform.geometry.places import SurfaceTree, samples_of
 
-__all__ = ["Contact", "MemberPart", "MemberShape", "PlacedSurface", "turned"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

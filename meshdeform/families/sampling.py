@@ -15,19 +15,6 @@ from torch import Tensor
 
 from meshdeform.families.machine import HIGH, LOW, BetaMachine
 
-__all__ = [
-    "Drawn",
-    "FreeEnergy",
-    "State",
-    "Unexplained",
-    "between",
-    "completed",
-    "gibbs",
-    "sampled",
-    "to_frame",
-    "to_machine",
-]
-
 _INSIDE = 1e-4, 1 - 1e-4
 """Coordinates stay away from the ends, where their logarithms diverge."""
 

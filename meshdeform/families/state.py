@@ -13,8 +13,6 @@ from meshdeform.families.learning import Learning
 from meshdeform.families.machine import BetaMachine
 from meshdeform.families.templates import Template
 
-__all__ = ["dump_inference", "dump_learning", "dump_shapes", "load_inference", "load_learning", "load_shapes"]
-
 _ARRAYS = ("points", "normals", "triangles", "weights", "centre")
 _OF_INFERENCE = ("deformed", "variance", "mass", "parts", "crowding", "likelihood", "s1", "s2", "s3", "edges")
 _OF_LEARNING = ("rate", "error", "best_error", "epoch")

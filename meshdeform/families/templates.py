@@ -9,8 +9,6 @@ from torch import Tensor
 
 from meshdeform.families.collection import Collection, far_apart
 
-__all__ = ["Template", "first_template", "graph"]
-
 _FIRST = 0.6
 """Share of the points that come from the most typical shape."""
 _NEIGHBOURS = 8

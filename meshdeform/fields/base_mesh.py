@@ -23,8 +23,6 @@ from meshdeform.fields.surface_sources import MeshSurface
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.simplify import simplified
 
-__all__ = ["base_of"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _NEAR = 1.1

@@ -11,8 +11,6 @@ from meshdeform.errors import AssetEmptyError, AssetError
 from meshdeform.fields.gluing import Topology, glue, glued_verts, topology
 from meshdeform.geometry.weld import weld
 
-__all__ = ["CleanMesh", "clean"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _MAX_COMPONENTS = 64

@@ -26,8 +26,6 @@ from meshdeform.fields.network import FieldNetwork
 from meshdeform.fields.rounding import steps_of, whole
 from meshdeform.fields.scalar_fields import ScalarField
 
-__all__ = ["EncodedBase", "encode_base", "packed_bytes", "write_field"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 BITS = 10

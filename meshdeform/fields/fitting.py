@@ -37,8 +37,6 @@ from meshdeform.fields.surface_sources import Surface
 from meshdeform.geometry.mesh import face_normals
 from meshdeform.geometry.places import SurfaceTree, even_samples
 
-__all__ = ["FieldFit", "FieldFrame", "FitOptions", "FitStep"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _PARTS = 8

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-__all__ = ["Topology", "fans", "glue", "glued_verts", "topology"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

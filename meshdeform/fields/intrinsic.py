@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from meshdeform.fields.gluing import glue
 from meshdeform.geometry.kernels import kernel
 
-__all__ = ["IntrinsicMesh", "areas_of", "delaunay", "half_cotangents"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _TOLERANCE = 1e-9

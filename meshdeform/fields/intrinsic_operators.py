@@ -23,8 +23,6 @@ from scipy.sparse.linalg import eigsh, splu
 
 from meshdeform.fields.intrinsic import IntrinsicMesh, areas_of, half_cotangents
 
-__all__ = ["HeatGeodesics", "laplacian", "mass", "spectrum"]
-
 _Floats = NDArray[np.float64]
 
 

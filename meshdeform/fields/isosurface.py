@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from meshdeform.errors import AssetTooLargeError
 
-__all__ = ["isosurface"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _MOST_CUBES = 500_000

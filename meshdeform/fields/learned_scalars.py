@@ -19,8 +19,6 @@ from meshdeform.fields.rounding import steps_of
 from meshdeform.fields.scalar_fields import STEPS, ScalarField, learn_scalars
 from meshdeform.geometry.places import SurfaceTree
 
-__all__ = ["LearnedScalars", "check_places", "learned_scalars", "places_on"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _LEVEL = 2

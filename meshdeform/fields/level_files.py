@@ -13,8 +13,6 @@ from meshdeform.assets.build import build_glb
 if TYPE_CHECKING:
     from meshdeform.fields.intrinsic import IntrinsicMesh
 
-__all__ = ["intrinsic_npz", "level_glb"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -23,8 +23,6 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.places import even_samples
 from meshdeform.geometry.simplify import simplified
 
-__all__ = ["EIGENVALUES", "Reference", "distances"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -9,8 +9,6 @@ import itertools
 import sys
 from typing import Any
 
-__all__ = ["checked_header"]
-
 _MAX_FACES = 100_000
 _MAX_BITS, _MAX_OCTAVES, _MAX_LAYERS, _MAX_SCALARS = 16, 32, 32, 64
 _MAX_STEP = 400

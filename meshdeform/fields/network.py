@@ -17,8 +17,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-__all__ = ["FieldNetwork", "octaves_of"]
-
 _FIRST_FEATURES = 0.1
 _LAST_LAYER = 1e-2
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
-__all__ = ["poisson_grid"]
-
 _Floats = NDArray[np.float64]
 _MARGIN = 0.15
 _NEIGHBOURS = 8

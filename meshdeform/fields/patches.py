@@ -7,8 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Level", "divided", "in_corners", "level_of", "patch"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from meshdeform.fields.ndf_header import checked_header
 from meshdeform.fields.patches import level_of
 
-__all__ = ["NeuralField", "read_field"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -17,8 +17,6 @@ from scipy import sparse
 
 from meshdeform.fields.cleaning import CleanMesh
 
-__all__ = ["relaxed"]
-
 _Floats = NDArray[np.float64]
 _TIMES = 3
 

@@ -16,8 +16,6 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-__all__ = ["IN_SPREAD", "START", "rounded", "steps_of", "whole"]
-
 START = 0.85
 """Share of a fit's iterations before its tensors are rounded."""
 IN_SPREAD, _OF_ITERATIONS, _FINER = 8.0, 400, 2.0

@@ -22,8 +22,6 @@ from torch.nn import functional
 from meshdeform.deformation.variables import Adam
 from meshdeform.fields.rounding import IN_SPREAD, START, rounded, steps_of
 
-__all__ = ["STEPS", "ScalarField", "learn_scalars"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 STEPS = 600

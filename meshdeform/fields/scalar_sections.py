@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from meshdeform.fields.reader import NeuralField
 
-__all__ = ["SurfaceScalars", "read_scalars"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

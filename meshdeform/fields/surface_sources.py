@@ -27,8 +27,6 @@ from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.places import SurfaceTree
 from meshdeform.requests.surface_fit import MAX_BASE_FACES
 
-__all__ = ["GridSurface", "MeshSurface", "NetworkSurface", "PointSurface", "Surface", "surface_of"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

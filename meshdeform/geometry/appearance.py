@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CLAY", "Appearance", "Paint", "Texture", "plain_appearance"]
-
 CLAY = (0.46, 0.44, 0.42, 1.0)
 """Linear colour of a surface that the file gives none."""
 

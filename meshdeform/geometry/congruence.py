@@ -17,8 +17,6 @@ from scipy.spatial import cKDTree
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.procrustes import closest_motion
 
-__all__ = ["Component", "components_of", "congruent_groups", "is_of_revolution"]
-
 _CONGRUENT = 1e-3
 """Greatest distance between corresponding points of congruent components, as a share of their radius."""
 _ROUND = 0.08

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-__all__ = ["longest_together", "split_triangles", "unique_edges"]
-
 _Index = NDArray[np.int64]
 
 

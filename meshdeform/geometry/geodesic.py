@@ -15,8 +15,6 @@ from scipy.sparse import csgraph
 
 from meshdeform.geometry.mesh import RestMesh
 
-__all__ = ["surface_distances"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -27,9 +27,6 @@ from numpy.typing import NDArray
 
 from meshdeform.geometry.kernels import kernel
 
-__all__ = ["TooManyPairsError", "cutting_pairs", "faces_cut", "faces_touch", "intersecting_faces", "touching_pairs"]
-
-
 _ERROR = 8.0e-16
 """Relative rounding error of a determinant of differences: (7 + 56 eps) eps with eps = 2^-53."""
 

@@ -7,8 +7,6 @@ from typing import Any, TypeVar
 
 import numba
 
-__all__ = ["kernel"]
-
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 

@@ -28,27 +28,6 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 from meshdeform.geometry.kernels import kernel
 
-__all__ = [
-    "COLLAPSED_SHAPE",
-    "MeshEdges",
-    "RestMesh",
-    "TriangleMesh",
-    "area_vectors",
-    "connected_components",
-    "cotangent_laplacian",
-    "edges_of",
-    "effective_face_areas",
-    "face_areas",
-    "face_cross",
-    "face_normals",
-    "gradient_operator",
-    "mass_matrix",
-    "safe_normalize",
-    "sparse_product",
-    "vertex_areas",
-]
-
-
 # Squared lengths below this count as zero: no mesh has such edges, and 1 / sqrt is still finite here.
 _TINY_SQUARE = 1e-280
 

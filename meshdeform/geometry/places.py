@@ -20,19 +20,6 @@ from scipy.spatial import cKDTree
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh
 
-__all__ = [
-    "LargeFaces",
-    "NearestPlaces",
-    "SurfaceTree",
-    "blend_matrix",
-    "count_samples",
-    "even_samples",
-    "nearest_larger_faces",
-    "sample_blocks",
-    "samples_of",
-]
-
-
 _BLOCK = 1_000_000
 """Points of a block, but for a face that has more by itself."""
 

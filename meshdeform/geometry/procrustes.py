@@ -10,8 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Motion", "closest_motion"]
-
 _Floats = NDArray[np.float64]
 
 

@@ -43,25 +43,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from meshdeform.geometry.appearance import Appearance
+from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
-from meshdeform.geometry.mesh import COLLAPSED_SHAPE, RestMesh, TriangleMesh, area_vectors
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, area_vectors
 from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples
-
-__all__ = [
-    "FaceNeighbours",
-    "FitQuality",
-    "MeshQuality",
-    "Structure",
-    "TextureStretch",
-    "distances_between",
-    "face_stretch",
-    "measure",
-    "measure_fit",
-    "measure_structure",
-    "measure_texture_stretch",
-    "texel_corners",
-]
-
 
 _Floats = NDArray[np.float64]
 

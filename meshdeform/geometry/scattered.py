@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-__all__ = ["interpolate"]
-
 _NEIGHBOURS = 4
 
 _Floats = NDArray[np.float64]

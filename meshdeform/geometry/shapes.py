@@ -12,8 +12,6 @@ from torch import Tensor
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 
-__all__ = ["box", "cylinder", "grid", "icosphere", "join", "lathe", "torus", "uv_sphere"]
-
 
 def icosphere(subdivisions: int = 3, radius: float = 1.0) -> TriangleMesh:
     """Return a sphere of 20 * 4^subdivisions nearly equal triangles around the origin."""

@@ -14,8 +14,6 @@ import torch
 
 from meshdeform.geometry.mesh import TriangleMesh
 
-__all__ = ["simplified"]
-
 _MOST_AROUND = 200
 """Faces around the corners of a face, in the mean, up to which a mesh is simplified: each edge that is tried takes time
 for every one. A smooth surface has 18."""

@@ -14,8 +14,6 @@ import torch
 
 from meshdeform.support.threads import in_ranges
 
-__all__ = ["one_torch_thread", "share_work"]
-
 T = TypeVar("T")
 
 

@@ -17,8 +17,6 @@ from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
-__all__ = ["WELD_TOLERANCE", "WeldedMesh", "weld"]
-
 
 @dataclass(frozen=True)
 class WeldedMesh:

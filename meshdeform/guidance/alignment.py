@@ -28,8 +28,6 @@ from meshdeform.geometry.places import even_samples
 from meshdeform.guidance.landmarks import Landmark
 from meshdeform.guidance.points import LIMITS, diagonal_of
 
-__all__ = ["LEAST_OVERLAP", "Alignment", "aligned", "require_overlap", "shared_coordinates"]
-
 LEAST_OVERLAP = 0.2
 """Share of either surface that must be near the other one."""
 

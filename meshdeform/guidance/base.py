@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
 
-__all__ = ["Guidance", "HeavyGuidance", "RegionalGuidance", "ShapeGuidance", "StepContext", "torch_threads_for"]
-
 
 @dataclass(frozen=True)
 class StepContext:

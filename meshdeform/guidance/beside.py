@@ -13,8 +13,6 @@ from meshdeform.guidance.silhouettes import SilhouetteTerm
 from meshdeform.rendering.cameras import Cameras
 from meshdeform.rendering.shading import RenderStyle
 
-__all__ = ["BesideSilhouettes", "SilhouetteGuidance"]
-
 _UNSEEN = RenderStyle(view_size=8, supersample=1)
 
 

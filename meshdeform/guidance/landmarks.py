@@ -13,8 +13,6 @@ from torch import Tensor
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, sparse_product
 from meshdeform.geometry.places import SurfaceTree, blend_matrix
 
-__all__ = ["Landmark", "LandmarkTerm"]
-
 _WEIGHT = 10.0
 _UNIT = 0.01
 

@@ -27,8 +27,6 @@ from torch import Tensor
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_normals, sparse_product
 from meshdeform.geometry.places import SurfaceTree, blend_matrix, even_samples
 
-__all__ = ["EVERY_STEPS", "LIMITS", "SAMPLES", "PointTerm", "diagonal_of", "on_border"]
-
 SAMPLES = 20_000
 EVERY_STEPS = 10
 """Steps between two searches for pairs."""

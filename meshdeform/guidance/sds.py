@@ -49,8 +49,6 @@ if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle, Shading
 
-__all__ = ["REFERENCE_ELEMENTS", "ScoreDistillation", "Texts", "WeightedPrompt", "rescaled"]
-
 
 @dataclass(frozen=True)
 class WeightedPrompt:

@@ -42,8 +42,6 @@ from meshdeform.guidance.base import StepContext
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.coverage import CoverageRenderer
 
-__all__ = ["SilhouetteTerm", "SilhouetteView"]
-
 _SIDE = 128
 _MARGIN = 1.25
 """Radius that just fits the view, relative to the farthest point of asset or mask."""
@@ -84,7 +82,7 @@ class _Placed:
     def moved_to(self, covered: Tensor) -> tuple[Tensor, Tensor]:
         """Return mask and signed distance (S, S), moved so that the mask has the centre of `covered` (S, S)."""
         with torch.no_grad():
-            shift = centre_of(covered) - self.centre if bool(covered.any()) else torch.zeros_like(self.centre)
+            shift = _centre_of(covered) - self.centre if bool(covered.any()) else torch.zeros_like(self.centre)
             side = len(self.mask)
             steps = (torch.arange(side, device=covered.device) + 0.5) * (2 / side) - 1
             rows, columns = steps - shift[0] * (2 / side), steps - shift[1] * (2 / side)
@@ -163,7 +161,7 @@ class SilhouetteTerm:
         outside = ndimage.distance_transform_edt(~sampled) - ndimage.distance_transform_edt(sampled)
         distance = outside.reshape(self._side, fine, self._side, fine).mean((1, 3)) / (self._side * fine)
         goal, away = (torch.from_numpy(each).float().to(self._device) for each in (mask, distance))
-        return _Placed(_cameras(view, radius).to(self._device), goal, away, centre_of(goal))
+        return _Placed(_cameras(view, radius).to(self._device), goal, away, _centre_of(goal))
 
     def loss(self, verts: Tensor, _context: StepContext | None = None) -> tuple[Tensor, dict[str, float]]:
         """Return the loss above, float64 and differentiable in the vertices (V, 3); and `silhouette_iou`, its mean."""
@@ -240,7 +238,7 @@ def picture_scales(views: Sequence[SilhouetteView]) -> _Floats:
     return np.asarray(np.sqrt(squared))
 
 
-def centre_of(image: Tensor) -> Tensor:
+def _centre_of(image: Tensor) -> Tensor:
     """Return the centre of area (row, column) of an image (S, S), in pixels from its middle."""
     steps = torch.arange(len(image), device=image.device, dtype=image.dtype) + 0.5 - len(image) / 2
     total = image.sum().clamp_min(1e-6)

@@ -28,8 +28,6 @@ from meshdeform.guidance.landmarks import Landmark, LandmarkTerm
 from meshdeform.guidance.points import EVERY_STEPS, PointTerm, diagonal_of
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
-__all__ = ["TARGET_STYLE", "TargetGuidance"]
-
 TARGET_STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
 _COLOUR_SCALE = 0.1
 _ROUNDING = 1e-4

@@ -32,28 +32,11 @@ from torch import Tensor, nn
 
 from meshdeform.errors import ModelError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, ParsedPrompt, parse
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, ParsedPrompt, parse
 from meshdeform.priors.builtin.network import file_sha256
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
-
-__all__ = [
-    "NUM_VIEWS",
-    "VIEW_SIZE",
-    "WEIGHTS",
-    "Judge",
-    "JudgeConfig",
-    "JudgeNetwork",
-    "Prompts",
-    "draw_views",
-    "encoded",
-    "framed",
-    "judging_cameras",
-    "read_judge",
-    "training_cameras",
-    "vocabulary_hash",
-]
-
 
 _NOUN_NUMBER = {noun: number for number, noun in enumerate(NOUNS)}
 

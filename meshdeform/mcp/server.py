@@ -23,8 +23,6 @@ from meshdeform.mcp.tools import Folders, Tools, explained
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Receive, Scope, Send
 
-__all__ = ["http_app", "local_server"]
-
 _INSTRUCTIONS = """\
 Meshdeform reshapes 3D assets: the same GLB comes out with a new shape; topology, UVs, materials and rig are kept.
 Usual order: list_models (which words a model knows), validate, deform, wait, preview (look at it), download.

@@ -24,8 +24,6 @@ from meshdeform.client import AsyncClient, EventView, JobView, WaitTimeoutError
 from meshdeform.errors import ForbiddenError, MeshdeformError, NotFoundError, ParameterError
 from meshdeform.requests.document import DeformParams
 
-__all__ = ["Folders", "Tools", "explained"]
-
 Asset = Annotated[
     str,
     Field(

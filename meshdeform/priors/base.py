@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle
 
-__all__ = ["Prior"]
-
 
 class Prior(Protocol):
     """A diffusion model: loaded once in a worker, used by many jobs."""

@@ -10,14 +10,12 @@ from pathlib import Path
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model, hidden_folders, public_names
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS, Attribute, ParsedPrompt, Words
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, Attribute, ParsedPrompt, Words
 from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
 from meshdeform.priors.builtin.taught import check as check_taught
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
 from meshdeform.requests.choices import is_taught
 from meshdeform.requests.document import BUILTIN_MODEL
-
-__all__ = ["EXAMPLES", "ModelInfo", "Vocabulary", "describe_taught", "list_models"]
 
 EXAMPLES: tuple[str, ...] = (
     "a mushroom with a big cap",

@@ -14,8 +14,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-__all__ = ["scaled_backward"]
-
 
 class _Scale:
     """Divisor of the gradient that enters the encoder."""

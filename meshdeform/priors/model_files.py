@@ -22,8 +22,6 @@ from typing import Any
 
 from meshdeform.errors import DependencyError, ModelError, install_command
 
-__all__ = ["CONVERT", "ModelFiles", "PartFiles", "check", "find"]
-
 _STEMS = {"text_encoder": "model", "unet": "diffusion_pytorch_model", "vae": "diffusion_pytorch_model"}
 _VARIANTS = ("", "fp16")
 _TOKENIZER_FILES = (("tokenizer.json",), ("vocab.json", "merges.txt"))

@@ -7,8 +7,6 @@ from typing import Any
 
 import torch
 
-__all__ = ["is_fast_in_bfloat16", "is_fast_in_int8"]
-
 
 def is_fast_in_bfloat16(device: str | torch.device) -> bool:
     """Return whether a device computes faster in bfloat16: a GPU from Ampere on, a CPU with `amx_bf16`, AMD from Zen 4.

@@ -35,8 +35,6 @@ from meshdeform.rendering.shading import RenderStyle
 if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
 
-__all__ = ["StableDiffusionPrior"]
-
 _PREDICTIONS = ("epsilon", "v_prediction")
 
 

@@ -13,8 +13,6 @@ from PIL import Image
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.rendering.studio import Pose, Studio
 
-__all__ = ["FORMATS", "morph_animation", "turntable_animation"]
-
 FORMATS = {".webp": "WEBP", ".gif": "GIF"}
 """Formats by file suffix."""
 

@@ -28,9 +28,6 @@ from torch import Tensor
 from meshdeform.geometry.appearance import Appearance, Texture
 from meshdeform.rendering.rasterizer import EMPTY_DEPTH, Fragments
 
-__all__ = ["MAX_LAYERS", "BaseColours", "Layers", "Textures", "linear_from_srgb", "srgb_from_linear"]
-
-
 _WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
 _LEVELS = 11
 _WHITE = Texture(np.full((1, 1, 4), 255, np.uint8))

@@ -22,20 +22,8 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 
-__all__ = [
-    "NUM_VIEWS",
-    "RADIUS",
-    "CameraRange",
-    "Cameras",
-    "Frame",
-    "Framing",
-    "fixed_cameras",
-    "sample_orthogonal_cameras",
-]
-
-
 NUM_VIEWS = 4
-UNIT_SPHERE = 1.05
+_UNIT_SPHERE = 1.05
 """Default radius of the sphere that just fits the view: the unit sphere and a margin."""
 
 
@@ -126,7 +114,7 @@ def fixed_cameras(
     fov_deg: float = 37.5,
     *,
     views: int = NUM_VIEWS,
-    fitting_radius: float = UNIT_SPHERE,
+    fitting_radius: float = _UNIT_SPHERE,
     turn_deg: float = 0.0,
 ) -> Cameras:
     """Place cameras that look at the origin, at azimuths ``azimuth_deg + 90 k`` or at the given ones.
@@ -167,7 +155,7 @@ def fixed_cameras(
 
 
 def sample_orthogonal_cameras(
-    bounds: CameraRange, generator: torch.Generator, fitting_radius: float = UNIT_SPHERE, turn_deg: float = 0.0
+    bounds: CameraRange, generator: torch.Generator, fitting_radius: float = _UNIT_SPHERE, turn_deg: float = 0.0
 ) -> Cameras:
     """Draw the four cameras of one step: azimuth a + {0, 90, 180, 270} with a ~ U(-180, 180).
 

@@ -10,8 +10,6 @@ from meshdeform.geometry.mesh import edges_of
 from meshdeform.rendering.cameras import Cameras
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, rasterize
 
-__all__ = ["CoverageRenderer"]
-
 
 class CoverageRenderer:
     """Draws the silhouettes of the deformed states of one mesh.

@@ -54,21 +54,6 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.kernels import kernel
 from meshdeform.support.threads import in_ranges
 
-__all__ = [
-    "EMPTY_DEPTH",
-    "Fragments",
-    "SilhouetteEdges",
-    "antialias",
-    "antialias_compiled",
-    "interpolate",
-    "interpolate_torch",
-    "is_compiled",
-    "rasterize",
-    "rasterize_compiled",
-    "rasterize_spans",
-]
-
-
 EMPTY_DEPTH = 3.0
 """Depth where there is no face: greater than that of any point in front of the cameras, even past the far plane."""
 

@@ -54,29 +54,14 @@ from torch.nn import functional
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.appearance import Appearance
+from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import COLLAPSED_SHAPE, area_vectors, edges_of
+from meshdeform.geometry.mesh import area_vectors, edges_of
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import CameraRange, Cameras, fixed_cameras, sample_orthogonal_cameras
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
 from meshdeform.support.threads import in_ranges
-
-__all__ = [
-    "SLIM_SHAPE",
-    "TRUST_FROM",
-    "TRUST_OVER",
-    "OrthogonalGrid",
-    "RenderStyle",
-    "Renderer",
-    "Scene",
-    "Shading",
-    "colour_by_normals",
-    "combine_views",
-    "sample_scene",
-    "shrink",
-]
-
 
 SLIM_SHAPE = 1e-2
 """Below this area over longest edge squared, a face passes on a smaller share of its pixels' gradients.

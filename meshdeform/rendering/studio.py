@@ -32,9 +32,6 @@ from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_s
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
 
-__all__ = ["PaintedRenderer", "PaintedStyle", "Pose", "Studio", "comparison_png", "preview_png"]
-
-
 _KEY, _FILL = (-0.45, 0.65, 0.60), (0.75, 0.05, 0.65)  # in the camera's frame: x right, y up, z towards the viewer
 
 _KEY_LIGHT, _FILL_LIGHT = 0.80, 0.16

@@ -10,8 +10,6 @@ from PIL import Image, ImageDraw, ImageFont
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.rendering.studio import Pose, Studio
 
-__all__ = ["variant_sheet"]
-
 _TITLE, _FRONT_DEG = 24, 30.0
 
 

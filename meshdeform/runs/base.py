@@ -36,31 +36,6 @@ if TYPE_CHECKING:
     from meshdeform.priors.builtin.grammar import Words
     from meshdeform.settings import Settings
 
-__all__ = [
-    "FORMATS_OF_RESULT",
-    "TAUGHT_WEIGHTS",
-    "WEIGHTS_ARTIFACT",
-    "WEIGHTS_FILE",
-    "ArtifactData",
-    "ArtifactKind",
-    "FilePart",
-    "InputFile",
-    "JobRun",
-    "Kind",
-    "RunInput",
-    "RunLog",
-    "StartRun",
-    "StepReport",
-    "check_weights_part",
-    "job_input",
-    "load_sent",
-    "sha256_hex",
-    "start_of",
-    "versions",
-    "weights_on_disk",
-]
-
-
 _PACKAGES = (
     "torch",
     "numpy",

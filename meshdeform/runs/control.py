@@ -44,9 +44,6 @@ from meshdeform.requests.selection import (
 )
 from meshdeform.runs.text_deform_kind import check_places
 
-__all__ = ["Control", "SelectableSurface", "control_report", "read_control", "select_bodies"]
-
-
 _Flags = NDArray[np.bool_]
 
 _Floats = NDArray[np.float64]

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset
     from meshdeform.assets.surface import Surface
 
-__all__ = ["DERIVED", "OF_RESULT", "STRENGTH", "DerivedInput", "derive", "main"]
-
 STRENGTH = "result.glb"
 """The name for `derive` of a result at another strength."""
 

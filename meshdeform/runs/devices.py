@@ -8,8 +8,6 @@ from meshdeform.errors import ParameterError
 from meshdeform.support.memory import keep_freed_memory
 from meshdeform.support.threads import choose_threads, default_threads
 
-__all__ = ["resolve_device", "use_threads"]
-
 
 def resolve_device(name: str) -> str:
     """Return the device of a setting: `auto` is CUDA if available, otherwise the CPU; other names are checked.

@@ -33,8 +33,6 @@ from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
 from meshdeform.runs.family_fit_kind import READ_STEPS, params_of, total_steps
 from meshdeform.runs.family_results import FamilyResults, labels_of
 
-__all__ = ["FamilyFitRun", "start"]
-
 
 def start(given: RunInput) -> FamilyFitRun:
     """Unpack the collection and prepare the run.

@@ -14,8 +14,6 @@ from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
-__all__ = ["FAMILY_FIT", "READ_STEPS", "params_of", "total_steps"]
-
 READ_STEPS = 10
 """The assets are read in so many steps."""
 

@@ -43,19 +43,6 @@ from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData, versions
 
-__all__ = [
-    "COLOURS",
-    "FamilyResults",
-    "assets_png",
-    "family_png",
-    "labels_of",
-    "packed_arrays",
-    "shown",
-    "wall",
-    "wall_shape",
-]
-
-
 _PICTURED = 36
 
 _MARKER = 0.008

@@ -20,8 +20,6 @@ from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, versions
 from meshdeform.runs.family_results import assets_png, packed_arrays, wall, wall_shape
 
-__all__ = ["SynthesisResults"]
-
 
 @dataclass(frozen=True)
 class SynthesisResults:

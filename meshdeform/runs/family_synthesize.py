@@ -30,8 +30,6 @@ from meshdeform.runs.family_results import FamilyResults
 from meshdeform.runs.family_synthesis_results import SynthesisResults
 from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_steps
 
-__all__ = ["FamilySynthesisRun", "machine_of", "start"]
-
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
 _SAME = 1e-6

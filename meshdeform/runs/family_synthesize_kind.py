@@ -14,8 +14,6 @@ from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, Kind
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
-__all__ = ["FAMILY_SYNTHESIZE", "READ_STEPS", "params_of", "total_steps"]
-
 READ_STEPS = 10
 """The assets are read in so many steps."""
 

@@ -40,9 +40,6 @@ from meshdeform.runs.base import InputFile, sha256_hex
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.text_deform_kind import check_places
 
-__all__ = ["Goal", "GoalSource", "SilhouetteFit", "TargetFit", "read_goal", "score_distillation"]
-
-
 _SHADINGS: dict[AppearanceMode, Shading] = {
     AppearanceMode.NORMALS: "normals",
     AppearanceMode.CLAY: "lambert",
@@ -305,7 +302,7 @@ class TargetFit:
         try:
             require_overlap(alignment, advice)
         except AlignmentError as error:
-            error.picture = overlay_png(frame.place(world), placed)
+            error.picture = _overlay_png(frame.place(world), placed)
             raise
         moved = (
             Landmark(_entered(frame, each.source), _entered(frame, alignment.place(each.target[None])[0]))
@@ -346,7 +343,7 @@ class TargetFit:
         return found
 
 
-def overlay_png(source: TriangleMesh, target: TriangleMesh) -> bytes:
+def _overlay_png(source: TriangleMesh, target: TriangleMesh) -> bytes:
     """Draw the silhouettes of an asset (blue) and a target (orange) over each other, from four sides."""
     both = torch.cat([source.verts, target.verts])
     middle = (both.amin(0) + both.amax(0)) / 2

@@ -15,8 +15,6 @@ from meshdeform.geometry.congruence import Component, components_of, congruent_g
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.runs.surfaces import welded_surface
 
-__all__ = ["MAX_COMPARED", "inspect_parts"]
-
 MAX_COMPARED = 200
 """Components that are compared with each other: those with the most faces."""
 

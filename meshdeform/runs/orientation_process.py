@@ -20,8 +20,6 @@ from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedPara
 from meshdeform.runs.base import job_input
 from meshdeform.runs.questions import Question, answer
 
-__all__ = ["check_searchable", "main", "orientation_of"]
-
 _QUESTION = Question(
     __name__,
     cannot="The front cannot be found on this server.",

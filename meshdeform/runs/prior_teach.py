@@ -61,8 +61,6 @@ from meshdeform.runs.prior_teach_kind import (
     params_of,
 )
 
-__all__ = ["MADE", "LessonRun", "TeachRequest", "made_members", "start", "start_lesson"]
-
 _LEARNED = 0.75
 """Least share of held-out pictures of the new noun that are taken for it."""
 _FORGOTTEN = 2

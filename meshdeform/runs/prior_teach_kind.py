@@ -34,20 +34,6 @@ if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
     from meshdeform.settings import Settings
 
-__all__ = [
-    "FAMILY_PART",
-    "MAX_MESHES",
-    "MESHES_PART",
-    "PRIOR_TEACH",
-    "MeshFile",
-    "check_count",
-    "labelled",
-    "noun_of_request",
-    "packed_meshes",
-    "params_of",
-]
-
-
 MESHES_PART, FAMILY_PART = "meshes", "family"
 
 

@@ -26,8 +26,6 @@ from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.parameters import Prompt, active_prompts
 from meshdeform.runs.control import Control, SelectableSurface
 
-__all__ = ["Prompts", "read_prompts"]
-
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
 

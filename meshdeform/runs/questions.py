@@ -14,8 +14,6 @@ from typing import Any
 from meshdeform.assets.isolation import bound_memory, error_from, error_to_json, run_child
 from meshdeform.errors import DependencyError, MeshdeformError, ModelError, UnavailableError
 
-__all__ = ["Question", "answer"]
-
 _MEMORY_BYTES = 16 * 2**30
 """Address space; torch alone maps several gigabytes of it."""
 

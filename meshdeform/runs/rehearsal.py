@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
     from meshdeform.runs.text_deform import TextDeformRun
 
-__all__ = ["main", "rehearse"]
-
 _PROMPT = "a mushroom"
 
 

@@ -15,8 +15,6 @@ from typing import Any
 from meshdeform.requests.sketches import Sketch, sketch_family
 from meshdeform.runs.questions import Question, answer
 
-__all__ = ["guesses_of", "main", "shape_of"]
-
 _QUESTION = Question(
     __name__,
     cannot="The drawing cannot be read on this server.",
@@ -107,7 +105,7 @@ def _guessed(path: str, family: str) -> dict[str, Any]:
 
 
 def _shaped(document: str) -> dict[str, Any]:
-    from meshdeform.sketch.members import member_glb
+    from meshdeform.sketch.families import member_glb
 
     sketch = Sketch.model_validate_json(document)
     return {"mesh": base64.b64encode(member_glb(sketch.family, sketch.values)).decode()}

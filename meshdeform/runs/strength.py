@@ -32,17 +32,6 @@ from meshdeform.runs.surfaces import (
     welded_surface,
 )
 
-__all__ = [
-    "MAX_STRENGTH",
-    "AssetPath",
-    "check_same_asset",
-    "edit_of",
-    "matched",
-    "with_edit",
-    "with_strength",
-    "write_morph",
-]
-
 MAX_STRENGTH = 1.5
 
 _Floats = NDArray[np.float64]

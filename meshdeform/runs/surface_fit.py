@@ -40,8 +40,6 @@ from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, sha256_hex, versions
 from meshdeform.runs.surface_fit_kind import params_of
 
-__all__ = ["SurfaceFitRun", "start"]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

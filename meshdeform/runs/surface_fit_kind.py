@@ -16,8 +16,6 @@ from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
-__all__ = ["SURFACE_FIT", "params_of"]
-
 _GLB = "model/gltf-binary"
 _SAME = ("base_faces", "features", "octaves", "width", "depth")
 

@@ -36,24 +36,6 @@ from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import OutputOptions, ResolvedParams
 from meshdeform.requests.selection import find_excluded
 
-__all__ = [
-    "DeformedSurface",
-    "Shown",
-    "deformed_surface",
-    "drawn_triangles",
-    "pose_in_frame",
-    "prepared",
-    "read_result",
-    "rebuild_turned_normals",
-    "shape_id",
-    "subdivided",
-    "transform_normals",
-    "transform_tangents",
-    "vertex_jacobians",
-    "welded_surface",
-]
-
-
 _Floats = NDArray[np.float64]
 
 _ROUNDING = 1e-6

@@ -35,18 +35,6 @@ from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.surfaces import Shown
 from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports, verdict
 
-__all__ = [
-    "Movement",
-    "Outcome",
-    "RunFacts",
-    "build_report",
-    "measure_movement",
-    "precision_of",
-    "provenance",
-    "rig_warnings",
-    "sees_colours",
-]
-
 _STALLED = 0.01
 """Root mean square displacement, as a share of the diagonal, below which a result looks like its source."""
 _MOSTLY = 0.5

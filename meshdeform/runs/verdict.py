@@ -35,26 +35,6 @@ from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.goals import score_distillation
 from meshdeform.runs.prompts import Prompts
 
-__all__ = [
-    "CROOKED",
-    "KEEP_RESULT",
-    "KEEP_SOURCE",
-    "LIMITS",
-    "Recognition",
-    "before",
-    "front_of",
-    "kept_structure",
-    "known_source",
-    "likeness",
-    "likeness_and_before",
-    "prompt_reports",
-    "recognise",
-    "summarize",
-    "verdict",
-    "worse_than_source",
-]
-
-
 _log = logging.getLogger(__name__)
 
 _SURE = 0.5

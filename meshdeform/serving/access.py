@@ -7,8 +7,6 @@ from collections.abc import Collection, Iterable
 from typing import Literal
 from urllib.parse import urlsplit
 
-__all__ = ["is_foreign", "is_forwarded", "is_loopback", "needs_keys"]
-
 _FORWARDING = frozenset(
     ("cf-connecting-ip", "client-ip", "fly-client-ip", "forwarded", "true-client-ip", "via", "x-client-ip")
     + ("x-cluster-client-ip", "x-original-forwarded-for", "x-original-host", "x-real-ip")

@@ -19,8 +19,6 @@ from meshdeform.errors import UnavailableError
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
-__all__ = ["LimitedProtocol", "connection_limit", "http_options", "raise_open_files"]
-
 HEADER_S = 15.0
 """Maximum time from the start of a connection, or from the first byte of another request, to the end of its header."""
 

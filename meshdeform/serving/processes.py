@@ -21,8 +21,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import IO, Self
 
-__all__ = ["Backoff", "Child", "SignalInbox", "SupervisedChild", "python_command"]
-
 # Not a preexec_fn, which is unsafe with threads: the launcher is a separate process until it becomes the program.
 # 1 is PR_SET_PDEATHSIG. The check of the parent's id detects a parent that died before the call.
 _LAUNCHER = """

@@ -25,8 +25,6 @@ from meshdeform.serving.processes import Child
 if TYPE_CHECKING:
     from redis import Redis
 
-__all__ = ["RedisServer", "find_redis_server"]
-
 # sun_path has 108 bytes on Linux, including the final zero, and 104 on macOS.
 _LONGEST_SOCKET_PATH = 103
 _SOCKET = "redis.sock"

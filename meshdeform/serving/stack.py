@@ -26,9 +26,6 @@ from meshdeform.serving.redis_server import RedisServer
 from meshdeform.settings import Settings
 from meshdeform.support.telemetry import PART, json_line
 
-__all__ = ["DirectoryLock", "Stack", "listen"]
-
-
 _NAME = "serve.lock"
 
 

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from meshdeform.assets import Primitive, build_glb
 from meshdeform.errors import ParameterError
-from meshdeform.requests.sketches import SKETCH_FAMILIES, Choice, FamilyParameters, Number, Value
+from meshdeform.requests.sketches import SKETCH_FAMILIES, FamilyParameters, Value
 from meshdeform.sketch import generators
 from meshdeform.sketch.solids import Floats, Solid
-
-__all__ = ["FAMILIES", "Choice", "Family", "Number", "Value", "family_of"]
 
 _Make = Callable[[Mapping[str, float], Mapping[str, str]], dict[str, Solid]]
 
@@ -78,6 +77,24 @@ def family_of(name: str) -> Family:
     if name not in FAMILIES:
         raise ParameterError(f"There is no family {name!r}.", advice=f"The families: {', '.join(FAMILIES)}.")
     return FAMILIES[name]
+
+
+def member_glb(family: str, values: Mapping[str, object]) -> bytes:
+    """Return a member of a family as a GLB, with one node for each of its closed solids.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters by name; those left out have their default.
+
+    Raises
+    ------
+    ParameterError
+        A name is unknown, or a value is out of range.
+    """
+    solids = family_of(family).solids(values)
+    parts = [Primitive(s.verts, s.faces, name=name, material=family) for name, s in solids.items()]
+    return build_glb(parts)
 
 
 _MAKES: dict[str, _Make] = {

@@ -8,8 +8,6 @@ import numpy as np
 
 from meshdeform.sketch.solids import Solid, box, hexahedron, lathe, plate, tube
 
-__all__ = ["airplane", "chair", "goblet", "lamp", "table", "vase"]
-
 _Numbers = Mapping[str, float]
 _Choices = Mapping[str, str]
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Self
 
 from meshdeform.assets.drawing import read_drawing
-from meshdeform.sketch.families import FAMILIES, Value, family_of
+from meshdeform.requests.sketches import Value
+from meshdeform.sketch.families import FAMILIES, family_of, member_glb
 from meshdeform.sketch.looking import look, read_weights
-from meshdeform.sketch.members import member_glb
-
-__all__ = ["SURE", "Guess", "guess", "is_unsure", "member_glb"]
 
 SURE = 0.85
 """Probability of the first guess from which on it is sure; docs/sketch.md has what this threshold tells."""

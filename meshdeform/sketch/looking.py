@@ -19,8 +19,6 @@ from safetensors import SafetensorError, safe_open
 from meshdeform.errors import ModelError
 from meshdeform.sketch.families import FAMILIES
 
-__all__ = ["WEIGHTS", "WIDTHS", "Seen", "look", "parameters_hash", "read_weights"]
-
 WEIGHTS = Path(__file__).parent / "weights" / "sketch.safetensors"
 """The weights that are part of the package."""
 WIDTHS = ((16, 2), (32, 2), (48, 1), (64, 2), (64, 1), (96, 2))

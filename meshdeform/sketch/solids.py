@@ -13,8 +13,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Floats", "Solid", "box", "hexahedron", "lathe", "plate", "ring", "tube"]
-
 Floats = NDArray[np.float64]
 
 

@@ -24,8 +24,6 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["FAILPOINTS", "failpoint"]
-
 FAILPOINTS: tuple[str, ...] = (
     "api.received",
     "api.stored",

@@ -10,9 +10,6 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-__all__ = ["artifact_name", "result_name", "slug", "write_files", "zipped"]
-
-
 _MAX_LENGTH = 48
 
 

@@ -11,15 +11,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-__all__ = [
-    "HEAPS",
-    "collection_paused",
-    "keep_freed_memory",
-    "limit_heaps",
-    "return_freed_memory",
-    "skip_last_collections",
-]
-
 HEAPS = 2
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 """`mallopt`'s names, from glibc's malloc.h."""

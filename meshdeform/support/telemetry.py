@@ -30,23 +30,6 @@ from meshdeform.settings import Settings
 if TYPE_CHECKING:
     from opentelemetry.trace import Tracer
 
-__all__ = [
-    "ACCESS_LOG",
-    "PART",
-    "bound",
-    "carried",
-    "configure_logging",
-    "current_traceparent",
-    "job_id",
-    "json_line",
-    "rename_span",
-    "request_id",
-    "span",
-    "start_tracing",
-    "stop_tracing",
-]
-
-
 P = ParamSpec("P")
 T = TypeVar("T")
 

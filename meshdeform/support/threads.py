@@ -17,8 +17,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
-__all__ = ["choose_threads", "default_threads", "in_ranges", "limit_spinning", "usable_threads"]
-
 T = TypeVar("T")
 
 _SPINS = "10000"

@@ -36,7 +36,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from meshdeform.errors import ParameterError
-from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt
+from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.prior.held_out import attributes_of, is_held_out, unseen_pairs
 
 __all__ = ["ASSET_PAIRS", "KEEP_ASSETS", "PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]

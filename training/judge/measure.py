@@ -21,7 +21,8 @@ from torch import Tensor
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, cylinder, icosphere, torus
 from meshdeform.judge.scoring import WEIGHTS, Judge, JudgeNetwork, encoded, read_judge
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, ParsedPrompt
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, ParsedPrompt
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge.members import HELD_OUT, ViewSet
 
 __all__ = ["SHAPES", "main", "prompts_of", "variants"]

@@ -26,8 +26,9 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge.scoring import VIEW_SIZE, draw_views, encoded, judging_cameras, training_cameras
-from meshdeform.priors.builtin.grammar import ADJECTIVES, ATTRIBUTES, NOUNS, PARTS, Attribute, ParsedPrompt
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt
 from meshdeform.priors.builtin.teaching.picture_set import drawn_from
+from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
 from training.judge import shapes
 from training.prior.families import Part, member
 from training.prior.families.parts import box, ellipsoid, join, limb, normalised

@@ -27,7 +27,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from meshdeform.judge.scoring import WEIGHTS, JudgeNetwork, Prompts, vocabulary_hash
-from meshdeform.priors.builtin.grammar import NOUNS
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge.augment import augmented
 from training.judge.members import CALIBRATION, ViewSet
 

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import hashlib
 
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, NOUNS, Attribute
-from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute
+from meshdeform.priors.builtin.vocabulary import NOUNS, SECOND_EDITION, THIRD_EDITION
 
 __all__ = ["attributes_of", "held_out_pairs", "is_held_out", "unseen_pairs"]
 

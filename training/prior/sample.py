@@ -13,9 +13,9 @@ from pathlib import Path
 
 import torch
 
-from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.network import WEIGHTS, read_network
 from meshdeform.priors.builtin.teaching.sheet import contact_sheet, sample
+from meshdeform.priors.builtin.vocabulary import NOUNS
 
 __all__ = ["main"]
 

@@ -23,7 +23,8 @@ from torch.nn.functional import cross_entropy, mse_loss
 from meshdeform import __version__
 from meshdeform.assets.drawing import SIDE, prepared
 from meshdeform.deformation.variables import Adam
-from meshdeform.sketch.families import FAMILIES, Value
+from meshdeform.requests.sketches import Value
+from meshdeform.sketch.families import FAMILIES
 from meshdeform.sketch.looking import WEIGHTS
 from training.sketch.habits import Habits, drawn_lines
 from training.sketch.network import Look, SketchNetwork, write_network

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError
 
-__all__ = ["decode_attributes"]
-
 _GROUP = 16
 _ZERO, _BYTES = 0, 8
 # Bits per delta for each value of a group's header.

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError
 
-__all__ = ["decode_indices", "decode_triangles"]
-
 _MASK = 0xFFFFFFFF
 _TABLE_BYTES = 16
 _RESERVED_BYTES = 4

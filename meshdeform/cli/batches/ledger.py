@@ -15,8 +15,6 @@ from typing import Any, Self
 from meshdeform.cli.local import writing
 from meshdeform.errors import ParameterError, UnavailableError
 
-__all__ = ["Ledger"]
-
 _NAME = "ledger.jsonl"
 _VERSION = 1
 

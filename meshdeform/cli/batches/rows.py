@@ -20,8 +20,6 @@ from meshdeform.support.files import artifact_name, slug
 if TYPE_CHECKING:
     from meshdeform.requests.document import DeformParams, JobRequest
 
-__all__ = ["ARTIFACTS", "TABLE_SUFFIXES", "Entry", "Row", "combine", "make_rows", "read_prompts", "read_table"]
-
 _ASSET_SUFFIXES = frozenset({".glb", ".obj", ".ply", ".stl", ".zip"})
 TABLE_SUFFIXES = {".csv": ",", ".tsv": "\t", ".jsonl": "", ".ndjson": ""}
 _ADVICE = "docs/cli.md describes manifests under meshdeform batch."

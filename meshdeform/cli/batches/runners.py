@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
     from meshdeform.client import Client
 
-__all__ = ["LocalRunner", "RowOutcome", "Runner", "ServiceRunner"]
-
 
 @dataclass(frozen=True)
 class RowOutcome:

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from meshdeform.assets import Asset, Limits
     from meshdeform.settings import Settings
 
-__all__ = ["Session", "contact_sheet", "count_states", "record_of", "write_summary", "write_target_sets"]
-
 _QUALITY = ("flipped_faces", "self_intersections_added", "symmetric_dirichlet_p99", "volume_ratio")
 _COLUMNS = (
     *("name", "state", "asset", "prompt", "target", "preset", "seed", "model", "steps", "seconds", "loss"),

@@ -43,37 +43,6 @@ from meshdeform.priors.builtin.vocabulary import (
     SIZEWISE,
 )
 
-__all__ = [
-    "ADJECTIVES",
-    "ATTRIBUTES",
-    "BUILTIN_WORDS",
-    "MAX_ATTRIBUTES",
-    "MAX_SUGGESTIONS",
-    "NOUNS",
-    "OPPOSITES",
-    "PARTS",
-    "SEQUENCE_LENGTH",
-    "VOCABULARY",
-    "Attribute",
-    "ParsedPrompt",
-    "Suggestions",
-    "Words",
-    "correct",
-    "degree_of",
-    "is_adjective",
-    "is_known",
-    "nearest_nouns",
-    "noun_of",
-    "parse",
-    "parse_negative",
-    "part_of",
-    "singular_forms",
-    "suggest",
-    "tokenise",
-    "variations",
-]
-
-
 MAX_SUGGESTIONS = 3
 
 _SIMILARITY = 0.79

@@ -18,8 +18,6 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["is_noun", "nearest"]
-
 _TABLE = Path(__file__).parent / "nouns.txt.gz"
 _WIDEST = 600
 """A common kind of more things than this says nothing: everything that was made is an artefact."""

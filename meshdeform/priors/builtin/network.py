@@ -32,23 +32,6 @@ from meshdeform.priors.builtin.grammar import SEQUENCE_LENGTH, VOCABULARY
 from meshdeform.priors.builtin.taught import MAX_FILE_BYTES, REPLAY, check, words_of
 from meshdeform.support.files import write_files
 
-__all__ = [
-    "IMAGE_SIZE",
-    "REPLAY",
-    "WEIGHTS",
-    "ModelConfig",
-    "PriorNetwork",
-    "camera_map",
-    "file_sha256",
-    "null_tokens",
-    "pack_weights",
-    "read_network",
-    "read_tensors",
-    "vocabulary_hash",
-    "write_weights",
-]
-
-
 IMAGE_SIZE = 128
 
 _CAMERA_CHANNELS = 8

@@ -40,8 +40,6 @@ from meshdeform.priors.builtin.taught import words_of
 from meshdeform.priors.native_precision import is_fast_in_int8
 from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 
-__all__ = ["NUM_TIMESTEPS", "BuiltinPrior", "add_noise", "cosine_alphas_cumprod", "loss_weight", "noise_from_clean"]
-
 NUM_TIMESTEPS = 1000
 _LARGEST_WEIGHT = 5.0
 

@@ -41,9 +41,6 @@ from torch.nn import functional
 from meshdeform.geometry.kernels import kernel
 from meshdeform.priors.builtin.network import AttentionBlock, PriorNetwork, ResidualBlock
 
-__all__ = ["dequantize", "is_usable", "quantize", "quantize_normed", "quantized", "round_weights"]
-
-
 _Floats = NDArray[np.float32]
 
 _Bytes = NDArray[np.uint8]

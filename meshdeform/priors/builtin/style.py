@@ -7,8 +7,6 @@ from dataclasses import replace
 from meshdeform.rendering.cameras import CameraRange
 from meshdeform.rendering.shading import RenderStyle
 
-__all__ = ["CAMERAS", "SINGLE_STYLE", "STYLE"]
-
 STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
 """Style of a view in the 2 x 2 grid; four of them fill the picture."""
 SINGLE_STYLE = replace(STYLE, view_size=128)

@@ -27,20 +27,6 @@ from meshdeform.priors.builtin.vocabulary import PARTS
 from meshdeform.priors.model_files import CONVERT
 from meshdeform.requests.choices import is_taught
 
-__all__ = [
-    "MAX_FILE_BYTES",
-    "MAX_NOUNS",
-    "REPLAY",
-    "Lesson",
-    "check",
-    "check_numbers",
-    "known_words",
-    "lessons_of",
-    "metadata_of",
-    "read_metadata",
-    "words_of",
-]
-
 MAX_FILE_BYTES = 256 * 2**20
 """The shipped weights take 8 MiB, and a noun's pictures for replay 1.5 MiB."""
 MAX_NOUNS = 200

@@ -6,25 +6,6 @@ here requires new weights (a file of weights names its vocabulary).
 
 from __future__ import annotations
 
-__all__ = [
-    "ADJECTIVES",
-    "ADJECTIVE_SYNONYMS",
-    "DEGREE_SYNONYMS",
-    "FILLERS",
-    "LENGTH",
-    "LENGTHWISE",
-    "NOUNS",
-    "NOUN_GROUPS",
-    "NOUN_SYNONYMS",
-    "OPPOSITES",
-    "PARTS",
-    "PART_SYNONYMS",
-    "SECOND_EDITION",
-    "SIZE",
-    "SIZEWISE",
-    "THIRD_EDITION",
-]
-
 NOUNS: dict[str, tuple[str, ...]] = {
     "airplane": ("wings",),
     "anvil": (),

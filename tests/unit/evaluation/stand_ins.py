@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import torch
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.priors.builtin.grammar import NOUNS, parse
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.vocabulary import NOUNS
 
 
 class HeightJudge:

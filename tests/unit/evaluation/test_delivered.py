@@ -13,7 +13,8 @@ from meshdeform.assets import load_asset
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
-from meshdeform.priors.builtin.grammar import NOUNS, parse
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.requests.document import DeformParams, resolve
 from tests.unit.evaluation.stand_ins import HeightJudge
 from tests.unit.runs.test_text_deform import glb

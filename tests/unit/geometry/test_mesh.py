@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from meshdeform.errors import ShapeError
+from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 from meshdeform.geometry.mesh import (
-    COLLAPSED_SHAPE,
     TriangleMesh,
     connected_components,
     cotangent_laplacian,

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from meshdeform.errors import AssetEmptyError
+from meshdeform.geometry.coincidence import WELD_TOLERANCE
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.shapes import box, icosphere, join
-from meshdeform.geometry.weld import WELD_TOLERANCE, weld
+from meshdeform.geometry.weld import weld
 from tests.cases import each_case
 
 

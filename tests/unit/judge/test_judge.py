@@ -18,8 +18,9 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import box, icosphere
 from meshdeform.judge import WEIGHTS, Judge
 from meshdeform.judge.scoring import draw_views, framed, judging_cameras, training_cameras
-from meshdeform.priors.builtin.grammar import NOUNS, ParsedPrompt, parse
+from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
 from meshdeform.priors.builtin.style import CAMERAS
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.cases import each_case
 from training.judge.members import HELD_OUT, NOTHING, draw_member, draw_other, seeded
 from training.prior.families import Part, member

@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from meshdeform.judge.scoring import JudgeNetwork, encoded, read_judge
-from meshdeform.priors.builtin.grammar import NOUNS, Attribute, ParsedPrompt, parse
+from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, parse
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge.augment import augmented
 from training.judge.measure import prompts_of, variants
 from training.judge.members import (

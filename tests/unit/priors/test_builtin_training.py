@@ -7,12 +7,12 @@ from safetensors.torch import save_file
 
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin import network as weights_network
-from meshdeform.priors.builtin.grammar import NOUNS, OPPOSITES, VOCABULARY, parse, tokenise
+from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures, single_views
 from meshdeform.priors.builtin.teaching.trainer import TrainConfig
-from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
+from meshdeform.priors.builtin.vocabulary import NOUNS, OPPOSITES, SECOND_EDITION, THIRD_EDITION
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from tests.close import assert_close

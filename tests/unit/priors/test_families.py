@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from meshdeform.priors.builtin.grammar import ADJECTIVES, NOUNS, PARTS, Attribute
+from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import WHOLE
+from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
 from tests.cases import each_case
 from training.prior.families import FAMILIES, Part, member, parts
 

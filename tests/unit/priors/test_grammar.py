@@ -10,7 +10,6 @@ from meshdeform.priors.builtin import vocabulary
 from meshdeform.priors.builtin.grammar import (
     ATTRIBUTES,
     MAX_ATTRIBUTES,
-    NOUNS,
     SEQUENCE_LENGTH,
     VOCABULARY,
     Attribute,
@@ -20,7 +19,7 @@ from meshdeform.priors.builtin.grammar import (
     tokenise,
     variations,
 )
-from meshdeform.priors.builtin.vocabulary import SECOND_EDITION, THIRD_EDITION
+from meshdeform.priors.builtin.vocabulary import NOUNS, SECOND_EDITION, THIRD_EDITION
 from tests.cases import each_case
 from training.prior.held_out import attributes_of, held_out_pairs, is_held_out, unseen_pairs
 

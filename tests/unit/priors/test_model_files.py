@@ -14,7 +14,8 @@ import pytest
 
 from meshdeform.errors import DependencyError, ModelError
 from meshdeform.priors import catalogue, check_model
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, NOUNS, parse
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, parse
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.priors.catalogue import EXAMPLES, list_models
 from meshdeform.priors.model_files import find
 from tests.cases import each_case

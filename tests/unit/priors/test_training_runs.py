@@ -9,8 +9,8 @@ import pytest
 
 from meshdeform.judge.scoring import JudgeNetwork, read_judge
 from meshdeform.priors.builtin import network as weights_network
-from meshdeform.priors.builtin.grammar import NOUNS
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.cases import each_case
 from training.judge import train as judge_training
 from training.prior import train

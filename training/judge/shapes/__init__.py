@@ -16,8 +16,9 @@ from collections.abc import Callable, Iterable
 import fast_simplification
 import numpy as np
 
-from meshdeform.priors.builtin.grammar import NOUNS, Attribute
+from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge.shapes import (
     beasts,
     birds,

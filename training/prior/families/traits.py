@@ -10,7 +10,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from meshdeform.priors.builtin.grammar import PARTS, Attribute
+from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.priors.builtin.vocabulary import PARTS
 
 __all__ = ["Traits"]
 

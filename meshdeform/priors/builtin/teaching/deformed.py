@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from meshdeform.priors.builtin.grammar import Attribute
 
-__all__ = ["WHOLE", "Part", "deformed", "normalised"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Rng = np.random.Generator

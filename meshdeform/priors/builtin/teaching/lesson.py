@@ -11,8 +11,6 @@ from meshdeform.priors.builtin.grammar import Attribute, Words, is_adjective, no
 from meshdeform.priors.builtin.taught import MAX_NOUNS
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, FILLERS, PARTS
 
-__all__ = ["STATE_MAGIC", "NewNoun", "attributes_of_folder", "new_noun"]
-
 STATE_MAGIC = b"meshdeform-lesson-1\n"
 """First bytes of the saved state of a lesson."""
 _NOUN = re.compile(r"[a-z]+(-[a-z]+){0,3}")

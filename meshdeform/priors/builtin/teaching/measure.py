@@ -21,8 +21,6 @@ from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
 
-__all__ = ["held_out_loss", "interval", "retrieved"]
-
 _LOSS_FRACTIONS = (0.35, 0.6, 0.8, 0.93)
 _CLASS_FRACTIONS = (0.86,)
 """Timesteps of the draws, as fractions of T. At lower noise every noun predicts the picture that is still visible."""

@@ -12,13 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, OPPOSITES, Attribute, ParsedPrompt
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt
 from meshdeform.priors.builtin.style import CAMERAS, SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.teaching.deformed import Part
+from meshdeform.priors.builtin.vocabulary import OPPOSITES
 from meshdeform.rendering.cameras import fixed_cameras, sample_orthogonal_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
-
-__all__ = ["PictureSet", "drawn_from", "joined", "pictures", "single_views", "taken"]
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,6 @@ from meshdeform.priors.builtin.teaching.picture_set import PictureSet, joined, p
 from meshdeform.priors.builtin.teaching.replay import shipped_pictures
 from meshdeform.priors.builtin.teaching.shapes import Shape, member, prompt_of
 
-__all__ = ["KEPT_PICTURES", "LessonPictures", "LessonSize", "draw_lesson", "replay_of"]
-
 KEPT_PICTURES = 32
 """Pictures of a taught noun that its file keeps, for replay when the file is taught again."""
 _HELD_MEMBERS = 6

@@ -22,11 +22,9 @@ from torch import Tensor
 
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, SEQUENCE_LENGTH, Words, parse, tokenise
-from meshdeform.priors.builtin.network import IMAGE_SIZE, REPLAY, WEIGHTS, read_tensors
-from meshdeform.priors.builtin.taught import words_of
+from meshdeform.priors.builtin.network import IMAGE_SIZE, WEIGHTS, read_tensors
+from meshdeform.priors.builtin.taught import REPLAY, words_of
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
-
-__all__ = ["REHEARSAL", "Rehearsal", "packed_rehearsal", "read_replay", "replay_tensors", "shipped_pictures"]
 
 REHEARSAL = WEIGHTS.with_name("rehearsal.zip")
 _LABELS = "labels.json"

@@ -19,8 +19,6 @@ from meshdeform.priors.builtin.teaching.picture_set import drawn_from
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer
 
-__all__ = ["MAX_FACES", "MIN_FACES", "Shape", "member", "prompt_of", "seen_turned", "shape_of"]
-
 MAX_FACES = 20_000
 """Larger meshes are simplified: a view has 64 pixels."""
 _SMALLEST_SHARE = 0.004

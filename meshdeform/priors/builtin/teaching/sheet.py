@@ -19,8 +19,6 @@ from meshdeform.priors.builtin.network import IMAGE_SIZE, PriorNetwork, null_tok
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
 
-__all__ = ["contact_sheet", "learned_sheet", "sample"]
-
 _AZIMUTHS = (0.0, 90.0, 180.0, 270.0)
 _STEPS = 24
 _SHOWN = ("tall",)

@@ -24,8 +24,6 @@ from meshdeform.priors.builtin.teaching.pictures import LessonPictures
 from meshdeform.priors.builtin.teaching.trainer import TrainConfig, Trainer
 from meshdeform.priors.native_precision import is_fast_in_bfloat16
 
-__all__ = ["TeachConfig", "TeachStep", "Teacher", "extended", "fastest_precision", "new_rows", "read_state"]
-
 _WORDS = "text.word.weight"
 _NOISE = 0.3
 """Standard deviation of the noise on a new word, relative to that of its kind."""

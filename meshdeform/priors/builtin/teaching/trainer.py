@@ -20,8 +20,6 @@ from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
 
-__all__ = ["Pictures", "TrainConfig", "Trainer"]
-
 _NOISY_FROM, _NOISY_SHARE = 0.7, 0.75
 """Score distillation uses this prior only at high noise. Uniform timesteps would spend a third of the training there,
 and almost none of it where only the azimuth distinguishes front from back."""
