@@ -125,10 +125,11 @@ def _apply_map(
         paths = [output / name for name in names]
     if len(set(paths)) < len(paths):
         raise typer.BadParameter("two files have the same name; deform them one by one")
+    is_map = edit.suffix.lower() == _MAP
+    if is_map and strength != 1:
+        raise typer.BadParameter("a map has one strength; give the deformed GLB as --map")
     check_free(paths, [*files, edit, source], force=force)
-    if edit.suffix.lower() == _MAP:
-        if strength != 1:
-            raise typer.BadParameter("a map has one strength; give the deformed GLB as --map")
+    if is_map:
         carried = EditMap.read(str(edit))
     else:
         carried = _map_of(edit, source, strength)

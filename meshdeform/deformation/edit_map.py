@@ -20,7 +20,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 from torch import Tensor
 
-from meshdeform.deformation.binding import Binding, corner_normals
+from meshdeform.deformation.binding import Binding
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
@@ -80,8 +80,7 @@ class EditMap:
             simple = RestMesh.of(simplified(before, count))
             if not len(simple.faces) or len(simple.faces) == len(before.faces):
                 break
-            places = NearestPlaces(before, simple.verts.numpy(), corner_normals(simple))
-            found = cls(simple, torch.from_numpy(places.blend(whole.moved.numpy())), joints)
+            found = cls(simple, whole._carry(simple) - simple.verts, joints)
             apart = (found._carry(before) - after).norm(dim=1).numpy()
             error = float(np.percentile(apart, 99)) / _diagonal(before)
             if error <= _ERROR:
