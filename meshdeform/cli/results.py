@@ -129,10 +129,7 @@ def _apply_map(
     if is_map and strength != 1:
         raise typer.BadParameter("a map has one strength; give the deformed GLB as --map")
     check_free(paths, [*files, edit, source], force=force)
-    if is_map:
-        carried = EditMap.read(str(edit))
-    else:
-        carried = _map_of(edit, source, strength)
+    carried = EditMap.read(str(edit)) if is_map else _map_of(edit, source, strength)
     limits = Limits.from_settings(load_settings())
     for file, path in zip(files, paths, strict=True):
         made = with_edit(read_asset(file, limits), carried, Outside(outside), compact=compact)
