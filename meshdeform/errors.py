@@ -43,6 +43,7 @@
     ├── NumericalError                 500  numerical_failure      a factorisation or a loss broke down
     ├── WorkerLostError                500  worker_lost            every attempt's worker died
     ├── DeviceMemoryError              500  gpu_oom                the device's memory is too small for the job
+    ├── RunTimeError                   500  run_time_exceeded      the job ran for longer than it may
     ├── UnavailableError               503  unavailable            Redis, the record or the store does not respond
     └── DependencyError                500  dependency_missing     an optional package or program is not installed
 
@@ -86,6 +87,7 @@ __all__ = [
     "RangeError",
     "RequestError",
     "RequestTimeoutError",
+    "RunTimeError",
     "ShapeError",
     "SilhouetteError",
     "StaleAttemptError",
@@ -478,6 +480,16 @@ class DeviceMemoryError(MeshdeformError):
 
     code = "gpu_oom"
     advice = "Simplify the mesh, choose a smaller model, or run a worker on a device with more memory."
+
+
+class RunTimeError(MeshdeformError):
+    """The job ran for longer than it may."""
+
+    code = "run_time_exceeded"
+    advice = (
+        "Retry the job: it goes on from there and may run for as long again. Or post it with fewer steps, or with a "
+        "larger `max_run_s`; the service's operator can raise MESHDEFORM_MAX_RUN_S."
+    )
 
 
 class UnavailableError(MeshdeformError):

@@ -225,6 +225,12 @@ class JobLimits(BaseModel):
     min_priority: int = Field(description="Lowest priority.", examples=[-100])
     max_priority: int = Field(description="Highest priority.", examples=[100])
     max_deadline_s: float = Field(description="Longest `deadline_s`.", examples=[2678400])
+    max_run_s: float | None = Field(
+        description="Seconds for which a job may run, and largest `max_run_s`; null: unlimited.", examples=[86400]
+    )
+    max_running_jobs: int | None = Field(
+        description="Jobs of one owner that run at the same time; null: unlimited.", examples=[4]
+    )
     max_retention_s: float = Field(description="Longest `retention_s`.", examples=[316224000])
     max_stored_bytes: int | None = Field(
         description="Bytes of files, checkpoints and artifacts that the jobs of one owner keep; null: unlimited.",

@@ -122,6 +122,9 @@ class JobView(_Document):
     deadline_at: datetime | None = Field(
         None, description="When it becomes `expired` unless finished, UTC; null: never.", examples=[_TIME]
     )
+    max_run_s: float | None = Field(
+        None, description="Seconds for which it may run; null: as long as any job of this server.", examples=[3600]
+    )
     retain_until: datetime | None = Field(
         None, description="When it is deleted with its artifacts, UTC; null: never, or not finished.", examples=[_TIME]
     )
@@ -161,6 +164,7 @@ class JobView(_Document):
             started_at=job.started_at,
             finished_at=job.finished_at,
             deadline_at=job.deadline_at,
+            max_run_s=job.document.get("max_run_s"),
             retain_until=job.retain_until,
             progress=job.progress,
             artifacts=[ArtifactView.of(artifact, job.id) for artifact in job.artifacts],

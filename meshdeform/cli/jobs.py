@@ -141,6 +141,7 @@ def _submitted(
             filename=filename,
             priority=request.priority,
             deadline_s=request.deadline_s,
+            max_run_s=request.max_run_s,
             retention_s=request.retention_s,
             idempotency_key=key,
         )

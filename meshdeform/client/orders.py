@@ -64,6 +64,7 @@ class Order:
     metadata: Mapping[str, str] | None = None
     priority: int | None = None
     deadline_s: float | None = None
+    max_run_s: float | None = None
     retention_s: float | None = None
     kind: str | None = None
 
@@ -83,6 +84,7 @@ class Order:
             "metadata": self.metadata,
             "priority": self.priority,
             "deadline_s": self.deadline_s,
+            "max_run_s": self.max_run_s,
             "retention_s": self.retention_s,
         }
         given = {name: value for name, value in members.items() if value is not None}

@@ -63,6 +63,7 @@ __all__ = [
     "MAX_PROMPT_LENGTH",
     "MAX_RETENTION_S",
     "MAX_STEPS",
+    "TAUGHT",
     "DeformParams",
     "GuidanceKind",
     "JobKind",
@@ -317,6 +318,15 @@ class JobRequest(StrictModel):
         description="Seconds from its creation after which an unfinished job becomes `expired`. Default: none.",
         examples=[3600],
     )
+    max_run_s: float | None = Field(
+        None,
+        ge=1.0,
+        le=MAX_DEADLINE_S,
+        description="Seconds for which the job may run, all its attempts together and without its waits; it then fails "
+        "with `run_time_exceeded` and a checkpoint, from which a retry goes on. Default and maximum: the server's "
+        "MESHDEFORM_MAX_RUN_S.",
+        examples=[3600],
+    )
     retention_s: float | None = Field(
         None,
         ge=60.0,
@@ -352,9 +362,13 @@ class JobRequest(StrictModel):
         return f"{own}/{len(pulling)} prompts, {local} regions" if params.prompts else own
 
 
+TAUGHT = "taught"
+"""The model in the name of a workload with taught weights."""
+
+
 def _family(model: str | None) -> str:
     """Return what decides how long a step of a model takes: all taught weights are of one network."""
-    return "taught" if model and is_sent(model) else model or ""
+    return TAUGHT if model and is_sent(model) else model or ""
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:

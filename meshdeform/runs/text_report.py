@@ -13,7 +13,6 @@ from torch import Tensor
 
 import meshdeform
 from meshdeform.assets import Asset
-from meshdeform.assets.notices import up_axis_warnings
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.assets.surface import Rig
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
@@ -203,7 +202,6 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
             *deformation.warnings,
             *deformation.pulls.warnings,
             *_quality_warnings(quality, posed, len(faces)),
-            *up_axis_warnings(asset.surface.positions, triangles),
             *_subdivision_warnings(facts.subdivision),
             *rig_warnings(asset.rig(), request.output.rig),
             *_precision_warnings(facts.precision),

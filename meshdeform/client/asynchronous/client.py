@@ -146,6 +146,7 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
@@ -159,7 +160,7 @@ class AsyncClient:
 
         Parameters
         ----------
-        asset, prompt, params, output, target, files, metadata, priority, deadline_s, retention_s, kind
+        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s, kind
             As for `submit`.
         filename, upload, idempotency_key
             As for `submit`.
@@ -177,7 +178,7 @@ class AsyncClient:
         MeshdeformError
             The request was refused, or the job failed.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         job = await self._submit(order, sent)
         try:
@@ -204,6 +205,7 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
@@ -229,8 +231,9 @@ class AsyncClient:
             Your own labels.
         priority : int, optional
             Jobs with higher priority run first.
-        deadline_s, retention_s : float, optional
-            Seconds until the job expires unless finished, and seconds from its end until it is deleted.
+        deadline_s, max_run_s, retention_s : float, optional
+            Seconds until the job expires unless finished, seconds for which it may run, and seconds from its end until
+            it is deleted.
         kind : str, optional
             What the job does.
         filename : str, optional
@@ -241,7 +244,7 @@ class AsyncClient:
             Your own key for this request: requests with the same key within a day, also from other processes, create
             only one job.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         return await self._submit(order, sent)
 
@@ -277,6 +280,7 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
@@ -286,7 +290,7 @@ class AsyncClient:
 
         Parameters and errors are those of `submit`.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, None)
         validation, _ = await self._post(Validation, "/v1/jobs:validate", order, sent)
         return validation
@@ -382,13 +386,14 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         idempotency_key: str | None = None,
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         parts = parts_of(files, target=target)
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         key, document = checked_key(idempotency_key), order.document()
         for name, file in parts.items():
             with contextlib.ExitStack() as opened:

@@ -145,6 +145,7 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
@@ -158,7 +159,7 @@ class Client:
 
         Parameters
         ----------
-        asset, prompt, params, output, target, files, metadata, priority, deadline_s, retention_s, kind
+        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s, kind
             As for `submit`.
         filename, upload, idempotency_key
             As for `submit`.
@@ -176,7 +177,7 @@ class Client:
         MeshdeformError
             The request was refused, or the job failed.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         job = self._submit(order, sent)
         try:
@@ -203,6 +204,7 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
@@ -228,8 +230,9 @@ class Client:
             Your own labels.
         priority : int, optional
             Jobs with higher priority run first.
-        deadline_s, retention_s : float, optional
-            Seconds until the job expires unless finished, and seconds from its end until it is deleted.
+        deadline_s, max_run_s, retention_s : float, optional
+            Seconds until the job expires unless finished, seconds for which it may run, and seconds from its end until
+            it is deleted.
         kind : str, optional
             What the job does.
         filename : str, optional
@@ -240,7 +243,7 @@ class Client:
             Your own key for this request: requests with the same key within a day, also from other processes, create
             only one job.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         return self._submit(order, sent)
 
@@ -276,6 +279,7 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
@@ -285,7 +289,7 @@ class Client:
 
         Parameters and errors are those of `submit`.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, None)
         validation, _ = self._post(Validation, "/v1/jobs:validate", order, sent)
         return validation
@@ -381,13 +385,14 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         idempotency_key: str | None = None,
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         parts = parts_of(files, target=target)
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         key, document = checked_key(idempotency_key), order.document()
         for name, file in parts.items():
             with contextlib.ExitStack() as opened:

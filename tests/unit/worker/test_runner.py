@@ -8,6 +8,7 @@ import logging
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ import sqlalchemy as sa
 from meshdeform.errors import CheckpointError, ModelError, NumericalError
 from meshdeform.record.models import Job, JobState, NewJob, Origin, OriginMode
 from meshdeform.record.schema import jobs
+from meshdeform.record.turns import Turns
 from meshdeform.requests.document import resolve
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
@@ -155,6 +157,63 @@ def test_a_job_handed_back_after_its_last_step_only_finishes(world: World) -> No
     world.stop = False
     assert world.run(job).state is JobState.SUCCEEDED
     assert world.kind.started_at == [0, STEPS]
+
+
+def test_a_job_makes_room_for_one_that_has_waited_and_goes_on_after_it(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = world.create()
+    world.run(whole)
+    monkeypatch.setattr(Turns, "of", lambda settings: Turns(0.0))
+    long, urgent = world.create(), []
+
+    def step(number: int) -> None:
+        if number == 17 and not urgent:
+            urgent.append(world.create(priority=1))
+        time.sleep(0.02 if urgent else 0.0)
+
+    world.kind.on_step = step
+    # One message is enough for both.
+    world.runner(settings=Settings(lease_s=1.0)).run(long.id)
+    assert world.record.get(urgent[0].id).state is JobState.SUCCEEDED
+    waiting = world.record.get(long.id)
+    assert (waiting.state, waiting.attempt, waiting.progress.phase) == (JobState.QUEUED, 1, "queued")
+    world.kind.on_step = lambda step: None
+    done = world.run(long)
+    assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
+    assert 17 <= world.kind.started_at[-1] < STEPS
+    assert world.result(done) == world.result(whole)
+
+
+def test_a_worker_takes_the_next_job_of_an_owner_that_runs_as_many_as_it_may(world: World) -> None:
+    mine = [world.create() for _ in range(2)]
+    # The message of the other one may have been read while it could not start.
+    world.runner(settings=Settings(max_running_jobs=1)).run(mine[0].id)
+    assert [world.record.get(job.id).state for job in mine] == [JobState.SUCCEEDED] * 2
+
+
+@pytest.mark.parametrize(("settings", "own"), [({"max_run_s": 60.0}, None), ({}, 60.0), ({"max_run_s": 90.0}, 60.0)])
+def test_a_job_that_runs_for_too_long_fails_with_a_checkpoint(
+    world: World, monkeypatch: pytest.MonkeyPatch, settings: dict[str, float], own: float | None
+) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("worker.attempt.time", SimpleNamespace(monotonic=lambda: now[0]))
+    job = world.create(max_run_s=own)
+    with world.record.database.write() as connection:
+        connection.execute(sa.update(jobs).where(jobs.c.id == job.id).values(ran_s=40.0))
+    world.kind.on_step = lambda step: now.append(now.pop() + 1.2)
+    world.runner(settings=Settings(**settings)).run(job.id)
+    failed = world.record.get(job.id)
+    assert failed.error is not None
+    assert (failed.state, failed.error.code) == (JobState.FAILED, "run_time_exceeded")
+    assert failed.error.detail == "The job has run for the 60 s that it may run, and done 17 of 50 steps."
+    assert world.kept(job) == [17, 10]
+
+
+def test_a_job_that_is_through_when_its_time_is_over_succeeds(world: World) -> None:
+    job = world.create(steps=1)
+    world.runner(settings=Settings(max_run_s=1e-9)).run(job.id)
+    assert world.record.get(job.id).state is JobState.SUCCEEDED
 
 
 def lose(world: World, job: Job, at: int) -> None:
