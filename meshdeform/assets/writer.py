@@ -60,10 +60,10 @@ class Deformation:
             raise NumericalError("The new positions are not all finite.")
         if jacobians is not None and np.shape(jacobians) != (count, 3, 3):
             raise ShapeError(f"jacobians must have shape ({count}, 3, 3), not {np.shape(jacobians)}")
-        optional = [
+        normals, tangents, jacobians = (
             None if array is None else np.asarray(array, np.float64) for array in (normals, tangents, jacobians)
-        ]
-        return cls(surface, np.asarray(positions, np.float64), *optional, joints)
+        )
+        return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, joints)
 
 
 def _local_shape(block: Block, shape: Deformation) -> LocalShape:

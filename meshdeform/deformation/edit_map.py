@@ -99,7 +99,8 @@ class EditMap:
         margin = _MARGIN * _diagonal(self.rest)
         low, high = self.rest.box[0] - margin, self.rest.box[1] + margin
         points, used = rest.verts.numpy(), np.unique(rest.faces.numpy())
-        beyond, pieces = ((points < low) | (points > high)).any(1), rest.components.numpy()
+        beyond: NDArray[np.bool_] = np.any((points < low) | (points > high), axis=1)
+        pieces = rest.components.numpy()
         if beyond[used].all():
             raise ParameterError(
                 f"The file lies {_between(*rest.box)}, all outside of what the map deforms: {_between(low, high)}.",
