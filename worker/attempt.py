@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from functools import partial
 from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits
@@ -25,6 +26,7 @@ from meshdeform.record.models import Artifact, Job, JobError, JobState, OriginMo
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.turns import Turns
 from meshdeform.runs.base import InputFile, JobRun, RunInput, StartRun, StepReport
+from meshdeform.runs.costs import END_SHARE, costs_of
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
@@ -377,7 +379,9 @@ class JobRunner:
 
     def _attempt(self, job: Job) -> Ended:
         at, leases = self.at, self.at.record.leases
-        with JobWatch(leases, at.worker, job, lambda: at.listen(job.id), at.settings.lease_s, self._turns) as watch:
+        end_s = END_SHARE * costs_of(job.request.workload).seconds(job.faces, job.parts, None).once
+        listen = partial(at.listen, job.id)
+        with JobWatch(leases, at.worker, job, listen, at.settings.lease_s, self._turns, end_s) as watch:
             ended = Attempt(at, job, watch).run()
             if watch.lost:
                 raise StaleAttemptError("The lease is lost.")

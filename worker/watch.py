@@ -81,6 +81,7 @@ class JobWatch:
     """The watch over one attempt, for the duration of a `with` block: one thread writes, one waits for a cancellation.
 
     `listen` opens a `CancelListener` for the job. The lease is renewed every sixth of it, at least every ten seconds.
+    `end_s` are the seconds that the job is expected to need after its last step.
     Once `canceled`, stop after this step; once `yields`, after one whose checkpoint is stored: another job has waited
     for its turn. Once `lost`, another attempt has the job: stop, and write nothing more.
     """
@@ -93,9 +94,11 @@ class JobWatch:
         listen: Callable[[], AbstractContextManager[CancelListener]],
         lease_s: float,
         turns: Turns = USUAL,
+        end_s: float = 0.0,
     ) -> None:
         self._leases, self._worker, self._job, self._listen = leases, worker, job, listen
         self._lease_s, self._turns, self._turn_ends = lease_s, turns, time.monotonic() + turns.turn_s
+        self._end_s = end_s
         self._heartbeat_every_s = min(lease_s / _HEARTBEATS_PER_LEASE, _LONGEST_HEARTBEAT_S)
         self._timer = StepTimer()
         self._latest = self._progress(0, 0, "loading", {})
@@ -137,13 +140,14 @@ class JobWatch:
         self._latest = self._progress(report.step, report.total_steps, self._latest.phase, report.losses)
 
     def _progress(self, step: int, total_steps: int, phase: str, losses: dict[str, float]) -> Progress:
+        left_s = self._timer.left_s(total_steps - step) if total_steps else None
         return Progress(
             step=step,
             total_steps=total_steps,
             fraction=step / total_steps if total_steps else 0.0,
             phase=phase,
             losses={name: value for name, value in losses.items() if math.isfinite(value)},
-            eta_s=self._timer.left_s(total_steps - step) if total_steps else None,
+            eta_s=None if left_s is None else left_s + self._end_s * (phase != "uploading"),
             attempt=self._job.attempt,
         )
 

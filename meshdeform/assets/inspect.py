@@ -9,6 +9,7 @@ Source: glTF 2.0 specification, sections 3.5 (Scenes), 3.6, 3.7 (Geometry) and 5
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,6 +98,9 @@ LOOSE = "points and lines only follow a surface"
 """Why a file of nothing but points and lines is refused."""
 
 MODE_NAMES = ("points", "lines", "line loop", "line strip", "triangles", "triangle strip", "triangle fan")
+
+# A link with a scheme or a drive, from the root, or to another host, in place of a file beside the asset.
+_ELSEWHERE = re.compile(r"\s*([a-z][a-z0-9+.-]*:|[/\\]|%2f|%5c)", re.IGNORECASE)
 
 # Required extensions that are supported, or that change neither positions nor their meaning.
 _READ = {DRACO, GPU_INSTANCING, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization"}
@@ -714,13 +718,23 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
     if triangles == 0:
         raise _empty(root, [*skipped, *([{"reason": LOOSE}] if loose else [])], primitives > 0)
     outside = outside_images(root)
+    foreign = [link for link in outside if _ELSEWHERE.match(link)]
+    beside = [link for link in outside if link not in foreign]
     hidden = hidden_instances(root)
-    sentences = [_many(drawn)] * bool(drawn) + [_outside(outside)] * bool(outside)
+    sentences = [_many(drawn)] * bool(drawn) + [_beside(beside)] * bool(beside) + [_foreign(foreign)] * bool(foreign)
     warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
 
 
-def _outside(links: list[str]) -> str:
+def _foreign(links: list[str]) -> str:
+    names = ", ".join(repr(link[:60]) for link in links[:3]) + (" ..." if len(links) > 3 else "")
+    return (
+        f"Images at other places ({names}) stay links in the result: a program that opens it may fetch them, with the "
+        "rights of whoever opens it. Take out links that you do not know."
+    )
+
+
+def _beside(links: list[str]) -> str:
     names = ", ".join(link[:60] for link in links[:3]) + (" ..." if len(links) > 3 else "")
     return (
         f"Images in other files ({names}) stay links in the result, and pictures show them grey. To pack them in, send "

@@ -25,14 +25,15 @@ from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handed
 from meshdeform.errors import AssetError, NumericalError, ShapeError
 
 if TYPE_CHECKING:
-    from meshdeform.assets.rig import RigMotion
+    from meshdeform.assets.rig import JointMove, RigMotion
 
 
 @dataclass(frozen=True)
 class Deformation:
     """The original surface and its new shape, both in world space; rows as in `Surface`.
 
-    With `jacobians`, morph targets and joints follow; with `posed`, joints follow in the pose that viewers show.
+    With `jacobians`, morph targets and joints follow; `joints` says where, if it is known. With `posed`, they follow in
+    the pose that viewers show.
     """
 
     surface: Surface
@@ -40,6 +41,7 @@ class Deformation:
     normals: Floats | None
     tangents: Floats | None
     jacobians: Floats | None = None
+    joints: Mapping[int, JointMove] | None = None
     posed: bool = False
 
     @classmethod
@@ -50,6 +52,7 @@ class Deformation:
         normals: Floats | None,
         tangents: Floats | None,
         jacobians: Floats | None = None,
+        joints: Mapping[int, JointMove] | None = None,
         *,
         posed: bool = False,
     ) -> Self:
@@ -65,7 +68,7 @@ class Deformation:
         normals, tangents, jacobians = (
             None if array is None else np.asarray(array, np.float64) for array in (normals, tangents, jacobians)
         )
-        return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, posed)
+        return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, joints, posed)
 
 
 def _local_shape(block: Block, shape: Deformation) -> LocalShape:
@@ -155,7 +158,7 @@ def _follow(
 ) -> list[tuple[int, int]]:
     """Carry the morph targets and joints of the file along; return each replaced accessor with its new one."""
     from meshdeform.assets.carried_targets import carry_targets
-    from meshdeform.assets.rig import move_joints
+    from meshdeform.assets.rig import joint_moves, move_joints
 
     assert shape.jacobians is not None
     replaced: list[tuple[int, int]] = []
@@ -163,7 +166,10 @@ def _follow(
         mesh = document.root["meshes"][owners[block.node]]
         jacobians = shape.jacobians[block.rows]
         replaced += carry_targets(document, block, mesh, jacobians, local.normals, local.tangents)
-    return replaced + move_joints(document, blocks, _motion(document, blocks, shape))
+    moves = shape.joints
+    if moves is None:
+        moves = joint_moves(document, blocks, _motion(document, blocks, shape))
+    return replaced + move_joints(document, blocks, moves, posed=shape.posed)
 
 
 def _motion(document: Document, blocks: list[Block], shape: Deformation) -> RigMotion:

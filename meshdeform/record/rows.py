@@ -55,6 +55,8 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "resolved": new.resolved.model_dump(mode="json") if new.resolved else None,
         "files": {part: file.model_dump() for part, file in new.files.items()},
         "origin": origin.model_dump(mode="json") if origin else None,
+        "faces": new.faces,
+        "parts": new.parts,
         "priority": request.priority,
         "deadline_at": deadline,
         "retention_s": request.retention_s or new.retention_s,
@@ -117,6 +119,8 @@ def job(row: Row) -> Job:
         event_seq=row.event_seq,
         request_id=row.request_id,
         traceparent=row.traceparent,
+        faces=row.faces,
+        parts=row.parts,
     )
 
 

@@ -63,6 +63,7 @@ __all__ = [
     "MAX_PROMPT_LENGTH",
     "MAX_RETENTION_S",
     "MAX_STEPS",
+    "TAUGHT",
     "DeformParams",
     "GuidanceKind",
     "JobKind",
@@ -362,9 +363,13 @@ class JobRequest(StrictModel):
         return f"{own}/{len(pulling)} prompts, {local} regions" if params.prompts else own
 
 
+TAUGHT = "taught"
+"""The model in the name of a workload with taught weights."""
+
+
 def _family(model: str | None) -> str:
     """Return what decides how long a step of a model takes: all taught weights are of one network."""
-    return "taught" if model and is_sent(model) else model or ""
+    return TAUGHT if model and is_sent(model) else model or ""
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:

@@ -13,7 +13,6 @@ from torch import Tensor
 
 import meshdeform
 from meshdeform.assets import Asset
-from meshdeform.assets.notices import up_axis_warnings
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.assets.surface import Rig
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
@@ -258,11 +257,9 @@ class _Measured:
     left_out: dict[str, int]
 
     def warnings(self, facts: AssetFacts) -> list[str]:
-        """Return the sentences about damage, about how the source lies, and about what was split."""
-        triangles = facts.asset.surface.triangles[facts.drawn]
+        """Return the sentences about damage, and about what was split."""
         return [
             *_quality_warnings(self.quality, self.posed, len(facts.welded.mesh.faces)),
-            *up_axis_warnings(facts.asset.surface.positions, triangles),
             *_subdivision_warnings(facts.subdivision),
         ]
 

@@ -53,7 +53,8 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
             found = app.record.leases.checkpoints(job_id)
             newest = sorted(found, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copy_checkpoint(app, leases, job, newest, OriginMode.RETRY) or _initial_origin(app, leases, job)
-            new = new_job(app, caller, job.request, job.files, origin=origin, resolved=params, claim=claim)
+            size = {"faces": job.faces, "parts": job.parts}
+            new = new_job(app, caller, job.request, job.files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
 
 
@@ -107,7 +108,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                     steps=steps,
                 )
             files = in_order(request, files)
-            new = new_job(app, caller, request, files, origin=origin, resolved=params, claim=claim)
+            size = {"faces": job.faces, "parts": job.parts}
+            new = new_job(app, caller, request, files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
 
 

@@ -161,7 +161,7 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
         if isinstance(claim, Answer):
             return claim
-        params, files, _ = check_job(app, caller.owner_id, submission)
+        params, files, summaries = check_job(app, caller.owner_id, submission)
         failpoint("api.received")
         sizes = {key_of(file): file.size for file in files.values()}
 
@@ -171,7 +171,8 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
         with app.record.files.leases() as leases:
             stored = {part: store_file(app, leases, file, check_room) for part, file in files.items()}
             failpoint("api.stored")
-            new = new_job(app, caller, submission.document, stored, resolved=params, claim=claim)
+            size = _size(summaries)
+            new = new_job(app, caller, submission.document, stored, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
 
 
@@ -194,6 +195,9 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         default_model=app.settings.model,
         queue=app.settings.queue,
         owner_id=principal.owner_id,
+        safeguard=getattr(params, "safeguard", None),
+        turn_s=app.settings.turn_s,
+        **_size(summaries),
     )
     model = getattr(params, "model", None)
     if model is not None:  # as clients name it
@@ -206,6 +210,12 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         params=params,
         estimate=JobEstimate(**asdict(expected)),
     )
+
+
+def _size(summaries: Mapping[str, AssetSummary | PictureSummary]) -> dict[str, int]:
+    """Return the faces and parts of the first file, as far as it has any."""
+    asset = next(iter(summaries.values()))
+    return {"faces": asset.triangles, "parts": asset.meshes} if isinstance(asset, AssetSummary) else {}
 
 
 async def orient(app: AppState, owner_id: str, submission: Submission) -> FoundOrientation:

@@ -81,6 +81,7 @@ def _multiply(connection: sa.Connection, record: JobRecord) -> None:
         "event_seq": 3,
         "attempt": sa.case((queued, 0), else_=1),
         "step_s": sa.case((running, None), (queued, None), else_=0.5),
+        "ran_s": sa.case((running, 0.0), (queued, 0.0), else_=9.0),
         "worker_id": sa.case((running, "worker"), else_=None),
         "lease_expires_at": sa.case((running, later), else_=None),
         "deadline_at": sa.case((n % 10 == 0, later), else_=None),
