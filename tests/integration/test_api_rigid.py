@@ -121,7 +121,7 @@ def test_a_change_of_a_part_that_is_not_there_is_refused_before_the_job(api: Api
         return api.http.post("/v1/jobs:validate", files=files)
 
     assert answer("longer legs and a taller back").status_code == 200
-    assert answer("twice as tall").json()["estimate"]["run_s"] in (0, None)
+    assert answer("twice as tall").json()["estimate"]["run_s"] < 3  # no steps
     problem = check_problem(answer("a longer tail"), 422, "part_not_found")
     assert {"legs", "seat or top"} <= set(problem["parts"])
     check_problem(answer("tall and short"), 422, "prompt_invalid")
