@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
@@ -22,7 +23,17 @@ from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Tra
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
 from meshdeform.assets.pose import pose_maps, posed_surface
 from meshdeform.assets.repair import rebuild_directions
-from meshdeform.assets.surface import Block, Parts, Rig, Surface, read_parts, read_rig, read_surface, rig_accessors
+from meshdeform.assets.surface import (
+    Block,
+    Parts,
+    Rig,
+    Surface,
+    placed_as,
+    read_parts,
+    read_rig,
+    read_surface,
+    rig_accessors,
+)
 from meshdeform.assets.writer import (
     Deformation,
     Finish,
@@ -34,6 +45,7 @@ from meshdeform.assets.writer import (
 from meshdeform.errors import AssetFormatError, AssetTooLargeError
 
 if TYPE_CHECKING:
+    from meshdeform.assets.rig import JointMove
     from meshdeform.assets.subdivide import Subdivision
     from meshdeform.geometry.appearance import Appearance
 
@@ -102,6 +114,17 @@ class Asset:
         embed_data_uris(document)
         return document.to_bytes()
 
+    def placed_as(self, source: Asset) -> Asset:
+        """Return the asset with its meshes in the places of world space that those of its source have.
+
+        Where the joints of a skin do not agree on the bind pose, that is a choice, which depends on where they are.
+        """
+        if len(self._blocks) != len(source._blocks):
+            return self
+        placed = copy.copy(self)
+        placed.surface, placed._blocks = placed_as(self.surface, self._blocks, source._blocks)
+        return placed
+
     def posed(self) -> Surface:
         """Return the surface as viewers show it: skins in the pose of the file's nodes, not in their bind pose."""
         return posed_surface(self._document, self.surface, self._blocks)
@@ -152,6 +175,17 @@ class Asset:
     def rig(self) -> Rig:
         """Count the morph targets, joints and animations that would have to follow the surface."""
         return read_rig(self._document, self._blocks)
+
+    def joint_moves(
+        self, positions: NDArray[np.float64], jacobians: NDArray[np.float64]
+    ) -> dict[int, tuple[str, JointMove]]:
+        """Return by node the name of each joint and how it moves with a new shape, given as to `replace`."""
+        from meshdeform.assets.rig import RigMotion, joint_moves
+
+        motion = RigMotion(self.surface.positions, positions - self.surface.positions, jacobians)
+        nodes = self._document.root.get("nodes", [])
+        moves = joint_moves(self._document, self._blocks, motion)
+        return {joint: (str(nodes[joint].get("name", "")), move) for joint, move in moves.items()}
 
     def rig_digest(self) -> str:
         """Return the SHA-256 of the surface's morph targets and inverse bind matrices, to tell whether they changed."""
@@ -221,6 +255,7 @@ class Asset:
         tangents: NDArray[np.float64] | None = None,
         *,
         jacobians: NDArray[np.float64] | None = None,
+        joints: Mapping[int, JointMove] | None = None,
         morph: bool = False,
         compact: bool = False,
         provenance: Mapping[str, Any] | None = None,
@@ -238,6 +273,8 @@ class Asset:
         jacobians : (N, 3, 3) float64, optional
             The linear map of the deformation around each vertex, in world space. With it, the file's morph targets and
             joints follow the shape (`assets/carried_targets.py`, `assets/rig.py`); not with `morph`.
+        joints : mapping of int to JointMove, optional
+            How they do. Default: as `joint_moves` returns.
         morph : bool
             Keep the source as the base and add the new shape as a morph target of weight 1, with a one-second
             animation named "deform" from the source to the result.
@@ -261,7 +298,7 @@ class Asset:
         if morph:
             target = MorphTarget(ANIMATION_NAME, positions, normals, tangents)
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
-        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians)
+        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints)
         finish = Finish(self._usage if compact else None, provenance)
         return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
 

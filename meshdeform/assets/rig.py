@@ -59,14 +59,24 @@ class RigMotion:
 
 @dataclass(frozen=True)
 class JointMove:
-    """The displacement (3,) of a joint in world space, and the growth of the volume around it along one axis."""
+    """A joint's place (3,) in the bind pose and its displacement (3,), in world space.
 
+    `growth` is that of the volume around it along one axis.
+    """
+
+    place: _Floats
     shift: _Floats
     growth: float
 
 
-def move_joints(document: Document, blocks: Sequence[Block], motion: RigMotion) -> list[tuple[int, int]]:
-    """Move the joints of all skins of the deformed meshes, and return each replaced accessor with its new one.
+def joint_moves(document: Document, blocks: Sequence[Block], motion: RigMotion) -> dict[int, JointMove]:
+    """Return how the joints of all skins of the deformed meshes move with the surface, by their nodes."""
+    used, bind_of = _used_binds(document, blocks, world_matrices(document.root.get("nodes", [])))
+    return _joint_moves(document, blocks, motion, {joint: bind_of[joint] for joint in used}) if used else {}
+
+
+def move_joints(document: Document, blocks: Sequence[Block], moves: Mapping[int, JointMove]) -> list[tuple[int, int]]:
+    """Move joints of the deformed meshes' skins, and return each replaced accessor with its new one.
 
     Parameters
     ----------
@@ -74,24 +84,31 @@ def move_joints(document: Document, blocks: Sequence[Block], motion: RigMotion) 
         Changed in place: nodes, inverse bind matrices, and animations of translations.
     blocks : sequence of Block
         The deformed parts.
+    moves : mapping of int to JointMove
+        By the joints' nodes.
     """
-    nodes = document.root.get("nodes", [])
-    skins = document.root.get("skins", [])
-    used = {nodes[block.node]["skin"] for block in blocks if "skin" in nodes[block.node]}
-    if not used:
-        return []
-    worlds = world_matrices(nodes)
-    binds = {number: _bind_worlds(document, skin, worlds) for number, skin in enumerate(skins)}
-    bind_of = {joint: world for number in [*(set(binds) - used), *used] for joint, world in binds[number].items()}
-    moved = _joint_moves(document, blocks, motion, {joint: bind_of[joint] for each in used for joint in binds[each]})
-    moves = {joint: move for joint, move in moved.items() if move.shift.any() or move.growth != 1.0}
+    moves = {joint: move for joint, move in moves.items() if move.shift.any() or move.growth != 1.0}
     if not moves:
         return []
+    nodes = document.root["nodes"]
+    worlds = world_matrices(nodes)
+    _, bind_of = _used_binds(document, blocks, worlds)
     replaced = []
-    for skin in skins:
+    for skin in document.root["skins"]:
         replaced += _rebind(document, skin, worlds, moves)
     offsets = _place_nodes(nodes, worlds, bind_of, moves)
     return replaced + _move_animations(document, nodes, offsets)
+
+
+def _used_binds(
+    document: Document, blocks: Sequence[Block], worlds: Sequence[Matrix]
+) -> tuple[list[int], dict[int, Matrix]]:
+    """Return the joints of the blocks' skins, and the world matrix of each joint of the file in the bind pose."""
+    nodes, skins = document.root.get("nodes", []), document.root.get("skins", [])
+    used = {nodes[block.node]["skin"] for block in blocks if "skin" in nodes[block.node]}
+    binds = {number: _bind_worlds(document, skin, worlds) for number, skin in enumerate(skins)}
+    bind_of = {joint: world for number in [*(set(binds) - used), *used] for joint, world in binds[number].items()}
+    return [joint for number in used for joint in binds[number]], bind_of
 
 
 def _bind_worlds(document: Document, skin: Json, worlds: Sequence[Matrix]) -> dict[int, Matrix]:
@@ -150,7 +167,7 @@ def _joint_moves(
 def _carried(point: _Floats, rows: NDArray[np.int64], weights: _Floats, motion: RigMotion) -> JointMove:
     """Return how an affine map fitted to weighted vertices moves a point."""
     if not motion.moved[rows].any():
-        return JointMove(np.zeros(3), 1.0)
+        return JointMove(point, np.zeros(3), 1.0)
     positions, moved = motion.positions[rows], motion.moved[rows]
     spread = float(((positions - np.average(positions, axis=0, weights=weights)) ** 2).sum(1).mean())
     weights = weights / (((positions - point) ** 2).sum(1) + _NEAR**2 * spread + 1e-300)
@@ -163,7 +180,7 @@ def _carried(point: _Floats, rows: NDArray[np.int64], weights: _Floats, motion: 
     if stiff > 0:
         slope = np.linalg.solve(spread_matrix + stiff * np.eye(3), (pull_matrix + stiff * slope).T).T
     growth = float(np.cbrt(max(np.linalg.det(np.eye(3) + slope), 0.0)))
-    return JointMove(shift + slope @ (point - middle), growth)
+    return JointMove(point, shift + slope @ (point - middle), growth)
 
 
 def _rebind(

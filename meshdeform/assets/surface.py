@@ -399,6 +399,13 @@ def _join(
     return Surface(positions, triangles, normals, tangents, instances, skipped)
 
 
+def placed_as(surface: Surface, blocks: Sequence[Block], like: Sequence[Block]) -> tuple[Surface, list[Block]]:
+    """Return a surface and its blocks with the placements of the same blocks of another file."""
+    placed = [dataclasses.replace(block, placement=each.placement) for block, each in zip(blocks, like, strict=True)]
+    owner = [int(surface.instance_of_vertex[block.rows.start]) for block in placed]
+    return _join(placed, surface.triangles, owner, surface.skipped), placed
+
+
 def unit_rows(vectors: Floats) -> Floats:
     """Return the rows scaled to unit length; zero rows become NaN."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,15 @@ from meshdeform.assets.morph import NewTargets, add_morph_targets
 from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handedness, transformed_normals, unit_rows
 from meshdeform.errors import AssetError, NumericalError, ShapeError
 
+if TYPE_CHECKING:
+    from meshdeform.assets.rig import JointMove
+
 
 @dataclass(frozen=True)
 class Deformation:
     """The original surface and its new shape, both in world space; rows as in `Surface`.
 
-    With `jacobians`, morph targets and joints follow.
+    With `jacobians`, morph targets and joints follow; `joints` says where, if it is known.
     """
 
     surface: Surface
@@ -36,6 +39,7 @@ class Deformation:
     normals: Floats | None
     tangents: Floats | None
     jacobians: Floats | None = None
+    joints: Mapping[int, JointMove] | None = None
 
     @classmethod
     def checked(
@@ -45,6 +49,7 @@ class Deformation:
         normals: Floats | None,
         tangents: Floats | None,
         jacobians: Floats | None = None,
+        joints: Mapping[int, JointMove] | None = None,
     ) -> Self:
         """Return a deformation after checking array shapes and that positions are finite."""
         count = len(surface.positions)
@@ -55,10 +60,10 @@ class Deformation:
             raise NumericalError("The new positions are not all finite.")
         if jacobians is not None and np.shape(jacobians) != (count, 3, 3):
             raise ShapeError(f"jacobians must have shape ({count}, 3, 3), not {np.shape(jacobians)}")
-        optional = [
+        normals, tangents, jacobians = (
             None if array is None else np.asarray(array, np.float64) for array in (normals, tangents, jacobians)
-        ]
-        return cls(surface, np.asarray(positions, np.float64), *optional)
+        )
+        return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, joints)
 
 
 def _local_shape(block: Block, shape: Deformation) -> LocalShape:
@@ -148,7 +153,7 @@ def _follow(
 ) -> list[tuple[int, int]]:
     """Carry the morph targets and joints of the file along; return each replaced accessor with its new one."""
     from meshdeform.assets.carried_targets import carry_targets
-    from meshdeform.assets.rig import RigMotion, move_joints
+    from meshdeform.assets.rig import RigMotion, joint_moves, move_joints
 
     assert shape.jacobians is not None
     replaced: list[tuple[int, int]] = []
@@ -156,8 +161,11 @@ def _follow(
         mesh = document.root["meshes"][owners[block.node]]
         jacobians = shape.jacobians[block.rows]
         replaced += carry_targets(document, block, mesh, jacobians, local.normals, local.tangents)
-    moved = shape.positions - shape.surface.positions
-    return replaced + move_joints(document, blocks, RigMotion(shape.surface.positions, moved, shape.jacobians))
+    moves = shape.joints
+    if moves is None:
+        moved = shape.positions - shape.surface.positions
+        moves = joint_moves(document, blocks, RigMotion(shape.surface.positions, moved, shape.jacobians))
+    return replaced + move_joints(document, blocks, moves)
 
 
 def write_targets(

@@ -13,7 +13,7 @@ from meshdeform.errors import StoredFileError, UnavailableError
 
 __all__ = ["AFTERWARDS", "PartialFile", "is_same", "to_disk"]
 
-AFTERWARDS = ("morph.glb", "result.stl")
+AFTERWARDS = ("morph.glb", "map.safetensors", "result.stl")
 """The artifacts that the service can make of a job that has succeeded."""
 
 _BATCH = 2**20

@@ -475,6 +475,13 @@ TEXT_DEFORM = Kind(
             "The source with the way to the result as morph targets and an animation, if `output.morph` is set.",
             afterwards=True,
         ),
+        ArtifactKind(
+            "map.safetensors",
+            "application/octet-stream",
+            "What deforms other files alike ([Control](control.md#one-edit-many-files)), made "
+            "[afterwards](http.md#post-v1jobsidartifactsname) only.",
+            afterwards=True,
+        ),
         *FORMATS_OF_RESULT,
     ),
     uses=_uses,

@@ -11,7 +11,7 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import httpx
 from pydantic import BaseModel
@@ -547,7 +547,7 @@ class AsyncClient:
         return page.artifacts
 
     async def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb` or `result.stl` to a job that has succeeded without it.
+        """Add `morph.glb`, `map.safetensors` or `result.stl` to a job that has succeeded without it.
 
         Raises
         ------
@@ -558,6 +558,31 @@ class AsyncClient:
         """
         call = Call("POST", job_path(job, "artifacts", name), read_timeout_s=_MAKE_S)
         return await self._connection.document(ArtifactView, call)
+
+    async def apply(self, job: JobLike, file: str | Path, *, outside: Literal["refuse", "rigid"] = "refuse") -> bytes:
+        """Return a file as a GLB that is deformed as the job's asset was: a level of detail, clothes, a prop.
+
+        Parameters
+        ----------
+        outside : "refuse" or "rigid"
+            Of connected pieces that reach out of the box around the job's asset: refuse the file, or carry them along
+            in their shape.
+
+        Raises
+        ------
+        AssetError, ParameterError
+            The file cannot be read, or lies elsewhere than the asset.
+        """
+        path = Path(file)
+        call = Call(
+            "POST",
+            job_path(job, "apply"),
+            query={"filename": path.name, "outside": outside},
+            headers={"Content-Type": "application/octet-stream"},
+            content=path.read_bytes(),
+            read_timeout_s=_MAKE_S,
+        )
+        return (await self._connection.answered(call)).content
 
     async def checkpoints(self, job: JobLike) -> list[CheckpointView]:
         """Return the checkpoints from which a job can continue, sorted by step."""
