@@ -402,7 +402,9 @@ class Leases:
 def released(database: Database, until: Any = None) -> dict[str, Any]:
     """Return the values of a job that its worker no longer has; `until` is when it last had it, by default now."""
     ran_s = database.seconds(jobs.c.claimed_at, database.now() if until is None else until)
-    return {"worker_id": None, "lease_expires_at": None, "eta_s": None, "ran_s": jobs.c.ran_s + ran_s}
+    # An earlier version that claims it next does not say when.
+    more = {"ran_s": jobs.c.ran_s + ran_s, "claimed_at": None}
+    return {"worker_id": None, "lease_expires_at": None, "eta_s": None, **more}
 
 
 def _why(reason: str) -> Callable[[Row], dict[str, Any]]:

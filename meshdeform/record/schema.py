@@ -121,7 +121,7 @@ jobs = sa.Table(
     sa.Column("oom_attempts", sa.Integer, nullable=False),
     sa.Column("worker_id", sa.String(255)),
     sa.Column("lease_expires_at", UtcDateTime),
-    # Time of the newest claim, and the seconds that earlier attempts ran.
+    # Since when its worker has it, and the seconds that earlier attempts ran.
     sa.Column("claimed_at", UtcDateTime),
     sa.Column("ran_s", sa.Double, nullable=False, server_default="0"),
     # When it was handed back so that others could run; it takes its turn as if it had been queued then.

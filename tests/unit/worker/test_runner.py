@@ -208,6 +208,13 @@ def test_a_job_that_runs_for_too_long_fails_with_a_checkpoint(
     assert (failed.state, failed.error.code) == (JobState.FAILED, "run_time_exceeded")
     assert failed.error.detail == "The job has run for the 60 s that it may run, and done 17 of 50 steps."
     assert world.kept(job) == [17, 10]
+    # A retry goes on from there and may run for as long again.
+    last = world.record.leases.checkpoints(job.id)[0]
+    origin = Origin(job_id=job.id, step=17, mode=OriginMode.RETRY, key=last.key, sha256=last.sha256)
+    again = world.create(max_run_s=own, origin=origin)
+    world.runner(settings=Settings(**settings)).run(again.id)
+    assert world.record.get(again.id).state is JobState.SUCCEEDED
+    assert world.kind.started_at == [0, 17]
 
 
 def test_a_job_that_is_through_when_its_time_is_over_succeeds(world: World) -> None:
