@@ -119,7 +119,7 @@ def test_a_result_is_gone_on_from_taken_back_and_given_to_another_file(
     result = next(each for each in service.job(first)["artifacts"] if each["name"] == "result.glb")
     assert (job["metadata"]["thread"], job["asset"]["sha256"]) == (first, result["sha256"])
     expect(versions.get_by_role("listitem")).to_contain_text(
-        ["“a tall vase”from sphere.obj", "“a fat penguin”after “a tall vase”"]
+        ["“a tall vase”from sphere.obj", "“a fat penguin”after “a tall vase”", "Undo"]
     )
     versions.get_by_role("button", name="Compare with").first.click()
     page.wait_for_url(f"**/#/compare/{first}/{second}")

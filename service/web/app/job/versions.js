@@ -2,7 +2,7 @@
 /** The versions of an asset as a thread: the jobs that went on from a job's result, from one of its steps, or from its settings. */
 import { client, isAbort } from "../client.js";
 import { isDeleted } from "../deletions.js";
-import { button, fill, h } from "../dom.js";
+import { button, fill, h, panel } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { routeHash } from "../router.js";
 import { stateBadge } from "../jobs/card.js";
@@ -22,13 +22,15 @@ export function before(job, versions) {
 
 /** @param {any} job @param {import("../scope.js").Scope} scope */
 export function versionsPanel(job, scope) {
-  const element = h("section", { class: "panel", "aria-labelledby": "versions-title", hidden: true });
-  load(job, element, scope).catch((error) => isAbort(error) || console.warn(error));
+  const list = h("ol", { class: "files" });
+  const element = panel("versions-title", "Versions", list);
+  element.hidden = true;
+  load(job, element, list, scope).catch((error) => isAbort(error) || console.warn(error));
   return element;
 }
 
-/** @param {any} job @param {HTMLElement} element @param {import("../scope.js").Scope} scope */
-async function load(job, element, scope) {
+/** @param {any} job @param {HTMLElement} element @param {HTMLElement} list @param {import("../scope.js").Scope} scope */
+async function load(job, element, list, scope) {
   const thread = threadOf(job);
   const { jobs } = await client.jobPage({ metadata: { thread }, limit: LISTED, signal: scope.signal });
   const first = jobs.some((found) => found.id === thread) ? null : await client.get(thread, scope.signal).catch(() => null);
@@ -36,12 +38,9 @@ async function load(job, element, scope) {
   if (versions.length < 2) return;
   const previous = before(job, versions);
   fill(
-    element,
-    h("h2", { id: "versions-title" }, "Versions"),
-    h("ol", { class: "files" }, versions.map((version) => row(version, job, before(version, versions)))),
-    previous
-      ? h("p", { class: "row" }, h("a", { class: "button", href: routeHash({ name: "job", id: previous.id }) }, "Undo: back to the version before"), comparison(previous, job))
-      : null,
+    list,
+    versions.map((version) => row(version, job, before(version, versions))),
+    previous ? h("li", { class: "row" }, h("a", { class: "button", href: routeHash({ name: "job", id: previous.id }) }, "Undo: back to the version before")) : null,
   );
   element.hidden = false;
 }
