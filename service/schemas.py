@@ -203,7 +203,7 @@ class FileLimits(BaseModel):
     max_accessor_elements: int = Field(description="Elements of one accessor.", examples=[20000000])
     max_triangles: int = Field(description="Triangles to deform, counting every instance.", examples=[1000000])
     max_vertices: int = Field(description="Vertices to deform, counting every instance.", examples=[2000000])
-    max_primitives: int = Field(description="Primitives and morph targets, counting every instance.", examples=[100000])
+    max_primitives: int = Field(description="Primitives and morph targets, counting every instance.", examples=[50000])
     max_check_bytes: int = Field(
         description="Bytes of memory for checking the largest file; less for smaller files.", examples=[2214592512]
     )

@@ -59,7 +59,6 @@ __all__ = [
     "check_storage",
     "compressed_view",
     "data_uri_bytes",
-    "hidden_instances",
     "inspect_asset",
     "instance_count",
     "instances_of",
@@ -507,11 +506,6 @@ def instances_of(root: Json) -> list[Instance]:
     return _walk(root)[0]
 
 
-def hidden_instances(root: Json) -> list[Instance]:
-    """List the nodes of the default scene whose mesh KHR_node_visibility hides."""
-    return _walk(root)[1]
-
-
 def _walk(root: Json) -> tuple[list[Instance], list[Instance]]:
     """Return the instances that are shown, and those that are hidden."""
     nodes, scenes = objects(root, "nodes"), objects(root, "scenes")
@@ -695,7 +689,8 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
     weights = [_weight(mesh) for mesh in objects(root, "meshes")]
-    for instance in instances_of(root):
+    shown, hidden = _walk(root)
+    for instance in shown:
         primitives += weights[instance.mesh]
         if primitives > limits.max_primitives:
             raise AssetTooLargeError(
@@ -716,11 +711,10 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
                 "(MESHDEFORM_MAX_TRIANGLES; each instance of a mesh counts)."
             )
     if triangles == 0:
-        raise _empty(root, [*skipped, *([{"reason": LOOSE}] if loose else [])], primitives > 0)
+        raise _empty(root, [*skipped, *([{"reason": LOOSE}] if loose else [])], primitives > 0, bool(hidden))
     outside = outside_images(root)
     foreign = [link for link in outside if _ELSEWHERE.match(link)]
     beside = [link for link in outside if link not in foreign]
-    hidden = hidden_instances(root)
     sentences = [_many(drawn)] * bool(drawn) + [_beside(beside)] * bool(beside) + [_foreign(foreign)] * bool(foreign)
     warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
@@ -756,7 +750,7 @@ def _many(drawn: list[int]) -> str:
     )
 
 
-def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool) -> AssetEmptyError:
+def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool, hidden: bool) -> AssetEmptyError:
     """Return the error of an asset without triangles, with advice that fits the reason."""
     if has_meshes:
         reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
@@ -770,7 +764,7 @@ def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool) -> Asset
             f"The file contains {count}, but no node shows a mesh.",
             advice="Export the objects together with the scene that they are in.",
         )
-    if hidden_instances(root):
+    if hidden:
         return AssetEmptyError(
             f"{VISIBILITY} hides every mesh of the default scene.", advice="Make the nodes visible, and export again."
         )

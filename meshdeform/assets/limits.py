@@ -53,7 +53,7 @@ class Limits:
     max_bare_elements: int = 250_000
     max_json_values: int = 500_000
     max_json_depth: int = 128
-    max_primitives: int = 100_000
+    max_primitives: int = 50_000
     max_chunks: int = 1000
     max_archive_files: int = 1000
     max_memory_bytes: int = CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * 100 * 2**20

@@ -380,8 +380,8 @@ class Kind:
     uses : callable
         Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
     check_files : callable
-        Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
-        the meshes by part. Default: all fit. Torch-free.
+        Refuses parameters that do not fit the contents of the files. Takes the request, the result of `check` and the
+        summaries of the meshes by part. Default: all fit. Torch-free.
     check_words : callable, optional
         Refuses a request that does not fit the words of the taught weights in its part `weights`. Takes the request,
         these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free.
@@ -402,7 +402,7 @@ class Kind:
     load: Callable[[], StartRun]
     artifacts: tuple[ArtifactKind, ...]
     uses: Callable[[JobRequest], Collection[str]] | None = None
-    check_files: Callable[[Any, Mapping[str, AssetSummary]], None] = lambda _params, _files: None
+    check_files: Callable[[JobRequest, Any, Mapping[str, AssetSummary]], None] = lambda _request, _params, _files: None
     check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt

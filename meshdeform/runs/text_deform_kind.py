@@ -46,7 +46,16 @@ if TYPE_CHECKING:
     from meshdeform.priors.builtin.grammar import Words
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "check", "check_places", "check_words", "read_target", "resolved_params", "with_constants"]
+__all__ = [
+    "TEXT_DEFORM",
+    "check",
+    "check_places",
+    "check_vertex",
+    "check_words",
+    "read_target",
+    "resolved_params",
+    "with_constants",
+]
 
 
 _PlacedPrompt = tuple[list[str | int], str]
@@ -337,18 +346,35 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
         )
 
 
-def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
+def _check_files(request: JobRequest, params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
     found = files["asset"]
+    # Subdivision numbers anew. What is excluded only makes them fewer.
+    triangles = None if request.output.subdivide else found.triangles
     lists = {name: getattr(found, name) for name in ("nodes", "mesh_names", "materials", "joints")}
     # A list of that length may be incomplete; the run then refuses what selects nothing.
     complete = {name: parts for name, parts in lists.items() if len(parts) < MAX_PARTS}
     if "nodes" in complete:
         find_excluded(params.exclude, found.nodes)
-    check_selections(("control", "rigid"), params.rigid, complete)
-    check_selections(("control", "regions"), params.regions, complete)
+    check_selections(("control", "rigid"), params.rigid, complete, triangles)
+    check_selections(("control", "regions"), params.regions, complete, triangles)
     for number, prompt in enumerate(params.prompts):
-        check_selections(("guidance", "prompts", number, "regions"), prompt.regions, complete)
+        check_selections(("guidance", "prompts", number, "regions"), prompt.regions, complete, triangles)
     check_places(params, {part: file.bounds for part, file in files.items()})
+    if not request.output.subdivide:
+        for number, handle in enumerate(params.handles):
+            check_vertex(("control", "handles", number, "vertex"), handle.vertex, found.vertices)
+    for number, pair in enumerate(params.landmarks):
+        for name, place, part in (("source", pair.source, "asset"), ("target", pair.target, _TARGET)):
+            if isinstance(place, int) and part in files and not (name == "source" and request.output.subdivide):
+                check_vertex(("guidance", "landmarks", number, name), place, files[part].vertices)
+
+
+def check_vertex(path: Sequence[str | int], vertex: int | None, count: int) -> None:
+    """Refuse the number of a vertex that a mesh of `count` vertices does not have, at a path within `params`."""
+    if vertex is not None and vertex >= count:
+        detail = f"params.{'.'.join(map(str, path))}: the mesh has {count} vertices, and none with the index {vertex}."
+        advice = "Indices begin at 0; or give a position [x, y, z]."
+        raise ParameterError.at(["params", *path], detail, advice)
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:

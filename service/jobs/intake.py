@@ -107,7 +107,7 @@ def check_job(
     kind = kind_of(submission.document.kind)
     found = {name: check_file(app, owner_id, kind, name, file) for name, file in files.items()}
     meshes = {name: each for name, each in found.items() if isinstance(each, AssetSummary)}
-    kind.check_files(params, meshes)
+    kind.check_files(submission.document, params, meshes)
     if WEIGHTS_PART in files:
         check_words(submission.document, files[WEIGHTS_PART].path, meshes)
     return params, files, found

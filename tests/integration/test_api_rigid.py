@@ -42,6 +42,42 @@ def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dic
     check_problem(validate(api, asset, rigid=[{"mode": "rigid"}]), 422, "parameter_invalid")
 
 
+def test_numbers_beyond_the_file_are_refused_where_they_stand(api: Api) -> None:
+    ball = icosphere(2)
+    asset = build_glb(ball.verts.numpy(), ball.faces.numpy())
+    faces, verts = len(ball.faces), len(ball.verts)
+
+    def refused_at(output: dict[str, Any], params: dict[str, Any]) -> list[Any] | None:
+        files: dict[str, Any] = {"asset": ("a.glb", asset)}
+        request = {"params": params, "output": output}
+        if "guidance" in params:
+            files["target"] = ("b.glb", asset)
+        else:
+            request["prompt"] = "a mushroom"
+        files["request"] = (None, json.dumps(request))
+        answer = api.http.post("/v1/jobs:validate", files=files)
+        if answer.status_code == 200:
+            return None
+        return list(check_problem(answer, 422, "parameter_invalid")["errors"][0]["loc"][1:])
+
+    def landmark(source: int, target: int) -> dict[str, Any]:
+        return {"guidance": {"kind": "target", "landmarks": [{"source": source, "target": target}]}}
+
+    to = {"to": [0.0, 1.2, 0.0]}
+    for more in (0, 1):  # the last one that there is, and one more
+        last, vertex = faces - 1 + more, verts - 1 + more
+        for params, place in (
+            ({"control": {"regions": [{"faces": [0, [5, last]]}]}}, ["control", "regions", 0, "faces"]),
+            ({"control": {"rigid": [{"faces": [last]}]}}, ["control", "rigid", 0, "faces"]),
+            ({"control": {"handles": [{"vertex": vertex, **to}]}}, ["control", "handles", 0, "vertex"]),
+            (landmark(vertex, 0), ["guidance", "landmarks", 0, "source"]),
+        ):
+            assert refused_at({}, params) == (place if more else None)
+            assert refused_at({"subdivide": True}, params) is None, "numbers are those after subdivision"
+        target = ["guidance", "landmarks", 0, "target"] if more else None
+        assert refused_at({"subdivide": True}, landmark(0, vertex)) == target
+
+
 def test_a_point_that_is_absurdly_far_is_refused_where_it_stands(api: Api) -> None:
     asset = build_glb(icosphere(2).verts.numpy(), icosphere(2).faces.numpy())
     near = {"position": [0, 1, 0], "to": [0, 1.5, 0]}
