@@ -161,6 +161,7 @@ class JobRecord:
             "state": sa.case((queued, JobState.CANCELED), else_=JobState.CANCELING),
             "finished_at": sa.case((queued, self._database.now()), else_=None),
             "phase": sa.case((queued, "done"), else_=jobs.c.phase),
+            "error": None,  # of a failure after which it was to be tried again
         }
         with changing(self._database) as change:
             if changed := change.update(open_, values, lambda row: EventType(row.state)):
