@@ -25,6 +25,8 @@ __all__ = [
     "JobView",
     "MeshView",
     "OriginView",
+    "RetriedJob",
+    "RetriedJobs",
     "SignedUrl",
     "accepted",
     "job_headers",
@@ -205,6 +207,23 @@ class JobList(_Document):
     jobs: list[JobView] = Field(description="The jobs of this page.")
     next_cursor: str | None = Field(
         None, description="Pass it as `cursor` to get the next page; null on the last one.", examples=["am9iXzAxa2c5"]
+    )
+
+
+class RetriedJob(_Document):
+    """A failed job, and what became of its retry."""
+
+    of: str = Field(description="The failed job.", examples=[_JOB_ID])
+    job_id: str | None = Field(None, description="The new job; null if it was refused.", examples=[_JOB_ID])
+    error: JobError | None = Field(None, description="Why it was refused; else null.")
+
+
+class RetriedJobs(_Document):
+    """The failed jobs of a page, newest first."""
+
+    jobs: list[RetriedJob] = Field(description="Those that had not been retried before.")
+    next_cursor: str | None = Field(
+        None, description="Pass it as `cursor` to go on; null at the end.", examples=["am9iXzAxa2c5"]
     )
 
 
