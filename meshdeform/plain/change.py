@@ -7,14 +7,14 @@ so. The result is as symmetric as the source, and stands where it stood.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from meshdeform.plain.body import UP, Body, Flags, Floats
 from meshdeform.plain.maps import Moved, move
 from meshdeform.plain.parts import PartMissingError, Parts
-from meshdeform.plain.words import SHAPES, WHOLE, Change
+from meshdeform.plain.words import SHAPES, WHOLE, Change, Sentence
 
 _ROUNDS = 12
 _ATTEMPTS = ((0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.5), (1.0, 0.25), (1.0, 0.125))
@@ -97,6 +97,17 @@ def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Don
         body, each = _apply(body, change)
         done.append(each)
     return body, done
+
+
+def meant(body: Body, sentence: Sentence) -> tuple[Change, ...]:
+    """Return the changes of a sentence: in "a bigger helmet", of a part of the asset that has the noun as its name."""
+    if sentence.noun is None or not sentence.compared:
+        return sentence.changes
+    try:
+        Parts(body).named(sentence.noun.replace("-", " "))
+    except PartMissingError:
+        return sentence.changes
+    return tuple(replace(each, part=sentence.noun) if each.part == WHOLE else each for each in sentence.changes)
 
 
 def missing_part(body: Body, changes: Sequence[Change]) -> str | None:

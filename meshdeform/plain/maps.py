@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -220,13 +220,16 @@ def _leg(parts: Parts, operation: str, factor: float) -> Moved:
     length = legs.hip - body.ground
     points = body.points.copy()
     if operation == "fat":
-        for number, weight, line in _leg_lines(body, legs, degree=2):
+        posts = legs
+        if legs.found_by == "geometry" and legs.foot > body.ground + 0.1 * length:  # a base keeps its shape
+            weight = legs.weight * step((body.points[:, UP] - legs.foot) / (0.1 * length))
+            posts = replace(legs, weight=weight, limb=_nearest_piece(body, _groups(body, weight > 0.5)))
+        for weight, line in _leg_lines(body, posts, degree=2):
             top = step((body.points[:, UP] - legs.hip + 0.15 * length) / (0.15 * length))
             grown = weight * (1 - top) * (factor - 1)
             for axis, centre in zip((body.lateral, body.front), line(body.points[:, UP]).T, strict=True):
                 points[:, axis] += grown * (body.points[:, axis] - centre)
-            del number
-        return Moved(points, legs.weight, _girth(body, legs), legs.found_by)
+        return Moved(points, legs.weight, _girth(body, posts), legs.found_by)
     share = ease((body.points[:, UP] - legs.foot) / max(legs.hip - legs.foot, 1e-12))
     points[:, UP] += (factor - 1) * length * (legs.weight * share + 1 - legs.weight)
     carried = np.flatnonzero((legs.weight < 0.05) & (body.points[:, UP] > legs.hip))
@@ -256,7 +259,7 @@ def _girth(body: Body, legs: Legs) -> Callable[[Floats], float]:
     return girth
 
 
-def _leg_lines(body: Body, legs: Legs, *, degree: int) -> list[tuple[int, Floats, _Line]]:
+def _leg_lines(body: Body, legs: Legs, *, degree: int) -> list[tuple[Floats, _Line]]:
     """Return each leg's weight (V,) and its centre line: sideways and forward by height."""
     found = []
     for number in np.unique(legs.limb[legs.weight > 0.3]):
@@ -272,7 +275,7 @@ def _leg_lines(body: Body, legs: Legs, *, degree: int) -> list[tuple[int, Floats
             (heights[own].min(), heights[own].max()),
             degree,
         )
-        found.append((int(number), weight, line))
+        found.append((weight, line))
     return found
 
 
@@ -449,6 +452,14 @@ def _groups(body: Body, flags: Flags) -> list[Index]:
     ]
 
 
+def _nearest_piece(body: Body, pieces: list[Index]) -> Index:
+    """Return the number of the piece nearest to each vertex."""
+    if not pieces:
+        return np.zeros(len(body.points), np.int64)
+    owner = cKDTree(np.concatenate([body.points[piece] for piece in pieces])).query(body.points)[1]
+    return np.asarray(np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])[owner])
+
+
 def _slab(parts: Parts, operation: str, factor: float) -> Moved:
     """Return a seat or a top that is thicker; wider or longer ones take along what they carry."""
     body = parts.body
@@ -481,8 +492,7 @@ def _limb(body: Body, limb: Limb, operation: str, factor: float) -> Moved:
     """Return a named part changed about where it is attached; each of several pieces, such as ears, about its own."""
     points = body.points.copy()
     pieces = _groups(body, limb.weight > 0.5)
-    owner = cKDTree(np.concatenate([body.points[piece] for piece in pieces])).query(body.points)[1]
-    numbers = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])[owner]
+    numbers = _nearest_piece(body, pieces)
     for number in range(len(pieces)):
         weight = np.where(numbers == number, limb.weight, 0)
         pivot = attachment(body, weight) if len(pieces) > 1 or limb.found_by == "joints" else limb.pivot
@@ -538,6 +548,8 @@ def _shares(parts: Parts, legs: Legs | None) -> _Shares:
             leg = leg * step((legs.hip - body.points[:, UP]) / (0.75 * (legs.hip - body.ground)))
     leg = np.clip(leg * (1 - np.clip(head + tail, 0, 1)), 0, 1)
     arm = np.clip(arm * (1 - leg), 0, 1)
+    if legs is None:  # of a fish or a duck, the tail is where the trunk ends
+        tail = none
     trunk = np.clip(1 - head - neck - tail - leg - arm, 0, 1)
     total = np.maximum(head + neck + tail + leg + arm + trunk, 1e-9)
     return _Shares(*(each / total for each in (head, neck, tail, leg, arm, trunk)))
@@ -639,7 +651,7 @@ def _fat_thing(parts: Parts, factor: float) -> Moved:
 
 def _fat_legs(body: Body, legs: Legs, share: Floats, belly: _Belly, amount: float) -> Floats:
     moved = np.zeros_like(body.points)
-    for _, weight, line in _leg_lines(body, Legs(legs.hip, legs.foot, share, legs.limb, legs.count, ""), degree=3):
+    for weight, line in _leg_lines(body, replace(legs, weight=share), degree=3):
         heights = body.points[weight > 0.05, UP]
         low, high = float(heights.min()), float(heights.max())
         place = np.zeros((1, 3))

@@ -427,7 +427,7 @@ class Parts:
             lead = areas[: max(3, int(0.25 * far))].mean() / max(areas[:far].max(), 1)
             height = float(solid.centres[free & (distances < 0.4 * max(from_centre[tip], solid.side)), UP].mean())
             ends.append(_End(distances, areas, thick, far, float(lead), height))
-        higher = 1.2 * (ends[0].height - ends[1].height) / body.size[UP]
+        higher = 1.2 * (ends[0].height - ends[1].height) / max(float(body.size[UP]), 1e-12)
         return (ends[0], ends[1]) if ends[0].lead + higher >= ends[1].lead else (ends[1], ends[0])
 
     # ---------------------------------------------------------------- others

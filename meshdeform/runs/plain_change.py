@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.plain.body import Body, body_of
-from meshdeform.plain.change import Done, apply_changes, list_parts
+from meshdeform.plain.change import Done, apply_changes, list_parts, meant
 from meshdeform.plain.parts import PartMissingError
 from meshdeform.plain.words import Sentence
 from meshdeform.rendering.studio import preview_png
@@ -47,7 +47,7 @@ def start_change(
     with log.phase("change"):
         body = body_of(facts.asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
         try:
-            changed, done = apply_changes(body, sentence.changes)
+            changed, done = apply_changes(body, meant(body, sentence))
         except PartMissingError as missing:
             if recognised is not None:
                 return None

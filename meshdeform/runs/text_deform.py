@@ -76,6 +76,8 @@ def start(given: RunInput) -> JobRun:
     request, file, limits, device = given.request, given.files["asset"], given.limits, given.device
     params = resolved_params(request, given.default_model, given.resolved)
     sentence = asked_changes(request.prompt, params)
+    # A change needs no prior; whether a description is one, only the asset tells.
+    prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS and sentence is None else None
     target = read_target(params, given)
     file = replace(file, sha256=file.sha256 or sha256_hex(file.data))
     with log.phase("read"):
@@ -87,7 +89,7 @@ def start(given: RunInput) -> JobRun:
         change, recognised = _change(facts, sentence, given, log)
         if change is not None:
             return change
-    prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS else None
+        prior = load_sent(params.model, given)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(file.sha256 or "", asset, params, request.output)

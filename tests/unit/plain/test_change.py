@@ -12,9 +12,10 @@ from meshdeform.errors import ParameterError, PartNotFoundError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import join
 from meshdeform.plain.body import Body, loose_body
-from meshdeform.plain.change import Done, apply_changes, list_parts
+from meshdeform.plain.change import Done, apply_changes, list_parts, meant
 from meshdeform.plain.parts import PartMissingError
 from meshdeform.plain.words import read_changes
+from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
@@ -23,6 +24,7 @@ from meshdeform.runs.changes import check_parts
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
 from tests.cases import each_case
+from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player
 from tests.unit.plain.shapes import HIP, chair, dog, plain_glb, rigged_dog
 
@@ -178,6 +180,36 @@ def test_a_named_node_is_a_part() -> None:
     assert done.found_by == "names"
     wide = [np.ptp(each.points[flags], axis=0)[0] for each in (body, after)]
     assert wide[1] == pytest.approx(1.45 * wide[0], rel=0.02)
+
+
+def test_a_noun_that_is_the_name_of_a_part_means_that_part() -> None:
+    body = body_of_glb(DOGS["geometry"])
+    hat = Body(
+        body.points, body.faces, {"Helmet": body.points[:, 1] > 2.5, "Dog": body.points[:, 1] > -1}, (), body.weights
+    )
+    for text, part in (("a bigger helmet", "helmet"), ("a bigger dog", "whole"), ("a big helmet", "whole")):
+        sentence = read_changes(text, noun_of)
+        assert sentence is not None
+        assert [each.part for each in meant(hat, sentence)] == [part]
+
+
+def test_morph_targets_follow_and_quantised_positions_are_read() -> None:
+    builder, mesh = Builder(), chair()
+    places = mesh.verts.numpy()
+    steps = np.round(places * 20_000).astype(np.int16)
+    raised = np.zeros_like(steps)
+    raised[:, 1] = 1000
+    primitive = builder.primitive(steps, mesh.faces.numpy().astype(np.uint16))
+    primitive["targets"] = [{"POSITION": builder.accessor(raised, bounds=True)}]
+    builder.node(builder.mesh(primitive), scale=[1 / 20_000] * 3)
+    builder.root["extensionsUsed"] = builder.root["extensionsRequired"] = ["KHR_mesh_quantization"]
+    result, _ = run(builder.glb(), "taller")
+    np.testing.assert_allclose(np.ptp(load_asset(result).surface.positions, axis=0), [1, 1.4 * 1.5, 1], atol=1e-3)
+    player = Player(result)
+    target = player.root["meshes"][0]["primitives"][0]["targets"][0]["POSITION"]
+    # Where the chair is stretched, what a target raises is raised by more; posts take the change of their plates.
+    assert 1000 <= np.abs(player.read(target)[:, 1]).max() < 2500
+    assert np.abs(player.read(target)[:, [0, 2]]).max() < 100
 
 
 def test_a_description_is_a_change_if_the_source_is_what_it_says() -> None:
