@@ -19,6 +19,7 @@
     │   ├── AlignmentError             422  alignment_failed       the target could not be placed on the asset
     │   ├── PromptError                422  prompt_invalid         empty or too long
     │   ├── VocabularyError            422  prompt_unknown_words   the builtin prior does not know a word
+    │   ├── PartNotFoundError          422  part_not_found         a change names a part that the asset lacks
     │   ├── IdempotencyMismatchError   422  idempotency_mismatch   an Idempotency-Key was reused for another request
     │   ├── ChecksumError              422  checksum_mismatch      an upload has another size or digest than announced
     │   └── WebhookAddressError        422  webhook_address        a webhook's address is not allowed
@@ -83,6 +84,7 @@ __all__ = [
     "NotFoundError",
     "NumericalError",
     "ParameterError",
+    "PartNotFoundError",
     "PromptError",
     "RangeError",
     "RequestError",
@@ -286,6 +288,13 @@ class VocabularyError(RequestError):
         "Use one of the suggested prompts, or choose a Stable Diffusion model: "
         'set params.guidance.model to its id or folder (install the "sd" extra on the worker).'
     )
+
+
+class PartNotFoundError(RequestError):
+    """The asset has no such part; `parts` lists those that were found."""
+
+    code = "part_not_found"
+    advice = "Name a part that `meshdeform inspect` lists."
 
 
 class IdempotencyMismatchError(RequestError):

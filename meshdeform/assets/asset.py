@@ -15,7 +15,7 @@ from meshdeform.assets.archive import Archive, open_archive
 from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC
-from meshdeform.assets.corners import corner_colors, corner_weights
+from meshdeform.assets.corners import corner_colors, corner_weights, joint_shares
 from meshdeform.assets.document import Document, Usage, read_floats
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
@@ -157,6 +157,13 @@ class Asset:
         """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1."""
         return corner_weights(self._document, self._blocks, joints)
 
+    def joint_shares(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """Return rows of the surface, the nodes of joints, and how much the ones follow the others, (K,) each.
+
+        A mesh without a skin on or below a joint follows it.
+        """
+        return joint_shares(self._document, self._blocks, rigid=True)
+
     def vertex_colors(self) -> NDArray[np.float64]:
         """Return the linear vertex colour (T, 3, 3) of each corner of the triangles; NaN where there is none."""
         return corner_colors(self._document, self._blocks)
@@ -256,6 +263,7 @@ class Asset:
         *,
         jacobians: NDArray[np.float64] | None = None,
         joints: Mapping[int, JointMove] | None = None,
+        posed: bool = False,
         morph: bool = False,
         compact: bool = False,
         provenance: Mapping[str, Any] | None = None,
@@ -275,6 +283,9 @@ class Asset:
             joints follow the shape (`assets/carried_targets.py`, `assets/rig.py`); not with `morph`.
         joints : mapping of int to JointMove, optional
             How they do. Default: as `joint_moves` returns.
+        posed : bool
+            With `jacobians`: joints follow in the pose of the nodes, which viewers show, so that it is there exactly as
+            written, instead of in the bind pose.
         morph : bool
             Keep the source as the base and add the new shape as a morph target of weight 1, with a one-second
             animation named "deform" from the source to the result.
@@ -298,7 +309,7 @@ class Asset:
         if morph:
             target = MorphTarget(ANIMATION_NAME, positions, normals, tangents)
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
-        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints)
+        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints, posed=posed)
         finish = Finish(self._usage if compact else None, provenance)
         return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
 

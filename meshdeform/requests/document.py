@@ -286,7 +286,8 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required if the guidance is `sds`, without further `prompts`.",
+        description="What the asset should become, or a change in plain words, such as longer legs (docs/plain.md). "
+        "Required if the guidance is `sds`, without further `prompts`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(

@@ -385,6 +385,10 @@ class Kind:
     check_words : callable, optional
         Refuses a request that does not fit the words of the taught weights in its part `weights`. Takes the request,
         these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free.
+    check_asset : callable
+        Refuses a request that does not fit the contents of the first file, where that takes more than its summary.
+        Takes the request, the result of `check`, the file's path and name, and the limits. Default: all fit.
+        Torch-free.
     as_branch : callable
         Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
         request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free.
@@ -404,6 +408,7 @@ class Kind:
     uses: Callable[[JobRequest], Collection[str]] | None = None
     check_files: Callable[[JobRequest, Any, Mapping[str, AssetSummary]], None] = lambda _request, _params, _files: None
     check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
+    check_asset: Callable[[JobRequest, Any, Path, str, Limits], None] = lambda *_: None
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
 

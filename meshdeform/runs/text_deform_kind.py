@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -40,9 +40,10 @@ from meshdeform.runs.base import (
     check_weights_part,
     start_of,
 )
+from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change
 
 if TYPE_CHECKING:
-    from meshdeform.assets import AssetSummary
+    from meshdeform.assets import AssetSummary, Limits
     from meshdeform.priors.builtin.grammar import Words
     from meshdeform.settings import Settings
 
@@ -125,6 +126,9 @@ def check(
     if resolved.guidance is GuidanceKind.SDS:
         model = resolved.model
         check_weights_part(model, [WEIGHTS_PART] if has_weights else [], "guidance")
+        if _is_change(request, resolved):  # no model is asked
+            check_change(resolved)
+            return resolved
         if is_sent(model):  # its words are those of a file, which is checked later
             return resolved
         offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
@@ -139,6 +143,12 @@ def check(
     elif has_weights:
         check_weights_part(None, [WEIGHTS_PART], "guidance")
     return resolved
+
+
+def _is_change(request: JobRequest, params: ResolvedParams) -> bool:
+    """Return whether the prompt is a change in plain words, whatever the asset is."""
+    sentence = asked_changes(request.prompt, params)
+    return sentence is not None and is_change(sentence)
 
 
 def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
@@ -202,7 +212,7 @@ def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
 def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
     """Refuse a request with prompts that a prior with these words cannot read; its weights come with the job."""
     params = resolve(request.params)
-    if params.guidance is GuidanceKind.SDS:
+    if params.guidance is GuidanceKind.SDS and not _is_change(request, params):
         _check_vocabulary(_filled(_prompts(request)), params, known)
 
 
@@ -377,6 +387,10 @@ def check_vertex(path: Sequence[str | int], vertex: int | None, count: int) -> N
         raise ParameterError.at(["params", *path], detail, advice)
 
 
+def _check_asset(request: JobRequest, params: ResolvedParams, asset: Path, filename: str, limits: Limits) -> None:
+    check_parts(asset, filename, request.prompt, params, limits)
+
+
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     """Return the branch's request with what determines the mesh of its job, whose checkpoint fits no other."""
     output = _with_same(("output",), job.output, branch.output, ("subdivide",))
@@ -425,7 +439,8 @@ def with_constants(params: ResolvedParams, kept: Mapping[str, Any]) -> ResolvedP
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
-        return resolved_params(request, default_model, kept).steps
+        params = resolved_params(request, default_model, kept)
+        return 0 if _is_change(request, params) else params.steps
     except MeshdeformError:
         # A default has changed since the job was accepted; its worker will report the error.
         return request.params.steps if "steps" in request.params.model_fields_set else 0
@@ -461,7 +476,8 @@ def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
 
 TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
-    summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides.",
+    summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides; or "
+    "changes it in plain words, such as longer legs ([Changes in plain words](plain.md)).",
     reads=(
         FilePart(
             "asset",
@@ -513,6 +529,7 @@ TEXT_DEFORM = Kind(
     uses=_uses,
     check_files=_check_files,
     check_words=check_words,
+    check_asset=_check_asset,
     as_branch=_as_branch,
     goal=_goal,
 )

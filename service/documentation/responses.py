@@ -22,6 +22,7 @@ from meshdeform.errors import (
     LimitError,
     ModelError,
     ParameterError,
+    PartNotFoundError,
     PromptError,
     RequestError,
     RequestTimeoutError,
@@ -74,7 +75,7 @@ ASSET_ERRORS = (
     SilhouetteError,
     DrawingError,
 )
-REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, ModelError)
+REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, PartNotFoundError, ModelError)
 CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)
 """Errors of every route that needs an API key."""
 

@@ -108,6 +108,8 @@ def check_job(
     found = {name: check_file(app, owner_id, kind, name, file) for name, file in files.items()}
     meshes = {name: each for name, each in found.items() if isinstance(each, AssetSummary)}
     kind.check_files(submission.document, params, meshes)
+    first = files[kind.parts[0]]
+    kind.check_asset(submission.document, params, first.path, first.filename, app.assets.limits)
     if WEIGHTS_PART in files:
         check_words(submission.document, files[WEIGHTS_PART].path, meshes)
     return params, files, found

@@ -11,6 +11,7 @@ from meshdeform.requests.removed import grouped
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
 from tests.unit.geometry.test_structure import STATUE
+from tests.unit.plain.shapes import chair, plain_glb
 from tests.unit.runs.test_pictures import GLB, ellipse
 
 
@@ -148,3 +149,16 @@ def test_pictures_are_checked_with_their_job(api: Api) -> None:
     job = api.http.post("/v1/jobs", files=sent(ellipse(20, 15)))
     assert job.status_code == 202
     assert list(job.json()["files"]) == ["asset", "silhouette_1", "silhouette_2"]
+
+
+def test_a_change_of_a_part_that_is_not_there_is_refused_before_the_job(api: Api) -> None:
+    def answer(prompt: str) -> Any:
+        files = {"asset": ("a.glb", plain_glb(chair())), "request": (None, json.dumps({"prompt": prompt}))}
+        return api.http.post("/v1/jobs:validate", files=files)
+
+    assert answer("longer legs and a taller back").status_code == 200
+    assert answer("twice as tall").json()["estimate"]["run_s"] < 3  # no steps
+    problem = check_problem(answer("a longer tail"), 422, "part_not_found")
+    assert {"legs", "seat or top"} <= set(problem["parts"])
+    check_problem(answer("tall and short"), 422, "prompt_invalid")
+    check_problem(answer("a big blorb"), 422, "prompt_unknown_words")

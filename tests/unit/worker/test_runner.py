@@ -15,14 +15,16 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import CheckpointError, ModelError, NumericalError
-from meshdeform.record.models import Job, JobState, NewJob, Origin, OriginMode
+from meshdeform.record.models import Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.schema import jobs
 from meshdeform.record.turns import Turns
-from meshdeform.requests.document import resolve
+from meshdeform.requests.document import JobRequest, resolve
+from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.fake_kind import OutOfMemoryError
+from tests.unit.plain.shapes import chair, plain_glb
 from tests.worker_world import EVERY, STEPS, World, away, fail_for_a_while, new_world
 from worker.attempt import is_out_of_memory
 
@@ -595,3 +597,16 @@ def test_a_worker_that_stops_stores_no_checkpoint_where_it_cannot_and_hands_the_
     assert world.run(job).state is JobState.QUEUED
     assert world.kept(job) == [10]
     assert EVERY == 10
+
+
+def test_a_change_in_plain_words_succeeds_without_a_step(world: World) -> None:
+    stored = world.store.put("assets/chair", plain_glb(chair()), "model/gltf-binary")
+    asset = StoredFile(key="assets/chair", filename="chair.glb", size=stored.size, sha256=stored.sha256)
+    job = world.record.create(NewJob(JobRequest(prompt="longer legs"), {"asset": asset}))
+    world.runner(start=start_run).run(job.id)
+    job = world.record.get(job.id)
+    assert (job.state, job.progress.step, job.progress.total_steps) == (JobState.SUCCEEDED, 0, 0)
+    assert job.progress.fraction == 1.0
+    names = {artifact.name for artifact in world.record.artifacts(job.id)}
+    assert names == {"result.glb", "report.json", "preview.png"}
+    assert world.priors == []

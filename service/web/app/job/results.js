@@ -98,8 +98,15 @@ export function filesPanel(job, artifacts, scope) {
       ),
       mayMake ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
       row(job.asset.filename, job.asset.filename, `The ${job.kind === "family_fit" ? "collection" : "asset"} as ${shared ? "it was sent" : "you sent it"}`, job.asset.size, `v1/jobs/${job.id}/asset`, false),
+      mayMake
+        ? h(
+            "li",
+            { class: "file" },
+            h("div", null, h("strong", null, "Other files"), h("span", { class: "small muted" }, "Levels of detail, clothes, props that lie where the asset does")),
+            h("div", { class: "row" }, others, button("Deform other files alike", () => others.click(), { icon: "spark", quiet: true })),
+          )
+        : null,
     ),
-    mayMake ? h("p", { class: "small muted" }, "Levels of detail, clothes, props that lie where the asset does: ", others, button("Deform other files alike", () => others.click(), { class: "button-quiet" })) : null,
   );
 }
 
