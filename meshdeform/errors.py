@@ -113,6 +113,8 @@ class MeshdeformError(Exception):
     status: ClassVar[int] = 500
     code: ClassVar[str] = "internal"
     advice: ClassVar[str] = "Report this with the job's report.json."
+    transient: ClassVar[bool] = False
+    """Whether the same attempt at a job may succeed later, without anything being changed by its owner."""
 
     # Set on errors received from a service: the request's id, and the delay before it may be sent again.
     request_id: str | None = None
@@ -467,6 +469,7 @@ class StoredFileError(MeshdeformError):
     """A stored file is damaged."""
 
     code = "file_damaged"
+    transient = True  # whoever sends the same file again mends it
     advice = "Send the same file again, which replaces the stored copy; a damaged result has to be computed again."
 
 

@@ -93,7 +93,12 @@ class Settings(BaseSettings):
     max_run_s: float = Field(
         0.0, ge=0.0, description="Seconds for which a job may run, all its attempts together. 0: unlimited."
     )
-    max_attempts: int = Field(3, ge=1, description="Attempts at a job before it fails with `worker_lost`.")
+    max_attempts: int = Field(
+        3, ge=1, description="Attempts at a job that are lost, or fail for reasons that may pass, before it fails."
+    )
+    retry_delay_s: float = Field(
+        10.0, ge=0.0, le=600.0, description="Seconds until a job is tried again after a failure that may pass."
+    )
     step_timeout_s: float = Field(
         600.0, ge=1.0, description="A worker that completes no step for this long is killed and restarted."
     )

@@ -107,13 +107,14 @@ _TERMINAL = {
 class Ended:
     """The end of an attempt, not yet recorded: its stored results, or why it failed.
 
-    `step_s` are the mean seconds per step; None if no step was done.
+    `step_s` are the mean seconds per step; None if no step was done. `may_pass`: another attempt may not fail so.
     """
 
     outcome: Outcome
     results: list[Artifact] = field(default_factory=list)
     error: JobError | None = None
     step_s: float | None = None
+    may_pass: bool = False
 
 
 class _InterruptedError(Exception):
@@ -292,11 +293,11 @@ class Attempt:
     def _failed(self, error: Exception) -> Ended:
         if isinstance(error, MeshdeformError):
             _log.warning("job %s: failed: %s", self._job.id, error)
-            return self._ended(Outcome.FAILED, error=JobError.of(error))
+            return self._ended(Outcome.FAILED, error=JobError.of(error), may_pass=error.transient)
         _log.error("job %s: failed", self._job.id, exc_info=error)
         # The text of an unexpected error may contain paths of this machine, so it stays in the log.
         unknown = MeshdeformError("An unexpected error occurred in the worker; see the worker's log.")
-        return self._ended(Outcome.FAILED, error=JobError.of(unknown))
+        return self._ended(Outcome.FAILED, error=JobError.of(unknown), may_pass=True)
 
     def _out_of_memory(self, error: Exception) -> Ended:
         """Save the state from before the step that ran out of memory, if possible."""
@@ -312,10 +313,15 @@ class Attempt:
         return self._ended(Outcome.OUT_OF_MEMORY)
 
     def _ended(
-        self, outcome: Outcome, *, results: list[Artifact] | None = None, error: JobError | None = None
+        self,
+        outcome: Outcome,
+        *,
+        results: list[Artifact] | None = None,
+        error: JobError | None = None,
+        may_pass: bool = False,
     ) -> Ended:
         step_s = self._steps_s / self._steps if self._steps else None
-        return Ended(outcome, results or [], error, step_s)
+        return Ended(outcome, results or [], error, step_s, may_pass)
 
 
 @dataclass(frozen=True)
@@ -400,6 +406,9 @@ class JobRunner:
         elif ended.outcome in (Outcome.HANDED_BACK, Outcome.HANDED_OVER):
             over = ended.outcome is Outcome.HANDED_OVER
             retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, handed_over=over))
+        elif ended.may_pass and ended.error is not None:
+            given = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s
+            retry.until_answered(about, lambda: record.leases.postpone(job.id, job.attempt, *given))
         else:
             state, error, results, step_s = _TERMINAL[ended.outcome], ended.error, ended.results, ended.step_s
             retry.until_answered(

@@ -31,6 +31,7 @@ _queued = jobs.c.state == JobState.QUEUED
 _ALIVE_S = 30.0
 """Seconds without a renewal after which a worker counts as silent: three times the renewal interval."""
 _KEPT_S = 86_400.0
+_LONGEST_WAIT_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,8 @@ class Leases:
             "started_at": sa.func.coalesce(jobs.c.started_at, now),
             "claimed_at": now,
             "yielded_at": None,
+            "retry_at": None,
+            "error": None,
             "phase": "loading",
         }
         for choice in choices:
@@ -227,7 +230,7 @@ class Leases:
         size: int = 0,
         mesh: Artifact | None = None,
     ) -> None:
-        """Record a stored checkpoint and the mesh of that step. If it is new progress, forget lost attempts."""
+        """Record a stored checkpoint and the mesh of that step. New progress: forget lost and failed attempts."""
         values = {
             "job_id": job_id,
             "attempt": attempt,
@@ -249,8 +252,10 @@ class Leases:
                 raise stale(change.connection, job_id, attempt)
             change.connection.execute(insert)
             measure(change.connection, job_id)
-            if changed[0].lost_attempts and not self._reached_before(change.connection, job_id, attempt, step):
-                change.connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(lost_attempts=0))
+            unlucky = changed[0].lost_attempts or changed[0].failures
+            if unlucky and not self._reached_before(change.connection, job_id, attempt, step):
+                fresh = sa.update(jobs).where(jobs.c.id == job_id).values(lost_attempts=0, failures=0)
+                change.connection.execute(fresh)
 
     def _reached_before(self, connection: sa.Connection, job_id: str, attempt: int, step: int) -> bool:
         """Return whether an earlier attempt stored a checkpoint of this step or a later one, deleted or not."""
@@ -358,6 +363,39 @@ class Leases:
                 changed = change.update(where, back, _queued_or_canceled, _why("out_of_memory"))
             if not changed:
                 raise stale(change.connection, job_id, attempt)
+        return JobState(changed[0].state)
+
+    def postpone(self, job_id: str, attempt: int, error: JobError, max_attempts: int, delay_s: float) -> JobState:
+        """Hand back a job after a failure that may pass; after `max_attempts` in a row it fails with that error.
+
+        It is tried again after `delay_s` seconds, four times as many after each further failure, at most ten minutes.
+        """
+        with changing(self._database) as change:
+            where = rows.fenced(job_id, attempt)
+            before = change.connection.scalar(sa.select(jobs.c.failures).where(where).with_for_update())
+            if before is None:
+                raise stale(change.connection, job_id, attempt)
+            document = error.model_dump()
+            if before + 1 >= max_attempts:
+                over = {"state": JobState.FAILED, "finished_at": self._database.now(), "phase": "done"}
+                over = {**released(self._database), **over, "error": document, "failures": before + 1}
+                running = sa.and_(where, jobs.c.state == JobState.RUNNING)
+                if changed := change.update(running, over, EventType.FAILED, {"error": document}):
+                    return JobState(changed[0].state)
+            asked = jobs.c.state == JobState.CANCELING
+            wait_s = min(delay_s * 4.0**before, _LONGEST_WAIT_S)
+            back = {
+                "failures": before + 1,
+                "error": sa.case((asked, None), else_=sa.literal(document, jobs.c.error.type)),
+                "retry_at": self._database.now(wait_s),
+            }
+
+            def why(row: Row) -> dict[str, Any]:
+                if row.state != JobState.QUEUED:
+                    return {}
+                return {"reason": "failure", "error": document, "retry_at": row.retry_at.isoformat()}
+
+            changed = change.update(where, self._back(back), _queued_or_canceled, why)
         return JobState(changed[0].state)
 
     def worker_ended(self, worker_id: str) -> bool:

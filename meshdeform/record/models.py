@@ -138,6 +138,8 @@ class Job(_Frozen):
     origin: Origin | None = None
     deadline_at: datetime | None = None
     retain_until: datetime | None = None
+    retry_at: datetime | None = None
+    """When a job that waits after a failure is tried again."""
     oom_attempts: int = 0
     ran_s: float = 0.0
     """Seconds for which its attempts ran, without one that runs now."""

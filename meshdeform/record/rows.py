@@ -114,6 +114,7 @@ def job(row: Row) -> Job:
         origin=_origin(row.origin) if row.origin else None,
         deadline_at=row.deadline_at,
         retain_until=row.retain_until,
+        retry_at=row.retry_at,
         oom_attempts=row.oom_attempts,
         ran_s=row.ran_s,
         event_seq=row.event_seq,

@@ -30,6 +30,8 @@ from meshdeform.client.documents import (
     JobView,
     Limits,
     ModelList,
+    RetriedJob,
+    RetriedJobs,
     SignedUrl,
     SketchGuesses,
     UploadView,
@@ -55,7 +57,14 @@ from meshdeform.client.problems import succeeded
 from meshdeform.client.requests import Call, Endpoint, JobLike, artifact_path, identity, job_path
 from meshdeform.client.result import GLB, PREVIEW, REPORT, html_of, label
 from meshdeform.client.retries import Patience, Policy, left_s, pace
-from meshdeform.errors import ChecksumError, JobNotFinishedError, MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.errors import (
+    ChecksumError,
+    JobNotFinishedError,
+    LimitError,
+    MeshdeformError,
+    NotFoundError,
+    UnavailableError,
+)
 from meshdeform.requests.choices import JobKind
 
 __all__ = ["AsyncClient", "AsyncResult"]
@@ -373,6 +382,29 @@ class AsyncClient:
         call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
         return await self._connection.document(JobView, call)
 
+    async def retry_failed(self, error: str, *, created_after: datetime | None = None) -> list[RetriedJob]:
+        """Retry all jobs that failed with an error of this code, but for those that another job continues already.
+
+        Returns what became of each, newest first. A limit of the caller's, such as that of unfinished jobs, ends the
+        list early, or is raised if it stops the first.
+        """
+        found: list[RetriedJob] = []
+        query: dict[str, str | int] = {"error": error, "limit": 100}
+        if created_after is not None:
+            query["created_after"] = created_after.astimezone().isoformat()
+        while True:
+            call = Call("POST", "/v1/jobs:retry", query=query, read_timeout_s=_MAKE_S)
+            try:
+                page = await self._connection.document(RetriedJobs, call)
+            except LimitError:
+                if any(each.job_id for each in found):
+                    return found
+                raise
+            found += page.jobs
+            if page.next_cursor is None:
+                return found
+            query["cursor"] = page.next_cursor
+
     async def branch(
         self,
         job: JobLike,
@@ -418,11 +450,13 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         created_after: datetime | None = None,
         search: str = "",
+        error: str = "",
         limit: int = 50,
     ) -> AsyncIterator[JobView]:
         """Iterate over the jobs, newest first, requesting pages of `limit`. A naive `created_after` is local time.
 
-        `search` finds jobs whose prompts, file names or values of labels contain all of its words.
+        `search` finds jobs whose prompts, file names or values of labels contain all of its words, `error` those that
+        failed with an error of this code.
         """
         query: dict[str, str | int] = {"limit": limit}
         query |= {f"metadata[{name}]": text for name, text in (metadata or {}).items()}
@@ -432,6 +466,8 @@ class AsyncClient:
             query["created_after"] = created_after.astimezone().isoformat()
         if search:
             query["q"] = search
+        if error:
+            query["error"] = error
         return self._pages(query)
 
     async def _pages(self, query: dict[str, str | int]) -> AsyncIterator[JobView]:

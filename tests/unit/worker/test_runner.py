@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.errors import CheckpointError, ModelError, NumericalError
-from meshdeform.record.models import Job, JobState, NewJob, Origin, OriginMode, StoredFile
+from meshdeform.errors import CheckpointError, ModelError, NumericalError, StoredFileError
+from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.schema import jobs
 from meshdeform.record.turns import Turns
 from meshdeform.requests.document import JobRequest, resolve
@@ -92,12 +92,60 @@ def test_an_unforeseen_error_is_internal_and_tells_only_the_log(world: World, ca
 
     world.kind.on_step = fail
     with caplog.at_level(logging.ERROR):
-        job = world.run(world.create())
-    assert job.state is JobState.FAILED
+        job = world.create()
+        for state in (JobState.QUEUED, JobState.QUEUED, JobState.FAILED):
+            world.runner(settings=Settings(retry_delay_s=0)).run(job.id)
+            assert world.record.get(job.id).state is state
+    job = world.record.get(job.id)
     assert job.error is not None
     assert job.error.code == "internal"
     assert "secret" not in job.error.model_dump_json()
     assert "/secret/path" in caplog.text
+
+
+def test_a_failure_that_may_pass_is_tried_again_later_and_goes_on_from_its_checkpoint(world: World) -> None:
+    failing = [25, 45]
+
+    def fail(step: int) -> None:
+        if step in failing:
+            failing.remove(step)
+            raise OSError(116, "Stale file handle")
+
+    world.kind.on_step = fail
+    job = world.create()
+    world.run(job)
+    waiting = world.record.get(job.id)
+    assert (waiting.state, waiting.attempt, waiting.error and waiting.error.code) == (JobState.QUEUED, 1, "internal")
+    assert waiting.retry_at is not None
+    assert 5 < (waiting.retry_at - waiting.created_at).total_seconds() < 600
+    event = world.record.events.after(job.id)[-1]
+    assert (event.type, event.data["reason"], event.data["error"]["code"]) == (EventType.QUEUED, "failure", "internal")
+    # Nobody takes it before, and nobody else waits for it.
+    assert world.run(job).attempt == 1
+    assert world.record.upkeep.queued_ids() == []
+    soon = Settings(retry_delay_s=0)
+    with world.record.database.write() as connection:
+        connection.execute(sa.update(jobs).values(retry_at=world.record.database.now()))
+    world.runner(settings=soon).run(job.id)
+    assert world.record.get(job.id).state is JobState.QUEUED
+    world.runner(settings=soon).run(job.id)
+    done = world.record.get(job.id)
+    assert (done.state, done.attempt, done.error, done.retry_at) == (JobState.SUCCEEDED, 3, None, None)
+    assert world.kind.started_at == [0, 20, 40]
+    plain = world.create()
+    world.kind.on_step = lambda step: None
+    assert world.result(world.run(plain)) == world.result(done)
+
+
+def test_a_job_that_waits_after_a_failure_is_canceled_at_once(world: World) -> None:
+    def fail(step: int) -> None:
+        raise StoredFileError("The stored copy is damaged.")
+
+    world.kind.on_step = fail
+    job = world.run(world.create())
+    assert (job.state, job.error and job.error.code) == (JobState.QUEUED, "file_damaged")
+    assert world.record.request_cancel(job.id).state is JobState.CANCELED
+    assert world.record.get(job.id).error is None
 
 
 def test_a_cancel_stops_the_job(world: World) -> None:
