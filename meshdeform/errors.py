@@ -46,7 +46,7 @@
     ├── DeviceMemoryError              500  gpu_oom                the device's memory is too small for the job
     ├── RunTimeError                   500  run_time_exceeded      the job ran for longer than it may
     ├── UnavailableError               503  unavailable            Redis, the record or the store does not respond
-    └── DependencyError                500  dependency_missing     an optional package or program is not installed
+    └── DependencyError                501  dependency_missing     an optional package or program is not installed
 
 `ShapeError` is a plain `ValueError` for programming mistakes inside the numerical core.
 """
@@ -515,6 +515,7 @@ class UnavailableError(MeshdeformError):
 class DependencyError(MeshdeformError):
     """A required program or package is not installed."""
 
+    status = 501
     code = "dependency_missing"
     advice = "Install what the message names."
 
