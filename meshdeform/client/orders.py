@@ -67,6 +67,7 @@ class Order:
     max_run_s: float | None = None
     retention_s: float | None = None
     kind: str | None = None
+    webhook: str | Mapping[str, Any] | None = None
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document.
@@ -86,6 +87,7 @@ class Order:
             "deadline_s": self.deadline_s,
             "max_run_s": self.max_run_s,
             "retention_s": self.retention_s,
+            "webhook": {"url": self.webhook} if isinstance(self.webhook, str) else self.webhook,
         }
         given = {name: value for name, value in members.items() if value is not None}
         # Not validated here: the service validates and reports all errors.

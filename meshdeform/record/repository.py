@@ -27,7 +27,7 @@ from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_jo
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
-from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets
+from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets, webhooks
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
@@ -53,7 +53,7 @@ class JobRecord:
         self.uploads = UploadLedger(self._database, self.files)
         self.idempotency = IdempotencyLedger(self._database)
         self.deliveries = Deliveries(self._database)
-        self.webhooks = WebhookBook(self._database, self.deliveries)
+        self.webhooks = WebhookBook(self._database, self.deliveries, self.secret)
         self.keys = KeyRing(self._database)
         self._rooms = Rooms()
 
@@ -84,6 +84,8 @@ class JobRecord:
         check_priority(new.request.priority, new.max_priority)
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
+        own = new.request.webhook
+        webhook = None if own is None else self.webhooks.of_job(values["id"], new.owner_id, own.url, own.events)
         with changing(self._database) as change:
             connection = change.connection
             added = self._hold_to_limits(connection, new)
@@ -97,6 +99,8 @@ class JobRecord:
                 *(NewRow(labels, {"job_id": job_id, "name": k, "value": v}) for k, v in new.request.metadata.items()),
                 NewRow(job_texts, {"job_id": job_id, "text": searched_text(new)}),
             )
+            if webhook is not None:
+                connection.execute(sa.insert(webhooks).values(webhook))
             change.write_event(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
             if new.claim is not None:
@@ -203,6 +207,7 @@ class JobRecord:
                     state=job.state.value,
                 )
             connection.execute(sa.insert(discarded).values(prefix=f"jobs/{job_id}/"))
+            connection.execute(sa.delete(webhooks).where(webhooks.c.job_id == job_id))
         return keys
 
     def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:

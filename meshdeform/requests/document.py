@@ -279,6 +279,23 @@ def params_by_kind() -> Mapping[JobKind, type[BaseModel]]:
     return MappingProxyType(_PARAMS)
 
 
+_JOB_EVENT = r"^job\.(queued|started|recovered|canceling|succeeded|failed|canceled|expired)$"
+
+
+class JobWebhook(StrictModel):
+    """A webhook for the messages about one job."""
+
+    url: str = Field(
+        min_length=1,
+        max_length=2000,
+        description="Where to send messages: an https URL whose host has only public addresses.",
+        examples=["https://example.com/meshdeform"],
+    )
+    events: tuple[Annotated[str, StringConstraints(pattern=_JOB_EVENT)], ...] = Field(
+        (), max_length=8, description="Event types to send. Default: all.", examples=[["job.succeeded", "job.failed"]]
+    )
+
+
 class JobRequest(StrictModel):
     """The JSON document that requests one job."""
 
@@ -335,6 +352,12 @@ class JobRequest(StrictModel):
         description="Seconds after its end until the job is deleted with all its artifacts. Default: the server's "
         "MESHDEFORM_RETENTION_S.",
         examples=[604800],
+    )
+    webhook: JobWebhook | None = Field(
+        None,
+        description="Where to send messages about this job, beside the account's webhooks; signed with the account's "
+        "secret (`GET /v1/webhooks/secret`). Default: nowhere.",
+        examples=[None],
     )
 
     @field_validator("params", mode="wrap")

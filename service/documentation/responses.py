@@ -32,6 +32,7 @@ from meshdeform.errors import (
     UnauthorizedError,
     UnavailableError,
     VocabularyError,
+    WebhookAddressError,
 )
 from meshdeform.record.ids import JOB_ID_PATTERN
 from service.http.idempotency import REPLAYED
@@ -80,7 +81,7 @@ CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)
 """Errors of every route that needs an API key."""
 
 ONCE_ERRORS = (IdempotencyMismatchError, IdempotencyBusyError)
-NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, TooMuchStoredError, RequestTimeoutError)
+NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, TooMuchStoredError, RequestTimeoutError, WebhookAddressError)
 
 Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**31 - 1, examples=[500])]
 

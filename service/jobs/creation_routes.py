@@ -19,7 +19,9 @@ from meshdeform.errors import (
     RequestError,
     StoredFileError,
     UnreadableJobError,
+    WebhookAddressError,
 )
+from meshdeform.requests.document import JobRequest
 from meshdeform.runs import kinds
 from service.documentation.responses import (
     ASSET_ERRORS,
@@ -47,6 +49,7 @@ from service.jobs.routes import CreatedAfter, Cursor, ErrorCode, shown
 from service.jobs.sources import Submission, file_advice, missing_files, take_along
 from service.schemas import FoundOrientation, Validation
 from service.state import AppState, AppStateDep
+from service.webhooks.routes import checked_address
 
 __all__ = ["router"]
 
@@ -306,9 +309,21 @@ async def branch_job(
     """Creates a new job on the same files that starts with the shape of that step. The job may be in any state."""
     caller = Caller.of(request, principal, idempotency_key)
     document = parse_document(BranchDocument, await receive_document(request))
+    await _check_webhook(app, principal.owner_id, document)
     with app.workspace.temporary_folder() as folder:
         answer = await app.take_in(principal.owner_id, branch, app, caller, id, step, document, folder)
     return answer.response()
+
+
+async def _check_webhook(app: AppState, owner_id: str, request: JobRequest) -> None:
+    """Refuse a request whose webhook has an address that is not allowed."""
+    if request.webhook is None:
+        return
+    try:
+        await checked_address(app, owner_id, request.webhook.url)
+    except WebhookAddressError as error:
+        place = {"loc": ["webhook", "url"], "msg": error.detail, "type": "value_error"}
+        raise WebhookAddressError(error.detail, advice=error.advice_text, errors=[place]) from error
 
 
 async def _received_document(request: Request, app: AppState, owner_id: str, held: AsyncExitStack) -> JobDocument:
@@ -341,6 +356,7 @@ async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIte
         async with AsyncExitStack() as held:
             document = await _received_document(request, app, owner_id, held)
             folder = held.enter_context(app.workspace.temporary_folder())
+            await _check_webhook(app, owner_id, document)
             yield await take_along(app, owner_id, Submission(document, {}, folder))
         return
     # The slot is held until the files are checked and stored, which bounds the number of temporary files.
@@ -356,4 +372,5 @@ async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIte
             document = parse_document(JobDocument, text, "The part `request`")
             for name in missing_files(document, files):
                 raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
+            await _check_webhook(app, owner_id, document)
             yield await take_along(app, owner_id, Submission(document, files, folder))

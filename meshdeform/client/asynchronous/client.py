@@ -157,6 +157,7 @@ class AsyncClient:
         deadline_s: float | None = None,
         max_run_s: float | None = None,
         retention_s: float | None = None,
+        webhook: str | Mapping[str, Any] | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
@@ -169,7 +170,9 @@ class AsyncClient:
 
         Parameters
         ----------
-        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s, kind
+        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s
+            As for `submit`.
+        webhook, kind
             As for `submit`.
         filename, upload, idempotency_key
             As for `submit`.
@@ -187,7 +190,7 @@ class AsyncClient:
         MeshdeformError
             The request was refused, or the job failed.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         job = await self._submit(order, sent)
         try:
@@ -216,6 +219,7 @@ class AsyncClient:
         deadline_s: float | None = None,
         max_run_s: float | None = None,
         retention_s: float | None = None,
+        webhook: str | Mapping[str, Any] | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
@@ -243,6 +247,8 @@ class AsyncClient:
         deadline_s, max_run_s, retention_s : float, optional
             Seconds until the job expires unless finished, seconds for which it may run, and seconds from its end until
             it is deleted.
+        webhook : str or mapping, optional
+            A URL for messages about this job, or `{"url": ..., "events": ["job.succeeded"]}`.
         kind : str, optional
             What the job does.
         filename : str, optional
@@ -253,7 +259,7 @@ class AsyncClient:
             Your own key for this request: requests with the same key within a day, also from other processes, create
             only one job.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         return await self._submit(order, sent)
 

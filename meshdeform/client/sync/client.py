@@ -156,6 +156,7 @@ class Client:
         deadline_s: float | None = None,
         max_run_s: float | None = None,
         retention_s: float | None = None,
+        webhook: str | Mapping[str, Any] | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
@@ -168,7 +169,9 @@ class Client:
 
         Parameters
         ----------
-        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s, kind
+        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s
+            As for `submit`.
+        webhook, kind
             As for `submit`.
         filename, upload, idempotency_key
             As for `submit`.
@@ -186,7 +189,7 @@ class Client:
         MeshdeformError
             The request was refused, or the job failed.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         job = self._submit(order, sent)
         try:
@@ -215,6 +218,7 @@ class Client:
         deadline_s: float | None = None,
         max_run_s: float | None = None,
         retention_s: float | None = None,
+        webhook: str | Mapping[str, Any] | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
@@ -242,6 +246,8 @@ class Client:
         deadline_s, max_run_s, retention_s : float, optional
             Seconds until the job expires unless finished, seconds for which it may run, and seconds from its end until
             it is deleted.
+        webhook : str or mapping, optional
+            A URL for messages about this job, or `{"url": ..., "events": ["job.succeeded"]}`.
         kind : str, optional
             What the job does.
         filename : str, optional
@@ -252,7 +258,7 @@ class Client:
             Your own key for this request: requests with the same key within a day, also from other processes, create
             only one job.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         return self._submit(order, sent)
 
