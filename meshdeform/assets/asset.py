@@ -33,6 +33,7 @@ from meshdeform.assets.surface import (
     read_rig,
     read_surface,
     rig_accessors,
+    turned_parts,
 )
 from meshdeform.assets.writer import (
     Deformation,
@@ -193,6 +194,10 @@ class Asset:
         nodes = self._document.root.get("nodes", [])
         moves = joint_moves(self._document, self._blocks, motion)
         return {joint: (str(nodes[joint].get("name", "")), move) for joint, move in moves.items()}
+
+    def turned_parts(self) -> list[str]:
+        """Return the names of nodes with meshes of the surface that animations turn or scale, joints apart."""
+        return turned_parts(self._document, self._blocks)
 
     def rig_digest(self) -> str:
         """Return the SHA-256 of the surface's morph targets and inverse bind matrices, to tell whether they changed."""

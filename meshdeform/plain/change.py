@@ -21,6 +21,8 @@ _ATTEMPTS = ((0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.5), (1.0, 0.25), (1.0, 
 """How evenly a change is spread, and which share of it is made, until no face flips."""
 _MOST_CORRECTED = 1.7
 """Greatest share of what was asked for that a map may be given, so that its result is what was asked for."""
+_ON_ORIGIN = 0.01
+"""Height of the lowest point, as a share of the body's, up to which it stands on the origin."""
 _TOLD_APART = 0.25
 """Share of what was asked for below which a part was found that is none."""
 _SHORT = 0.5
@@ -168,7 +170,9 @@ def _settled(body: Body, change: Change, made: Moved) -> Floats:
     """Return the points as symmetric as the source, and on the same ground if what stands on it was changed."""
     moved = made.points - body.points
     points = body.points + (moved if change.operation in _LOPSIDED else body.symmetric(moved))
-    if change.part in (WHOLE, "leg", "foot", "wheel", "base"):
+    # What swims or hangs has no ground to sink into.
+    grounded = change.operation != "fat" or abs(body.ground) <= _ON_ORIGIN * body.size[UP]
+    if grounded and change.part in (WHOLE, "leg", "foot", "wheel", "base"):
         points[:, UP] += body.ground - points[:, UP].min()
     return points
 

@@ -237,6 +237,7 @@ def change_report(
             *(sentence for each in done for sentence in each.warnings),
             *measured.warnings(facts),
             *rig_warnings(rig, mode),
+            *_turned_warnings(facts.asset),
         ],
         "losses": [],
         "resumed_from_step": 0,
@@ -245,6 +246,15 @@ def change_report(
     if rig:
         report["rig"] = {"mode": mode.value, **asdict(rig)}
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+
+
+def _turned_warnings(asset: Asset) -> list[str]:
+    """Return a sentence about animated nodes, whose axes do not move with their meshes."""
+    names = asset.turned_parts()
+    if not names:
+        return []
+    listed = ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
+    return [f"Animations turn {listed} about the axes of the source: these are no joints, and did not move along."]
 
 
 @dataclass(frozen=True)

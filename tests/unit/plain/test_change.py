@@ -140,6 +140,20 @@ def test_the_animation_of_a_rigged_file_plays_as_before_at_the_new_height(turned
         assert after.at(time, 0).lengths == pytest.approx(after.at(None, 0).lengths, abs=1e-5)
 
 
+def test_an_animated_node_keeps_its_axis_and_a_warning_says_so() -> None:
+    builder, mesh = Builder(), chair()
+    faces = mesh.faces.numpy().astype(np.uint16)
+    builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name="Swivel")
+    times = builder.accessor(np.array([0, 1], np.float32), bounds=True)
+    turn = builder.accessor(np.array([[0, 0, 0, 1], [0, 1, 0, 0]], np.float32))
+    channel = {"sampler": 0, "target": {"node": 0, "path": "rotation"}}
+    builder.root["animations"] = [{"samplers": [{"input": times, "output": turn}], "channels": [channel]}]
+    _, report = run(builder.glb(), "taller")
+    assert any("Animations turn Swivel" in text for text in report["warnings"])  # type: ignore[attr-defined]
+    _, report = run(rigged_dog(), "taller")
+    assert not any("Animations turn" in text for text in report["warnings"])  # type: ignore[attr-defined]
+
+
 def test_a_rig_that_is_to_be_kept_is_kept() -> None:
     glb = rigged_dog()
     result, report = run(glb, "longer legs", rig="keep")
@@ -233,6 +247,13 @@ def test_changes_need_no_model_no_steps_and_no_controls() -> None:
     )
     with pytest.raises(ParameterError, match="handles"):
         TEXT_DEFORM.check(refused, Settings(), frozenset({"asset"}))
+
+
+def test_a_branch_is_no_change() -> None:
+    job = JobRequest(prompt="a vase")
+    assert TEXT_DEFORM.as_branch(job, JobRequest(prompt="a tall vase")).prompt == "a tall vase"
+    with pytest.raises(ParameterError, match="A branch goes on with a prompt"):
+        TEXT_DEFORM.as_branch(job, JobRequest(prompt="longer legs"))
 
 
 def test_a_flip_takes_back_what_would_flip() -> None:
