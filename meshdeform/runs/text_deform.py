@@ -19,7 +19,6 @@ from meshdeform.deformation.orientation import Orientation
 from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
-from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.plain.words import Sentence
 from meshdeform.rendering.cameras import Frame
@@ -144,20 +143,8 @@ def start(given: RunInput) -> JobRun:
 def _change(
     facts: AssetFacts, sentence: Sentence, given: RunInput, log: RunLog
 ) -> tuple[JobRun | None, Recognition | None]:
-    """Return the run of a change in plain words, or None and what the source was recognised as, if it was asked.
-
-    Raises
-    ------
-    ParameterError
-        It is a branch: a change is made to the asset, and not to the shape of another job.
-    """
+    """Return the run of a change in plain words, or None and what the source was recognised as, if it was asked."""
     if is_change(sentence):
-        if given.initial is not None:
-            raise ParameterError.at(
-                ["prompt"],
-                "A branch goes on with a prompt, and this is a change in plain words.",
-                "Post a new job with the result.glb of this one as its asset.",
-            )
         return start_change(facts, sentence, None, log), None
     if given.initial is not None or given.checkpoint is not None:
         return None, None

@@ -396,6 +396,12 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     output = _with_same(("output",), job.output, branch.output, ("subdivide",))
     control = _with_same(("params", "control"), job.params.control, branch.params.control, ("exclude", "backdrop"))
     params = branch.params.model_copy(update={"control": control})
+    if _is_change(branch, resolve(params)):
+        raise ParameterError.at(
+            ["prompt"],
+            "A branch goes on with a prompt, and this is a change in plain words.",
+            "Post a new job with the result.glb of this one as its asset.",
+        )
     return branch.model_copy(update={"output": output, "params": params})
 
 

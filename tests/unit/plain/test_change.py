@@ -249,6 +249,13 @@ def test_changes_need_no_model_no_steps_and_no_controls() -> None:
         TEXT_DEFORM.check(refused, Settings(), frozenset({"asset"}))
 
 
+def test_a_branch_is_no_change() -> None:
+    job = JobRequest(prompt="a vase")
+    assert TEXT_DEFORM.as_branch(job, JobRequest(prompt="a tall vase")).prompt == "a tall vase"
+    with pytest.raises(ParameterError, match="A branch goes on with a prompt"):
+        TEXT_DEFORM.as_branch(job, JobRequest(prompt="longer legs"))
+
+
 def test_a_flip_takes_back_what_would_flip() -> None:
     """A spike that stands out of the neck folds when everything shrinks towards it, and is held back."""
     mesh = TriangleMesh(join(*dog().values()).verts, join(*dog().values()).faces)
