@@ -50,16 +50,9 @@ class FamilyLabels(StrictModel):
 
 @dataclass(frozen=True)
 class CollectionFiles:
-    """The files of a collection.
+    """The files of a collection."""
 
-    Attributes
-    ----------
-    assets : dict of str to bytes
-        By name in the ZIP, sorted.
-    labels : FamilyLabels, optional
-    """
-
-    assets: dict[str, bytes]
+    assets: dict[str, bytes]  # by name in the ZIP, sorted
     labels: FamilyLabels | None
 
 

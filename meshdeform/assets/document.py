@@ -257,24 +257,15 @@ _WITHOUT_REFERENCES = (
 
 @dataclass(frozen=True)
 class Usage:
-    """What a document uses.
+    """What a document uses."""
 
-    Attributes
-    ----------
-    accessors, views : frozenset of int
-        Indices that something of the core format or of a known extension refers to.
-    ranges : tuple of (int, int)
-        Start and end of every stretch of buffer 0 that a buffer view describes.
-    end : int
-        Length of buffer 0.
-    """
-
+    # Indices that something of the core format or of a known extension refers to
     accessors: frozenset[int]
     views: frozenset[int]
     accessor_count: int
     view_count: int
-    ranges: tuple[tuple[int, int], ...]
-    end: int
+    ranges: tuple[tuple[int, int], ...]  # start and end of every stretch of buffer 0 that a buffer view describes
+    end: int  # length of buffer 0
 
     @classmethod
     def of(cls, root: Json, binary_length: int | None) -> Usage:

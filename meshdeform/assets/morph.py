@@ -40,18 +40,11 @@ class MorphTarget:
 
 @dataclass(frozen=True)
 class Track:
-    """An animation of the new targets' weights.
+    """An animation of the new targets' weights."""
 
-    Attributes
-    ----------
-    times : (K,) float
-        Seconds, ascending.
-    weights : (K, T) float
-        Weights of the new targets at these times; between them they are interpolated linearly.
-    """
-
-    times: Sequence[float]
+    times: Sequence[float]  # (K,) float: seconds, ascending
     weights: Sequence[Sequence[float]]
+    """(K, T) float: weights of the new targets at these times; between them they are interpolated linearly."""
     name: str = ANIMATION_NAME
 
 

@@ -42,19 +42,12 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RigMotion:
-    """How the surface moves, in world space; rows as in `Surface`.
+    """How the surface moves, in world space; rows as in `Surface`."""
 
-    Attributes
-    ----------
-    positions, moved : (N, 3) float64
-        Places at rest, and displacements.
-    jacobians : (N, 3, 3) float64
-        The linear map of the deformation around each vertex.
-    """
-
+    # (N, 3) float64: places at rest, and displacements
     positions: _Floats
     moved: _Floats
-    jacobians: _Floats
+    jacobians: _Floats  # (N, 3, 3) float64: the linear map of the deformation around each vertex
 
 
 @dataclass(frozen=True)

@@ -49,25 +49,14 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Subdivision:
-    """What `subdivide` did.
+    """What `subdivide` did."""
 
-    Attributes
-    ----------
-    triangles_before, triangles_after : int
-        Over all instances.
-    longest_edge : float
-        Length of the longest edge afterwards, as a share of the longest side of the bounding box.
-    limited : bool
-        Whether the limit on triangles ended it.
-    dropped : tuple of str
-        Extensions of primitives that were removed, since they list edges.
-    """
-
+    # Over all instances
     triangles_before: int
     triangles_after: int
-    longest_edge: float
-    limited: bool
-    dropped: tuple[str, ...] = ()
+    longest_edge: float  # length of the longest edge afterwards, as a share of the longest side of the bounding box
+    limited: bool  # whether the limit on triangles ended it
+    dropped: tuple[str, ...] = ()  # extensions of primitives that were removed, since they list edges
 
     @property
     def split(self) -> bool:
@@ -77,27 +66,15 @@ class Subdivision:
 
 @dataclass(frozen=True)
 class _Group:
-    """The primitives of one mesh that have the same vertices.
-
-    Attributes
-    ----------
-    slots : dict of str to int
-        Accessor of each attribute, and of those of morph targets as `TARGET/NAME`.
-    columns : dict of str to (N, K) array
-        Their elements.
-    triangles : (T, 3) int64
-    owner : (T,) int64
-        Place of each triangle's primitive in `primitives`.
-    placements : list of (4, 4) float64
-    """
+    """The primitives of one mesh that have the same vertices."""
 
     mesh: int
     primitives: list[int]
-    slots: dict[str, int]
-    columns: dict[str, NDArray[Any]]
-    triangles: _Index
-    owner: _Index
-    placements: list[Matrix]
+    slots: dict[str, int]  # accessor of each attribute, and of those of morph targets as `TARGET/NAME`
+    columns: dict[str, NDArray[Any]]  # dict of str to (N, K) array: their elements
+    triangles: _Index  # (T, 3) int64
+    owner: _Index  # (T,) int64: place of each triangle's primitive in `primitives`
+    placements: list[Matrix]  # list of (4, 4) float64
 
 
 @dataclass(frozen=True)

@@ -51,53 +51,31 @@ _NEGATE = "The values are negative at the sides, where the outside is: the sign 
 
 @dataclass(frozen=True)
 class OrientedPoints:
-    """A point cloud with normals.
+    """A point cloud with normals."""
 
-    Attributes
-    ----------
-    points, normals : (P, 3) float64
-        Unit normals, to the outside.
-    """
-
+    # (P, 3) float64: unit normals, to the outside
     points: _Floats
     normals: _Floats
 
 
 @dataclass(frozen=True)
 class DistanceGrid:
-    """Signed distances on a grid, negative inside.
+    """Signed distances on a grid, negative inside."""
 
-    Attributes
-    ----------
-    values : (X, Y, Z) float64
-    origin, spacing : (3,) float64
-        Place of the first value, and distances between neighbours.
-    """
-
-    values: _Floats
+    values: _Floats  # (X, Y, Z) float64
+    # (3,) float64: place of the first value, and distances between neighbours
     origin: _Floats
     spacing: _Floats
 
 
 @dataclass(frozen=True)
 class ImplicitNetwork:
-    """Fully connected layers from a point to a value that is negative inside.
-
-    Attributes
-    ----------
-    layers : list of (weight (out, in), bias (out,)) float64
-    activation : str
-        After every layer but the last: `relu`, `silu`, `sine`, `softplus` or `tanh`.
-    omega : float
-        Factor before a sine.
-    bounds : ((3,), (3,)) float64
-        The box that contains the surface.
-    """
+    """Fully connected layers from a point to a value that is negative inside."""
 
     layers: list[tuple[_Floats, _Floats]]
-    activation: str
-    omega: float
-    bounds: tuple[_Floats, _Floats]
+    activation: str  # after every layer but the last: `relu`, `silu`, `sine`, `softplus` or `tanh`
+    omega: float  # factor before a sine
+    bounds: tuple[_Floats, _Floats]  # ((3,), (3,)) float64: the box that contains the surface
 
     @staticmethod
     def check_values(values: _Floats) -> None:

@@ -107,18 +107,10 @@ def _where_changed(
 
 @dataclass(frozen=True)
 class Finish:
-    """How a document is completed after its shape has been written.
+    """How a document is completed after its shape has been written."""
 
-    Attributes
-    ----------
-    source : Usage, optional
-        What the document used when it was read; then data that became unused is dropped.
-    provenance : mapping, optional
-        JSON to store as `asset.extras.meshdeform`.
-    """
-
-    source: Usage | None = None
-    provenance: Mapping[str, Any] | None = None
+    source: Usage | None = None  # what the document used when it was read; then data that became unused is dropped
+    provenance: Mapping[str, Any] | None = None  # JSON to store as `asset.extras.meshdeform`
 
 
 def write_shape(

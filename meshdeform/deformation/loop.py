@@ -57,18 +57,10 @@ _SOFT = 2 / 3
 
 @dataclass(frozen=True)
 class Step:
-    """Result of one optimisation step.
+    """Result of one optimisation step."""
 
-    Attributes
-    ----------
-    step : int
-        Number of completed steps, from 1.
-    losses : dict
-        The weighted terms, their sum `total`, and the values that the guidance logs.
-    """
-
-    step: int
-    losses: dict[str, float]
+    step: int  # number of completed steps, from 1
+    losses: dict[str, float]  # the weighted terms, their sum `total`, and the values that the guidance logs
 
 
 class Deformation:

@@ -40,41 +40,22 @@ few points whose features are like the mean of all take the samples of the other
 
 @dataclass
 class Inference:
-    """The state of the inference over T shapes with P samples, K template points and L parts.
-
-    Attributes
-    ----------
-    given : (T, P) int64
-        Given parts of samples; -1 where they are to be found.
-    deformed : (T, K, 3) float32
-        E[D], in the common box.
-    variance : (T, K, 3) float32
-        Diagonal of cov[D].
-    mass : (T, K) float32
-        How many samples correspond to each point: the sum of Q(U).
-    parts : (T, P, L) float32
-        Q(S).
-    crowding : (T, K) float32
-        Logarithm, at most 0, of the factor by which a crowded point is wanted less (`_CROWD`).
-    likelihood : (T,) float32
-        Mean log-likelihood of a sample.
-    s1, s2 : (3,) float32
-    s3 : (F,) float32
-        Diagonal covariances of data, smoothness and features.
-    """
+    """The state of the inference over T shapes with P samples, K template points and L parts."""
 
     collection: Collection
     template: Template
-    given: Tensor
-    deformed: Tensor
-    variance: Tensor
-    mass: Tensor
-    parts: Tensor
+    given: Tensor  # (T, P) int64: given parts of samples; -1 where they are to be found
+    deformed: Tensor  # (T, K, 3) float32: E[D], in the common box
+    variance: Tensor  # (T, K, 3) float32: diagonal of cov[D]
+    mass: Tensor  # (T, K) float32: how many samples correspond to each point: the sum of Q(U)
+    parts: Tensor  # (T, P, L) float32: Q(S)
     crowding: Tensor
-    likelihood: Tensor
-    s1: Tensor
-    s2: Tensor
-    s3: Tensor
+    """(T, K) float32: logarithm, at most 0, of the factor by which a crowded point is wanted less (`_CROWD`)."""
+    likelihood: Tensor  # (T,) float32: mean log-likelihood of a sample
+    # Diagonal covariances of data, smoothness and features
+    s1: Tensor  # (3,) float32
+    s2: Tensor  # (3,) float32
+    s3: Tensor  # (F,) float32
     iteration: int = 0
     boxed: Tensor = field(init=False)
     edges: Tensor = field(init=False)

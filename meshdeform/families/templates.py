@@ -18,20 +18,11 @@ _LOOK = 4.0
 
 @dataclass
 class Template:
-    """The K points of all part templates.
+    """The K points of all part templates."""
 
-    Attributes
-    ----------
-    points : (K, 3) float32
-        In the frame of the collection's mean box (`inference`).
-    features : (K, F) float32
-    labels : (K,) int64
-        The part of each point.
-    """
-
-    points: Tensor
-    features: Tensor
-    labels: Tensor
+    points: Tensor  # (K, 3) float32: in the frame of the collection's mean box (`inference`)
+    features: Tensor  # (K, F) float32
+    labels: Tensor  # (K,) int64: the part of each point
     parts: int
 
 

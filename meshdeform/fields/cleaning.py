@@ -20,23 +20,13 @@ _MOST_REVERSED = 0.01
 
 @dataclass(frozen=True)
 class CleanMesh:
-    """A manifold mesh, possibly with borders.
+    """A manifold mesh, possibly with borders."""
 
-    Attributes
-    ----------
-    verts : (V, 3) float64
-    faces : (F, 3) int64
-    twin : (F, 3) int64
-        The half-edge glued to each one, -1 at borders.
-    cleaned : dict of str to int
-        What was removed or separated.
-    """
-
-    verts: _Floats
-    faces: _Index
-    twin: _Index
+    verts: _Floats  # (V, 3) float64
+    faces: _Index  # (F, 3) int64
+    twin: _Index  # (F, 3) int64: the half-edge glued to each one, -1 at borders
     topology: Topology
-    cleaned: dict[str, int]
+    cleaned: dict[str, int]  # what was removed or separated
 
 
 def clean(positions: _Floats, triangles: _Index) -> CleanMesh:

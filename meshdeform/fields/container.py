@@ -33,20 +33,11 @@ BITS = 10
 
 @dataclass(frozen=True)
 class EncodedBase:
-    """A base as its file holds it.
+    """A base as its file holds it."""
 
-    Attributes
-    ----------
-    verts : (V, 3) float64
-        Quantised, in the frame, in the order of the file.
-    faces : (F, 3) int64
-        In the order of the file.
-    codes, steps : bytes
-        The walk and the differences.
-    """
-
-    verts: _Floats
-    faces: _Index
+    verts: _Floats  # (V, 3) float64: quantised, in the frame, in the order of the file
+    faces: _Index  # (F, 3) int64: in the order of the file
+    # The walk and the differences
     codes: bytes
     steps: bytes
 

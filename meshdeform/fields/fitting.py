@@ -72,28 +72,19 @@ class FieldFrame:
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How to fit.
-
-    Attributes
-    ----------
-    features, octaves, width, depth : int
-        Of the network.
-    batch_faces : int
-        Base faces per step.
-    rounding : bool
-        False if the field is not written to a file.
-    """
+    """How to fit."""
 
     steps: int
     seed: int = 0
+    # Of the network
     features: int = 8
     octaves: int = 6
     width: int = 32
     depth: int = 2
-    batch_faces: int = 96
+    batch_faces: int = 96  # base faces per step
     learning_rate: float = 0.01
     normal_weight: float = 1e-4
-    rounding: bool = True
+    rounding: bool = True  # false if the field is not written to a file
 
 
 @dataclass(frozen=True)

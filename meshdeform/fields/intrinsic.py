@@ -25,25 +25,13 @@ _TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class IntrinsicMesh:
-    """Triangles of which only the side lengths are known.
+    """Triangles of which only the side lengths are known."""
 
-    Attributes
-    ----------
-    faces : (F, 3) int64
-        An edge may occur twice, or join a vertex with itself.
-    lengths : (F, 3) float64
-        Side k runs from corner k to corner k + 1.
-    flips : int
-        Number of flips that made it.
-    least : float
-        Smallest cot a + cot b of an inner edge: not below zero (but for rounding) if all are Delaunay.
-    """
-
-    faces: _Index
-    lengths: _Floats
+    faces: _Index  # (F, 3) int64: an edge may occur twice, or join a vertex with itself
+    lengths: _Floats  # (F, 3) float64: side k runs from corner k to corner k + 1
     vertices: int
-    flips: int
-    least: float
+    flips: int  # number of flips that made it
+    least: float  # smallest cot a + cot b of an inner edge: not below zero (but for rounding) if all are Delaunay
 
     @property
     def certified(self) -> bool:

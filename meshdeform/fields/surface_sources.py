@@ -44,15 +44,9 @@ _CHUNK = 65_536
 
 
 class Surface(Protocol):
-    """A surface in the source's own coordinates.
+    """A surface in the source's own coordinates."""
 
-    Attributes
-    ----------
-    kind : str
-        `mesh`, `points`, `grid` or `network`.
-    """
-
-    kind: str
+    kind: str  # `mesh`, `points`, `grid` or `network`
     reference: CleanMesh
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:

@@ -34,21 +34,11 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Component:
-    """A connected component.
+    """A connected component."""
 
-    Attributes
-    ----------
-    number : int
-        Its label in `RestMesh.components`.
-    points : (n, 3) float64
-        Its vertices, in the order of the mesh.
-    faces : (f, 3) int64
-        Its faces, as indices into `points`.
-    """
-
-    number: int
-    points: _Floats
-    faces: _Index
+    number: int  # its label in `RestMesh.components`
+    points: _Floats  # its vertices, in the order of the mesh
+    faces: _Index  # its faces, as indices into `points`
 
     @property
     def radius(self) -> float:

@@ -15,21 +15,12 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motion:
-    """The map ``scale * rotation @ x + shift``.
+    """The map ``scale * rotation @ x + shift``."""
 
-    Attributes
-    ----------
-    rotation : (3, 3) float64
-        Orthogonal; a reflection only if those were allowed.
-    shift : (3,) float64
-    max_distance : float
-        Greatest distance between a point that it maps and that point's goal.
-    """
-
-    rotation: _Floats
+    rotation: _Floats  # (3, 3) float64: orthogonal; a reflection only if those were allowed
     scale: float
-    shift: _Floats
-    max_distance: float
+    shift: _Floats  # (3,) float64
+    max_distance: float  # greatest distance between a point that it maps and that point's goal
 
 
 def closest_motion(before: _Floats, after: _Floats, *, scaled: bool = False, mirrored: bool = False) -> Motion:

@@ -46,20 +46,11 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Alignment:
-    """A map from the target's frame into that of the source, ``matrix @ (x, y, z, 1)``.
+    """A map from the target's frame into that of the source, ``matrix @ (x, y, z, 1)``."""
 
-    Attributes
-    ----------
-    matrix : (4, 4) float64
-    turn_deg : float, optional
-        Turn about +Y, if it was searched.
-    overlap : float
-        Least of the shares of the two surfaces that are within 10 % of the target's diagonal of the other.
-    """
-
-    matrix: _Floats
-    turn_deg: float | None
-    overlap: float
+    matrix: _Floats  # (4, 4) float64
+    turn_deg: float | None  # turn about +Y, if it was searched
+    overlap: float  # least of the shares of the two surfaces that are within 10 % of the target's diagonal of the other
 
     def place(self, points: _Floats) -> _Floats:
         """Return points (P, 3) of the target in the frame of the source."""

@@ -54,17 +54,10 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SilhouetteView:
-    """A mask and the direction from which it was seen.
+    """A mask and the direction from which it was seen."""
 
-    Attributes
-    ----------
-    mask : (H, W) bool
-        Row 0 at the top.
-    azimuth_deg, elevation_deg, fov_deg : float
-        As in `cameras.fixed_cameras`.
-    """
-
-    mask: NDArray[np.bool_]
+    mask: NDArray[np.bool_]  # (H, W) bool: row 0 at the top
+    # As in `cameras.fixed_cameras`
     azimuth_deg: float
     elevation_deg: float = 0.0
     fov_deg: float = 20.0

@@ -627,18 +627,11 @@ class _Antialias(torch.autograd.Function):
 
 @dataclass(frozen=True)
 class SilhouetteEdges:
-    """Edges of the mesh with the opposite vertices of their faces.
+    """Edges of the mesh with the opposite vertices of their faces."""
 
-    Attributes
-    ----------
-    verts : (E, 2) int64
-        End points.
-    opposite : (E, 2) int64
-        Third vertex of the edge's first and second face; -1 if there is no second one (open borders).
-    """
-
-    verts: Tensor
+    verts: Tensor  # (E, 2) int64: end points
     opposite: Tensor
+    """(E, 2) int64: third vertex of the edge's first and second face; -1 if there is no second one (open borders)."""
 
 
 def antialias(
@@ -780,19 +773,13 @@ def _visible(
 
 @dataclass(frozen=True)
 class Fragments:
-    """The nearest triangle at each pixel centre.
-
-    Attributes
-    ----------
-    face_ids : (B, H, W) int64
-        Index of the face, -1 where there is none. Row 0 is the top of the image.
-    depth : (B, H, W) float32
-        Normalised device depth: -1 at the near plane, 1 at the far one, above 1 beyond it; `EMPTY_DEPTH` where there
-        is no face.
-    """
+    """The nearest triangle at each pixel centre."""
 
     face_ids: Tensor
+    """(B, H, W) int64: index of the face, -1 where there is none. Row 0 is the top of the image."""
     depth: Tensor
+    """(B, H, W) float32: normalised device depth: -1 at the near plane, 1 at the far one, above 1 beyond it;
+    `EMPTY_DEPTH` where there is no face."""
 
 
 def rasterize(clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None) -> Fragments:

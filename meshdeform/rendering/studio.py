@@ -57,21 +57,11 @@ _SHADOW_REACH = 1.3
 
 @dataclass(frozen=True)
 class PaintedStyle:
-    """Style of the views.
+    """Style of the views."""
 
-    Attributes
-    ----------
-    view_size : int
-        Side of a view in pixels.
-    supersample : int
-        Views are rendered at ``view_size * supersample`` pixels and averaged down.
-    background : red, green and blue in [0, 1]
-        sRGB; used if `render` is given no other background.
-    """
-
-    view_size: int = 256
-    supersample: int = 2
-    background: tuple[float, float, float] = (0.93, 0.93, 0.93)
+    view_size: int = 256  # side of a view in pixels
+    supersample: int = 2  # views are rendered at ``view_size * supersample`` pixels and averaged down
+    background: tuple[float, float, float] = (0.93, 0.93, 0.93)  # sRGB; used if `render` is given no other background
 
 
 @dataclass(frozen=True)

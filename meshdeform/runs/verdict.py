@@ -73,21 +73,12 @@ _SENTENCES = {
 
 @dataclass(frozen=True)
 class Recognition:
-    """What a source was taken for.
+    """What a source was taken for."""
 
-    Attributes
-    ----------
-    noun : str
-        The most probable noun; empty if there is no judge.
-    probability : float
-        1 for a noun that the request gives.
-    nouns : mapping of str to float
-        The probabilities of all nouns; empty if no judge was asked.
-    """
-
-    noun: str
-    probability: float
+    noun: str  # the most probable noun; empty if there is no judge
+    probability: float  # 1 for a noun that the request gives
     nouns: Mapping[str, float] = field(default_factory=dict)
+    """The probabilities of all nouns; empty if no judge was asked."""
 
     @property
     def sure(self) -> bool:

@@ -17,19 +17,11 @@ SURE = 0.85
 
 @dataclass(frozen=True)
 class Guess:
-    """One reading of a drawing.
-
-    Attributes
-    ----------
-    probability : float
-        That the drawing shows this family and none of the others.
-    values : dict of str to (float or str)
-        All parameters of the family.
-    """
+    """One reading of a drawing."""
 
     family: str
-    probability: float
-    values: dict[str, Value]
+    probability: float  # that the drawing shows this family and none of the others
+    values: dict[str, Value]  # all parameters of the family
 
     @classmethod
     def of(cls, family: str, probability: float, values: Mapping[str, object]) -> Self:

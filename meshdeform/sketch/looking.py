@@ -29,21 +29,12 @@ _Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Seen:
-    """What the network sees in one drawing.
+    """What the network sees in one drawing."""
 
-    Attributes
-    ----------
-    probabilities : (families,) float64
-        Of the families.
-    shares : mapping of str to (N,) float64
-        Of each family, its numbers as shares of their ranges.
-    options : mapping of str to list of int
-        Of each family, the likeliest option of each choice.
-    """
-
-    probabilities: NDArray[np.float64]
+    probabilities: NDArray[np.float64]  # of the families
     shares: Mapping[str, NDArray[np.float64]]
-    options: Mapping[str, list[int]]
+    """mapping of str to (N,) float64: of each family, its numbers as shares of their ranges."""
+    options: Mapping[str, list[int]]  # of each family, the likeliest option of each choice
 
 
 def parameters_hash() -> str:

@@ -123,21 +123,12 @@ SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
 
 @dataclass(frozen=True)
 class Words:
-    """The words of one file of weights; attributes and parts are those of the grammar.
-
-    Attributes
-    ----------
-    nouns : mapping of str to tuple of str
-        Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`.
-    synonyms : mapping of str to str
-        Other names of nouns.
-    tokens : tuple of str
-        Tokens in the order of their numbers; 0 is padding.
-    """
+    """The words of one file of weights; attributes and parts are those of the grammar."""
 
     nouns: Mapping[str, tuple[str, ...]]
-    synonyms: Mapping[str, str]
-    tokens: tuple[str, ...]
+    """Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`."""
+    synonyms: Mapping[str, str]  # other names of nouns
+    tokens: tuple[str, ...]  # tokens in the order of their numbers; 0 is padding
 
 
 BUILTIN_WORDS = Words(
@@ -223,24 +214,13 @@ def is_known(word: str, words: Words = BUILTIN_WORDS) -> bool:
 
 @dataclass(frozen=True)
 class Suggestions:
-    """What to say in place of a refused prompt.
+    """What to say in place of a refused prompt."""
 
-    Attributes
-    ----------
-    prompts : list of str
-        One to three prompts that are accepted and keep what was understood.
-    corrections : dict of str to str
-        The known word in place of each misspelt one.
-    nearest : dict of str to list of str
-        By unknown word, known nouns that look like it or mean something similar; nearest first.
-    near : bool
-        Whether the prompts come from the refused one, and are not merely examples.
-    """
-
-    prompts: list[str]
-    corrections: dict[str, str]
+    prompts: list[str]  # one to three prompts that are accepted and keep what was understood
+    corrections: dict[str, str]  # the known word in place of each misspelt one
     nearest: dict[str, list[str]]
-    near: bool
+    """By unknown word, known nouns that look like it or mean something similar; nearest first."""
+    near: bool  # whether the prompts come from the refused one, and are not merely examples
 
 
 def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = BUILTIN_WORDS) -> dict[str, str]:

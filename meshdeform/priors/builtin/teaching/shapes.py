@@ -34,21 +34,11 @@ _CLEARLY = 0.75
 
 @dataclass(frozen=True)
 class Shape:
-    """A mesh to learn from.
+    """A mesh to learn from."""
 
-    Attributes
-    ----------
-    name : str
-        Of its file.
-    part : Part
-        +Y up, facing +Z, centred, farthest vertex at distance 1.
-    attributes : tuple of Attribute
-        What it is labelled with.
-    """
-
-    name: str
-    part: Part
-    attributes: tuple[Attribute, ...] = ()
+    name: str  # of its file
+    part: Part  # +Y up, facing +Z, centred, farthest vertex at distance 1
+    attributes: tuple[Attribute, ...] = ()  # what it is labelled with
 
 
 def shape_of(mesh: TriangleMesh, name: str, *, front_deg: float = 0.0, attributes: Sequence[Attribute] = ()) -> Shape:

@@ -32,28 +32,14 @@ _RESTART = "Repeat the command that wrote it, or start again without it."
 
 @dataclass(frozen=True)
 class TeachConfig:
-    """Settings of a lesson.
+    """Settings of a lesson."""
 
-    Attributes
-    ----------
-    steps : int
-        Most optimiser steps.
-    learning_rate : float
-        At the top of the cycle.
-    ema_decay : float
-        Decay of the average of the weights, which is what is written.
-    measure_every : int
-        Steps between two measurements of the held-out losses.
-    patience : int
-        Measurements without a smaller held-out loss after which the training stops.
-    """
-
-    steps: int = 600
+    steps: int = 600  # most optimiser steps
     batch: int = 16
-    learning_rate: float = 5e-4
-    ema_decay: float = 0.99
-    measure_every: int = 50
-    patience: int = 4
+    learning_rate: float = 5e-4  # at the top of the cycle
+    ema_decay: float = 0.99  # decay of the average of the weights, which is what is written
+    measure_every: int = 50  # steps between two measurements of the held-out losses
+    patience: int = 4  # measurements without a smaller held-out loss after which the training stops
     seed: int = 0
 
 
