@@ -71,8 +71,6 @@ def add_morph_targets(
     ----------
     document : Document
         Changed in place.
-    blocks : list of Block
-        The deformed parts.
     shapes : list of lists
         For each target, the new vertices of each block.
     owners : dict

@@ -47,8 +47,6 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
 
     Parameters
     ----------
-    data : bytes
-        The file.
     archive : Archive
         Holds its material libraries and their textures.
     most_parts : int

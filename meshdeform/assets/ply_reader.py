@@ -77,8 +77,6 @@ def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str,
 
     Parameters
     ----------
-    data : bytes
-        The file.
     archive : Archive
         Holds its textures.
 

@@ -65,8 +65,6 @@ def move_joints(document: Document, blocks: Sequence[Block], motion: RigMotion) 
     ----------
     document : Document
         Changed in place: nodes, inverse bind matrices, and animations of translations.
-    blocks : sequence of Block
-        The deformed parts.
     """
     nodes = document.root.get("nodes", [])
     skins = document.root.get("skins", [])

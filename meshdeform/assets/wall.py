@@ -43,8 +43,6 @@ def wall_glb(shapes: Sequence[WallShape], parts: Sequence[str], colours: Sequenc
 
     Parameters
     ----------
-    parts : sequence of str
-        Names of the parts.
     colours : sequence of tuple
         Linear RGBA, taken in turn.
     extras : dict

@@ -256,8 +256,6 @@ def carried_positions(surface: Surface, moved: Floats, blocks: list[Block]) -> l
     ----------
     moved : (N, 3) float64
         Displacement of its vertices, in world space.
-    blocks : list of Block
-        The points and lines.
 
     Returns
     -------

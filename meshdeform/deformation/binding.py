@@ -39,13 +39,7 @@ _Floats = NDArray[np.float64]
 
 
 class Binding:
-    """Binding of the vertices of a mesh to a simplified one.
-
-    Parameters
-    ----------
-    simple, whole : RestMesh
-        At rest.
-    """
+    """Binding of the vertices of a mesh to a simplified one."""
 
     def __init__(self, simple: RestMesh, whole: RestMesh) -> None:
         self._simple, self._points = simple, whole.verts.numpy()

@@ -93,7 +93,6 @@ def penalty(compute: Callable[[_Floats, _Floats | None], float], argument: Tenso
     compute : callable
         Takes the argument's values and, if it needs a gradient, an array of zeros of the same shape to which it adds
         the gradient; returns the value.
-    argument : Tensor, float64
     """
     result: Tensor = _Penalty.apply(compute, argument)  # type: ignore[no-untyped-call]
     return result

@@ -103,8 +103,6 @@ class FieldFit:
     verts : (V, 3) float64
         The base's vertices in the frame, as the file will hold them.
     faces : (F, 3) int64
-    checkpoint : Checkpoint, optional
-        Where to resume.
     initial : dict of str to Tensor, optional
         Tensors of a checkpoint of the same base and network; the fit starts with its field at step 0.
     anchors : ((A, 3), (A, 3)) float64, optional

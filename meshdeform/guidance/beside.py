@@ -17,13 +17,7 @@ _UNSEEN = RenderStyle(view_size=8, supersample=1)
 
 
 class SilhouetteGuidance:
-    """Guides by silhouettes alone; the views of the steps are not looked at, so they are as small as can be.
-
-    Parameters
-    ----------
-    identity : dict of str to str
-        For the report.
-    """
+    """Guides by silhouettes alone; the views of the steps are not looked at, so they are as small as can be."""
 
     style = _UNSEEN
     offset = torch.zeros(3, dtype=torch.float64)
@@ -62,8 +56,6 @@ class BesideSilhouettes(SilhouetteGuidance):
         One that can grade orientations (`deformation.orientation.Grader`).
     weight : float
         Of the silhouettes, relative to the guidance.
-    identity : dict of str to str
-        Of both.
     """
 
     def __init__(self, guidance: Guidance, term: SilhouetteTerm, weight: float, identity: dict[str, str]) -> None:

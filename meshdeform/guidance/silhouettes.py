@@ -92,8 +92,6 @@ class SilhouetteTerm:
 
     Parameters
     ----------
-    device : str or torch.device
-        Where the silhouettes are drawn.
     side : int
         Side of a view in pixels.
     """

@@ -41,8 +41,6 @@ class TargetGuidance:
     ----------
     mesh : TriangleMesh
         The target, in the frame of the deformed mesh.
-    device : str or torch.device
-        Where the views are rendered.
     identity : dict of str to str, optional
         Identity of the target in the report; by default a hash of its vertices and faces.
     point_weight : float

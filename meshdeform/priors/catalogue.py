@@ -68,12 +68,8 @@ def list_models(
 
     Parameters
     ----------
-    default_model : str
-        The model of jobs that name none.
     allowed_models : sequence of str
         Models that jobs may name besides the default one and `builtin`.
-    revision : str
-        Revision of the default model.
     public : bool
         Whether the list is for clients, which see a folder's id instead of its path.
     """

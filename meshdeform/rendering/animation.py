@@ -29,7 +29,6 @@ def morph_animation(
 
     Parameters
     ----------
-    kind : "WEBP" or "GIF"
     size : int, optional
         Side in pixels; by default 320, and 256 for the less compact GIF.
     frames : int

@@ -793,8 +793,6 @@ def rasterize(clip: Tensor, faces: Tensor, height: int, width: int, behind: Tens
     clip : (B, V, 4) floating
         Vertex positions in clip space (x right, y up).
     faces : (F, 3) int64
-    height, width : int
-        Pixels.
     behind : (B, H, W) float32, optional
         Depth of each pixel up to which triangles are ignored, to find the next layer of a transparent surface.
 

@@ -752,13 +752,7 @@ def combine_views(images: Tensor) -> Tensor:
 
 
 class OrthogonalGrid:
-    """Four views a quarter turn apart in one picture.
-
-    Parameters
-    ----------
-    style : RenderStyle
-        Style of each view.
-    """
+    """Four views a quarter turn apart in one picture."""
 
     def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
         self._bounds = bounds

@@ -27,8 +27,6 @@ def variant_sheet(
     ----------
     poses : sequence of sequences of Pose
         One for each column, for each row.
-    rows, columns : sequence of str
-        Titles.
     size : int
         Side of each picture, in pixels.
     """

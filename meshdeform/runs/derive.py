@@ -91,7 +91,6 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
         A key of `DERIVED`, or `STRENGTH`.
     target : Path
         The file to write; its folder also takes the child's temporary files.
-    limits : Limits, optional
 
     Raises
     ------

@@ -418,7 +418,6 @@ def made_members(family: bytes, files: Sequence[MeshFile], seed: int, limits: Li
         The `family.safetensors` of a fit.
     files : sequence of MeshFile
         The collection that was fitted.
-    limits : Limits, optional
 
     Raises
     ------

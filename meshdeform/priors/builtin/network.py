@@ -71,8 +71,6 @@ def camera_map(azimuth_deg: Tensor, single: Tensor | None, side: int) -> Tensor:
         Azimuth of the first or only view, degrees.
     single : (B,) bool, optional
         Whether each picture is a single view; by default none is.
-    side : int
-        Side of the map in pixels.
 
     Returns
     -------

@@ -93,8 +93,6 @@ class BuiltinPrior:
 
     Parameters
     ----------
-    device : str or torch.device
-        Device of the network.
     dtype : "auto", "float32", "float16", "bfloat16" or "int8"
         What the network computes in. `auto` is int8 on a CPU with instructions for it (`is_fast_in_int8`), else
         float32. float16, a precision of other models, is float32, and so is int8 without such instructions.
