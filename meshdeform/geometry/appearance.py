@@ -78,18 +78,6 @@ class Appearance:
         return bool(np.ptp(colours.reshape(-1, 3), axis=0).max() > _SAME or np.ptp(colours, axis=2).max() > _SAME)
 
 
-def plain_appearance(vertices: int, triangles: NDArray[np.int64]) -> Appearance:
-    """Return the look of neutral clay for a surface of `vertices` vertices and (T, 3) triangles."""
-    return Appearance(
-        np.arange(vertices),
-        triangles,
-        np.zeros((vertices, 2), np.float32),
-        np.ones((vertices, 4), np.float32),
-        np.zeros(len(triangles), np.int64),
-        (Paint(),),
-    )
-
-
 def _single_colour(paint: Paint) -> tuple[float, ...] | None:
     """Return the colour of a paint, or None if its texture has more than one."""
     if paint.texture is None:

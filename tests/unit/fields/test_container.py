@@ -23,7 +23,8 @@ from meshdeform.fields.rounding import rounded, steps_of, whole
 from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.fields.surface_sources import Surface, surface_of
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import grid, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
+from training.shapes import grid, torus
 
 
 def field_of(mesh: TriangleMesh) -> tuple[bytes, FieldNetwork]:

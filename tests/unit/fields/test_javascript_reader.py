@@ -23,7 +23,8 @@ from meshdeform.fields.network import FieldNetwork
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.scalar_fields import learn_scalars
 from meshdeform.fields.scalar_sections import read_scalars
-from meshdeform.geometry.shapes import grid, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
+from training.shapes import grid, torus
 
 REFUSE = """
 const { readField } = await import(process.argv[1]);

@@ -22,7 +22,8 @@ from meshdeform.fields.patches import divided, level_of
 from meshdeform.fields.relaxing import relaxed
 from meshdeform.fields.surface_sources import surface_of
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, grid, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
+from training.shapes import box, grid, torus
 
 
 def arrays(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:

@@ -12,9 +12,10 @@ from meshdeform.geometry.congruence import components_of, congruent_groups, is_o
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import measure_structure
-from meshdeform.geometry.shapes import box, icosphere, join, lathe, torus
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from training.evaluation.sources import SOURCES, source_mesh
+from training.shapes import box, lathe, torus
 
 Floats = NDArray[np.float64]
 
