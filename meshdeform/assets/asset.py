@@ -20,8 +20,8 @@ from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
-from meshdeform.assets.pose import pose_maps, posed_surface
 from meshdeform.assets.repair import rebuild_directions
+from meshdeform.assets.rig import pose_maps, posed_surface
 from meshdeform.assets.surface import Block, Parts, Rig, Surface, read_parts, read_rig, read_surface, rig_accessors
 from meshdeform.assets.writer import (
     Deformation,
@@ -237,7 +237,7 @@ class Asset:
             New tangents, with the same rules.
         jacobians : (N, 3, 3) float64, optional
             The linear map of the deformation around each vertex, in world space. With it, the file's morph targets and
-            joints follow the shape (`assets/carried_targets.py`, `assets/rig.py`); not with `morph`.
+            joints follow the shape (`assets/writer.py`, `assets/rig.py`); not with `morph`.
         morph : bool
             Keep the source as the base and add the new shape as a morph target of weight 1, with a one-second
             animation named "deform" from the source to the result.

@@ -22,8 +22,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.fields.network import FieldNetwork
-from meshdeform.fields.rounding import steps_of, whole
+from meshdeform.fields.network import FieldNetwork, steps_of, whole
 from meshdeform.fields.scalar_fields import ScalarField
 
 _Floats = NDArray[np.float64]
@@ -128,7 +127,7 @@ def write_field(
     provenance : dict, optional
         JSON to store as `made`.
     rounding : sequence of int, optional
-        The steps to which the field was rounded while it was fitted (`rounding.py`).
+        The steps to which the field was rounded while it was fitted (`network.rounded`).
     scalars : sequence of ScalarField, optional
         With features in the same order.
     """

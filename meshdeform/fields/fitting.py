@@ -10,7 +10,7 @@ With anchors, also the mean |f(p_a) - s_a|^2 of places p_a of the base that belo
 The last term is the other direction: samples s of the surface with normals n_s, and the place p_s of the base whose
 image is nearest, found again every 100 steps. Without it f could leave out parts of the surface.
 
-In the last part of a fit the tensors are rounded as the file will hold them (`rounding.py`).
+In the last part of a fit the tensors are rounded as the file will hold them (`network.rounded`).
 
 Source: Noma et al. 2026, section 4; weights and schedule are measured (docs/surface_fit.md).
 """
@@ -30,9 +30,8 @@ from torch.nn import functional
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.variables import Adam
 from meshdeform.errors import CheckpointError, NumericalError
-from meshdeform.fields.network import FieldNetwork, octaves_of
+from meshdeform.fields.network import START, FieldNetwork, octaves_of, rounded, steps_of
 from meshdeform.fields.patches import in_corners, level_of, patch
-from meshdeform.fields.rounding import START, rounded, steps_of
 from meshdeform.fields.surface_sources import Surface
 from meshdeform.geometry.mesh import face_normals
 from meshdeform.geometry.places import SurfaceTree, even_samples

@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.fields.cleaning import CleanMesh
 from meshdeform.fields.gluing import glue, glued_verts, topology
-from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
-from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
+from meshdeform.fields.intrinsic import HeatGeodesics, IntrinsicMesh, delaunay, spectrum
 from meshdeform.fields.patches import divided
 from meshdeform.fields.surface_sources import MeshSurface, Surface
 from meshdeform.geometry.mesh import TriangleMesh

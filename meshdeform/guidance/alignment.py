@@ -25,8 +25,7 @@ from scipy.spatial import cKDTree
 from meshdeform.errors import AlignmentError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import even_samples
-from meshdeform.guidance.landmarks import Landmark
-from meshdeform.guidance.points import LIMITS, diagonal_of
+from meshdeform.guidance.points import LIMITS, Landmark, diagonal_of
 
 LEAST_OVERLAP = 0.2
 """Share of either surface that must be near the other one."""

@@ -23,11 +23,9 @@ from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import Alignment, aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import Guidance
-from meshdeform.guidance.beside import BesideSilhouettes, SilhouetteGuidance
-from meshdeform.guidance.landmarks import Landmark, LandmarkTerm
-from meshdeform.guidance.points import diagonal_of
+from meshdeform.guidance.points import Landmark, LandmarkTerm, diagonal_of
 from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
-from meshdeform.guidance.silhouettes import SilhouetteTerm, SilhouetteView
+from meshdeform.guidance.silhouettes import BesideSilhouettes, SilhouetteGuidance, SilhouetteTerm, SilhouetteView
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame, fixed_cameras

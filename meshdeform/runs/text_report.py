@@ -19,8 +19,8 @@ from meshdeform.assets.surface import Rig
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import MeshQuality, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors import public_name

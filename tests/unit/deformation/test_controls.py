@@ -11,9 +11,8 @@ from torch import Tensor
 
 from meshdeform.deformation.controls import Level, Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.loop import Deformation, RegionalGradients
 from meshdeform.deformation.orientation import Front
-from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.variables import JacobianField, placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join

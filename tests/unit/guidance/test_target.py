@@ -15,8 +15,7 @@ from meshdeform.geometry.quality import measure, measure_fit
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.alignment import aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.landmarks import Landmark
-from meshdeform.guidance.points import PointTerm, diagonal_of, on_border
+from meshdeform.guidance.points import Landmark, PointTerm, diagonal_of, on_border
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views

@@ -19,7 +19,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge import WEIGHTS, Judge
 from meshdeform.judge.scoring import draw_views, framed, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
-from meshdeform.priors.builtin.style import CAMERAS
+from meshdeform.priors.builtin.prior import CAMERAS
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.cases import each_case
 from training.judge.members import HELD_OUT, NOTHING, draw_member, draw_other, seeded

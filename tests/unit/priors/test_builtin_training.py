@@ -9,9 +9,9 @@ from meshdeform.errors import ModelError
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
+from meshdeform.priors.builtin.prior import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures, single_views
-from meshdeform.priors.builtin.teaching.trainer import TrainConfig
+from meshdeform.priors.builtin.teaching.teacher import TrainConfig
 from meshdeform.priors.builtin.vocabulary import NOUNS, OPPOSITES
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views

@@ -13,7 +13,7 @@ from meshdeform.assets.lesson_archive import MIN_FACES
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, Attribute, ParsedPrompt
-from meshdeform.priors.builtin.style import CAMERAS, STYLE
+from meshdeform.priors.builtin.prior import CAMERAS, STYLE
 from meshdeform.priors.builtin.teaching.deformed import Part, deformed, normalised
 from meshdeform.priors.builtin.teaching.picture_set import drawn_from
 from meshdeform.rendering.cameras import fixed_cameras
