@@ -27,7 +27,6 @@ MIN_COLLECTION, MAX_COLLECTION = 10, 3000
 LABELS_FILE = "labels.json"
 _ENDINGS = ("glb", "obj", "ply", "stl")
 _MAX_LABELS_BYTES = 64 * 2**20
-
 _Name = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 
 

@@ -45,7 +45,6 @@ from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTruncatedError
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 

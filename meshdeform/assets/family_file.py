@@ -26,7 +26,6 @@ _MOST_POINTS, _MOST_MEMBERS, _MOST_PARTS = 1000, 3000, 16
 _FARTHEST, _LEAST_SIZE, _STRONGEST = 2.0, 1e-3, 1e6
 """Bounds of the frame, whose diagonal is 1, and of the weights; a fit stays far inside them."""
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
-
 Arrays = dict[str, NDArray[Any]]
 
 

@@ -24,7 +24,6 @@ from meshdeform.assets.surface import Block, LocalShape
 ANIMATION_NAME = "deform"
 _DURATION_S = 1.0
 _POINTER = re.compile(r"/(nodes|meshes)/(\d{1,9})/weights", re.ASCII)
-
 _Floats = NDArray[np.float64]
 
 

@@ -13,7 +13,6 @@ from meshdeform.errors import AssetEmptyError
 
 Up = Literal["y", "z"]
 Unit = Literal["m", "cm", "mm"]
-
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "cm": 100.0, "mm": 1e3}
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 

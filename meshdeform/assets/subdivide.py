@@ -45,7 +45,6 @@ _SHARES = (0.5, 0.7, 0.9)
 _BY_EDGE = ("CESIUM_primitive_outline", "EXT_mesh_primitive_edge_visibility")
 """Extensions of primitives that list edges or indices of triangles, and mean others afterwards."""
 _FLOATS = ("POSITION", "NORMAL", "TANGENT")
-
 _Index = NDArray[np.int64]
 
 

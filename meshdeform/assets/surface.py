@@ -27,12 +27,8 @@ from meshdeform.assets.inspect import GPU_INSTANCING, LOOSE, TRIANGLES, Instance
 from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 
 Floats = NDArray[np.float64]
-
 Matrix = NDArray[np.float64]
-
 _INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
-
-
 _MAX_NAME = 200
 
 

@@ -28,7 +28,6 @@ from meshdeform.errors import (
 )
 
 _Floats = NDArray[np.float64]
-
 _ACTIVATIONS = ("relu", "silu", "sine", "softplus", "tanh")
 _MAX_POINTS = 1_000_000
 _MAX_GRID_VALUES = 256**3

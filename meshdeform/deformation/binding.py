@@ -34,7 +34,6 @@ from meshdeform.geometry.places import NearestPlaces
 _FACES_PER_ROUND = 8
 """Faces per simplified face for each round of averaging. Fewer leave kinks, more blur the deformation."""
 _ROUNDS = (2, 32)
-
 _Floats = NDArray[np.float64]
 
 

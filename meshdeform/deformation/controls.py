@@ -63,8 +63,6 @@ _BUILT, _EACH = 0.5, 0.05
 """Share of the area along the axes from which a thing counts as built, and of its upright and its level faces."""
 
 _Floats = NDArray[np.float64]
-
-
 _SPANS = (3, 6)
 
 _SPANS_OF_SURFACES = (3, 6, 12)

@@ -43,7 +43,6 @@ _LEAST_CELLS = 4
 _PADDING = 4
 _NEIGHBOURS = np.ones((3, 3, 3), bool)
 _CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _Flags = NDArray[np.bool_]

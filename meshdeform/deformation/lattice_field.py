@@ -48,9 +48,7 @@ _LEAST_VOLUME = 1e-6
 """Lower bound of a cell's relative volume in its energy."""
 
 _CORRECTIONS = 3
-
 _CHUNK = 50_000
-
 _Floats = NDArray[np.float64]
 
 

@@ -47,7 +47,6 @@ _MIN_MARGIN = 0.03
 _MIN_ERRORS = 3.0
 """What the best turn must gain over none: relative to the grade, and in standard errors of the paired difference."""
 
-
 Draw = Callable[[float, torch.Generator], tuple[Tensor, Cameras]]
 
 

@@ -56,15 +56,12 @@ from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_normals, sparse_product
 
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
 
 _SMALLEST_PIVOT = 1e-13
 """Smallest pivot relative to its diagonal entry; below this, cancellation has consumed all digits."""
 
-
 _SHAPES = (COLLAPSED_SHAPE, 30 * COLLAPSED_SHAPE, 1000 * COLLAPSED_SHAPE)
-
 _SPRING = 1e-6
 
 _SHORTEST = 1e-3

@@ -39,10 +39,7 @@ from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
 _Floats = NDArray[np.float64]
-
 _Flags = NDArray[np.bool_]
-
-
 _EPSILON = 1e-8
 
 

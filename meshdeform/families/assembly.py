@@ -16,7 +16,6 @@ from meshdeform.families.members import Contact, MemberPart, MemberShape, Placed
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-
 _NODE_WEIGHT, _CONTACT_WEIGHT = 0.5, 50.0
 _FAR, _LEAST_FAR = 2.5, 0.04
 """Points farther from their places than so many times the median, and than so many diagonals, are no match."""

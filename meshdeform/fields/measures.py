@@ -24,7 +24,6 @@ from meshdeform.geometry.simplify import simplified
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-
 EIGENVALUES = 20
 _SAMPLES = 20_000
 _SOURCES = 4

@@ -29,7 +29,6 @@ _ANGLES = np.pi * np.array([0.13, 0.31, 0.5, 0.77])
 _SAMPLES, _TURNED = 6_000, 100
 _FEW_FACES = 12
 _SIGNS = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=3)]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

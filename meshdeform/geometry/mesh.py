@@ -30,8 +30,6 @@ from meshdeform.geometry.kernels import kernel
 
 # Squared lengths below this count as zero: no mesh has such edges, and 1 / sqrt is still finite here.
 _TINY_SQUARE = 1e-280
-
-
 _Floats = NDArray[np.float64]
 
 

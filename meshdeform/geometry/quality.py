@@ -49,9 +49,7 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh, area_vectors
 from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples
 
 _Floats = NDArray[np.float64]
-
 _Faces = NDArray[np.int64]
-
 _COLLAPSED_SHARE = 1e-6
 
 _UNMOVED = 1e-7
@@ -68,11 +66,8 @@ _RESIZED = 1.5
 """Factor by which lengths in a face may differ from the overall scale before the face counts as reshaped. Furniture and
 vehicles of one kind differ by about as much; twice is seen at once, also in a texture."""
 
-
 _SAMPLES = 20_000
-
 _MATCHED = 0.006
-
 _SYMMETRIC_SHARE = 0.8
 
 _AS_GOOD = 0.02
@@ -84,19 +79,14 @@ _FLAT_SHARE = 0.005
 """Share of the area from which a flat piece counts."""
 
 _FLAT_RMS = 0.002
-
 _CONTACT = 0.01
-
 _PARTNERS = 8
 
 _CORNERS = 100_000
 """Vertices at which contacts are sought beside the random places; twice as many are still all taken."""
 
-
 _FIT_SAMPLES = 20_000
-
 _NEAR = 0.01
-
 _SPACING = 0.01
 
 

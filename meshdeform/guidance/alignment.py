@@ -39,7 +39,6 @@ _KEPT = 0.8
 _NORMALS = 0.1
 """Distance, as a share of the diagonal, that counts as much as normals a unit apart."""
 _GAIN = 0.03
-
 _Floats = NDArray[np.float64]
 
 

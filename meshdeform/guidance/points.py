@@ -40,7 +40,6 @@ _ALONG = 0.1
 _INSIDE = 1e-6
 _LEAST_RESISTANCE = 0.05
 _MOST_SHIFT = 0.02
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _Flags = NDArray[np.bool_]

@@ -60,21 +60,15 @@ EMPTY_DEPTH = 3.0
 """Depth where there is no face: greater than that of any point in front of the cameras, even past the far plane."""
 
 _SUB = 256
-
 _HALF = 128
-
 _EMPTY = torch.iinfo(torch.int64).max
-
 _MAX_ITEMS = 1 << 22  # rows or pixels in memory at a time; does not affect the result
-
-
 _DEPTH_BIAS = 1e-4
 
 _FAR = 1048576.0
 """Clamp of pixel coordinates, far off the picture."""
 
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
 
 

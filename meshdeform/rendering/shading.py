@@ -74,22 +74,15 @@ TRUST_FROM, TRUST_OVER = 0.7, 0.25
 """Cosine between smooth and flat normal from which, and over which, the smooth one's motion counts in part."""
 
 _SHORTEST = 1e-12
-
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
-
-
 _SQUARES = (2, 8)
 
 _BLUR = (0.01, 0.06)
 """Standard deviation of the blur, as a share of the view's side."""
 
-
 Shading = Literal["normals", "lambert", "textured", "mixed"]
-
 _AMBIENT = 0.25
-
 _LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
 
 _VARIED_GAIN = 0.5 * 5 / math.pi

@@ -33,25 +33,17 @@ from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
 
 _KEY, _FILL = (-0.45, 0.65, 0.60), (0.75, 0.05, 0.65)  # in the camera's frame: x right, y up, z towards the viewer
-
 _KEY_LIGHT, _FILL_LIGHT = 0.80, 0.16
-
 _SKY, _GROUND = 0.32, 0.14
-
-
 _FOV_DEG = 28.0
 
 _MARGIN = 0.9
 """Share of the view that the asset may fill."""
 
 _UPPER, _LOWER = (0.965, 0.968, 0.972), (0.885, 0.89, 0.90)
-
 _PLAIN = (0.94, 0.945, 0.95)
-
 _SHADOW = 0.42
-
 _SHADOW_SIZE = 96
-
 _SHADOW_REACH = 1.3
 
 
@@ -328,7 +320,6 @@ def _framing(cameras: Cameras, points: Tensor) -> Tensor:
 
 
 _SIZE = 256
-
 _AZIMUTHS_DEG = (30.0, 120.0, 210.0, 300.0)
 
 

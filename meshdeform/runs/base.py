@@ -50,7 +50,6 @@ _PACKAGES = (
 
 _MAX_SAMPLES = 200
 
-
 WEIGHTS_ARTIFACT = f"weights{TAUGHT_SUFFIX}"
 """The artifact of a job of kind `prior_teach` that `params.guidance.model` = `job:ID` means."""
 

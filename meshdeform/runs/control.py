@@ -45,10 +45,7 @@ from meshdeform.requests.selection import (
 from meshdeform.runs.text_deform_kind import check_places
 
 _Flags = NDArray[np.bool_]
-
 _Floats = NDArray[np.float64]
-
-
 _AUTO_ORDER = (0, 2, 1)
 
 

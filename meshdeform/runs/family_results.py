@@ -45,9 +45,7 @@ from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, versions
 
 _PICTURED = 36
-
 _MARKER = 0.008
-
 
 COLOURS = (
     (0.00, 0.17, 0.45, 1.0),
@@ -62,10 +60,7 @@ COLOURS = (
 """Linear RGBA by part; after the last, the first again."""
 
 _SIZE, _AZIMUTH_DEG, _MARGIN = 160, 35.0, 28
-
 Shown = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]
-
-
 _MOST_SHAPES = 120
 
 _TRIANGLES, _OF_ONE = 150_000, 3_000

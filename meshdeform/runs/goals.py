@@ -45,7 +45,6 @@ _SHADINGS: dict[AppearanceMode, Shading] = {
     AppearanceMode.MIXED: "mixed",
 }
 
-
 _STYLE = RenderStyle(view_size=160, supersample=1)
 
 _COVERED = 0.25

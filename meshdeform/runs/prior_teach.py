@@ -66,7 +66,6 @@ _LEARNED = 0.75
 _FORGOTTEN = 2
 """Pictures of old nouns that may be lost without a warning."""
 
-
 MADE = 60
 """Members that a lesson makes of a family: as many as it draws of a mesh."""
 

@@ -37,7 +37,6 @@ from meshdeform.requests.document import OutputOptions, ResolvedParams
 from meshdeform.requests.selection import find_excluded
 
 _Floats = NDArray[np.float64]
-
 _ROUNDING = 1e-6
 
 _IN_FRONT = 0.05

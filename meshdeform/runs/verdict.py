@@ -36,21 +36,15 @@ from meshdeform.runs.goals import score_distillation
 from meshdeform.runs.prompts import Prompts
 
 _log = logging.getLogger(__name__)
-
 _SURE = 0.5
 
 CROOKED = frozenset({"twisted", "leaning", "bent"})
 """What a prompt may ask for that costs symmetry and flatness."""
 
 _BUILT = ("vehicles", "furniture", "buildings", "vessels and tools")
-
-
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
-
 _Flags = NDArray[np.bool_]
-
 _Floats = NDArray[np.float64]
-
 KEEP_RESULT, KEEP_SOURCE = "keep_result", "keep_source"
 
 LIMITS = {

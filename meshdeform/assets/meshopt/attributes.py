@@ -22,7 +22,6 @@ _ZERO, _BYTES = 0, 8
 _BITS_V0 = (_ZERO, 2, 4, _BYTES)
 _BITS_V1 = ((_ZERO, 1, 2, 4), (1, 2, 4, _BYTES))
 _CONTROL_ZERO, _CONTROL_LITERAL = 2, 3
-
 Bytes = NDArray[np.uint8]
 Groups = dict[int, list[tuple[int, int]]]  # bits -> (offset in the stream, index of the group's first delta)
 

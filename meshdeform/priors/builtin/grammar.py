@@ -55,11 +55,8 @@ from meshdeform.priors.builtin.vocabulary import (
 )
 
 MAX_SUGGESTIONS = 3
-
 _SIMILARITY = 0.79
-
 _MIN_LENGTH = 4
-
 _POPULAR = ("mushroom", "vase", "rabbit")
 
 # Frequent prompts, and the nouns that look most like them.
@@ -100,12 +97,8 @@ _RELATED = {
 }
 
 _NOUN_OF_RELATED = {word: noun for noun, words in _RELATED.items() for word in words.split()}
-
-
 _PROPORTIONS = ("tall", "wide", "thin", "fat", "short", "long")
-
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
-
 _OWN_WORDS = 5
 
 

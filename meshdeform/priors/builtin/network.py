@@ -33,12 +33,8 @@ from meshdeform.priors.builtin.taught import MAX_FILE_BYTES, REPLAY, check, word
 from meshdeform.support.files import write_files
 
 IMAGE_SIZE = 128
-
 _CAMERA_CHANNELS = 8
-
-
 WEIGHTS = Path(__file__).parent / "weights" / "prior.safetensors"
-
 _LARGEST = 512
 
 _ADVICE = (

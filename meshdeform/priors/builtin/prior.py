@@ -44,7 +44,6 @@ from meshdeform.rendering.shading import RenderStyle
 NUM_TIMESTEPS = 1000
 _LARGEST_WEIGHT = 5.0
 
-
 STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
 """Style of a view in the 2 x 2 grid; four of them fill the picture."""
 SINGLE_STYLE = replace(STYLE, view_size=128)

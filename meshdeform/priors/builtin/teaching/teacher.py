@@ -37,7 +37,6 @@ _NOISE = 0.3
 """Standard deviation of the noise on a new word, relative to that of its kind."""
 _RESTART = "Repeat the command that wrote it, or start again without it."
 
-
 _NOISY_FROM, _NOISY_SHARE = 0.7, 0.75
 """Score distillation uses this prior only at high noise. Uniform timesteps would spend a third of the training there,
 and almost none of it where only the azimuth distinguishes front from back."""
