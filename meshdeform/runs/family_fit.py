@@ -16,11 +16,10 @@ from meshdeform.assets.collection import AssetLabels, CollectionFiles, open_coll
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError
 from meshdeform.families.collection import Collection, SampledShape, sample_shape
-from meshdeform.families.inference import Inference
+from meshdeform.families.inference import Inference, Template
 from meshdeform.families.learning import Learning
 from meshdeform.families.machine import BetaMachine
 from meshdeform.families.matching import correspondences, visible_points
-from meshdeform.families.templates import Template
 from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
 from meshdeform.runs.family_fit_kind import READ_STEPS, params_of, total_steps
