@@ -1,4 +1,4 @@
-"""Measure what control costs and keeps: ``python bench/control.py [keep] [symmetry] [prompts] [strength]``.
+"""Measure what control costs and keeps: ``python bench/control.py [keep] [symmetry] [prompts] [strength] [alike]``.
 
 The sources are shapes of `training/evaluation/sources.py`, so that no files are needed; the judge retrieves the prompt
 among the twelve of the suite `small`, and its noun among all nouns, as there. Tables as printed:
@@ -8,7 +8,8 @@ square motion of the others, and what the judge says, beside the same runs witho
 difference between the motions of mirrored vertices with ``auto`` and ``none``. ``prompts``: a second prompt for the
 upper half of the sphere, with weight 3 and, to compare, without (0); how far the surface moved within and outside of
 it, and what the judge says of the region cut out, before and after. ``strength``: the distance from rest and the
-judge's probability from 0 to 1.5. Lengths are shares of the diagonal.
+judge's probability from 0 to 1.5. ``alike``: how far levels of detail of the quadruped, deformed by the map of its
+result, lie from that. Lengths are shares of the diagonal.
 """
 
 from __future__ import annotations
@@ -25,7 +26,11 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets import Asset, build_glb, load_asset
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.deformation.edit_map import EditMap
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.simplify import simplified
+from meshdeform.geometry.weld import weld
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
@@ -176,11 +181,31 @@ def strength(arguments: argparse.Namespace) -> None:
         print(f"| {share:g} | {rms(moved)} | {judged(positions, found.source, 'a giraffe')} |")
 
 
+def alike(arguments: argparse.Namespace) -> None:
+    found = run("quadruped", "a giraffe", arguments)
+    before, after = (weld(each.surface.positions, each.surface.triangles).mesh for each in (found.source, found.result))
+    edit = EditMap.between(before, after.verts)
+    diagonal = float(np.linalg.norm(np.subtract(*before.box)))
+    print(
+        f"A map of {len(edit.rest.faces):,} triangles, {len(edit.to_bytes()):,} bytes; 99 % within {edit.error:.2%}\n"
+    )
+    print("| | at rest: mean | 99 % | deformed: mean | 99 % |\n|---|---|---|---|---|")
+    for count in (len(before.faces) // 2, len(before.faces) // 4, len(before.faces) // 10):
+        level = RestMesh.of(simplified(before, count))
+        cells = []
+        for mesh, whole in ((level, before), (RestMesh(edit.move(level), level.faces), after)):
+            points = mesh.verts[mesh.faces].mean(1).numpy()
+            apart = NearestPlaces(whole, points, mesh.normals.numpy()).distances(points) / diagonal
+            cells += [f"{apart.mean():.2%}", f"{np.percentile(apart, 99):.2%}"]
+        print(f"| {len(level.faces):,} of {len(before.faces):,} triangles | {' | '.join(cells)} |")
+
+
 SUBJECTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "keep": keep,
     "symmetry": symmetry,
     "prompts": prompts,
     "strength": strength,
+    "alike": alike,
 }
 
 

@@ -108,7 +108,8 @@ class _Worker(threading.Thread):
                 record.leases.idle(identity)
 
         supervising = _opened(settings, 0)
-        with Reconciler(supervising, queue, settings.max_attempts, settings.lease_s):
+        limits = settings.max_attempts, settings.lease_s
+        with Reconciler(supervising, queue, *limits, max_running=settings.max_running_jobs):
             listener = _ThreadedWorker(
                 settings.queue,
                 Redis.from_url(settings.redis_url),

@@ -19,6 +19,7 @@
     │   ├── AlignmentError             422  alignment_failed       the target could not be placed on the asset
     │   ├── PromptError                422  prompt_invalid         empty or too long
     │   ├── VocabularyError            422  prompt_unknown_words   the builtin prior does not know a word
+    │   ├── PartNotFoundError          422  part_not_found         a change names a part that the asset lacks
     │   ├── IdempotencyMismatchError   422  idempotency_mismatch   an Idempotency-Key was reused for another request
     │   ├── ChecksumError              422  checksum_mismatch      an upload has another size or digest than announced
     │   └── WebhookAddressError        422  webhook_address        a webhook's address is not allowed
@@ -43,8 +44,9 @@
     ├── NumericalError                 500  numerical_failure      a factorisation or a loss broke down
     ├── WorkerLostError                500  worker_lost            every attempt's worker died
     ├── DeviceMemoryError              500  gpu_oom                the device's memory is too small for the job
+    ├── RunTimeError                   500  run_time_exceeded      the job ran for longer than it may
     ├── UnavailableError               503  unavailable            Redis, the record or the store does not respond
-    └── DependencyError                500  dependency_missing     an optional package or program is not installed
+    └── DependencyError                501  dependency_missing     an optional package or program is not installed
 
 `ShapeError` is a plain `ValueError` for programming mistakes inside the numerical core.
 """
@@ -82,10 +84,12 @@ __all__ = [
     "NotFoundError",
     "NumericalError",
     "ParameterError",
+    "PartNotFoundError",
     "PromptError",
     "RangeError",
     "RequestError",
     "RequestTimeoutError",
+    "RunTimeError",
     "ShapeError",
     "SilhouetteError",
     "StaleAttemptError",
@@ -109,6 +113,8 @@ class MeshdeformError(Exception):
     status: ClassVar[int] = 500
     code: ClassVar[str] = "internal"
     advice: ClassVar[str] = "Report this with the job's report.json."
+    transient: ClassVar[bool] = False
+    """Whether the same attempt at a job may succeed later, without anything being changed by its owner."""
 
     # Set on errors received from a service: the request's id, and the delay before it may be sent again.
     request_id: str | None = None
@@ -286,6 +292,13 @@ class VocabularyError(RequestError):
     )
 
 
+class PartNotFoundError(RequestError):
+    """The asset has no such part; `parts` lists those that were found."""
+
+    code = "part_not_found"
+    advice = "Name a part that `meshdeform inspect` lists."
+
+
 class IdempotencyMismatchError(RequestError):
     """The Idempotency-Key was used for another request."""
 
@@ -456,6 +469,7 @@ class StoredFileError(MeshdeformError):
     """A stored file is damaged."""
 
     code = "file_damaged"
+    transient = True  # whoever sends the same file again mends it
     advice = "Send the same file again, which replaces the stored copy; a damaged result has to be computed again."
 
 
@@ -480,6 +494,16 @@ class DeviceMemoryError(MeshdeformError):
     advice = "Simplify the mesh, choose a smaller model, or run a worker on a device with more memory."
 
 
+class RunTimeError(MeshdeformError):
+    """The job ran for longer than it may."""
+
+    code = "run_time_exceeded"
+    advice = (
+        "Retry the job: it goes on from there and may run for as long again. Or post it with fewer steps, or with a "
+        "larger `max_run_s`; the service's operator can raise MESHDEFORM_MAX_RUN_S."
+    )
+
+
 class UnavailableError(MeshdeformError):
     """A service that Meshdeform needs does not respond."""
 
@@ -491,6 +515,7 @@ class UnavailableError(MeshdeformError):
 class DependencyError(MeshdeformError):
     """A required program or package is not installed."""
 
+    status = 501
     code = "dependency_missing"
     advice = "Install what the message names."
 

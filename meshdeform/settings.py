@@ -81,7 +81,24 @@ class Settings(BaseSettings):
     threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per usable core.")
     queue: str = Field("meshdeform", min_length=1, description="Name of the RQ queue.")
     lease_s: float = Field(30.0, ge=1.0, description="A worker that is silent for this long loses its job.")
-    max_attempts: int = Field(3, ge=1, description="Attempts at a job before it fails with `worker_lost`.")
+    turn_s: float = Field(
+        300.0,
+        ge=1.0,
+        description="A job of another owner that has waited for this long is given the worker of one that has run for "
+        "as long.",
+    )
+    max_running_jobs: int = Field(
+        0, ge=0, description="Jobs of one owner that run at the same time. 0: as many as there are workers."
+    )
+    max_run_s: float = Field(
+        0.0, ge=0.0, description="Seconds for which a job may run, all its attempts together. 0: unlimited."
+    )
+    max_attempts: int = Field(
+        3, ge=1, description="Attempts at a job that are lost, or fail for reasons that may pass, before it fails."
+    )
+    retry_delay_s: float = Field(
+        10.0, ge=0.0, le=600.0, description="Seconds until a job is tried again after a failure that may pass."
+    )
     step_timeout_s: float = Field(
         600.0, ge=1.0, description="A worker that completes no step for this long is killed and restarted."
     )

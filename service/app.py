@@ -103,7 +103,14 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     app.state.metrics.watch(state.record, settings.queue)
     try:
         with (
-            Reconciler(state.record, state.queue, settings.max_attempts, settings.lease_s, store=state.store),
+            Reconciler(
+                state.record,
+                state.queue,
+                settings.max_attempts,
+                settings.lease_s,
+                store=state.store,
+                max_running=settings.max_running_jobs,
+            ),
             WebhookDelivery(state.record, settings),
             on_termination(state.waiters.close),
         ):

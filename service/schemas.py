@@ -203,7 +203,7 @@ class FileLimits(BaseModel):
     max_accessor_elements: int = Field(description="Elements of one accessor.", examples=[20000000])
     max_triangles: int = Field(description="Triangles to deform, counting every instance.", examples=[1000000])
     max_vertices: int = Field(description="Vertices to deform, counting every instance.", examples=[2000000])
-    max_primitives: int = Field(description="Primitives and morph targets, counting every instance.", examples=[100000])
+    max_primitives: int = Field(description="Primitives and morph targets, counting every instance.", examples=[50000])
     max_check_bytes: int = Field(
         description="Bytes of memory for checking the largest file; less for smaller files.", examples=[2214592512]
     )
@@ -225,6 +225,12 @@ class JobLimits(BaseModel):
     min_priority: int = Field(description="Lowest priority.", examples=[-100])
     max_priority: int = Field(description="Highest priority.", examples=[100])
     max_deadline_s: float = Field(description="Longest `deadline_s`.", examples=[2678400])
+    max_run_s: float | None = Field(
+        description="Seconds for which a job may run, and largest `max_run_s`; null: unlimited.", examples=[86400]
+    )
+    max_running_jobs: int | None = Field(
+        description="Jobs of one owner that run at the same time; null: unlimited.", examples=[4]
+    )
     max_retention_s: float = Field(description="Longest `retention_s`.", examples=[316224000])
     max_stored_bytes: int | None = Field(
         description="Bytes of files, checkpoints and artifacts that the jobs of one owner keep; null: unlimited.",

@@ -57,13 +57,20 @@ class World:
         return JobRunner(dataclasses.replace(context, **changes))
 
     def create(
-        self, *, origin: Origin | None = None, priority: int = 0, deadline_s: float | None = None, **params: Any
+        self,
+        *,
+        origin: Origin | None = None,
+        priority: int = 0,
+        deadline_s: float | None = None,
+        max_run_s: float | None = None,
+        **params: Any,
     ) -> Job:
         data = b"an asset"
         stored = self.store.put("assets/a", data, "model/gltf-binary")
         asset = StoredFile(key="assets/a", filename="a.glb", size=stored.size, sha256=stored.sha256)
         params = grouped({"steps": STEPS, "checkpoint_every_steps": EVERY, "guidance": "target", **params})
         document = {"prompt": "a vase", "params": grouped(params), "priority": priority, "deadline_s": deadline_s}
+        document["max_run_s"] = max_run_s
         files = {"asset": asset, "target": asset}
         return self.record.create(NewJob(JobRequest.model_validate(document), files, origin=origin))
 

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from functools import partial
 from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits
-from meshdeform.errors import CheckpointError, MeshdeformError, NotFoundError, StaleAttemptError, UnavailableError
+from meshdeform.errors import (
+    CheckpointError,
+    MeshdeformError,
+    NotFoundError,
+    RunTimeError,
+    StaleAttemptError,
+    UnavailableError,
+)
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Artifact, Job, JobError, JobState, OriginMode, StoredFile
 from meshdeform.record.repository import JobRecord
-from meshdeform.runs.base import InputFile, JobRun, RunInput, StartRun
+from meshdeform.record.turns import Turns
+from meshdeform.runs.base import InputFile, JobRun, RunInput, StartRun, StepReport
+from meshdeform.runs.costs import END_SHARE, costs_of
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
@@ -81,6 +92,7 @@ class Outcome(Enum):
     FAILED = auto()
     CANCELED = auto()
     HANDED_BACK = auto()
+    HANDED_OVER = auto()
     OUT_OF_MEMORY = auto()
 
 
@@ -95,13 +107,14 @@ _TERMINAL = {
 class Ended:
     """The end of an attempt, not yet recorded: its stored results, or why it failed.
 
-    `step_s` are the mean seconds per step; None if no step was done.
+    `step_s` are the mean seconds per step; None if no step was done. `may_pass`: another attempt may not fail so.
     """
 
     outcome: Outcome
     results: list[Artifact] = field(default_factory=list)
     error: JobError | None = None
     step_s: float | None = None
+    may_pass: bool = False
 
 
 class _InterruptedError(Exception):
@@ -117,6 +130,9 @@ class Attempt:
         self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept)
         self._run: JobRun | None = None
         self._steps, self._steps_s = 0, 0.0
+        limits = [limit for limit in (job.request.max_run_s, at.settings.max_run_s) if limit]
+        self._max_run_s = min(limits, default=math.inf)
+        self._ends = time.monotonic() + self._max_run_s - job.ran_s
 
     def run(self) -> Ended:
         """Run the attempt and return how it ended.
@@ -149,9 +165,9 @@ class Attempt:
         if self._must_stop():
             return self._stopped()
         with span("optimize"):
-            through = self._optimize(run)
-        if not through:
-            return self._stopped()
+            stopped = self._optimize(run)
+        if stopped is not None:
+            return self._ended(stopped)
         self._phase("writing")
         artifacts = run.finish()
         failpoint("worker.finished")
@@ -165,8 +181,8 @@ class Attempt:
             return self._ended(Outcome.CANCELED)
         return self._ended(Outcome.SUCCEEDED, results=results)
 
-    def _optimize(self, run: JobRun) -> bool:
-        """Do the remaining steps; return False if the job must stop before its end."""
+    def _optimize(self, run: JobRun) -> Outcome | None:
+        """Do the remaining steps; return how the attempt ends if it must stop before the job's end."""
         every = self._job.request.params.checkpoint_every_steps
         began = time.monotonic()
         for report in run:
@@ -174,15 +190,25 @@ class Attempt:
             self._at.pulse.beat()
             self._watch.step(report)
             failpoint("worker.step")
-            stop = self._must_stop()
-            due = report.step < report.total_steps and self._checkpoints.due(report.step, every)
+            stop, more = self._must_stop(), report.step < report.total_steps
+            over, yields = more and time.monotonic() >= self._ends, more and self._watch.yields
+            due = more and self._checkpoints.due(report.step, 1 if yields else every)
             # A canceled job needs no checkpoint; a job that is handed back does.
-            if (due or stop) and not self._watch.canceled:
-                self._checkpoints.try_to_save(run)
+            saved = (due or stop or over) and not self._watch.canceled and self._checkpoints.try_to_save(run)
             if stop:
-                return False
+                return self._interrupted()
+            if over:
+                raise self._run_time_error(report)
+            if yields and saved:
+                return Outcome.HANDED_OVER
             began = time.monotonic()
-        return True
+        return None
+
+    def _run_time_error(self, report: StepReport) -> RunTimeError:
+        return RunTimeError(
+            f"The job has run for the {self._max_run_s:g} s that it may run, and done {report.step} of "
+            f"{report.total_steps} steps."
+        )
 
     def _start(self) -> JobRun:
         """Start from the newest usable checkpoint, otherwise from the job's origin or its files."""
@@ -258,17 +284,20 @@ class Attempt:
         if self._must_stop():
             raise _InterruptedError
 
+    def _interrupted(self) -> Outcome:
+        return Outcome.CANCELED if self._watch.canceled else Outcome.HANDED_BACK
+
     def _stopped(self) -> Ended:
-        return self._ended(Outcome.CANCELED if self._watch.canceled else Outcome.HANDED_BACK)
+        return self._ended(self._interrupted())
 
     def _failed(self, error: Exception) -> Ended:
         if isinstance(error, MeshdeformError):
             _log.warning("job %s: failed: %s", self._job.id, error)
-            return self._ended(Outcome.FAILED, error=JobError.of(error))
+            return self._ended(Outcome.FAILED, error=JobError.of(error), may_pass=error.transient)
         _log.error("job %s: failed", self._job.id, exc_info=error)
         # The text of an unexpected error may contain paths of this machine, so it stays in the log.
         unknown = MeshdeformError("An unexpected error occurred in the worker; see the worker's log.")
-        return self._ended(Outcome.FAILED, error=JobError.of(unknown))
+        return self._ended(Outcome.FAILED, error=JobError.of(unknown), may_pass=True)
 
     def _out_of_memory(self, error: Exception) -> Ended:
         """Save the state from before the step that ran out of memory, if possible."""
@@ -284,10 +313,15 @@ class Attempt:
         return self._ended(Outcome.OUT_OF_MEMORY)
 
     def _ended(
-        self, outcome: Outcome, *, results: list[Artifact] | None = None, error: JobError | None = None
+        self,
+        outcome: Outcome,
+        *,
+        results: list[Artifact] | None = None,
+        error: JobError | None = None,
+        may_pass: bool = False,
     ) -> Ended:
         step_s = self._steps_s / self._steps if self._steps else None
-        return Ended(outcome, results or [], error, step_s)
+        return Ended(outcome, results or [], error, step_s, may_pass)
 
 
 @dataclass(frozen=True)
@@ -306,19 +340,32 @@ class JobRunner:
         failpoint("worker.told")
         self.at.pulse.beat()
         try:
-            job = self.at.record.leases.claim_next(self.at.worker.id, self.at.settings.lease_s)
-            if job is None:
-                if job_id:
-                    _log.info("message for job %s, but none is queued (a duplicate, or another worker has it)", job_id)
-                return
-            with bound(job_id=job.id, request_id=job.request_id or ""), _traced(job):
-                if job_id and job.id != job_id:
-                    _log.info("message for job %s; job %s comes first", job_id, job.id)
-                self._claimed(job)
+            # The job that may start now that this one has stopped may have no message left.
+            while self._run_one(job_id):
+                job_id = ""
         finally:
             self.at.pulse.rest()
 
-    def _claimed(self, job: Job) -> None:
+    def _run_one(self, job_id: str) -> bool:
+        """Run the next job, and return whether to look for another one at once."""
+        job = self.at.record.leases.claim_next(self.at.worker.id, self.at.settings.lease_s, self._turns)
+        if job is None:
+            if job_id:
+                _log.info("message for job %s, but none is queued (a duplicate, or another worker has it)", job_id)
+            return False
+        with bound(job_id=job.id, request_id=job.request_id or ""), _traced(job):
+            if job_id and job.id != job_id:
+                _log.info("message for job %s; job %s comes first", job_id, job.id)
+            outcome = self._claimed(job)
+        limited = self._turns.max_running and outcome is not Outcome.OUT_OF_MEMORY
+        return bool(limited or outcome is Outcome.HANDED_OVER) and not self.at.stopping()
+
+    @property
+    def _turns(self) -> Turns:
+        return Turns.of(self.at.settings)
+
+    def _claimed(self, job: Job) -> Outcome | None:
+        """Run an attempt and record its end; return None if another one has the job, or will."""
         _log.info("job %s: attempt %d", job.id, job.attempt)
         failpoint("worker.claimed")
         try:
@@ -333,10 +380,14 @@ class JobRunner:
         else:
             failpoint("worker.ended")
             _log.info("job %s: attempt %d %s", job.id, job.attempt, ended.outcome.name.lower())
+            return ended.outcome
+        return None
 
     def _attempt(self, job: Job) -> Ended:
-        at = self.at
-        with JobWatch(at.record.leases, at.worker, job, lambda: at.listen(job.id), at.settings.lease_s) as watch:
+        at, leases = self.at, self.at.record.leases
+        end_s = END_SHARE * costs_of(job.request.workload).seconds(job.faces, job.parts, None).once
+        listen = partial(at.listen, job.id)
+        with JobWatch(leases, at.worker, job, listen, at.settings.lease_s, self._turns, end_s) as watch:
             ended = Attempt(at, job, watch).run()
             if watch.lost:
                 raise StaleAttemptError("The lease is lost.")
@@ -352,8 +403,12 @@ class JobRunner:
                 retry.until_answered(about, lambda: record.leases.out_of_memory(job.id, job.attempt, attempts))
             finally:
                 self.at.renew()
-        elif ended.outcome is Outcome.HANDED_BACK:
-            retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt))
+        elif ended.outcome in (Outcome.HANDED_BACK, Outcome.HANDED_OVER):
+            over = ended.outcome is Outcome.HANDED_OVER
+            retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, handed_over=over))
+        elif ended.may_pass and ended.error is not None:
+            given = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s
+            retry.until_answered(about, lambda: record.leases.postpone(job.id, job.attempt, *given))
         else:
             state, error, results, step_s = _TERMINAL[ended.outcome], ended.error, ended.results, ended.step_s
             retry.until_answered(

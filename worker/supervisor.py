@@ -58,7 +58,13 @@ class Supervisor:
             if record is None:
                 return
             queue = JobQueue(self._settings.redis_url, self._settings.queue)
-            with Reconciler(record, queue, self._settings.max_attempts, self._settings.lease_s):
+            with Reconciler(
+                record,
+                queue,
+                self._settings.max_attempts,
+                self._settings.lease_s,
+                max_running=self._settings.max_running_jobs,
+            ):
                 worker = SupervisedChild(
                     self._start_worker,
                     _log.warning,

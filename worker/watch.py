@@ -19,6 +19,7 @@ from typing import Protocol, Self
 from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError
 from meshdeform.record.leases import Leases, WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress
+from meshdeform.record.turns import USUAL, Turns
 from meshdeform.runs.base import StepReport
 from meshdeform.support.telemetry import carried
 
@@ -80,7 +81,9 @@ class JobWatch:
     """The watch over one attempt, for the duration of a `with` block: one thread writes, one waits for a cancellation.
 
     `listen` opens a `CancelListener` for the job. The lease is renewed every sixth of it, at least every ten seconds.
-    Once `canceled`, stop after this step. Once `lost`, another attempt has the job: stop, and write nothing more.
+    `end_s` are the seconds that the job is expected to need after its last step.
+    Once `canceled`, stop after this step; once `yields`, after one whose checkpoint is stored: another job has waited
+    for its turn. Once `lost`, another attempt has the job: stop, and write nothing more.
     """
 
     def __init__(
@@ -90,9 +93,12 @@ class JobWatch:
         job: Job,
         listen: Callable[[], AbstractContextManager[CancelListener]],
         lease_s: float,
+        turns: Turns = USUAL,
+        end_s: float = 0.0,
     ) -> None:
         self._leases, self._worker, self._job, self._listen = leases, worker, job, listen
-        self._lease_s = lease_s
+        self._lease_s, self._turns, self._turn_ends = lease_s, turns, time.monotonic() + turns.turn_s
+        self._end_s = end_s
         self._heartbeat_every_s = min(lease_s / _HEARTBEATS_PER_LEASE, _LONGEST_HEARTBEAT_S)
         self._timer = StepTimer()
         self._latest = self._progress(0, 0, "loading", {})
@@ -105,7 +111,7 @@ class JobWatch:
             target=carried(self._listen_for_cancel), name=f"cancel {job.id}", daemon=True
         )
         self.canceled = job.state is JobState.CANCELING
-        self.lost = False
+        self.lost = self.yields = False
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -134,13 +140,14 @@ class JobWatch:
         self._latest = self._progress(report.step, report.total_steps, self._latest.phase, report.losses)
 
     def _progress(self, step: int, total_steps: int, phase: str, losses: dict[str, float]) -> Progress:
+        left_s = self._timer.left_s(total_steps - step) if total_steps else None
         return Progress(
             step=step,
             total_steps=total_steps,
             fraction=step / total_steps if total_steps else 0.0,
             phase=phase,
             losses={name: value for name, value in losses.items() if math.isfinite(value)},
-            eta_s=self._timer.left_s(total_steps - step) if total_steps else None,
+            eta_s=None if left_s is None else left_s + self._end_s * (phase != "uploading"),
             attempt=self._job.attempt,
         )
 
@@ -164,6 +171,8 @@ class JobWatch:
                 elif due:
                     # One statement for both.
                     self._attempt(lambda: self._publish(self._lease_s))
+                if due and now >= self._turn_ends and not self.yields:
+                    self._attempt(self._look_who_waits)
                 self._attempt(self._publish)
                 self._wake.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
             self._attempt(self._publish)
@@ -196,6 +205,9 @@ class JobWatch:
 
     def _beat(self, worker: WorkerIdentity | None = None) -> None:
         self._note(self._leases.heartbeat(self._job.id, self._job.attempt, self._lease_s, worker=worker))
+
+    def _look_who_waits(self) -> None:
+        self.yields = self._leases.hand_over(self._job, self._turns)
 
     def _note(self, state: JobState) -> None:
         if state is JobState.CANCELING:

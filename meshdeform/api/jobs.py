@@ -25,6 +25,8 @@ __all__ = [
     "JobView",
     "MeshView",
     "OriginView",
+    "RetriedJob",
+    "RetriedJobs",
     "SignedUrl",
     "accepted",
     "job_headers",
@@ -115,15 +117,25 @@ class JobView(_Document):
     asset: FileView = Field(description="The first of `files`: the asset to deform; without a name if there is none.")
     target: FileView | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")
     origin: OriginView | None = Field(None, description="What it continues from; null if it starts from its files.")
-    error: JobError | None = Field(None, description="Why the job failed; else null.")
+    error: JobError | None = Field(
+        None, description="Why the job failed, or, with `retry_at`, why its last attempt did; else null."
+    )
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
     started_at: datetime | None = Field(None, description="When its first attempt began, UTC.", examples=[_TIME])
     finished_at: datetime | None = Field(None, description="When it became terminal, UTC.", examples=[_TIME])
     deadline_at: datetime | None = Field(
         None, description="When it becomes `expired` unless finished, UTC; null: never.", examples=[_TIME]
     )
+    max_run_s: float | None = Field(
+        None, description="Seconds for which it may run; null: as long as any job of this server.", examples=[3600]
+    )
     retain_until: datetime | None = Field(
         None, description="When it is deleted with its artifacts, UTC; null: never, or not finished.", examples=[_TIME]
+    )
+    retry_at: datetime | None = Field(
+        None,
+        description="When a queued job is tried again after a failure that may pass, UTC; else null.",
+        examples=[None],
     )
     progress: Progress = Field(description="The job's progress.")
     artifacts: list[ArtifactView] = Field(
@@ -161,7 +173,9 @@ class JobView(_Document):
             started_at=job.started_at,
             finished_at=job.finished_at,
             deadline_at=job.deadline_at,
+            max_run_s=job.document.get("max_run_s"),
             retain_until=job.retain_until,
+            retry_at=job.retry_at,
             progress=job.progress,
             artifacts=[ArtifactView.of(artifact, job.id) for artifact in job.artifacts],
         )
@@ -193,6 +207,23 @@ class JobList(_Document):
     jobs: list[JobView] = Field(description="The jobs of this page.")
     next_cursor: str | None = Field(
         None, description="Pass it as `cursor` to get the next page; null on the last one.", examples=["am9iXzAxa2c5"]
+    )
+
+
+class RetriedJob(_Document):
+    """A failed job, and what became of its retry."""
+
+    of: str = Field(description="The failed job.", examples=[_JOB_ID])
+    job_id: str | None = Field(None, description="The new job; null if it was refused.", examples=[_JOB_ID])
+    error: JobError | None = Field(None, description="Why it was refused; else null.")
+
+
+class RetriedJobs(_Document):
+    """The failed jobs of a page, newest first."""
+
+    jobs: list[RetriedJob] = Field(description="Those that had not been retried before.")
+    next_cursor: str | None = Field(
+        None, description="Pass it as `cursor` to go on; null at the end.", examples=["am9iXzAxa2c5"]
     )
 
 

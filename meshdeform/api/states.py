@@ -97,7 +97,10 @@ class Progress(_Frozen):
         default_factory=dict, description="The newest value of each loss.", examples=[{"guidance": 0.21}]
     )
     eta_s: float | None = Field(
-        None, ge=0.0, description="Seconds left by the pace so far; null until known.", examples=[9.5]
+        None,
+        ge=0.0,
+        description="Seconds left, by the pace so far and what the mesh costs after the last step; null until known.",
+        examples=[9.5],
     )
     attempt: int = Field(0, ge=0, description="Which try this is; 0 before the first.", examples=[1])
 

@@ -23,6 +23,7 @@ __all__ = [
     "WebhookChange",
     "WebhookEvent",
     "WebhookList",
+    "WebhookSecret",
     "WebhookView",
     "WebhookWithSecret",
 ]
@@ -79,6 +80,12 @@ class WebhookChange(_Body):
         description="`false`: it gets no events, and pending deliveries fail. `true`: it gets events again.",
         examples=[True],
     )
+
+
+class WebhookSecret(_Document):
+    """The secret of an account."""
+
+    secret: str = Field(description="Signs messages to webhooks of single jobs.", examples=[_SECRET])
 
 
 class WebhookView(_Document):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
@@ -14,7 +15,7 @@ from meshdeform.assets.archive import Archive, open_archive
 from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC
-from meshdeform.assets.corners import corner_colors, corner_weights
+from meshdeform.assets.corners import corner_colors, corner_weights, joint_shares
 from meshdeform.assets.document import Document, Usage, read_floats
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
@@ -22,7 +23,18 @@ from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Tra
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
 from meshdeform.assets.repair import rebuild_directions
 from meshdeform.assets.rig import pose_maps, posed_surface
-from meshdeform.assets.surface import Block, Parts, Rig, Surface, read_parts, read_rig, read_surface, rig_accessors
+from meshdeform.assets.surface import (
+    Block,
+    Parts,
+    Rig,
+    Surface,
+    placed_as,
+    read_parts,
+    read_rig,
+    read_surface,
+    rig_accessors,
+    turned_parts,
+)
 from meshdeform.assets.writer import (
     Deformation,
     Finish,
@@ -34,6 +46,7 @@ from meshdeform.assets.writer import (
 from meshdeform.errors import AssetFormatError, AssetTooLargeError
 
 if TYPE_CHECKING:
+    from meshdeform.assets.rig import JointMove
     from meshdeform.assets.subdivide import Subdivision
     from meshdeform.geometry.appearance import Appearance
 
@@ -102,6 +115,17 @@ class Asset:
         embed_data_uris(document)
         return document.to_bytes()
 
+    def placed_as(self, source: Asset) -> Asset:
+        """Return the asset with its meshes in the places of world space that those of its source have.
+
+        Where the joints of a skin do not agree on the bind pose, that is a choice, which depends on where they are.
+        """
+        if len(self._blocks) != len(source._blocks):
+            return self
+        placed = copy.copy(self)
+        placed.surface, placed._blocks = placed_as(self.surface, self._blocks, source._blocks)
+        return placed
+
     def posed(self) -> Surface:
         """Return the surface as viewers show it: skins in the pose of the file's nodes, not in their bind pose."""
         return posed_surface(self._document, self.surface, self._blocks)
@@ -134,6 +158,13 @@ class Asset:
         """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1."""
         return corner_weights(self._document, self._blocks, joints)
 
+    def joint_shares(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """Return rows of the surface, the nodes of joints, and how much the ones follow the others, (K,) each.
+
+        A mesh without a skin on or below a joint follows it.
+        """
+        return joint_shares(self._document, self._blocks, rigid=True)
+
     def vertex_colors(self) -> NDArray[np.float64]:
         """Return the linear vertex colour (T, 3, 3) of each corner of the triangles; NaN where there is none."""
         return corner_colors(self._document, self._blocks)
@@ -152,6 +183,21 @@ class Asset:
     def rig(self) -> Rig:
         """Count the morph targets, joints and animations that would have to follow the surface."""
         return read_rig(self._document, self._blocks)
+
+    def joint_moves(
+        self, positions: NDArray[np.float64], jacobians: NDArray[np.float64]
+    ) -> dict[int, tuple[str, JointMove]]:
+        """Return by node the name of each joint and how it moves with a new shape, given as to `replace`."""
+        from meshdeform.assets.rig import RigMotion, joint_moves
+
+        motion = RigMotion(self.surface.positions, positions - self.surface.positions, jacobians)
+        nodes = self._document.root.get("nodes", [])
+        moves = joint_moves(self._document, self._blocks, motion)
+        return {joint: (str(nodes[joint].get("name", "")), move) for joint, move in moves.items()}
+
+    def turned_parts(self) -> list[str]:
+        """Return the names of nodes with meshes of the surface that animations turn or scale, joints apart."""
+        return turned_parts(self._document, self._blocks)
 
     def rig_digest(self) -> str:
         """Return the SHA-256 of the surface's morph targets and inverse bind matrices, to tell whether they changed."""
@@ -221,6 +267,8 @@ class Asset:
         tangents: NDArray[np.float64] | None = None,
         *,
         jacobians: NDArray[np.float64] | None = None,
+        joints: Mapping[int, JointMove] | None = None,
+        posed: bool = False,
         morph: bool = False,
         compact: bool = False,
         provenance: Mapping[str, Any] | None = None,
@@ -238,6 +286,11 @@ class Asset:
         jacobians : (N, 3, 3) float64, optional
             The linear map of the deformation around each vertex, in world space. With it, the file's morph targets and
             joints follow the shape (`assets/writer.py`, `assets/rig.py`); not with `morph`.
+        joints : mapping of int to JointMove, optional
+            How they do. Default: as `joint_moves` returns.
+        posed : bool
+            With `jacobians`: joints follow in the pose of the nodes, which viewers show, so that it is there exactly as
+            written, instead of in the bind pose.
         morph : bool
             Keep the source as the base and add the new shape as a morph target of weight 1, with a one-second
             animation named "deform" from the source to the result.
@@ -261,7 +314,7 @@ class Asset:
         if morph:
             target = MorphTarget(ANIMATION_NAME, positions, normals, tangents)
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
-        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians)
+        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints, posed=posed)
         finish = Finish(self._usage if compact else None, provenance)
         return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
 

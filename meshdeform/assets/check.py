@@ -232,12 +232,11 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     asset = load_asset(path.read_bytes(), filename or path.name, limits)
     if not has_area(asset.surface):
         raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
-    summary, skipped = asdict(asset.summary), asset.summary.skipped
+    summary, skipped = asset.summary, asset.summary.skipped
     if len(skipped) > MAX_SKIPPED:
-        summary["skipped"] = [*skipped[:MAX_SKIPPED], {"reason": f"and {len(skipped) - MAX_SKIPPED} more"}]
-    for name in ("nodes", "materials", "mesh_names", "joints"):
-        summary[name] = summary[name][:MAX_PARTS]
-    return summary
+        skipped = (*skipped[:MAX_SKIPPED], {"reason": f"and {len(skipped) - MAX_SKIPPED} more"})
+    parts = {name: getattr(summary, name)[:MAX_PARTS] for name in ("nodes", "materials", "mesh_names", "joints")}
+    return asdict(replace(summary, skipped=skipped, **parts))
 
 
 def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]:

@@ -74,6 +74,33 @@ def skin_weights(
     return at, which, share
 
 
+def joint_shares(
+    document: Document, blocks: Sequence[Block], *, rigid: bool = False
+) -> tuple[NDArray[np.int64], NDArray[np.int64], _Floats]:
+    """Return the rows of the surface, the nodes of joints, and the weights above 0 of the ones for the others, (K,).
+
+    With `rigid`, a mesh without a skin on or below a joint follows it as well.
+    """
+    nodes, skins = document.root["nodes"], document.root.get("skins", [])
+    parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+    all_joints = {joint for skin in skins for joint in skin["joints"]}
+    found = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))]
+    for block in blocks:
+        skin, count, above = nodes[block.node].get("skin"), len(block.positions), block.node
+        if skin is not None:
+            joints = np.array(skins[skin]["joints"])
+            primitive = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]]
+            at, which, share = skin_weights(document, primitive, count, len(joints))
+            found.append((at + block.rows.start, joints[which], share))
+        elif rigid:
+            while above not in all_joints and above in parents:
+                above = parents[above]
+            if above in all_joints:
+                found.append((np.arange(block.rows.start, block.rows.stop), np.full(count, above), np.ones(count)))
+    rows, owners, shares = (np.concatenate(part) for part in zip(*found, strict=True))
+    return rows, owners, shares
+
+
 def _weights(document: Document, block: Block, primitive: Json, joints: Collection[int]) -> _Floats:
     total = np.zeros((len(block.positions), 1))
     skin = document.root["nodes"][block.node].get("skin")

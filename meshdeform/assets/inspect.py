@@ -9,6 +9,7 @@ Source: glTF 2.0 specification, sections 3.5 (Scenes), 3.6, 3.7 (Geometry) and 5
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,7 +59,6 @@ __all__ = [
     "check_storage",
     "compressed_view",
     "data_uri_bytes",
-    "hidden_instances",
     "inspect_asset",
     "instance_count",
     "instances_of",
@@ -97,6 +97,9 @@ LOOSE = "points and lines only follow a surface"
 """Why a file of nothing but points and lines is refused."""
 
 MODE_NAMES = ("points", "lines", "line loop", "line strip", "triangles", "triangle strip", "triangle fan")
+
+# A link with a scheme or a drive, from the root, or to another host, in place of a file beside the asset.
+_ELSEWHERE = re.compile(r"\s*([a-z][a-z0-9+.-]*:|[/\\]|%2f|%5c)", re.IGNORECASE)
 
 # Required extensions that are supported, or that change neither positions nor their meaning.
 _READ = {DRACO, GPU_INSTANCING, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization"}
@@ -503,11 +506,6 @@ def instances_of(root: Json) -> list[Instance]:
     return _walk(root)[0]
 
 
-def hidden_instances(root: Json) -> list[Instance]:
-    """List the nodes of the default scene whose mesh KHR_node_visibility hides."""
-    return _walk(root)[1]
-
-
 def _walk(root: Json) -> tuple[list[Instance], list[Instance]]:
     """Return the instances that are shown, and those that are hidden."""
     nodes, scenes = objects(root, "nodes"), objects(root, "scenes")
@@ -691,7 +689,8 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
     weights = [_weight(mesh) for mesh in objects(root, "meshes")]
-    for instance in instances_of(root):
+    shown, hidden = _walk(root)
+    for instance in shown:
         primitives += weights[instance.mesh]
         if primitives > limits.max_primitives:
             raise AssetTooLargeError(
@@ -712,15 +711,24 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
                 "(MESHDEFORM_MAX_TRIANGLES; each instance of a mesh counts)."
             )
     if triangles == 0:
-        raise _empty(root, [*skipped, *([{"reason": LOOSE}] if loose else [])], primitives > 0)
+        raise _empty(root, [*skipped, *([{"reason": LOOSE}] if loose else [])], primitives > 0, bool(hidden))
     outside = outside_images(root)
-    hidden = hidden_instances(root)
-    sentences = [_many(drawn)] * bool(drawn) + [_outside(outside)] * bool(outside)
+    foreign = [link for link in outside if _ELSEWHERE.match(link)]
+    beside = [link for link in outside if link not in foreign]
+    sentences = [_many(drawn)] * bool(drawn) + [_beside(beside)] * bool(beside) + [_foreign(foreign)] * bool(foreign)
     warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
 
 
-def _outside(links: list[str]) -> str:
+def _foreign(links: list[str]) -> str:
+    names = ", ".join(repr(link[:60]) for link in links[:3]) + (" ..." if len(links) > 3 else "")
+    return (
+        f"Images at other places ({names}) stay links in the result: a program that opens it may fetch them, with the "
+        "rights of whoever opens it. Take out links that you do not know."
+    )
+
+
+def _beside(links: list[str]) -> str:
     names = ", ".join(link[:60] for link in links[:3]) + (" ..." if len(links) > 3 else "")
     return (
         f"Images in other files ({names}) stay links in the result, and pictures show them grey. To pack them in, send "
@@ -742,7 +750,7 @@ def _many(drawn: list[int]) -> str:
     )
 
 
-def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool) -> AssetEmptyError:
+def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool, hidden: bool) -> AssetEmptyError:
     """Return the error of an asset without triangles, with advice that fits the reason."""
     if has_meshes:
         reasons = "; ".join(sorted({item["reason"] for item in skipped})[:5])
@@ -756,7 +764,7 @@ def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool) -> Asset
             f"The file contains {count}, but no node shows a mesh.",
             advice="Export the objects together with the scene that they are in.",
         )
-    if hidden_instances(root):
+    if hidden:
         return AssetEmptyError(
             f"{VISIBILITY} hides every mesh of the default scene.", advice="Make the nodes visible, and export again."
         )

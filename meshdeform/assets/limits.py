@@ -29,7 +29,7 @@ class Limits:
     # number of nodes, meshes, materials, images and animations, since each takes at least two values.
     max_json_values: int = 500_000
     max_json_depth: int = 128
-    max_primitives: int = 100_000
+    max_primitives: int = 50_000
     """Primitives and their morph targets in the default scene, over all instances: a few hundred values of JSON can
     describe a thousand instances of a thousand primitives."""
     max_chunks: int = 1000  # number of chunks in a GLB

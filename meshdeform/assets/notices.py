@@ -166,12 +166,10 @@ def rounding_warnings(surface: Surface, blocks: Sequence[Block]) -> tuple[str, .
     """Return a sentence about positions that are stored so far from the origin that 32-bit floats round the shape."""
     if not len(surface.positions):
         return ()
-    steps = [
-        float(np.spacing(np.abs(block.positions).max()) * np.linalg.norm(block.placement[:3, :3], 2))
-        for block in blocks
-        if len(block.positions)
-    ]
-    return _rounding(max(steps), float(np.linalg.norm(np.ptp(surface.positions, axis=0))))
+    filled = [block for block in blocks if len(block.positions)]
+    scales = np.linalg.norm(np.stack([block.placement[:3, :3] for block in filled]), 2, axis=(1, 2))
+    steps = np.array([np.spacing(np.abs(block.positions).max()) for block in filled]) * scales
+    return _rounding(float(steps.max()), float(np.linalg.norm(np.ptp(surface.positions, axis=0))))
 
 
 def rounded_places(places: _Floats) -> tuple[str, ...]:

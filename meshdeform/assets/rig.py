@@ -12,7 +12,7 @@ joint that no vertex follows, such as the end of a finger, is moved by all verti
 
 Joints keep their axes; only places change: of the nodes, of the bind poses, and of animated translations, whose
 distance from the bind pose grows as the volume around the joint does. In the bind pose, the skin therefore leaves every
-vertex where it is.
+vertex where it is. A motion of the pose that viewers show takes that pose for the bind pose: there it is exact.
 
 Sources: glTF 2.0 specification, section 3.7.3 (Skins); Schaefer et al. 2006, Image deformation using moving least
 squares, section 2.1 (affine deformations).
@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.container import Json
-from meshdeform.assets.corners import skin_weights
+from meshdeform.assets.corners import joint_shares, skin_weights
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import (
     Block,
@@ -62,41 +62,71 @@ class RigMotion:
     positions: _Floats
     moved: _Floats
     jacobians: _Floats  # (N, 3, 3) float64: the linear map of the deformation around each vertex
+    posed: bool = False
+    """Whether these are places in the pose of the nodes, which viewers show, and not in the bind pose."""
 
 
 @dataclass(frozen=True)
 class JointMove:
-    """The displacement (3,) of a joint in world space, and the growth of the volume around it along one axis."""
+    """A joint's place (3,) in the bind pose and its displacement (3,), in world space.
 
+    `growth` is that of the volume around it along one axis.
+    """
+
+    place: _Floats
     shift: _Floats
     growth: float
 
 
-def move_joints(document: Document, blocks: Sequence[Block], motion: RigMotion) -> list[tuple[int, int]]:
-    """Move the joints of all skins of the deformed meshes, and return each replaced accessor with its new one.
+def joint_moves(document: Document, blocks: Sequence[Block], motion: RigMotion) -> dict[int, JointMove]:
+    """Return how the joints of all skins of the deformed meshes move with the surface, by their nodes."""
+    worlds = world_matrices(document.root.get("nodes", []))
+    used, bind_of = _used_binds(document, blocks, worlds, posed=motion.posed)
+    return _joint_moves(document, blocks, motion, {joint: bind_of[joint] for joint in used}) if used else {}
+
+
+def move_joints(
+    document: Document, blocks: Sequence[Block], moves: Mapping[int, JointMove], *, posed: bool = False
+) -> list[tuple[int, int]]:
+    """Move joints of the deformed meshes' skins, and return each replaced accessor with its new one.
 
     Parameters
     ----------
     document : Document
         Changed in place: nodes, inverse bind matrices, and animations of translations.
+    moves : mapping of int to JointMove
+        By the joints' nodes.
+    posed : bool
+        Whether they are moves in the pose of the nodes, and not in the bind pose.
     """
-    nodes = document.root.get("nodes", [])
-    skins = document.root.get("skins", [])
-    used = {nodes[block.node]["skin"] for block in blocks if "skin" in nodes[block.node]}
-    if not used:
-        return []
-    worlds = world_matrices(nodes)
-    binds = {number: _bind_worlds(document, skin, worlds) for number, skin in enumerate(skins)}
-    bind_of = {joint: world for number in [*(set(binds) - used), *used] for joint, world in binds[number].items()}
-    moved = _joint_moves(document, blocks, motion, {joint: bind_of[joint] for each in used for joint in binds[each]})
-    moves = {joint: move for joint, move in moved.items() if move.shift.any() or move.growth != 1.0}
+    moves = {joint: move for joint, move in moves.items() if move.shift.any() or move.growth != 1.0}
     if not moves:
         return []
+    nodes = document.root["nodes"]
+    worlds = world_matrices(nodes)
+    _, bind_of = _used_binds(document, blocks, worlds, posed=posed)
     replaced = []
-    for skin in skins:
-        replaced += _rebind(document, skin, worlds, moves)
+    for skin in document.root["skins"]:
+        replaced += _rebind(document, skin, worlds, moves, posed=posed)
     offsets = _place_nodes(nodes, worlds, bind_of, moves)
     return replaced + _move_animations(document, nodes, offsets)
+
+
+def _used_binds(
+    document: Document, blocks: Sequence[Block], worlds: Sequence[Matrix], *, posed: bool
+) -> tuple[list[int], dict[int, Matrix]]:
+    """Return the joints of the blocks' skins, and the world matrix of each joint of the file in the bind pose.
+
+    With `posed`, the pose of the nodes counts as the bind pose.
+    """
+    nodes, skins = document.root.get("nodes", []), document.root.get("skins", [])
+    used = {nodes[block.node]["skin"] for block in blocks if "skin" in nodes[block.node]}
+    binds = {
+        number: {joint: worlds[joint] for joint in skin["joints"]} if posed else _bind_worlds(document, skin, worlds)
+        for number, skin in enumerate(skins)
+    }
+    bind_of = {joint: world for number in [*(set(binds) - used), *used] for joint, world in binds[number].items()}
+    return [joint for number in used for joint in binds[number]], bind_of
 
 
 def _bind_worlds(document: Document, skin: Json, worlds: Sequence[Matrix]) -> dict[int, Matrix]:
@@ -121,23 +151,13 @@ def _inverse_binds(document: Document, skin: Json) -> _Floats:
 def _joint_moves(
     document: Document, blocks: Sequence[Block], motion: RigMotion, joints: Mapping[int, Matrix]
 ) -> dict[int, JointMove]:
-    owner: list[NDArray[np.int64]] = []
-    rows: list[NDArray[np.int64]] = []
-    weights: list[_Floats] = []
     everything: dict[int, list[NDArray[np.int64]]] = {}
     nodes, skins = document.root["nodes"], document.root["skins"]
     for block in blocks:
-        if "skin" not in nodes[block.node]:
-            continue
-        skin = skins[nodes[block.node]["skin"]]
-        primitive = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]]
-        at, which, share = skin_weights(document, primitive, len(block.positions), len(skin["joints"]))
-        owner.append(np.array(skin["joints"])[which])
-        rows.append(at + block.rows.start)
-        weights.append(share)
-        for joint in skin["joints"]:
-            everything.setdefault(joint, []).append(np.arange(block.rows.start, block.rows.stop))
-    owners, at, share = np.concatenate(owner), np.concatenate(rows), np.concatenate(weights)
+        if "skin" in nodes[block.node]:
+            for joint in skins[nodes[block.node]["skin"]]["joints"]:
+                everything.setdefault(joint, []).append(np.arange(block.rows.start, block.rows.stop))
+    at, owners, share = joint_shares(document, blocks, rigid=motion.posed)
     order = np.argsort(owners, kind="stable")
     owners, at, share = owners[order], at[order], share[order]
     found = {}
@@ -155,7 +175,7 @@ def _joint_moves(
 def _carried(point: _Floats, rows: NDArray[np.int64], weights: _Floats, motion: RigMotion) -> JointMove:
     """Return how an affine map fitted to weighted vertices moves a point."""
     if not motion.moved[rows].any():
-        return JointMove(np.zeros(3), 1.0)
+        return JointMove(point, np.zeros(3), 1.0)
     positions, moved = motion.positions[rows], motion.moved[rows]
     spread = float(((positions - np.average(positions, axis=0, weights=weights)) ** 2).sum(1).mean())
     weights = weights / (((positions - point) ** 2).sum(1) + _NEAR**2 * spread + 1e-300)
@@ -168,20 +188,22 @@ def _carried(point: _Floats, rows: NDArray[np.int64], weights: _Floats, motion: 
     if stiff > 0:
         slope = np.linalg.solve(spread_matrix + stiff * np.eye(3), (pull_matrix + stiff * slope).T).T
     growth = float(np.cbrt(max(np.linalg.det(np.eye(3) + slope), 0.0)))
-    return JointMove(shift + slope @ (point - middle), growth)
+    return JointMove(point, shift + slope @ (point - middle), growth)
 
 
 def _rebind(
-    document: Document, skin: Json, worlds: Sequence[Matrix], moves: Mapping[int, JointMove]
+    document: Document, skin: Json, worlds: Sequence[Matrix], moves: Mapping[int, JointMove], *, posed: bool
 ) -> list[tuple[int, int]]:
-    """Give a skin inverse bind matrices for the moved joints."""
+    """Give a skin inverse bind matrices for the moved joints, so that they leave vertices where they are."""
     if not any(joint in moves for joint in skin["joints"]):
         return []
     linear = bind_placement(document, skin, worlds)[:3, :3]
     matrices = _inverse_binds(document, skin)
     for matrix, joint in zip(matrices, skin["joints"], strict=True):
         if joint in moves:
-            matrix[:3, 3] -= matrix[:3, :3] @ np.linalg.solve(linear, moves[joint].shift)
+            over = worlds[joint][:3, :3] @ matrix[:3, :3] if posed else linear
+            if is_invertible(over):
+                matrix[:3, 3] -= matrix[:3, :3] @ np.linalg.solve(over, moves[joint].shift)
     old = skin.get("inverseBindMatrices")
     values = matrices.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32)
     like = None if old is None else document.root["accessors"][old]

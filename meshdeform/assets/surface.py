@@ -374,6 +374,13 @@ def _join(
     return Surface(positions, triangles, normals, tangents, instances, skipped)
 
 
+def placed_as(surface: Surface, blocks: Sequence[Block], like: Sequence[Block]) -> tuple[Surface, list[Block]]:
+    """Return a surface and its blocks with the placements of the same blocks of another file."""
+    placed = [dataclasses.replace(block, placement=each.placement) for block, each in zip(blocks, like, strict=True)]
+    owner = [int(surface.instance_of_vertex[block.rows.start]) for block in placed]
+    return _join(placed, surface.triangles, owner, surface.skipped), placed
+
+
 def unit_rows(vectors: Floats) -> Floats:
     """Return the rows scaled to unit length; zero rows become NaN."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -502,6 +509,30 @@ def read_rig(document: Document, blocks: Sequence[Block]) -> Rig:
     shown = {block.mesh for block in blocks}
     targets = sum(max(len(each.get("targets", [])) for each in meshes[mesh]["primitives"]) for mesh in shown)
     return Rig(len(joints), targets, len(document.root.get("animations", [])))
+
+
+def turned_parts(document: Document, blocks: Sequence[Block]) -> list[str]:
+    """Return the names of the nodes with blocks in or below them that animations turn or scale, joints apart."""
+    nodes = document.root["nodes"]
+    parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+    joints = {joint for skin in document.root.get("skins", []) for joint in skin["joints"]}
+    turned: set[int] = set()
+    for animation in document.root.get("animations", []):
+        channels = animation.get("channels") if isinstance(animation, dict) else None
+        for channel in channels if isinstance(channels, list) else []:
+            target = channel.get("target") if isinstance(channel, dict) else None
+            if isinstance(target, dict) and target.get("path") in ("rotation", "scale"):
+                node = target.get("node")
+                if isinstance(node, int) and node not in joints:
+                    turned.add(node)
+    found = []
+    for block in blocks:
+        at: int | None = None if "skin" in nodes[block.node] else block.node
+        while at is not None and at not in turned and at not in joints:
+            at = parents.get(at)
+        if at is not None and at in turned:
+            found.append(_name(nodes[at]) or f"node {at}")
+    return list(dict.fromkeys(found))
 
 
 def rig_accessors(document: Document, blocks: Sequence[Block]) -> Iterator[int]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +25,20 @@ from meshdeform.assets.document import Document, Usage, decode_data_uri, read_fl
 from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.morph import NewTargets, add_morph_targets
+from meshdeform.assets.rig import pose_maps
 from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handedness, transformed_normals, unit_rows
 from meshdeform.errors import AssetError, NumericalError, ShapeError
+
+if TYPE_CHECKING:
+    from meshdeform.assets.rig import JointMove, RigMotion
 
 
 @dataclass(frozen=True)
 class Deformation:
     """The original surface and its new shape, both in world space; rows as in `Surface`.
 
-    With `jacobians`, morph targets and joints follow.
+    With `jacobians`, morph targets and joints follow; `joints` says where, if it is known. With `posed`, they follow in
+    the pose that viewers show.
     """
 
     surface: Surface
@@ -41,6 +46,8 @@ class Deformation:
     normals: Floats | None
     tangents: Floats | None
     jacobians: Floats | None = None
+    joints: Mapping[int, JointMove] | None = None
+    posed: bool = False
 
     @classmethod
     def checked(
@@ -50,6 +57,9 @@ class Deformation:
         normals: Floats | None,
         tangents: Floats | None,
         jacobians: Floats | None = None,
+        joints: Mapping[int, JointMove] | None = None,
+        *,
+        posed: bool = False,
     ) -> Self:
         """Return a deformation after checking array shapes and that positions are finite."""
         count = len(surface.positions)
@@ -60,10 +70,10 @@ class Deformation:
             raise NumericalError("The new positions are not all finite.")
         if jacobians is not None and np.shape(jacobians) != (count, 3, 3):
             raise ShapeError(f"jacobians must have shape ({count}, 3, 3), not {np.shape(jacobians)}")
-        optional = [
+        normals, tangents, jacobians = (
             None if array is None else np.asarray(array, np.float64) for array in (normals, tangents, jacobians)
-        ]
-        return cls(surface, np.asarray(positions, np.float64), *optional)
+        )
+        return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, joints, posed)
 
 
 def _local_shape(block: Block, shape: Deformation) -> LocalShape:
@@ -144,7 +154,7 @@ def _follow(
     shape: Deformation,
 ) -> list[tuple[int, int]]:
     """Carry the morph targets and joints of the file along; return each replaced accessor with its new one."""
-    from meshdeform.assets.rig import RigMotion, move_joints
+    from meshdeform.assets.rig import joint_moves, move_joints
 
     assert shape.jacobians is not None
     replaced: list[tuple[int, int]] = []
@@ -152,8 +162,26 @@ def _follow(
         mesh = document.root["meshes"][owners[block.node]]
         jacobians = shape.jacobians[block.rows]
         replaced += carry_targets(document, block, mesh, jacobians, local.normals, local.tangents)
-    moved = shape.positions - shape.surface.positions
-    return replaced + move_joints(document, blocks, RigMotion(shape.surface.positions, moved, shape.jacobians))
+    moves = shape.joints
+    if moves is None:
+        moves = joint_moves(document, blocks, _motion(document, blocks, shape))
+    return replaced + move_joints(document, blocks, moves, posed=shape.posed)
+
+
+def _motion(document: Document, blocks: list[Block], shape: Deformation) -> RigMotion:
+    """Return how the surface moves in the pose in which joints are to follow it."""
+    from meshdeform.assets.rig import RigMotion
+
+    assert shape.jacobians is not None
+    positions, moved = shape.surface.positions, shape.positions - shape.surface.positions
+    if not shape.posed:
+        return RigMotion(positions, moved, shape.jacobians)
+    maps = pose_maps(document, shape.surface, blocks)
+    linear, jacobians = maps[:, :, :3], shape.jacobians.copy()
+    flat = np.abs(np.linalg.det(linear)) < 1e-12 * np.linalg.norm(linear, axis=(1, 2)) ** 3
+    jacobians[~flat] = linear[~flat] @ jacobians[~flat] @ np.linalg.inv(linear[~flat])
+    positions = np.einsum("nij,nj->ni", linear, positions) + maps[:, :, 3]
+    return RigMotion(positions, np.einsum("nij,nj->ni", linear, moved), jacobians, posed=True)
 
 
 def write_targets(

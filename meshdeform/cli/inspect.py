@@ -15,6 +15,7 @@ from meshdeform.cli.options import JsonOption, SetOption, file_argument, option
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.report_lines import orientation_line
 from meshdeform.cli.request import ALSO, make_request, merge_params
+from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
@@ -66,7 +67,8 @@ def _front(asset: Path, request: JobRequest) -> dict[str, Any]:
     job = LocalJob(request, {"asset": asset}, {}, load_settings())
     job.check(force=True)
     run = job.start()
-    assert isinstance(run, TextDeformRun)
+    if not isinstance(run, TextDeformRun):
+        raise ParameterError("The prompt is a change in plain words, which has no front.", advice="Leave it out.")
     return run.orientation.to_dict()
 
 
@@ -102,6 +104,8 @@ def _selectable(found: dict[str, Any]) -> list[str]:
             lines.append(f"{title} {named}{' ...' if len(found[what]) > _SHOWN else ''}")
     if found["colors"]:
         lines.append("It has vertex colours.")
+    if found["parts"]:
+        lines.append(f"Parts that words can name: {plain(', '.join(found['parts'][:_SHOWN]))}.")
     if found["symmetry"]:
         lines.append(f"Symmetric along {', '.join(found['symmetry'])}.")
     return lines

@@ -141,6 +141,7 @@ def _submitted(
             filename=filename,
             priority=request.priority,
             deadline_s=request.deadline_s,
+            max_run_s=request.max_run_s,
             retention_s=request.retention_s,
             idempotency_key=key,
         )
@@ -163,18 +164,29 @@ def jobs(
         str, option("Only jobs whose prompt, file names or labels have these words.", metavar="WORDS")
     ] = "",
     limit: Annotated[int, option("At most this many.", min=1)] = 20,
+    failed: Annotated[str, option("Only jobs that failed with this error.", metavar="CODE")] = "",
+    retry: Annotated[bool, flag("--retry", "Retry all of them that were not retried before, with --failed.")] = False,
     *,
     place: Place,
     as_json: JsonOption = False,
 ) -> None:
-    """List the jobs of a service, newest first.
+    """List the jobs of a service, newest first, or retry those that failed for one reason.
 
     meshdeform jobs --state running --search "duck vase"
+
+    meshdeform jobs --failed unavailable --retry
     """
+    if retry:
+        if not failed or state is not None or label or search:
+            raise typer.BadParameter("goes with --failed CODE alone", param_hint="--retry")
+        _retry_failed(failed, place, as_json=as_json)
+        return
     if state is not None and state not in (known := complete_states("")):
         raise typer.BadParameter(f"{state!r} is not one of {', '.join(known)}", param_hint="--state")
     with place.connect() as client:
-        every = client.jobs(state=state, metadata=parse_labels(label or []), search=search, limit=min(limit, _PAGE))
+        every = client.jobs(
+            state=state, metadata=parse_labels(label or []), search=search, error=failed, limit=min(limit, _PAGE)
+        )
         found = list(islice(every, limit))
     if as_json:
         emit({"jobs": [job.as_json() for job in found]})
@@ -182,6 +194,21 @@ def jobs(
     titles = ("ID", "STATE", "PROGRESS", "LEFT", "CREATED", "ASSET", "PROMPT")
     now = datetime.now(UTC)
     typer.echo(table(titles, [_row(job, now) for job in found]))
+
+
+def _retry_failed(code: str, place: Place, *, as_json: bool) -> None:
+    """Retry the jobs that failed with an error, print a line for each, and fail if one was refused."""
+    with place.connect() as client:
+        outcomes = client.retry_failed(code)
+    refused = [each for each in outcomes if each.job_id is None]
+    if as_json:
+        emit({"jobs": [each.as_json() for each in outcomes]})
+    else:
+        for each in outcomes:
+            typer.echo(f"{each.of} -> {each.job_id or (each.error.detail if each.error else 'refused')}")
+        note(f"{len(outcomes) - len(refused)} retried, {len(refused)} refused.")
+    if refused:
+        raise typer.Exit(ExitCode.SOME_FAILED)
 
 
 def _row(job: JobView, now: datetime) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ def _deformation(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
     report = run.report
     names = (
         *("source_noun", "carrier", "orientation", "appearance", "likeness", "verdict", "prompts"),
-        *("texture_stretch", "quality", "posed_quality", "silhouettes"),
+        *("texture_stretch", "quality", "posed_quality", "silhouettes", "way", "changes"),
     )
     return {
         **{title: str(files[name]) if name in files else None for title, (name, _) in _FILES.items()},
@@ -50,8 +50,11 @@ def _deformation(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
 def _deformation_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     yield from (f"{title:<10} {summary[name]}" for name, (_, title) in _FILES.items() if summary[name] is not None)
     yield source_line(summary)
-    yield orientation_line(summary["orientation"])
-    yield summary["appearance"]["notice"] or ""
+    if summary["changes"] is not None:
+        yield from change_lines(summary["changes"])
+    else:
+        yield orientation_line(summary["orientation"])
+        yield summary["appearance"]["notice"] or ""
     if summary["prompts"] is not None:
         yield from prompt_lines(summary["prompts"])
     elif summary["likeness"] is not None:
@@ -207,11 +210,19 @@ def source_line(report: Mapping[str, Any]) -> str:
     noun, carrier = report["source_noun"], report["carrier"]
     if noun is not None and noun["recognised"]:
         parts.append(f"Taken for: {noun['noun']} ({noun['probability']:.0%}; --set source_noun=NOUN corrects it)")
+    carrier = carrier or {}
     kept = [f"mirror symmetry across {carrier['mirror']}"] if carrier.get("mirror") else []
     kept += ["level and upright"] if carrier.get("level") else []
     if kept:
         parts.append(f"Kept: {', '.join(kept)}")
     return ". ".join(parts)
+
+
+def change_lines(found: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Return a line for each of the report's `changes`."""
+    for each in found:
+        part = "" if each["part"] == "whole" else f" {each['part']} (found by {each['found_by']})"
+        yield f"Changed: {each['operation']}{part}, {each['asked']:.2f} asked, {each['got']:.2f} got"
 
 
 def stretch_line(found: Mapping[str, float]) -> str:

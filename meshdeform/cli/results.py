@@ -29,11 +29,13 @@ from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset, Limits
+    from meshdeform.deformation.edit_map import EditMap
     from meshdeform.requests.document import MorphPath
     from meshdeform.settings import Settings
 
 _ANIMATED = (".webp", ".gif")
 _CONVERTED = (".glb", ".stl")
+_MAP = ".safetensors"
 _OBJ = (
     "OBJ is not written any more. Convert the GLB with Blender, which keeps its materials: "
     "docs/recipes.md has the command for USDZ, and wm.obj_export writes OBJ."
@@ -44,50 +46,125 @@ _OBJ = (
 @with_options(of_request("output", "Morph", only=("morph_path",)))
 def apply(
     ctx: typer.Context,
-    result: Annotated[Path, file_argument("The deformed GLB.")],
+    files: Annotated[list[Path], file_argument("The deformed GLB. With --map, the files to deform alike.")],
     strength: Annotated[
         float, option("0: the source; 1: the result; more: exaggerated.", min=0.0, max=MAX_STRENGTH)
     ] = 1.0,
     source: Annotated[
         Path | None, file_option("The asset that was deformed. Default: the one that the report beside RESULT names.")
     ] = None,
-    output: Annotated[Path | None, output_option("The GLB to write. Default: RESULT-60.glb.")] = None,
+    output: Annotated[
+        Path | None,
+        output_option(
+            "The GLB to write; of several files, the folder. A name in .safetensors: the map of RESULT, for --map. "
+            "Default: RESULT-60.glb, or FILE-edited.glb with --map."
+        ),
+    ] = None,
+    edit: Annotated[
+        Path | None,
+        typer.Option("--map", help="Deform FILES as this deformed GLB was, or by a map.", exists=True, dir_okay=False),
+    ] = None,
+    outside: Annotated[
+        Literal["refuse", "rigid"], option("Of pieces that reach out of what the map deforms, with --map.")
+    ] = "refuse",
     morph: Annotated[bool, flag("--morph", "Instead: the whole way, as an animation.")] = False,
     compact: Annotated[bool, flag("--compact", "Drop data that the new shape made unused.")] = False,
     force: ForceOption = False,
 ) -> None:
-    """Write RESULT at another strength, or its morph. Needs the asset that was deformed, and no new run.
+    """Write RESULT at another strength, or its morph; or deform other files as it was. Needs no new run.
 
     meshdeform apply mushroom.glb --strength 0.6 --source examples/sphere.glb
 
     meshdeform apply mushroom.glb --morph --frames 12 --ping-pong
+
+    meshdeform apply lod1.glb lod2.glb collision.glb --map knight.glb -o edited
     """
     require("torch", "deform")
     output_options = written(ctx, "output")
     morph = morph or bool(output_options)
+    if edit is not None:
+        if morph:
+            raise typer.BadParameter("a map has no morph; leave --map or the options of the morph out")
+        _apply_map(edit, files, output, source, strength, outside, compact=compact, force=force)
+        return
+    if len(files) > 1:
+        raise typer.BadParameter("name one result; to deform several files as another one was, give that one as --map")
+    (result,) = files
     way = make_request("", {}, output=output_options).output.morph_path
     ending = "morph" if morph else f"{100 * strength:g}"
     path = output or result.with_name(f"{result.stem}{'.' if morph else '-'}{ending}.glb")
     check_free([path], [result, source], force=force)
-    write_all({path: _at_strength(result, source, strength, way, morph=morph, compact=compact)}, what=path)
+    if path.suffix.lower() == _MAP:
+        write_all({path: _map_of(result, source, strength).to_bytes()}, what=path)
+    else:
+        write_all({path: _at_strength(result, source, strength, way, morph=morph, compact=compact)}, what=path)
     typer.echo(path)
 
 
-def _at_strength(
-    result: Path, source: Path | None, strength: float, way: MorphPath, *, morph: bool, compact: bool
-) -> bytes:
+def _apply_map(
+    edit: Path,
+    files: list[Path],
+    output: Path | None,
+    source: Path | None,
+    strength: float,
+    outside: Literal["refuse", "rigid"],
+    *,
+    compact: bool,
+    force: bool,
+) -> None:
+    from meshdeform.assets import Limits
+    from meshdeform.deformation.edit_map import EditMap, Outside
+    from meshdeform.runs.strength import with_edit
+
+    if output is not None and len(files) > 1 and output.suffix:
+        raise typer.BadParameter("of several files, name a folder", param_hint="--output")
+    names = [f"{path.stem}-edited.glb" if output is None else f"{path.stem}.glb" for path in files]
+    if output is None or len(files) == 1:
+        paths = [output or path.with_name(name) for path, name in zip(files, names, strict=True)]
+    else:
+        paths = [output / name for name in names]
+    if len(set(paths)) < len(paths):
+        raise typer.BadParameter("two files have the same name; deform them one by one")
+    is_map = edit.suffix.lower() == _MAP
+    if is_map and strength != 1:
+        raise typer.BadParameter("a map has one strength; give the deformed GLB as --map")
+    check_free(paths, [*files, edit, source], force=force)
+    carried = EditMap.read(str(edit)) if is_map else _map_of(edit, source, strength)
+    limits = Limits.from_settings(load_settings())
+    for file, path in zip(files, paths, strict=True):
+        made = with_edit(read_asset(file, limits), carried, Outside(outside), compact=compact)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_all({path: made}, what=path)
+        typer.echo(path)
+
+
+def _read(result: Path, source: Path | None) -> tuple[bytes, Asset, list[str | int], Limits]:
+    """Return the bytes of a result, its source, and what its run excluded, and set the threads."""
     from meshdeform.assets import Limits
     from meshdeform.runs.devices import use_threads
-    from meshdeform.runs.strength import AssetPath, matched, with_strength, write_morph
-    from meshdeform.runs.surfaces import read_result
 
     settings = load_settings()
     use_threads(settings.threads)
     data = result.read_bytes()
     limits = Limits.from_settings(settings)
     report = _report_of(result, hashlib.sha256(data).hexdigest())
-    asset = _source(result, report, source, limits)
-    exclude = report["params"].get("exclude", [])
+    return data, _source(result, report, source, limits), report["params"].get("exclude", []), limits
+
+
+def _map_of(result: Path, source: Path | None, strength: float) -> EditMap:
+    from meshdeform.runs.strength import edit_of
+
+    data, asset, exclude, limits = _read(result, source)
+    return edit_of(asset, data, strength, exclude=exclude, limits=limits)
+
+
+def _at_strength(
+    result: Path, source: Path | None, strength: float, way: MorphPath, *, morph: bool, compact: bool
+) -> bytes:
+    from meshdeform.runs.strength import AssetPath, matched, with_strength, write_morph
+    from meshdeform.runs.surfaces import read_result
+
+    data, asset, exclude, limits = _read(result, source)
     if not morph:
         return with_strength(asset, data, strength, exclude=exclude, limits=limits, compact=compact)
     asset, end = matched(asset, read_result(data), exclude, limits)

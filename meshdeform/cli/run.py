@@ -31,7 +31,7 @@ def _file(text: str) -> Any:
 @with_options(
     of_kind("text_deform", short=DEFORMATION),
     of_request("output", _OUTPUTS),
-    of_request("job", "Service", only=("kind", "priority", "deadline_s", "retention_s")),
+    of_request("job", "Service", only=("kind", "priority", "deadline_s", "max_run_s", "retention_s")),
 )
 def run(
     ctx: typer.Context,

@@ -46,6 +46,8 @@ __all__ = [
     "Limits",
     "ModelList",
     "ModelView",
+    "RetriedJob",
+    "RetriedJobs",
     "SignedUrl",
     "SketchGuess",
     "SketchGuesses",
@@ -167,6 +169,19 @@ class JobList(_Open):
     """A page of jobs, newest first."""
 
     jobs: list[JobView]
+    next_cursor: str | None = None
+
+
+class RetriedJob(views.RetriedJob):
+    """A failed job, and what became of its retry."""
+
+    model_config = _OPEN
+
+
+class RetriedJobs(_Open):
+    """A page of failed jobs, newest first."""
+
+    jobs: list[RetriedJob]
     next_cursor: str | None = None
 
 

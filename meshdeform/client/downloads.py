@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import IO
 
 from meshdeform.client.documents import ArtifactView
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import StoredFileError, UnavailableError
 
 __all__ = ["AFTERWARDS", "PartialFile", "is_same", "to_disk"]
 
-AFTERWARDS = ("morph.glb", "result.stl")
+AFTERWARDS = ("morph.glb", "map.safetensors", "result.stl")
 """The artifacts that the service can make of a job that has succeeded."""
 
 _BATCH = 2**20
@@ -24,16 +24,18 @@ class PartialFile:
     """The received part of a file, and its digest."""
 
     def __init__(self, file: IO[bytes]) -> None:
-        self._file, self.tag = file, ""
+        self._file, self.tag, self._resumed = file, "", False
         self._hash, self._count = hashlib.sha256(), 0
         self._waiting, self._waiting_bytes = list[bytes](), 0
 
     def headers(self) -> dict[str, str]:
         """Return the headers that request the rest."""
+        self._resumed = bool(self._count)
         return {"Range": f"bytes={self._count}-", "If-Range": self.tag} if self._count else {}
 
     def begin(self) -> None:
         """Discard what has been received."""
+        self._resumed = False
         self._file.seek(0)
         self._file.truncate()
         self._hash, self._count = hashlib.sha256(), 0
@@ -58,12 +60,17 @@ class PartialFile:
 
         Raises
         ------
+        StoredFileError
+            They differ, after the download broke off: the service withholds the last bytes of a damaged file, and
+            cannot verify the range that then resumes it.
         UnavailableError
-            They differ.
+            They differ, though the service has verified what it sent.
         """
         sent = _SHA256.fullmatch(self.tag)
         for expected in (sent[1] if sent else None, sha256):
             if expected is not None and expected != self._hash.hexdigest():
+                if self._resumed:
+                    raise StoredFileError("The received bytes differ from what was stored.")
                 raise UnavailableError("The received bytes differ from what the service sent.", advice="Try again.")
 
 

@@ -64,8 +64,10 @@ class Order:
     metadata: Mapping[str, str] | None = None
     priority: int | None = None
     deadline_s: float | None = None
+    max_run_s: float | None = None
     retention_s: float | None = None
     kind: str | None = None
+    webhook: str | Mapping[str, Any] | None = None
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document.
@@ -83,7 +85,9 @@ class Order:
             "metadata": self.metadata,
             "priority": self.priority,
             "deadline_s": self.deadline_s,
+            "max_run_s": self.max_run_s,
             "retention_s": self.retention_s,
+            "webhook": {"url": self.webhook} if isinstance(self.webhook, str) else self.webhook,
         }
         given = {name: value for name, value in members.items() if value is not None}
         # Not validated here: the service validates and reports all errors.

@@ -38,14 +38,22 @@ _Floats = NDArray[np.float64]
 
 
 class Binding:
-    """Binding of the vertices of a mesh to a simplified one."""
+    """Binding of the vertices of a mesh to a simplified one.
 
-    def __init__(self, simple: RestMesh, whole: RestMesh) -> None:
+    Parameters
+    ----------
+    closely : bool
+        Average only where the whole mesh is much finer: closer to the deformation, and less smooth.
+    """
+
+    def __init__(self, simple: RestMesh, whole: RestMesh, *, closely: bool = False) -> None:
         self._simple, self._points = simple, whole.verts.numpy()
         self._places = NearestPlaces(simple, self._points, corner_normals(whole))
         self._average = _average_around(whole)
         ratio = whole.faces.shape[0] / simple.faces.shape[0]
         self._rounds = min(max(math.ceil(ratio / _FACES_PER_ROUND), _ROUNDS[0]), _ROUNDS[1])
+        if closely:
+            self._rounds = min(int(ratio / _FACES_PER_ROUND), _ROUNDS[1])
 
     def move(self, verts: Tensor) -> _Floats:
         """Return the vertices of the whole mesh for deformed vertices (V, 3) float64 of the simple one."""

@@ -121,8 +121,6 @@ class Database:
         with _answers(), self._engine.begin() as connection:
             yield connection
 
-    write_once = write
-
     def now(self, later_s: float = 0.0) -> Any:
         """Return the current time, or a time so many seconds later, by the clock that all processes share.
 
@@ -134,6 +132,15 @@ class Database:
         if not later_s:
             return _NOW
         return sa.type_coerce(_CLOCK + sa.literal(timedelta(seconds=later_s), sa.Interval()), UtcDateTime)
+
+    def seconds(self, start: sa.ColumnElement[Any], end: Any) -> sa.ColumnElement[float]:
+        """Return the expression for the seconds between two times; 0 if one is unknown, or the clock was set back."""
+        if self.is_sqlite:
+            end = sa.literal(end, UtcDateTime()) if isinstance(end, datetime) else end
+            between: Any = (sa.func.julianday(end) - sa.func.julianday(start)) * 86_400.0
+        else:
+            between = sa.cast(sa.extract("epoch", end - start), sa.Double)
+        return sa.case((between > 0.0, between), else_=0.0)
 
     def clock(self) -> datetime:
         """Return the current time by the clock of `now`, as a value."""

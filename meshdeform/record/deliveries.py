@@ -69,6 +69,7 @@ def payload_of(job: Job, event: Event) -> dict[str, Any]:
 _LISTENING = (
     sa.select(webhooks.c.id, webhooks.c.events)
     .where(webhooks.c.owner_id == sa.bindparam("owner"), webhooks.c.disabled_at.is_(None))
+    .where(sa.or_(webhooks.c.job_id.is_(None), webhooks.c.job_id == sa.bindparam("job")))
     .order_by(webhooks.c.id)
     # Locked: a concurrent deletion has either happened or waits until the message is written.
     .with_for_update(read=True, key_share=True)
@@ -76,10 +77,10 @@ _LISTENING = (
 
 
 def write_deliveries(connection: sa.Connection, database: Database, job: Job, event: Event) -> None:
-    """Write a message for every webhook of the job's owner that subscribes to the event."""
+    """Write a message for every webhook of the job, or of its owner, that subscribes to the event."""
     if f"job.{event.type}" not in _TYPES:
         return
-    for webhook in connection.execute(_LISTENING, {"owner": job.owner_id}).all():
+    for webhook in connection.execute(_LISTENING, {"owner": job.owner_id, "job": job.id}).all():
         if webhook.events and f"job.{event.type}" not in webhook.events:
             continue
         now = database.now()

@@ -20,18 +20,18 @@ from meshdeform.record.database import Database
 from meshdeform.record.files import measure
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
 from meshdeform.record.schema import artifacts, checkpoints, events, jobs, workers
+from meshdeform.record.turns import USUAL, Ids, Turns, choices, hold_claims, waits_longer
 from meshdeform.requests.document import params_by_kind
 
-__all__ = ["RELEASED", "Leases", "WorkerIdentity"]
+__all__ = ["Leases", "WorkerIdentity", "released"]
 
 _log = logging.getLogger(__name__)
-_Ids = sa.Select[tuple[str]]
 _queued = jobs.c.state == JobState.QUEUED
-RELEASED: dict[str, Any] = {"worker_id": None, "lease_expires_at": None, "eta_s": None}
 
 _ALIVE_S = 30.0
 """Seconds without a renewal after which a worker counts as silent: three times the renewal interval."""
 _KEPT_S = 86_400.0
+_LONGEST_WAIT_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -58,27 +58,33 @@ class Leases:
 
     def claim(self, job_id: str, worker_id: str, lease_s: float) -> Job | None:
         """Claim a queued job as a new attempt. None: it is not queued, is over, was deleted, or cannot be read here."""
-        return self._claim(lambda readable: (readable.where(jobs.c.id == job_id),), worker_id, lease_s)
+        return self._claim(lambda readable: (readable.where(jobs.c.id == job_id),), worker_id, lease_s, USUAL)
 
-    def claim_next(self, worker_id: str, lease_s: float) -> Job | None:
-        """Claim a queued job of the highest priority; return None if none is queued that this process can read.
+    def claim_next(self, worker_id: str, lease_s: float, turns: Turns = USUAL) -> Job | None:
+        """Claim a queued job of the highest priority; return None if there is none that this process may start.
 
         Owners with jobs of that priority take turns, each with its oldest job, so that a job waits for one job of every
-        other owner and not for all that were queued before.
+        other owner and not for all that were queued before (`turns.choices`).
         """
-        job = self._claim(self._in_turn, worker_id, lease_s)
+
+        def next_one(readable: Ids) -> tuple[Ids, ...]:
+            return choices(self._database, readable, turns, self._last_served())
+
+        job = self._claim(next_one, worker_id, lease_s, turns)
         if job is not None:
             self._served = job.owner_id
         return job
 
-    def _in_turn(self, readable: _Ids) -> tuple[_Ids, ...]:
-        by_urgency = readable.order_by(jobs.c.priority.desc(), jobs.c.id)
-        top = by_urgency.with_only_columns(jobs.c.priority).limit(1).scalar_subquery()
-        # In the order of an index (ix_jobs_share), so that each is one look-up in it.
-        in_turn = readable.where(jobs.c.priority == top).order_by(jobs.c.owner_id, jobs.c.id)
-        after = in_turn.where(jobs.c.owner_id > self._last_served())
-        # After the last owner comes the first; the last choice is for when other workers hold all of that priority.
-        return after, in_turn, by_urgency
+    def hand_over(self, job: Job, turns: Turns) -> bool:
+        """Return whether a running job is to be handed over to one that has waited; it is marked, so that no more are.
+
+        It must then be released soon with `handed_over`.
+        """
+        waiting = waits_longer(self._database, self._readable(), turns, job)
+        stays = sa.and_(rows.fenced(job.id, job.attempt), jobs.c.yielded_at.is_(None))
+        mark = sa.update(jobs).where(stays, waiting.exists()).values(yielded_at=self._database.now())
+        with self._database.write() as connection:
+            return connection.execute(mark.returning(jobs.c.id)).first() is not None
 
     def _last_served(self) -> Any:
         """Return the owner whom this process served last, else the one whom any worker did."""
@@ -88,12 +94,15 @@ class Leases:
         newest = running.order_by(jobs.c.started_at.desc()).limit(1).scalar_subquery()
         return sa.func.coalesce(newest, "")
 
-    def _claim(self, choose: Callable[[_Ids], tuple[_Ids, ...]], worker_id: str, lease_s: float) -> Job | None:
+    def _claim(
+        self, choose: Callable[[Ids], tuple[Ids, ...]], worker_id: str, lease_s: float, turns: Turns
+    ) -> Job | None:
         """Claim the first job of the first choice that has one, passing over jobs that only other versions can read."""
         while True:
             job = None
             try:
                 with changing(self._database) as change:
+                    hold_claims(self._database, change.connection, turns)
                     job = self._take(change, choose(self._readable()), worker_id, lease_s)
                     if job is not None:
                         _ = job.request
@@ -104,7 +113,7 @@ class Leases:
                 _log.warning("job %s is left to workers that can read it: %s", job.id, error.detail)
                 self._unreadable.add(job.id)
 
-    def _readable(self) -> _Ids:
+    def _readable(self) -> Ids:
         """Return the query for the queued jobs that this process can read, as far as it knows."""
         query = sa.select(jobs.c.id).where(_queued, jobs.c.kind.in_(sorted(params_by_kind())))
         if not self._unreadable:
@@ -114,7 +123,7 @@ class Leases:
         members = sa.func.json_each(ids) if self._database.is_sqlite else sa.func.json_array_elements_text(ids)
         return query.where(jobs.c.id.not_in(sa.select(members.table_valued("value").c.value)))
 
-    def _take(self, change: Change, choices: Sequence[_Ids], worker_id: str, lease_s: float) -> Job | None:
+    def _take(self, change: Change, choices: Sequence[Ids], worker_id: str, lease_s: float) -> Job | None:
         now = self._database.now()
         values = {
             "state": JobState.RUNNING,
@@ -122,6 +131,10 @@ class Leases:
             "worker_id": worker_id,
             "lease_expires_at": self._database.now(lease_s),
             "started_at": sa.func.coalesce(jobs.c.started_at, now),
+            "claimed_at": now,
+            "yielded_at": None,
+            "retry_at": None,
+            "error": None,
             "phase": "loading",
         }
         for choice in choices:
@@ -139,8 +152,7 @@ class Leases:
         """Renew the lease of a job and the row of its worker; return the job's state, which may be `canceling`."""
         renew = sa.update(jobs).where(rows.fenced(job_id, attempt))
         renew = renew.values(lease_expires_at=self._database.now(lease_s))
-        opened = self._database.write_once if worker is None else self._database.write
-        with opened() as connection:
+        with self._database.write() as connection:
             state = connection.execute(renew.returning(jobs.c.state)).scalar_one_or_none()
             if state is None:
                 raise stale(connection, job_id, attempt)
@@ -150,7 +162,7 @@ class Leases:
 
     def idle(self, worker: WorkerIdentity) -> None:
         """Renew the row of a worker without a job."""
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             self._renew(connection, worker)
 
     def _renew(self, connection: sa.Connection, worker: WorkerIdentity) -> None:
@@ -201,7 +213,7 @@ class Leases:
             if as_event
             else change.returning(jobs.c.state)
         )
-        with self._database.write_once() as connection:
+        with self._database.write() as connection:
             state = connection.execute(statement).scalar_one_or_none()
             if state is None:
                 raise stale(connection, job_id, attempt)
@@ -218,7 +230,7 @@ class Leases:
         size: int = 0,
         mesh: Artifact | None = None,
     ) -> None:
-        """Record a stored checkpoint and the mesh of that step. If it is new progress, forget lost attempts."""
+        """Record a stored checkpoint and the mesh of that step. New progress: forget lost and failed attempts."""
         values = {
             "job_id": job_id,
             "attempt": attempt,
@@ -240,8 +252,10 @@ class Leases:
                 raise stale(change.connection, job_id, attempt)
             change.connection.execute(insert)
             measure(change.connection, job_id)
-            if changed[0].lost_attempts and not self._reached_before(change.connection, job_id, attempt, step):
-                change.connection.execute(sa.update(jobs).where(jobs.c.id == job_id).values(lost_attempts=0))
+            unlucky = changed[0].lost_attempts or changed[0].failures
+            if unlucky and not self._reached_before(change.connection, job_id, attempt, step):
+                fresh = sa.update(jobs).where(jobs.c.id == job_id).values(lost_attempts=0, failures=0)
+                change.connection.execute(fresh)
 
     def _reached_before(self, connection: sa.Connection, job_id: str, attempt: int, step: int) -> bool:
         """Return whether an earlier attempt stored a checkpoint of this step or a later one, deleted or not."""
@@ -286,7 +300,7 @@ class Leases:
         asked = jobs.c.state == JobState.CANCELING
         canceled_anyway = state is JobState.SUCCEEDED
         values = {
-            **RELEASED,
+            **released(self._database),
             "state": sa.case((asked, JobState.CANCELED), else_=state) if canceled_anyway else state,
             "fraction": sa.case((asked, jobs.c.fraction), else_=1.0) if canceled_anyway else jobs.c.fraction,
             "error": error.model_dump() if error else None,
@@ -319,9 +333,15 @@ class Leases:
             change.connection.execute(sa.insert(artifacts).values(values))
         measure(change.connection, job_id)
 
-    def release(self, job_id: str, attempt: int) -> None:
-        """Hand a job back to the queue, with its checkpoints; cancel it if a cancellation was requested."""
-        self._write(job_id, attempt, self._back({}), _queued_or_canceled, _why("handed_back"))
+    def release(self, job_id: str, attempt: int, *, handed_over: bool = False) -> None:
+        """Hand a job back to the queue, with its checkpoints; cancel it if a cancellation was requested.
+
+        With `handed_over` it makes room for others (`hand_over`), and waits as if it had been queued now.
+        """
+        values = {"yielded_at": self._database.now()} if handed_over else {}
+        why = _why("handed_over" if handed_over else "handed_back")
+        counter = "hand_overs" if handed_over else ""
+        self._write(job_id, attempt, self._back(values), _queued_or_canceled, why, counter=counter)
 
     def out_of_memory(self, job_id: str, attempt: int, max_attempts: int) -> JobState:
         """Hand back a job that ran out of device memory; after `max_attempts` such attempts it fails (`gpu_oom`)."""
@@ -330,7 +350,7 @@ class Leases:
             where = rows.fenced(job_id, attempt)
             last = sa.and_(jobs.c.state == JobState.RUNNING, jobs.c.oom_attempts + 1 >= max_attempts)
             over = {
-                **RELEASED,
+                **released(self._database),
                 "state": JobState.FAILED,
                 "error": JobError.of(error).model_dump(),
                 "finished_at": self._database.now(),
@@ -343,6 +363,39 @@ class Leases:
                 changed = change.update(where, back, _queued_or_canceled, _why("out_of_memory"))
             if not changed:
                 raise stale(change.connection, job_id, attempt)
+        return JobState(changed[0].state)
+
+    def postpone(self, job_id: str, attempt: int, error: JobError, max_attempts: int, delay_s: float) -> JobState:
+        """Hand back a job after a failure that may pass; after `max_attempts` in a row it fails with that error.
+
+        It is tried again after `delay_s` seconds, four times as many after each further failure, at most ten minutes.
+        """
+        with changing(self._database) as change:
+            where = rows.fenced(job_id, attempt)
+            before = change.connection.scalar(sa.select(jobs.c.failures).where(where).with_for_update())
+            if before is None:
+                raise stale(change.connection, job_id, attempt)
+            document = error.model_dump()
+            if before + 1 >= max_attempts:
+                over = {"state": JobState.FAILED, "finished_at": self._database.now(), "phase": "done"}
+                over = {**released(self._database), **over, "error": document, "failures": before + 1}
+                running = sa.and_(where, jobs.c.state == JobState.RUNNING)
+                if changed := change.update(running, over, EventType.FAILED, {"error": document}):
+                    return JobState(changed[0].state)
+            asked = jobs.c.state == JobState.CANCELING
+            wait_s = min(delay_s * 4.0**before, _LONGEST_WAIT_S)
+            back = {
+                "failures": before + 1,
+                "error": sa.case((asked, None), else_=sa.literal(document, jobs.c.error.type)),
+                "retry_at": self._database.now(wait_s),
+            }
+
+            def why(row: Row) -> dict[str, Any]:
+                if row.state != JobState.QUEUED:
+                    return {}
+                return {"reason": "failure", "error": document, "retry_at": row.retry_at.isoformat()}
+
+            changed = change.update(where, self._back(back), _queued_or_canceled, why)
         return JobState(changed[0].state)
 
     def worker_ended(self, worker_id: str) -> bool:
@@ -365,19 +418,31 @@ class Leases:
     def _back(self, more: dict[str, Any]) -> dict[str, Any]:
         asked = jobs.c.state == JobState.CANCELING
         return {
-            **RELEASED,
+            **released(self._database),
             "state": sa.case((asked, JobState.CANCELED), else_=JobState.QUEUED),
             "finished_at": sa.case((asked, self._database.now()), else_=None),
             "phase": sa.case((asked, "done"), else_="queued"),
             **more,
         }
 
-    def _write(self, job_id: str, attempt: int, values: dict[str, Any], happened: Any, data: Any) -> Row:
+    def _write(
+        self, job_id: str, attempt: int, values: dict[str, Any], happened: Any, data: Any, *, counter: str = ""
+    ) -> Row:
         with changing(self._database) as change:
             changed = change.update(rows.fenced(job_id, attempt), values, happened, data)
             if not changed:
                 raise stale(change.connection, job_id, attempt)
+            if counter:
+                change.counters.add(counter)
         return changed[0]
+
+
+def released(database: Database, until: Any = None) -> dict[str, Any]:
+    """Return the values of a job that its worker no longer has; `until` is when it last had it, by default now."""
+    ran_s = database.seconds(jobs.c.claimed_at, database.now() if until is None else until)
+    # An earlier version that claims it next does not say when.
+    more = {"ran_s": jobs.c.ran_s + ran_s, "claimed_at": None}
+    return {"worker_id": None, "lease_expires_at": None, "eta_s": None, **more}
 
 
 def _why(reason: str) -> Callable[[Row], dict[str, Any]]:

@@ -138,12 +138,19 @@ class Job(_Frozen):
     origin: Origin | None = None
     deadline_at: datetime | None = None
     retain_until: datetime | None = None
+    retry_at: datetime | None = None
+    """When a job that waits after a failure is tried again."""
     oom_attempts: int = 0
+    ran_s: float = 0.0
+    """Seconds for which its attempts ran, without one that runs now."""
     event_seq: int = 0
     request_id: str | None = None
     traceparent: str | None = None
     artifacts: tuple[Artifact, ...] = ()
     """The results of a job that has succeeded, by name; read by `JobRecord.get` and `list_jobs` only."""
+    faces: int | None = None
+    parts: int | None = None
+    """The triangles and meshes of its asset; None if unknown."""
 
     @cached_property
     def request(self) -> JobRequest:
@@ -197,6 +204,8 @@ class NewJob:
         The HTTP request that created it, for logs and traces.
     resolved : BaseModel, optional
         The values of all parameters, as the check of the request returned them.
+    faces, parts : int, optional
+        The triangles and meshes of its asset, if known.
     claim, answer : Claim and callable, optional
         The idempotency key of the HTTP request, and what returns the answer from the new job; written with the job.
     """
@@ -212,6 +221,8 @@ class NewJob:
     request_id: str | None = None
     traceparent: str | None = None
     resolved: BaseModel | None = None
+    faces: int | None = None
+    parts: int | None = None
     claim: Claim | None = None
     answer: Callable[[Job], dict[str, Any]] | None = None
 

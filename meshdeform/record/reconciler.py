@@ -221,10 +221,11 @@ class Reconciler:
         lease_s: float,
         *,
         store: ObjectStore | None = None,
+        max_running: int = 0,
         every_s: float | None = None,
     ) -> None:
         self._record, self._queue, self._max_attempts, self._lease_s = record, queue, max_attempts, lease_s
-        self._store = store
+        self._store, self._max_running = store, max_running
         self._every_s = min(RECONCILE_EVERY_S, lease_s / 6) if every_s is None else every_s
         self._watch = Watch(lease_s, self._every_s)
         self._announced: list[str] = []
@@ -282,7 +283,7 @@ class Reconciler:
             self._queue.publish_cancel(job_id)
 
     def _announce(self) -> None:
-        """Ensure that Redis has a message for every queued job.
+        """Ensure that Redis has a message for every queued job that may start.
 
         Workers claim the next job, whichever message they read. So as long as there are as many messages as queued
         jobs, none is forgotten, and they need not be compared one by one.
@@ -299,7 +300,7 @@ class Reconciler:
 
     def _missing(self) -> int:
         """Return how many messages there are too few."""
-        return self._record.upkeep.queued_count() - self._queue.length()
+        return self._record.upkeep.queued_count(self._max_running) - self._queue.length()
 
     def _announce_missing(self, count: int) -> None:
         """Repeat so many lost messages; ever less often those of a job that nobody claims, which no worker can read."""
@@ -307,7 +308,7 @@ class Reconciler:
         if count <= 0:
             return
         announced = self._queue.announced()
-        lost = [each for each in self._record.upkeep.queued_ids() if each not in announced]
+        lost = [each for each in self._record.upkeep.queued_ids(self._max_running) if each not in announced]
         repeated = self._repeated = {each: self._repeated.get(each, (0, 0)) for each in lost}
         due = [each for each in lost if repeated[each][1] <= self._round]
         for job_id in due[: max(0, count - (len(lost) - len(due)))]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import secrets as random
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 
 import sqlalchemy as sa
@@ -27,7 +27,7 @@ from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_jo
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
-from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets
+from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets, webhooks
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
@@ -53,7 +53,7 @@ class JobRecord:
         self.uploads = UploadLedger(self._database, self.files)
         self.idempotency = IdempotencyLedger(self._database)
         self.deliveries = Deliveries(self._database)
-        self.webhooks = WebhookBook(self._database, self.deliveries)
+        self.webhooks = WebhookBook(self._database, self.deliveries, self.secret)
         self.keys = KeyRing(self._database)
         self._rooms = Rooms()
 
@@ -84,6 +84,8 @@ class JobRecord:
         check_priority(new.request.priority, new.max_priority)
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
+        own = new.request.webhook
+        webhook = None if own is None else self.webhooks.of_job(values["id"], new.owner_id, own.url, own.events)
         with changing(self._database) as change:
             connection = change.connection
             added = self._hold_to_limits(connection, new)
@@ -97,6 +99,8 @@ class JobRecord:
                 *(NewRow(labels, {"job_id": job_id, "name": k, "value": v}) for k, v in new.request.metadata.items()),
                 NewRow(job_texts, {"job_id": job_id, "text": searched_text(new)}),
             )
+            if webhook is not None:
+                connection.execute(sa.insert(webhooks).values(webhook))
             change.write_event(row, EventType.QUEUED, _beginning(new))
             job = rows.job(row)
             if new.claim is not None:
@@ -121,11 +125,13 @@ class JobRecord:
         created_after: datetime | None = None,
         words: str = "",
         kind: JobKind | None = None,
+        error: str | None = None,
     ) -> Page:
         """Return a page of jobs, newest first.
 
         The cursor is `next_cursor` of the page before (`ParameterError`: it is not valid). All conditions must hold:
-        state, owner, labels, kind, a later creation, and all words in the prompt, file names or labels, in any case.
+        state, owner, labels, kind, a later creation, all words in the prompt, file names or labels, in any case, and
+        the code of the error with which the job failed.
         """
         query = sa.select(jobs).order_by(jobs.c.id.desc()).limit(limit + 1)
         if owner is not None:
@@ -134,6 +140,8 @@ class JobRecord:
             query = query.where(jobs.c.state == state)
         if kind is not None:
             query = query.where(jobs.c.kind == kind)
+        if error is not None:
+            query = query.where(jobs.c.state == JobState.FAILED, jobs.c.error["code"].as_string() == error)
         for name, value in (metadata or {}).items():
             labelled = sa.select(labels.c.job_id).where(labels.c.name == name, labels.c.value == value)
             query = query.where(jobs.c.id.in_(labelled))
@@ -150,6 +158,15 @@ class JobRecord:
         more = len(found) > limit
         return Page(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
 
+    def continued(self, job_ids: Sequence[str], owner: str) -> set[str]:
+        """Return which of an owner's jobs another of the owner's jobs continues."""
+        if not job_ids:
+            return set()
+        origin = jobs.c.origin["job_id"].as_string()
+        later = sa.and_(jobs.c.owner_id == owner, jobs.c.id > min(job_ids), jobs.c.origin.is_not(None))
+        with self._database.read() as connection:
+            return set(connection.scalars(sa.select(origin).where(later, origin.in_(job_ids))))
+
     def request_cancel(self, job_id: str, owner: str | None = None) -> Job:
         """Cancel a queued job at once; mark a running one as `canceling`. Repeating this is not an error.
 
@@ -161,6 +178,7 @@ class JobRecord:
             "state": sa.case((queued, JobState.CANCELED), else_=JobState.CANCELING),
             "finished_at": sa.case((queued, self._database.now()), else_=None),
             "phase": sa.case((queued, "done"), else_=jobs.c.phase),
+            "error": None,  # of a failure after which it was to be tried again
         }
         with changing(self._database) as change:
             if changed := change.update(open_, values, lambda row: EventType(row.state)):
@@ -189,6 +207,7 @@ class JobRecord:
                     state=job.state.value,
                 )
             connection.execute(sa.insert(discarded).values(prefix=f"jobs/{job_id}/"))
+            connection.execute(sa.delete(webhooks).where(webhooks.c.job_id == job_id))
         return keys
 
     def artifacts(self, job_id: str, owner: str | None = None) -> list[Artifact]:

@@ -55,6 +55,8 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "resolved": new.resolved.model_dump(mode="json") if new.resolved else None,
         "files": {part: file.model_dump() for part, file in new.files.items()},
         "origin": origin.model_dump(mode="json") if origin else None,
+        "faces": new.faces,
+        "parts": new.parts,
         "priority": request.priority,
         "deadline_at": deadline,
         "retention_s": request.retention_s or new.retention_s,
@@ -112,10 +114,14 @@ def job(row: Row) -> Job:
         origin=_origin(row.origin) if row.origin else None,
         deadline_at=row.deadline_at,
         retain_until=row.retain_until,
+        retry_at=row.retry_at,
         oom_attempts=row.oom_attempts,
+        ran_s=row.ran_s,
         event_seq=row.event_seq,
         request_id=row.request_id,
         traceparent=row.traceparent,
+        faces=row.faces,
+        parts=row.parts,
     )
 
 

@@ -121,7 +121,7 @@ jobs = sa.Table(
     sa.Column("oom_attempts", sa.Integer, nullable=False),
     sa.Column("worker_id", sa.String(255)),
     sa.Column("lease_expires_at", UtcDateTime),
-    # Time of the newest claim, and the seconds that earlier attempts ran.
+    # Since when its worker has it, and the seconds that earlier attempts ran.
     sa.Column("claimed_at", UtcDateTime),
     sa.Column("ran_s", sa.Double, nullable=False, server_default="0"),
     # When it was handed back so that others could run; it takes its turn as if it had been queued then.
@@ -156,6 +156,8 @@ jobs = sa.Table(
 # The order in which workers claim jobs: by priority, and within one the owners in turn.
 sa.Index("ix_jobs_urgency", jobs.c.state, jobs.c.priority.desc(), jobs.c.id)
 sa.Index("ix_jobs_share", jobs.c.state, jobs.c.priority, jobs.c.owner_id, jobs.c.id)
+_yielded = jobs.c.yielded_at.is_not(None)
+sa.Index(None, jobs.c.state, jobs.c.yielded_at, sqlite_where=_yielded, postgresql_where=_yielded)
 
 # The stored files that a job needs: those of its parts, and the checkpoint of its origin as `ORIGIN`. Never changed.
 job_files = sa.Table(

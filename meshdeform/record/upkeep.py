@@ -13,9 +13,10 @@ from meshdeform.errors import WorkerLostError
 from meshdeform.record import rows
 from meshdeform.record.changes import Change, Row, changing
 from meshdeform.record.database import Database
-from meshdeform.record.leases import RELEASED
+from meshdeform.record.leases import released
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
 from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads
+from meshdeform.record.turns import may_start
 
 __all__ = ["IDEMPOTENCY_KEPT_S", "Upkeep", "Watch"]
 
@@ -98,9 +99,11 @@ class Upkeep:
         running = sa.and_(held, jobs.c.state == JobState.RUNNING)
         too_often = _losses_in_a_row() + 1 >= _UNBLAMED_FACTOR * max_attempts
         exhausted = sa.and_(running, sa.or_(count >= max_attempts, too_often))
-        failed = {**RELEASED, **over, **more, "state": JobState.FAILED, "error": JobError.of(lost).model_dump()}
-        canceled = {**RELEASED, **over, "state": JobState.CANCELED}
-        again = {**RELEASED, **more, "state": JobState.QUEUED, "phase": "queued"}
+        # It may have stopped long ago; for so long at most it was alive.
+        gone = released(self._database, jobs.c.lease_expires_at)
+        failed = {**gone, **over, **more, "state": JobState.FAILED, "error": JobError.of(lost).model_dump()}
+        canceled = {**gone, **over, "state": JobState.CANCELED}
+        again = {**gone, **more, "state": JobState.QUEUED, "phase": "queued"}
         asked = sa.and_(held, jobs.c.state == JobState.CANCELING)
         ended = change.update(asked, canceled, EventType.CANCELED)
         ended += change.update(exhausted, failed, EventType.FAILED, lambda row: {"error": row.error})
@@ -190,15 +193,15 @@ class Upkeep:
                 free = sa.select(outbox.c.job_id).where(some).with_for_update(skip_locked=True).cte("free")
                 connection.execute(sa.delete(outbox).where(outbox.c.job_id.in_(sa.select(free.c.job_id))))
 
-    def queued_count(self) -> int:
-        """Return the number of queued jobs."""
-        count = sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state == JobState.QUEUED)
+    def queued_count(self, max_running: int = 0) -> int:
+        """Return the number of queued jobs that may start, if so many jobs of one owner may run (0: all)."""
+        count = sa.select(sa.func.count()).select_from(jobs).where(may_start(self._database, max_running))
         with self._database.read() as connection:
             return connection.execute(count).scalar_one()
 
-    def queued_ids(self) -> list[str]:
-        """Return the ids of the queued jobs, highest priority first."""
-        queued = sa.select(jobs.c.id).where(jobs.c.state == JobState.QUEUED)
+    def queued_ids(self, max_running: int = 0) -> list[str]:
+        """Return the ids of the jobs of `queued_count`, highest priority first."""
+        queued = sa.select(jobs.c.id).where(may_start(self._database, max_running))
         with self._database.read() as connection:
             return list(connection.scalars(queued.order_by(jobs.c.priority.desc(), jobs.c.id)))
 

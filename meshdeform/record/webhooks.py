@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import base64
+import hmac
 import secrets
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -87,8 +88,8 @@ class DeliveryPage:
 class WebhookBook:
     """Every webhook. Each look-up names the owner, so that those of other owners are not found (`NotFoundError`)."""
 
-    def __init__(self, database: Database, messages: Deliveries) -> None:
-        self._database, self._messages = database, messages
+    def __init__(self, database: Database, messages: Deliveries, secret: Callable[[str], bytes]) -> None:
+        self._database, self._messages, self._secret = database, messages, secret
 
     def create(self, owner: str, url: str, events: Collection[str] = ()) -> tuple[Webhook, str]:
         """Create an enabled webhook for types of events (empty: all), and return it with its secret.
@@ -109,13 +110,30 @@ class WebhookBook:
             if not self._database.is_sqlite:
                 # Serialise the count: two concurrent requests would both find room for one more webhook.
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"webhooks {owner}"))))
-            own = sa.select(sa.func.count()).select_from(webhooks).where(webhooks.c.owner_id == owner)
+            own = sa.select(sa.func.count()).select_from(webhooks).where(_of_account(owner))
             if connection.execute(own).scalar_one() >= MAX_WEBHOOKS:
                 raise RequestError(
                     f"You have {MAX_WEBHOOKS} webhooks, the maximum.", advice="Delete one that you do not need."
                 )
             made = connection.execute(sa.insert(webhooks).values(values).returning(webhooks)).one()
         return _webhook(made), secret
+
+    def account_secret(self, owner: str) -> str:
+        """Return the secret that signs messages to the webhooks of an owner's single jobs: the same at any time."""
+        digest = hmac.digest(self._secret("webhooks"), owner.encode(), "sha256")
+        return "whsec_" + base64.b64encode(digest).decode()
+
+    def of_job(self, job_id: str, owner: str, url: str, events: Collection[str]) -> dict[str, Any]:
+        """Return the row of the webhook that a job's request names; it is deleted with the job, and not listed."""
+        return {
+            "id": new_id("wh"),
+            "owner_id": owner,
+            "url": url,
+            "events": _types(events),
+            "secret": self.account_secret(owner),
+            "created_at": self._database.now(),
+            "job_id": job_id,
+        }
 
     def get(self, webhook_id: str, owner: str) -> Webhook:
         """Return a webhook."""
@@ -124,7 +142,7 @@ class WebhookBook:
 
     def list_webhooks(self, owner: str) -> list[Webhook]:
         """Return the owner's webhooks, oldest first."""
-        query = sa.select(webhooks).where(webhooks.c.owner_id == owner).order_by(webhooks.c.id)
+        query = sa.select(webhooks).where(_of_account(owner)).order_by(webhooks.c.id)
         with self._database.read() as connection:
             return [_webhook(row) for row in connection.execute(query)]
 
@@ -272,7 +290,12 @@ def _types(events: Collection[str]) -> list[str]:
 
 
 def _is(webhook_id: str, owner: str) -> sa.ColumnElement[bool]:
-    return sa.and_(webhooks.c.id == webhook_id, webhooks.c.owner_id == owner)
+    return sa.and_(webhooks.c.id == webhook_id, _of_account(owner))
+
+
+def _of_account(owner: str) -> sa.ColumnElement[bool]:
+    """Return the condition that a webhook is the owner's for all jobs, not one that a job's request named."""
+    return sa.and_(webhooks.c.owner_id == owner, webhooks.c.job_id.is_(None))
 
 
 def _missing(webhook_id: str) -> NotFoundError:

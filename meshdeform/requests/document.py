@@ -63,6 +63,7 @@ __all__ = [
     "MAX_PROMPT_LENGTH",
     "MAX_RETENTION_S",
     "MAX_STEPS",
+    "TAUGHT",
     "DeformParams",
     "GuidanceKind",
     "JobKind",
@@ -278,6 +279,23 @@ def params_by_kind() -> Mapping[JobKind, type[BaseModel]]:
     return MappingProxyType(_PARAMS)
 
 
+_JOB_EVENT = r"^job\.(queued|started|recovered|canceling|succeeded|failed|canceled|expired)$"
+
+
+class JobWebhook(StrictModel):
+    """A webhook for the messages about one job."""
+
+    url: str = Field(
+        min_length=1,
+        max_length=2000,
+        description="Where to send messages: an https URL whose host has only public addresses.",
+        examples=["https://example.com/meshdeform"],
+    )
+    events: tuple[Annotated[str, StringConstraints(pattern=_JOB_EVENT)], ...] = Field(
+        (), max_length=8, description="Event types to send. Default: all.", examples=[["job.succeeded", "job.failed"]]
+    )
+
+
 class JobRequest(StrictModel):
     """The JSON document that requests one job."""
 
@@ -285,7 +303,8 @@ class JobRequest(StrictModel):
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become. Required if the guidance is `sds`, without further `prompts`.",
+        description="What the asset should become, or a change in plain words, such as longer legs (docs/plain.md). "
+        "Required if the guidance is `sds`, without further `prompts`.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
@@ -317,6 +336,15 @@ class JobRequest(StrictModel):
         description="Seconds from its creation after which an unfinished job becomes `expired`. Default: none.",
         examples=[3600],
     )
+    max_run_s: float | None = Field(
+        None,
+        ge=1.0,
+        le=MAX_DEADLINE_S,
+        description="Seconds for which the job may run, all its attempts together and without its waits; it then fails "
+        "with `run_time_exceeded` and a checkpoint, from which a retry goes on. Default and maximum: the server's "
+        "MESHDEFORM_MAX_RUN_S.",
+        examples=[3600],
+    )
     retention_s: float | None = Field(
         None,
         ge=60.0,
@@ -324,6 +352,12 @@ class JobRequest(StrictModel):
         description="Seconds after its end until the job is deleted with all its artifacts. Default: the server's "
         "MESHDEFORM_RETENTION_S.",
         examples=[604800],
+    )
+    webhook: JobWebhook | None = Field(
+        None,
+        description="Where to send messages about this job, beside the account's webhooks; signed with the account's "
+        "secret (`GET /v1/webhooks/secret`). Default: nowhere.",
+        examples=[None],
     )
 
     @field_validator("params", mode="wrap")
@@ -352,9 +386,13 @@ class JobRequest(StrictModel):
         return f"{own}/{len(pulling)} prompts, {local} regions" if params.prompts else own
 
 
+TAUGHT = "taught"
+"""The model in the name of a workload with taught weights."""
+
+
 def _family(model: str | None) -> str:
     """Return what decides how long a step of a model takes: all taught weights are of one network."""
-    return "taught" if model and is_sent(model) else model or ""
+    return TAUGHT if model and is_sent(model) else model or ""
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:

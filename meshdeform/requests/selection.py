@@ -324,9 +324,12 @@ def _matching(wanted: str | int, parts: Sequence[Mapping[str, Any]]) -> list[int
 
 
 def check_selections(
-    place: List, selections: Sequence[Selection], named: Mapping[str, Sequence[Mapping[str, Any]]]
+    place: List,
+    selections: Sequence[Selection],
+    named: Mapping[str, Sequence[Mapping[str, Any]]],
+    triangles: int | None = None,
 ) -> None:
-    """Refuse selections of names that the asset does not have; the geometry is looked at when the run starts.
+    """Refuse selections of what the asset does not have; the geometry is looked at when the run starts.
 
     Parameters
     ----------
@@ -334,6 +337,8 @@ def check_selections(
         Name of the list in `params`, or the path to it there.
     named : mapping
         Lists of what can be named: `nodes`, `mesh_names`, `materials` and `joints`. A missing list is not checked.
+    triangles : int, optional
+        The asset's triangles, if known.
 
     Raises
     ------
@@ -343,6 +348,17 @@ def check_selections(
     for number, selection in enumerate(selections):
         if selection.named is not None and (parts := named.get(_NAMED[selection.named[0]])) is not None:
             find_parts(place, number, selection, parts)
+        if triangles is not None and selection.faces is not None:
+            check_faces(place, number, selection.faces, triangles)
+
+
+def check_faces(place: List, number: int, faces: Sequence[int | tuple[int, int]], count: int) -> None:
+    """Refuse numbers of triangles that an asset of `count` triangles does not have."""
+    for item in faces:
+        first, last = item if isinstance(item, tuple) else (item, item)
+        if last >= count or first > last:
+            detail = f"the asset has no triangles {first} to {last}." if first != last else f"no triangle {first}."
+            raise refuse_selection(place, number, "faces", detail, f"Its triangles are 0 to {count - 1}.")
 
 
 def refuse_selection(place: List, number: int, what: str, detail: str, advice: str) -> ParameterError:

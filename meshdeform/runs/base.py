@@ -327,12 +327,15 @@ class Kind:
     artifacts: tuple[ArtifactKind, ...]
     uses: Callable[[JobRequest], Collection[str]] | None = None
     """Returns the names of the parts that a request uses; a branch inherits only these. Default: all."""
-    check_files: Callable[[Any, Mapping[str, AssetSummary]], None] = lambda _params, _files: None
-    """Refuses parameters that do not fit the contents of the files. Takes the result of `check` and the summaries of
-    the meshes by part. Default: all fit. Torch-free."""
+    check_files: Callable[[JobRequest, Any, Mapping[str, AssetSummary]], None] = lambda _request, _params, _files: None
+    """Refuses parameters that do not fit the contents of the files. Takes the request, the result of `check` and the
+    summaries of the meshes by part. Default: all fit. Torch-free."""
     check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
     """Refuses a request that does not fit the words of the taught weights in its part `weights`. Takes the request,
     these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free."""
+    check_asset: Callable[[JobRequest, Any, Path, str, Limits], None] = lambda *_: None
+    """Refuses a request that does not fit the contents of the first file, where that takes more than its summary. Takes
+    the request, the result of `check`, the file's path and name, and the limits. Default: all fit. Torch-free."""
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     """Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
     request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free."""

@@ -39,6 +39,7 @@ from meshdeform.requests.selection import (
     RigidSelector,
     Selection,
     Sphere,
+    check_faces,
     find_parts,
     refuse_selection,
 )
@@ -115,12 +116,10 @@ class SelectableSurface:
 
     def _numbered(self, place: List, number: int, wanted: tuple[int | tuple[int, int], ...]) -> _Flags:
         count = len(self._asset.surface.triangles)
+        check_faces(place, number, wanted, count)
         flags = np.zeros(count, bool)
         for item in wanted:
             first, last = item if isinstance(item, tuple) else (item, item)
-            if last >= count or first > last:
-                detail = f"the asset has no triangles {first} to {last}." if first != last else f"no triangle {first}."
-                raise refuse_selection(place, number, "faces", detail, f"Its triangles are 0 to {count - 1}.")
             flags[first : last + 1] = True
         return flags
 

@@ -1,4 +1,4 @@
-"""Make `morph.glb`, another format or another strength from an asset and its `result.glb`, in a child process.
+"""Make `morph.glb`, another format or strength, or a map for other files of a result, and use maps, in a child process.
 
 This module imports neither torch nor numpy, which only the child needs. The child has no secrets in its environment,
 and bounded memory and time.
@@ -33,13 +33,18 @@ if TYPE_CHECKING:
 STRENGTH = "result.glb"
 """The name for `derive` of a result at another strength."""
 
+ALIKE = "alike.glb"
+"""The name for `derive` of another file that is deformed as an asset was: give it and the map."""
+
 _WIDER = 16
 """How much larger an artifact may be than the largest asset."""
 
 _BASE_BYTES = {
     "morph.glb": 16 * 2**30,
     "result.stl": 2 * 2**30,
+    "map.safetensors": 16 * 2**30,
     STRENGTH: 16 * 2**30,
+    ALIKE: 16 * 2**30,
 }
 """Address space beyond that of two checks: torch maps several gigabytes, whatever it does."""
 
@@ -62,6 +67,8 @@ class DerivedInput:
         `params.control.exclude` of the run.
     strength : float
         Of `STRENGTH` only: 0 is the source, 1 the result.
+    outside : "refuse" or "rigid"
+        Of `ALIKE` only: of pieces that reach out of what the map deforms.
     """
 
     def __init__(
@@ -72,9 +79,10 @@ class DerivedInput:
         output: OutputOptions,
         exclude: Sequence[str | int] = (),
         strength: float = 1.0,
+        outside: str = "refuse",
     ) -> None:
         self.source, self.result, self.filename = source.absolute(), result.absolute(), filename
-        self.output, self.exclude, self.strength = output, list(exclude), strength
+        self.output, self.exclude, self.strength, self.outside = output, list(exclude), strength, outside
 
     @property
     def size(self) -> int:
@@ -88,7 +96,7 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
     Parameters
     ----------
     name : str
-        A key of `DERIVED`, or `STRENGTH`.
+        A key of `DERIVED`, `STRENGTH` or `ALIKE`.
     target : Path
         The file to write; its folder also takes the child's temporary files.
 
@@ -97,7 +105,7 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
     AssetError
         The files cannot be read, do not belong together, or need too much memory or time.
     ParameterError
-        The result whose strength is changed was not made from the source.
+        The result was not made from the source, or the file lies elsewhere than what the map deforms.
     DependencyError
         A package is not installed.
     UnavailableError
@@ -112,6 +120,7 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
         "morph_path": given.output.morph_path.model_dump(mode="json"),
         "exclude": given.exclude,
         "strength": given.strength,
+        "outside": given.outside,
         "memory": _BASE_BYTES[name] + 2 * limits.memory_bytes(given.size),
         "seconds": seconds,
         "limits": asdict(limits),
@@ -134,9 +143,10 @@ def _plain(filename: str) -> str:
 
 
 def _too_much(name: str, how: str) -> AssetTooLargeError | UnavailableError:
-    if name == STRENGTH:
+    if name in (STRENGTH, ALIKE):
+        what = "strength" if name == STRENGTH else "map"
         return UnavailableError(
-            f"The strength could not be applied {how} on this server.",
+            f"The {what} could not be applied {how} on this server.",
             advice="Download the result and its source, and run `meshdeform apply`.",
         )
     return AssetTooLargeError(
@@ -205,14 +215,18 @@ def _stl(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits)
     return write_stl(load_asset(result.read_bytes(), limits=Limits.unlimited())).data
 
 
+def _need_torch() -> None:
+    if find_spec("torch") is None:
+        raise DependencyError(
+            "Other strengths and maps need the extra `deform` where they are made.",
+            advice="Download the result and its source, and run `meshdeform apply`, or install the extra.",
+        )
+
+
 def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
     from meshdeform.assets.asset import load_asset
 
-    if find_spec("torch") is None:
-        raise DependencyError(
-            "Other strengths need the extra `deform` where they are made.",
-            advice="Download the result and its source, and run `meshdeform apply`, or install the extra.",
-        )
+    _need_torch()
     from meshdeform.runs.strength import with_strength
 
     asset = load_asset(source.read_bytes(), options["filename"], limits)
@@ -220,13 +234,35 @@ def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limit
     return with_strength(asset, result.read_bytes(), options["strength"], **given)
 
 
+def _map(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
+    from meshdeform.assets.asset import load_asset
+
+    _need_torch()
+    from meshdeform.runs.strength import edit_of
+
+    asset = load_asset(source.read_bytes(), options["filename"], limits)
+    return edit_of(asset, result.read_bytes(), exclude=options["exclude"], limits=limits).to_bytes()
+
+
+def _alike(file: Path, edit: Path, options: dict[str, Any], limits: Limits) -> bytes:
+    from meshdeform.assets.asset import load_asset
+
+    _need_torch()
+    from meshdeform.deformation.edit_map import EditMap, Outside
+    from meshdeform.runs.strength import with_edit
+
+    asset = load_asset(file.read_bytes(), options["filename"], limits)
+    return with_edit(asset, EditMap.read(str(edit)), Outside(options["outside"]), compact=options["compact"])
+
+
 DERIVED: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
     "morph.glb": _morph,
     "result.stl": _stl,
+    "map.safetensors": _map,
 }
 """What can be made afterwards, by the artifact's name."""
 
 OF_RESULT = frozenset({"result.stl"})
 """The names in `DERIVED` that are made of `result.glb` alone."""
 
-_MAKERS = {**DERIVED, STRENGTH: _strength}
+_MAKERS = {**DERIVED, STRENGTH: _strength, ALIKE: _alike}

@@ -36,7 +36,7 @@ from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.requests.selection import Place
 from meshdeform.runs.base import InputFile, sha256_hex
 from meshdeform.runs.prompts import Prompts
-from meshdeform.runs.text_deform_kind import check_places
+from meshdeform.runs.text_deform_kind import check_places, check_vertex
 
 _SHADINGS: dict[AppearanceMode, Shading] = {
     AppearanceMode.NORMALS: "normals",
@@ -338,11 +338,8 @@ def _landmark_distances(rest: TriangleMesh, verts: Tensor, landmarks: tuple[Land
 def _place(place: Place, positions: _Floats, number: int, name: str) -> _Floats:
     if not isinstance(place, int):
         return np.array(place, np.float64)
-    if place < len(positions):
-        return np.asarray(positions[place])
-    detail = f"params.guidance.landmarks: the {name} has {len(positions)} vertices, and none with the index {place}."
-    advice = "Indices begin at 0; or give a position [x, y, z]."
-    raise ParameterError.at(["params", "guidance", "landmarks", number, name], detail, advice)
+    check_vertex(("guidance", "landmarks", number, name), place, len(positions))
+    return np.asarray(positions[place])
 
 
 def _entered(frame: Frame, point: _Floats) -> _Floats:

@@ -13,6 +13,8 @@ from meshdeform.assets.surface import Parts
 from meshdeform.deformation.mirror import find_partners
 from meshdeform.geometry.congruence import Component, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.plain.body import body_of
+from meshdeform.plain.change import list_parts
 from meshdeform.runs.surfaces import welded_surface
 
 MAX_COMPARED = 200
@@ -25,7 +27,8 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
     """Return what a selection can refer to in an asset, and proposals for `params.control.rigid`, as JSON.
 
     Beside the named `nodes`, `mesh_names`, `materials` and `joints` there are the `box` of its coordinates, whether it
-    has vertex `colors`, and its `symmetry`: the axes along which `params.control.symmetry` can be kept.
+    has vertex `colors`, the `parts` that a change in plain words can name, and its `symmetry`: the axes along which
+    `params.control.symmetry` can be kept.
 
     A component has its `number` for `params.control.rigid`, its `triangles`, its `size` as a share of the asset's,
     its `nodes` and its `materials`. A proposal has the numbers of its `components`, whether they are
@@ -50,6 +53,7 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
         "joints": parts.joints,
         "colors": bool(np.isfinite(asset.vertex_colors()).any()),
         "box": {name: bound.tolist() for name, bound in _box(welded).items()},
+        "parts": list_parts(body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())),
         "symmetry": [name for axis, name in enumerate("xyz") if not find_partners(welded.mesh, axis).unmatched],
         "components": [
             {

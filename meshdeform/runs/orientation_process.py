@@ -127,4 +127,6 @@ def _find(task: dict[str, Any]) -> dict[str, Any]:
             resolved=params,
         )
     )
+    if not isinstance(run, text_deform.TextDeformRun):
+        raise ParameterError.at(["prompt"], "A change in plain words has no front to find.", "Start the job as it is.")
     return run.orientation.to_dict()

@@ -93,7 +93,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Te
     return params.model_copy(update={"model": model})
 
 
-def _check_files(params: TeachParams, files: Mapping[str, AssetSummary]) -> None:
+def _check_files(_request: JobRequest, params: TeachParams, files: Mapping[str, AssetSummary]) -> None:
     if not is_sent(params.model):
         _check_folders(noun_of_request(params, known_words(params.model)), files)
 

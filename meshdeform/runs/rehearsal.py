@@ -18,7 +18,7 @@ from meshdeform.runs.base import job_input
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
-    from meshdeform.runs.text_deform import TextDeformRun
+    from meshdeform.runs.base import JobRun
 
 _PROMPT = "a mushroom"
 
@@ -63,7 +63,7 @@ def _glb(components: int) -> bytes:
     return build_glb(mesh.verts.numpy(), mesh.faces.numpy())
 
 
-def _run(glb: bytes, document: dict[str, Any], **given: Any) -> TextDeformRun:
+def _run(glb: bytes, document: dict[str, Any], **given: Any) -> JobRun:
     document["params"] = {"preset": "preview", "steps": 2, **document.get("params", {})}
     request = JobRequest.model_validate(document)
     run = text_deform.start(job_input(asset=glb, filename="sphere.glb", request=request, **given))

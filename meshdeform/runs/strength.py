@@ -14,6 +14,8 @@ from torch import Tensor
 
 from meshdeform.assets import Asset, Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, Track
+from meshdeform.assets.rig import JointMove
+from meshdeform.deformation.edit_map import EditMap, Outside
 from meshdeform.deformation.path import ShapePath
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.weld import WeldedMesh
@@ -67,6 +69,15 @@ class AssetPath:
         if share in (0, 1):
             positions = self._result if share else surface.positions
         return dataclasses.replace(found, positions=positions)
+
+    def edit_map(self, share: float, *, with_rig: bool) -> EditMap:
+        """Return what takes the shape at a share of the way to other files, with the moves of the joints or without."""
+        joints = None
+        if with_rig:
+            moves = self._source.joint_moves(self.at(share).positions, self.jacobians(share))
+            joints = {name: np.array([*each.place, *each.shift, each.growth]) for name, each in moves.values() if name}
+        verts = self._ends if share == 1 else self._path.at(share)
+        return EditMap.between(self._welded.mesh, verts, joints)
 
     def jacobians(self, share: float) -> _Floats:
         """Return the linear map (N, 3, 3) of the deformation around each vertex at a share of the way."""
@@ -122,7 +133,7 @@ def matched(source: Asset, result: Asset, exclude: Sequence[str | int], limits: 
     if len(source.surface.triangles) < len(result.surface.triangles):
         source, _ = subdivided(source, limits)
     check_same_asset(source, result)
-    return source, result
+    return source, result.placed_as(source)
 
 
 def with_strength(
@@ -167,6 +178,52 @@ def with_strength(
     jacobians = None if source.rig_digest() == end.rig_digest() else path.jacobians(strength)
     shape = found.positions, found.normals, found.tangents
     return source.replace(*shape, jacobians=jacobians, compact=compact, provenance=origin)
+
+
+def edit_of(
+    source: Asset,
+    result: bytes,
+    strength: float = 1.0,
+    *,
+    exclude: Sequence[str | int] = (),
+    limits: Limits | None = None,
+) -> EditMap:
+    """Return what takes an asset's deformation to other files; the arguments are those of `with_strength`.
+
+    Raises
+    ------
+    ParameterError
+        The result was not made from the source.
+    """
+    source, end = matched(source, read_result(result), exclude, limits)
+    path = AssetPath(source, end.surface.positions)
+    return path.edit_map(strength, with_rig=source.rig_digest() != end.rig_digest())
+
+
+def with_edit(asset: Asset, edit: EditMap, outside: Outside = Outside.REFUSE, *, compact: bool = False) -> bytes:
+    """Return another asset as a GLB, deformed by a map.
+
+    Where the joints of the map's asset moved, so do this one's, alike if both files have them, and its morph targets.
+
+    Raises
+    ------
+    AssetEmptyError
+        It has no triangle with an area.
+    ParameterError
+        It lies elsewhere, or reaches out of what the map deforms.
+    """
+    welded = welded_surface(asset, BackdropMode.DEFORM)
+    verts = edit.move(welded.mesh, outside)
+    found = deformed_surface(asset.surface, welded, verts)
+    shape = found.positions, found.normals, found.tangents
+    if edit.joints is None:
+        return asset.replace(*shape, compact=compact)
+    jacobians = vertex_jacobians(welded, verts)
+    joints = {}
+    for node, (name, move) in asset.joint_moves(found.positions, jacobians).items():
+        same = edit.same_joint(name, move.place)
+        joints[node] = move if same is None else JointMove(move.place, same[:3], float(same[3]))
+    return asset.replace(*shape, jacobians=jacobians, joints=joints, compact=compact)
 
 
 def write_morph(

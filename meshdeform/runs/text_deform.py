@@ -20,13 +20,16 @@ from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.mesh import RestMesh
+from meshdeform.plain.words import Sentence
 from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import GuidanceKind, RigMode
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent, sha256_hex
+from meshdeform.runs.changes import asked_changes, is_change
 from meshdeform.runs.control import SelectableSurface, read_control
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
+from meshdeform.runs.plain_change import start_change
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import (
@@ -42,8 +45,16 @@ from meshdeform.runs.surfaces import (
     welded_surface,
 )
 from meshdeform.runs.text_deform_kind import read_target, resolved_params
-from meshdeform.runs.text_report import Outcome, RunFacts, build_report, precision_of, provenance, sees_colours
-from meshdeform.runs.verdict import front_of, known_source
+from meshdeform.runs.text_report import (
+    AssetFacts,
+    Outcome,
+    RunFacts,
+    build_report,
+    precision_of,
+    provenance,
+    sees_colours,
+)
+from meshdeform.runs.verdict import Recognition, front_of, known_source, recognise
 
 __all__ = ["TextDeformRun", "start"]
 
@@ -52,8 +63,8 @@ _ON_ORIGIN = 0.01
 """Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""
 
 
-def start(given: RunInput) -> TextDeformRun:
-    """Read the files and prepare the run.
+def start(given: RunInput) -> JobRun:
+    """Read the files and start the run; a prompt that is a change in plain words is carried out at once.
 
     Raises
     ------
@@ -63,12 +74,21 @@ def start(given: RunInput) -> TextDeformRun:
     log = RunLog()
     request, file, limits, device = given.request, given.files["asset"], given.limits, given.device
     params = resolved_params(request, given.default_model, given.resolved)
-    prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS else None
+    sentence = asked_changes(request.prompt, params)
+    # A change needs no prior; whether a description is one, only the asset tells.
+    prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS and sentence is None else None
     target = read_target(params, given)
     file = replace(file, sha256=file.sha256 or sha256_hex(file.data))
     with log.phase("read"):
         asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)
         welded = welded_surface(asset, params.backdrop)
+    facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, device)
+    recognised = None
+    if sentence is not None:
+        change, recognised = _change(facts, sentence, given, log)
+        if change is not None:
+            return change
+        prior = load_sent(params.model, given)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(file.sha256 or "", asset, params, request.output)
@@ -90,7 +110,7 @@ def start(given: RunInput) -> TextDeformRun:
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
-        recognised = known_source(welded.mesh, prior, params)
+        recognised = known_source(welded.mesh, prior, params, recognised)
         deformation = Deformation(
             mesh,
             goal.guidance,
@@ -105,14 +125,8 @@ def start(given: RunInput) -> TextDeformRun:
             front=front_of(recognised, prior, params, request.prompt),
             pose=pose_in_frame(asset, welded, frame) if request.output.rig is RigMode.KEEP else None,
         )
-    facts = RunFacts(
-        request=request,
-        params=params,
-        file=file,
-        asset=asset,
-        subdivision=division,
-        drawn=drawn_triangles(asset, params.backdrop),
-        welded=welded,
+    known = RunFacts(
+        **vars(facts),
         frame=frame,
         shape_id=shape,
         fingerprint=run,
@@ -121,10 +135,23 @@ def start(given: RunInput) -> TextDeformRun:
         prompts=prompts,
         silhouettes=silhouettes,
         recognised=recognised,
-        device=device,
         precision=precision_of(prior, state),
     )
-    return TextDeformRun(facts, deformation, log)
+    return TextDeformRun(known, deformation, log)
+
+
+def _change(
+    facts: AssetFacts, sentence: Sentence, given: RunInput, log: RunLog
+) -> tuple[JobRun | None, Recognition | None]:
+    """Return the run of a change in plain words, or None and what the source was recognised as, if it was asked."""
+    if is_change(sentence):
+        return start_change(facts, sentence, None, log), None
+    if given.initial is not None or given.checkpoint is not None:
+        return None, None
+    recognised = recognise(facts.welded.mesh, facts.params.source_noun)
+    if not recognised.sure or recognised.noun != sentence.noun:
+        return None, recognised
+    return start_change(facts, sentence, recognised, log), recognised
 
 
 class TextDeformRun(JobRun):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -40,13 +40,23 @@ from meshdeform.runs.base import (
     check_weights_part,
     start_of,
 )
+from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change
 
 if TYPE_CHECKING:
-    from meshdeform.assets import AssetSummary
+    from meshdeform.assets import AssetSummary, Limits
     from meshdeform.priors.builtin.grammar import Words
     from meshdeform.settings import Settings
 
-__all__ = ["TEXT_DEFORM", "check", "check_places", "check_words", "read_target", "resolved_params", "with_constants"]
+__all__ = [
+    "TEXT_DEFORM",
+    "check",
+    "check_places",
+    "check_vertex",
+    "check_words",
+    "read_target",
+    "resolved_params",
+    "with_constants",
+]
 
 
 _PlacedPrompt = tuple[list[str | int], str]
@@ -116,6 +126,9 @@ def check(
     if resolved.guidance is GuidanceKind.SDS:
         model = resolved.model
         check_weights_part(model, [WEIGHTS_PART] if has_weights else [], "guidance")
+        if _is_change(request, resolved):  # no model is asked
+            check_change(resolved)
+            return resolved
         if is_sent(model):  # its words are those of a file, which is checked later
             return resolved
         offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
@@ -130,6 +143,12 @@ def check(
     elif has_weights:
         check_weights_part(None, [WEIGHTS_PART], "guidance")
     return resolved
+
+
+def _is_change(request: JobRequest, params: ResolvedParams) -> bool:
+    """Return whether the prompt is a change in plain words, whatever the asset is."""
+    sentence = asked_changes(request.prompt, params)
+    return sentence is not None and is_change(sentence)
 
 
 def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
@@ -193,7 +212,7 @@ def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
 def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
     """Refuse a request with prompts that a prior with these words cannot read; its weights come with the job."""
     params = resolve(request.params)
-    if params.guidance is GuidanceKind.SDS:
+    if params.guidance is GuidanceKind.SDS and not _is_change(request, params):
         _check_vocabulary(_filled(_prompts(request)), params, known)
 
 
@@ -337,18 +356,39 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
         )
 
 
-def _check_files(params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
+def _check_files(request: JobRequest, params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
     found = files["asset"]
+    # Subdivision numbers anew. What is excluded only makes them fewer.
+    triangles = None if request.output.subdivide else found.triangles
     lists = {name: getattr(found, name) for name in ("nodes", "mesh_names", "materials", "joints")}
     # A list of that length may be incomplete; the run then refuses what selects nothing.
     complete = {name: parts for name, parts in lists.items() if len(parts) < MAX_PARTS}
     if "nodes" in complete:
         find_excluded(params.exclude, found.nodes)
-    check_selections(("control", "rigid"), params.rigid, complete)
-    check_selections(("control", "regions"), params.regions, complete)
+    check_selections(("control", "rigid"), params.rigid, complete, triangles)
+    check_selections(("control", "regions"), params.regions, complete, triangles)
     for number, prompt in enumerate(params.prompts):
-        check_selections(("guidance", "prompts", number, "regions"), prompt.regions, complete)
+        check_selections(("guidance", "prompts", number, "regions"), prompt.regions, complete, triangles)
     check_places(params, {part: file.bounds for part, file in files.items()})
+    if not request.output.subdivide:
+        for number, handle in enumerate(params.handles):
+            check_vertex(("control", "handles", number, "vertex"), handle.vertex, found.vertices)
+    for number, pair in enumerate(params.landmarks):
+        for name, place, part in (("source", pair.source, "asset"), ("target", pair.target, _TARGET)):
+            if isinstance(place, int) and part in files and not (name == "source" and request.output.subdivide):
+                check_vertex(("guidance", "landmarks", number, name), place, files[part].vertices)
+
+
+def check_vertex(path: Sequence[str | int], vertex: int | None, count: int) -> None:
+    """Refuse the number of a vertex that a mesh of `count` vertices does not have, at a path within `params`."""
+    if vertex is not None and vertex >= count:
+        detail = f"params.{'.'.join(map(str, path))}: the mesh has {count} vertices, and none with the index {vertex}."
+        advice = "Indices begin at 0; or give a position [x, y, z]."
+        raise ParameterError.at(["params", *path], detail, advice)
+
+
+def _check_asset(request: JobRequest, params: ResolvedParams, asset: Path, filename: str, limits: Limits) -> None:
+    check_parts(asset, filename, request.prompt, params, limits)
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
@@ -356,6 +396,12 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     output = _with_same(("output",), job.output, branch.output, ("subdivide",))
     control = _with_same(("params", "control"), job.params.control, branch.params.control, ("exclude", "backdrop"))
     params = branch.params.model_copy(update={"control": control})
+    if _is_change(branch, resolve(params)):
+        raise ParameterError.at(
+            ["prompt"],
+            "A branch goes on with a prompt, and this is a change in plain words.",
+            "Post a new job with the result.glb of this one as its asset.",
+        )
     return branch.model_copy(update={"output": output, "params": params})
 
 
@@ -399,7 +445,8 @@ def with_constants(params: ResolvedParams, kept: Mapping[str, Any]) -> ResolvedP
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
-        return resolved_params(request, default_model, kept).steps
+        params = resolved_params(request, default_model, kept)
+        return 0 if _is_change(request, params) else params.steps
     except MeshdeformError:
         # A default has changed since the job was accepted; its worker will report the error.
         return request.params.steps if "steps" in request.params.model_fields_set else 0
@@ -435,7 +482,8 @@ def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
 
 TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
-    summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides.",
+    summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides; or "
+    "changes it in plain words, such as longer legs ([Changes in plain words](plain.md)).",
     reads=(
         FilePart(
             "asset",
@@ -475,11 +523,19 @@ TEXT_DEFORM = Kind(
             "The source with the way to the result as morph targets and an animation, if `output.morph` is set.",
             afterwards=True,
         ),
+        ArtifactKind(
+            "map.safetensors",
+            "application/octet-stream",
+            "What deforms other files alike ([Control](control.md#one-edit-many-files)), made "
+            "[afterwards](http.md#post-v1jobsidartifactsname) only.",
+            afterwards=True,
+        ),
         *FORMATS_OF_RESULT,
     ),
     uses=_uses,
     check_files=_check_files,
     check_words=check_words,
+    check_asset=_check_asset,
     as_branch=_as_branch,
     goal=_goal,
 )

@@ -13,7 +13,6 @@ from torch import Tensor
 
 import meshdeform
 from meshdeform.assets import Asset
-from meshdeform.assets.notices import up_axis_warnings
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.assets.surface import Rig
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
@@ -21,8 +20,9 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.quality import MeshQuality, measure, measure_texture_stretch, texel_corners
+from meshdeform.geometry.quality import MeshQuality, TextureStretch, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.plain.change import Done
 from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame
@@ -53,8 +53,8 @@ _COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
 
 
 @dataclass(frozen=True)
-class RunFacts:
-    """What is known of a run before its first step."""
+class AssetFacts:
+    """What is known of a request and its asset."""
 
     request: JobRequest
     params: ResolvedParams
@@ -63,6 +63,13 @@ class RunFacts:
     subdivision: Subdivision | None  # what was split
     drawn: NDArray[np.bool_]  # (T,) bool: which triangles of the asset are drawn and deformed
     welded: WeldedMesh
+    device: str
+
+
+@dataclass(frozen=True)
+class RunFacts(AssetFacts):
+    """What is known of a run before its first step."""
+
     frame: Frame
     # Of the mesh, and of the run
     shape_id: str
@@ -72,7 +79,6 @@ class RunFacts:
     prompts: Prompts | None  # those of a job that has several
     silhouettes: SilhouetteFit | None
     recognised: Recognition | None  # what the source was taken for
-    device: str
     precision: str | None  # as `precision_of` returns it
 
     @property
@@ -96,7 +102,7 @@ class Outcome:
     """Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked."""
 
 
-def provenance(facts: RunFacts, step: int) -> dict[str, Any]:
+def provenance(facts: AssetFacts, step: int) -> dict[str, Any]:
     """Return what `output.provenance` stores in a file with the shape of a step."""
     params = facts.params
     weighted = [{"prompt": each.prompt, "weight": each.weight} for each in params.prompts]
@@ -122,42 +128,18 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
     first_step : int
         Number of steps done by earlier attempts.
     """
-    request, params, asset, shown = facts.request, facts.params, facts.asset, outcome.shown
+    params, asset = facts.params, facts.asset
     with log.phase("measure"):
-        source = facts.welded.mesh
-        faces = source.faces.numpy()
-        quality = measure(source.verts.numpy(), faces, outcome.verts.numpy())
-        posed = measure(shown.source.verts.numpy(), faces, shown.result.verts.numpy()) if shown.posed else None
-        movement = measure_movement(RestMesh.of(source), outcome.verts, outcome.held_share)
-        compared = _comparisons(facts, outcome, (posed or quality).to_dict())
-        look = asset.appearance().of_triangles(facts.drawn)
-        triangles = asset.surface.triangles[facts.drawn]
-        corners = (shape.surface.positions[triangles] for shape in (asset, outcome.written))
-        stretch = measure_texture_stretch(texel_corners(look), *corners)
-        mesh = _mesh_figures(facts, outcome) | {"optimized_faces": deformation.optimized_faces}
-    report: dict[str, Any] = {
-        "kind": request.kind.value,
-        "prompt": request.prompt,
-        # Clients read the report: a model in a folder is named as the service names it.
-        "params": params.model_dump(mode="json") | {"model": public_name(params.model)},
-        "seed": params.seed,
-        "metadata": request.metadata,
-        "input": {
-            "filename": facts.file.filename,
-            "bytes": len(facts.file.data),
-            "sha256": facts.file.sha256,
-            "warnings": list(asset.summary.warnings),
-            "polygons": asset.polygons(),
-        },
+        measured = _measured(facts, outcome)
+        movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, outcome.held_share)
+        shown_quality = measured.posed or measured.quality
+        compared = _comparisons(facts, outcome, shown_quality.to_dict())
+    report = {
+        **_common(facts, outcome, measured),
+        "way": "prompt",
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
-        "device": facts.device,
         "precision": facts.precision,
-        "versions": versions(),
-        "result": {"bytes": len(outcome.result), "sha256": sha256_hex(outcome.result)},
-        "mesh": mesh,
-        "quality": quality.to_dict(),
-        "texture_stretch": None if stretch is None else stretch.to_dict(),
         "carrier": deformation.carrier,
         "source_noun": None if facts.recognised is None else facts.recognised.to_dict(),
         "orientation": deformation.orientation.to_dict(),
@@ -168,29 +150,135 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
             *movement.warnings,
             *deformation.warnings,
             *deformation.pulls.warnings,
-            *_quality_warnings(quality, posed, len(faces)),
-            *up_axis_warnings(asset.surface.positions, triangles),
-            *_subdivision_warnings(facts.subdivision),
-            *rig_warnings(asset.rig(), request.output.rig),
+            *measured.warnings(facts),
+            *rig_warnings(asset.rig(), facts.request.output.rig),
             *_precision_warnings(facts.precision),
         ],
-        "skipped": {**facts.welded.skipped, "primitives": asset.surface.skipped},
         "losses": log.losses(),
         "resumed_from_step": first_step,
         "seconds": {name: round(seconds, 4) for name, seconds in log.seconds.items()},
     }
-    if posed is not None:
-        report["posed_quality"] = posed.to_dict()
+    report["mesh"] |= {"optimized_faces": deformation.optimized_faces}
     if asset.rig():
-        report["rig"] = {"mode": request.output.rig.value, **asdict(asset.rig())}
+        report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
     if facts.control.bodies:
         report["rigid"] = _kept_shapes(facts.control.bodies, asset, facts.welded, outcome.written)
+    report |= control_report(facts.control, params, facts.welded, facts.frame, asset, outcome.written) | compared
+    return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+
+
+def change_report(
+    facts: AssetFacts,
+    done: Sequence[Done],
+    recognised: Recognition | None,
+    follows: bool,
+    outcome: Outcome,
+    log: RunLog,
+) -> bytes:
+    """Return `report.json` of a change in plain words.
+
+    Parameters
+    ----------
+    recognised : Recognition, optional
+        What the source was taken for, if it was asked.
+    follows : bool
+        Whether the rig followed.
+    """
+    with log.phase("measure"):
+        measured = _measured(facts, outcome)
+    mode, rig = RigMode.FOLLOW if follows else RigMode.KEEP, facts.asset.rig()
+    nothing = dict.fromkeys(("guidance", "carrier", "orientation", "appearance", "likeness", "verdict", "prompts"))
+    report = {
+        **_common(facts, outcome, measured),
+        **nothing,
+        "way": "change",
+        "changes": [each.to_dict() for each in done],
+        "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
+        "source_noun": None if recognised is None else recognised.to_dict(),
+        "warnings": [
+            *(sentence for each in done for sentence in each.warnings),
+            *measured.warnings(facts),
+            *rig_warnings(rig, mode),
+            *_turned_warnings(facts.asset),
+        ],
+        "losses": [],
+        "resumed_from_step": 0,
+        "seconds": {name: round(seconds, 4) for name, seconds in log.seconds.items()},
+    }
+    if rig:
+        report["rig"] = {"mode": mode.value, **asdict(rig)}
+    return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+
+
+def _turned_warnings(asset: Asset) -> list[str]:
+    """Return a sentence about animated nodes, whose axes do not move with their meshes."""
+    names = asset.turned_parts()
+    if not names:
+        return []
+    listed = ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
+    return [f"Animations turn {listed} about the axes of the source: these are no joints, and did not move along."]
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """The quality of a result, in both poses if it has a skin, and how far it stretched textures."""
+
+    quality: MeshQuality
+    posed: MeshQuality | None
+    stretch: TextureStretch | None
+    left_out: dict[str, int]
+
+    def warnings(self, facts: AssetFacts) -> list[str]:
+        """Return the sentences about damage, and about what was split."""
+        return [
+            *_quality_warnings(self.quality, self.posed, len(facts.welded.mesh.faces)),
+            *_subdivision_warnings(facts.subdivision),
+        ]
+
+
+def _measured(facts: AssetFacts, outcome: Outcome) -> _Measured:
+    source, shown = facts.welded.mesh, outcome.shown
+    faces = source.faces.numpy()
+    quality = measure(source.verts.numpy(), faces, outcome.verts.numpy())
+    posed = measure(shown.source.verts.numpy(), faces, shown.result.verts.numpy()) if shown.posed else None
+    look = facts.asset.appearance().of_triangles(facts.drawn)
+    triangles = facts.asset.surface.triangles[facts.drawn]
+    corners = (shape.surface.positions[triangles] for shape in (facts.asset, outcome.written))
+    return _Measured(quality, posed, measure_texture_stretch(texel_corners(look), *corners), look.left_out)
+
+
+def _common(facts: AssetFacts, outcome: Outcome, measured: _Measured) -> dict[str, Any]:
+    """Return the members that a report has whatever moved the asset."""
+    request, asset = facts.request, facts.asset
+    report: dict[str, Any] = {
+        "kind": request.kind.value,
+        "prompt": request.prompt,
+        # Clients read the report: a model in a folder is named as the service names it.
+        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
+        "seed": facts.params.seed,
+        "metadata": request.metadata,
+        "input": {
+            "filename": facts.file.filename,
+            "bytes": len(facts.file.data),
+            "sha256": facts.file.sha256,
+            "warnings": list(asset.summary.warnings),
+            "polygons": asset.polygons(),
+        },
+        "device": facts.device,
+        "versions": versions(),
+        "result": {"bytes": len(outcome.result), "sha256": sha256_hex(outcome.result)},
+        "mesh": _mesh_figures(facts, outcome),
+        "quality": measured.quality.to_dict(),
+        "texture_stretch": None if measured.stretch is None else measured.stretch.to_dict(),
+        "skipped": {**facts.welded.skipped, "primitives": asset.surface.skipped},
+    }
+    if measured.posed is not None:
+        report["posed_quality"] = measured.posed.to_dict()
     if facts.subdivision is not None:
         report["subdivision"] = asdict(facts.subdivision)
-    report |= control_report(facts.control, params, facts.welded, facts.frame, asset, outcome.written) | compared
-    if look.left_out:
-        report["preview"] = {"left_out": look.left_out}
-    return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+    if measured.left_out:
+        report["preview"] = {"left_out": measured.left_out}
+    return report
 
 
 def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any]) -> dict[str, Any]:
@@ -220,7 +308,7 @@ def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any]) -> 
     return compared
 
 
-def _mesh_figures(facts: RunFacts, outcome: Outcome) -> dict[str, Any]:
+def _mesh_figures(facts: AssetFacts, outcome: Outcome) -> dict[str, Any]:
     """Return counts of the mesh, and whether the file has the same vertices, faces and UVs."""
     asset, source, result = facts.asset, facts.asset.surface, outcome.written.surface
     return {

@@ -102,11 +102,13 @@ def recognise(mesh: TriangleMesh, given: str | None = None) -> Recognition:
     return Recognition(noun, nouns[noun], nouns)
 
 
-def known_source(mesh: TriangleMesh, prior: Prior | None, params: ResolvedParams) -> Recognition | None:
-    """Return what the source of a run is taken for; None where nothing depends on it."""
+def known_source(
+    mesh: TriangleMesh, prior: Prior | None, params: ResolvedParams, known: Recognition | None = None
+) -> Recognition | None:
+    """Return what the source of a run is taken for, `known` if it was asked; None where nothing depends on it."""
     if prior is None or not is_builtin(params.model) or params.orientation is not OrientationMode.AUTO:
         return None
-    return recognise(mesh, params.source_noun)
+    return known or recognise(mesh, params.source_noun)
 
 
 def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedParams, prompt: str) -> Front | None:

@@ -6,6 +6,7 @@ store, which is away, from one that lacks an object: an object is missing only w
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import stat
@@ -25,7 +26,9 @@ T = TypeVar("T")
 MARKER = ".meshdeform-store"
 _MARKER_TEXT = "This folder is an object store of Meshdeform. Without this file it counts as away, as if not mounted.\n"
 _PARTIAL = ".partial"
-_PARTIAL_KEPT_S = 86_400.0
+_LOCKED = "locked-"
+# How long a file is kept of whose writer nothing is known: of an edition that locks none, or where locks do not work.
+_PARTIAL_KEPT_S = 3600.0
 # Folders that stores of editions without the marker have.
 _CONTENTS = ("assets", "jobs")
 
@@ -66,12 +69,23 @@ class Folder:
         sync_folder(self.root)
 
     def _clean_up(self) -> None:
-        """Remove what processes left that died while writing; no write takes a day."""
+        """Remove what processes left that died while writing."""
         with file_errors(), suppress(FileNotFoundError):
             for left_over in self._partial.iterdir():
-                with suppress(FileNotFoundError):
-                    if time.time() - left_over.stat().st_mtime > _PARTIAL_KEPT_S:
+                with suppress(FileNotFoundError), left_over.open("r+b") as file:
+                    if _is_left(file, left_over.name):
                         left_over.unlink()
+
+    def _new_partial(self) -> tuple[int, Path]:
+        """Create a file that is locked while its writer lives."""
+        while True:
+            handle, name = tempfile.mkstemp(dir=self._partial, prefix=_LOCKED)
+            with suppress(OSError):
+                fcntl.flock(handle, fcntl.LOCK_EX)
+            # Another process may have taken it for a dead one's before it was locked.
+            if (path := Path(name)).exists():
+                return handle, path
+            os.close(handle)
 
     @contextmanager
     def errors(self, what: str) -> Iterator[None]:
@@ -95,15 +109,15 @@ class Folder:
         self.ping()
         with file_errors():
             self._partial.mkdir(exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=self._partial)
+            handle, temporary = self._new_partial()
             try:
                 with os.fdopen(handle, "wb") as file:
                     shutil.copyfileobj(source, file, CHUNK)
                     file.flush()
                     os.fsync(file.fileno())
-                self.rename_into_place(Path(temporary), key)
+                    self.rename_into_place(temporary, key)
             finally:
-                Path(temporary).unlink(missing_ok=True)
+                temporary.unlink(missing_ok=True)
 
     def size(self, key: str) -> int:
         """Return the size of a file in bytes."""
@@ -192,6 +206,20 @@ def sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _is_left(file: BinaryIO, name: str) -> bool:
+    """Return whether the writer of a file in `.partial` is gone."""
+    if name.startswith(_LOCKED):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:
+            pass
+        else:
+            return True
+    return time.time() - os.fstat(file.fileno()).st_mtime > _PARTIAL_KEPT_S
 
 
 def _size(path: Path) -> int:

@@ -22,6 +22,7 @@ from meshdeform.errors import (
     LimitError,
     ModelError,
     ParameterError,
+    PartNotFoundError,
     PromptError,
     RequestError,
     RequestTimeoutError,
@@ -31,6 +32,7 @@ from meshdeform.errors import (
     UnauthorizedError,
     UnavailableError,
     VocabularyError,
+    WebhookAddressError,
 )
 from meshdeform.record.ids import JOB_ID_PATTERN
 from service.http.idempotency import REPLAYED
@@ -74,12 +76,12 @@ ASSET_ERRORS = (
     SilhouetteError,
     DrawingError,
 )
-REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, ModelError)
+REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, PartNotFoundError, ModelError)
 CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)
 """Errors of every route that needs an API key."""
 
 ONCE_ERRORS = (IdempotencyMismatchError, IdempotencyBusyError)
-NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, TooMuchStoredError, RequestTimeoutError)
+NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, TooMuchStoredError, RequestTimeoutError, WebhookAddressError)
 
 Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**31 - 1, examples=[500])]
 

@@ -8,17 +8,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import MeshdeformError
+from meshdeform.errors import MeshdeformError, NotFoundError
 from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
 from meshdeform.runs.base import ArtifactKind
-from meshdeform.runs.derive import DERIVED, OF_RESULT, DerivedInput, derive
+from meshdeform.runs.derive import ALIKE, DERIVED, OF_RESULT, DerivedInput, derive
 from service.downloads.strengths import deformed_file
 from service.state import AppState
 
-__all__ = ["made", "makeable"]
+__all__ = ["deformed_alike", "made", "makeable"]
 
-_RESULT = "result.glb"
+_RESULT, _MAP = "result.glb", "map.safetensors"
 
 
 def makeable(job: Job) -> list[str]:
@@ -55,6 +55,28 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
         derive(name, given, target, Limits.from_settings(app.settings))
         app.record.check_room(job.owner_id, {name: target.stat().st_size}, app.settings.max_stored_bytes)
         return _added(app, job, kind, target)
+
+
+def deformed_alike(app: AppState, job: Job, file: Path, filename: str, outside: str) -> Path:
+    """Deform another file as the asset of a job that has succeeded was, and return the GLB, in the folder of the file.
+
+    Raises
+    ------
+    AssetError, ParameterError
+        The file cannot be read, or lies elsewhere than the asset.
+    NotFoundError
+        Jobs of this kind deform no asset.
+    """
+    edit = next((artifact for artifact in job.artifacts if artifact.name == _MAP), None)
+    if edit is None:
+        if _MAP not in makeable(job):
+            raise NotFoundError("The job deformed no asset.", advice="Name a job of the kind text_deform.")
+        edit = made(app, job, _MAP)
+    local, target = file.with_name("map"), file.with_name("alike.glb")
+    app.store.fetch(edit.key, local, sha256=edit.sha256)
+    given = DerivedInput(file, local, filename, job.request.output, outside=outside)
+    derive(ALIKE, given, target, Limits.from_settings(app.settings))
+    return target
 
 
 def _added(app: AppState, job: Job, kind: ArtifactKind, file: Path) -> Artifact:

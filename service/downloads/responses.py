@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import itertools
 import re
 import string
 import time
@@ -201,8 +202,8 @@ def download(
     RangeError
         The range begins past the end.
     NotFoundError, StoredFileError, UnavailableError
-        The object is missing from the store, or has another size, or the store does not answer. Raised before the
-        first byte is sent.
+        The object is missing from the store, or has another size, or is a damaged one of up to 256 KiB, or the store
+        does not answer. Raised before the first byte is sent.
     """
     headers = found.headers
     if signed:
@@ -222,7 +223,11 @@ def download(
     if app.store.size(found.key) != found.size:
         raise StoredFileError(f"The stored copy of {found.name!r} has another size than was recorded.")
     content = app.store.stream(found.key, start, end, _CHUNK)
-    return StreamingResponse(content if part else _verified(content, found), status, headers, found.content_type)
+    if part is None:
+        whole = _verified(content, found)
+        # A file of one chunk is verified here.
+        content = itertools.chain([next(whole)], whole)
+    return StreamingResponse(content, status, headers, found.content_type)
 
 
 def _verified(content: Iterator[bytes], found: Download) -> Iterator[bytes]:

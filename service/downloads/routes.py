@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated
+from contextlib import ExitStack
+from pathlib import Path as FilePath
+from typing import Annotated, Literal
 
 from anyio import to_thread
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import ArtifactList, ArtifactView, CheckpointList, CheckpointView, SignedUrl
+from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.assets.inspect import asset_format
 from meshdeform.errors import (
     AssetEmptyError,
+    AssetError,
     AssetFormatError,
     AssetTooLargeError,
     AssetUnsupportedError,
@@ -21,6 +25,8 @@ from meshdeform.errors import (
     JobNotFinishedError,
     NotFoundError,
     ParameterError,
+    RequestError,
+    RequestTimeoutError,
     StoredFileError,
     TooMuchStoredError,
     UnreadableJobError,
@@ -29,7 +35,7 @@ from meshdeform.record.models import Artifact, CheckpointRef, Job, JobState, Sto
 from meshdeform.runs import kind_of
 from meshdeform.support.files import result_name
 from service.documentation.responses import CALLER_ERRORS, JobId, Step
-from service.downloads.making import made, makeable
+from service.downloads.making import deformed_alike, made, makeable
 from service.downloads.responses import (
     OPEN_TO_SIGNED,
     ConditionsDep,
@@ -41,6 +47,7 @@ from service.downloads.responses import (
 )
 from service.downloads.strengths import MAX_STRENGTH, STRENGTH_STEP
 from service.http.auth import PrincipalDep, ViewerDep
+from service.http.bodies import body_of, clean_filename
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppState, AppStateDep
 
@@ -370,6 +377,98 @@ def get_target(
 ) -> Response:
     """The second mesh of `target` guidance, the same as `GET /v1/jobs/{id}/files/target`; `404` if there is none."""
     return _download(request, app, _file_of(app.record.get(id, principal.owner_id), "target"), conditions)
+
+
+@sources.post(
+    "/apply",
+    operation_id="apply_job",
+    summary="Deform another file as the job's asset was",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "The file as a GLB, with its new shape.",
+            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+        },
+        **problem_responses(
+            AssetError,
+            ParameterError,
+            RequestError,
+            RequestTimeoutError,
+            NotFoundError,
+            JobNotFinishedError,
+            StoredFileError,
+            TooMuchStoredError,
+            DependencyError,
+            UnreadableJobError,
+            *CALLER_ERRORS,
+        ),
+    },
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "description": "A file that a job may deform.",
+            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+        }
+    },
+)
+async def apply_job(
+    request: Request,
+    app: AppStateDep,
+    principal: PrincipalDep,
+    id: JobId,  # noqa: A002 - the name in the path
+    filename: Annotated[
+        str,
+        Query(
+            description="The file's name. Its extension distinguishes OBJ, PLY and STL.",
+            max_length=MAX_FILENAME,
+            examples=["lod1.glb"],
+        ),
+    ] = "asset.glb",
+    outside: Annotated[
+        Literal["refuse", "rigid"],
+        Query(
+            description="What happens to connected pieces that reach out of the box around the job's asset: the "
+            "request is refused, or they are carried along and keep their shape.",
+            examples=["rigid"],
+        ),
+    ] = "refuse",
+) -> Response:
+    """For levels of detail, collision meshes, clothes and props, which lie where the asset does. Without a new run.
+
+    The first request makes `map.safetensors`, which is then an artifact of the job.
+    """
+    with ExitStack() as stack:
+        folder = stack.enter_context(app.workspace.temporary_folder())
+        job = await to_thread.run_sync(_succeeded, app, id, principal.owner_id)
+        async with app.bodies.slot(principal.owner_id):
+            file = await _receive(request, folder / "asset", app.settings.max_upload_bytes)
+        async with app.strengths.slot(principal.owner_id):
+            made_file = await to_thread.run_sync(deformed_alike, app, job, file, clean_filename(filename), outside)
+        return StreamingResponse(_streamed(made_file, stack.pop_all()), media_type="application/octet-stream")
+
+
+def _succeeded(app: AppState, job_id: str, owner: str) -> Job:
+    job = app.record.get(job_id, owner)
+    if job.state is not JobState.SUCCEEDED:
+        _find(app, job_id, owner, "result.glb")
+    return job
+
+
+async def _receive(request: Request, path: FilePath, max_bytes: int) -> FilePath:
+    received = 0
+    with path.open("wb") as file:
+        async for chunk in body_of(request):
+            received += len(chunk)
+            if received > max_bytes:
+                raise AssetTooLargeError(f"The file has more than {max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+            file.write(chunk)
+    return path
+
+
+def _streamed(path: FilePath, held: ExitStack) -> Iterator[bytes]:
+    with held, path.open("rb") as file:
+        while chunk := file.read(1 << 18):
+            yield chunk
 
 
 def _file_of(job: Job, part: str) -> StoredFile:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from threading import Lock
 
@@ -41,7 +42,7 @@ class Strengths:
 
     def __init__(self, record: JobRecord, store: ObjectStore, workspace: Workspace, limits: Limits) -> None:
         self._record, self._store, self._workspace, self._limits = record, store, workspace, limits
-        self._slots = FairSlots(_AT_ONCE, _PER_OWNER, wait_s=_WAIT_S, purpose="strengths are being applied")
+        self._slots = FairSlots(_AT_ONCE, _PER_OWNER, wait_s=_WAIT_S, purpose="strengths or maps are being applied")
         self._threads: CapacityLimiter | None = None
         self._known: OrderedDict[str, StoredObject] = OrderedDict()
         self._lock = Lock()
@@ -66,9 +67,13 @@ class Strengths:
         key = f"{_prefix(job)}{artifact.sha256[:16]}-{round(100 * strength):03d}.glb"
         if (known := await to_thread.run_sync(self._find, key)) is not None:
             return key, known
-        async with self._slots.slot(job.owner_id):
+        async with self.slot(job.owner_id):
             made = await to_thread.run_sync(self._make, job, artifact, strength, key, limiter=self._threads)
         return key, made
+
+    def slot(self, owner_id: str) -> AbstractAsyncContextManager[None]:
+        """Return a context that holds a slot for making a file of a result."""
+        return self._slots.slot(owner_id)
 
     def _find(self, key: str) -> StoredObject | None:
         """Return the size and SHA-256 of a stored object; None if there is none."""

@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
-from meshdeform.errors import ConflictError, NotFoundError, ParameterError, StoredFileError
+from meshdeform.api.jobs import RetriedJob, RetriedJobs
+from meshdeform.errors import (
+    ConflictError,
+    LimitError,
+    MeshdeformError,
+    NotFoundError,
+    ParameterError,
+    StoredFileError,
+    UnavailableError,
+)
 from meshdeform.record.files import FileLeases
-from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
+from meshdeform.record.ids import encode_cursor
+from meshdeform.record.models import CheckpointRef, Job, JobError, JobState, Origin, OriginMode, StoredFile
 from meshdeform.requests.choices import WEIGHTS_PART
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs import kind_of
@@ -18,7 +30,7 @@ from service.jobs.intake import check_file, check_params, check_words, key_of, n
 from service.jobs.sources import fetch, in_order
 from service.state import AppState
 
-__all__ = ["branch", "retry"]
+__all__ = ["branch", "retry", "retry_failed"]
 
 _RETRYABLE = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)
 
@@ -53,8 +65,43 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
             found = app.record.leases.checkpoints(job_id)
             newest = sorted(found, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copy_checkpoint(app, leases, job, newest, OriginMode.RETRY) or _initial_origin(app, leases, job)
-            new = new_job(app, caller, job.request, job.files, origin=origin, resolved=params, claim=claim)
+            size = {"faces": job.faces, "parts": job.parts}
+            new = new_job(app, caller, job.request, job.files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
+
+
+def retry_failed(
+    app: AppState, caller: Caller, error: str, *, created_after: datetime | None, cursor: str | None, limit: int
+) -> RetriedJobs:
+    """Retry a page of the caller's jobs that failed with an error, but for those that another job continues already.
+
+    Where a limit of the caller's stops it, the cursor is that of the rest, if any was retried.
+
+    Raises
+    ------
+    LimitError, UnavailableError
+        The first was refused for the sake of a limit, or the record or the store does not answer.
+    """
+    page = app.record.list_jobs(None, cursor, limit, owner=caller.owner_id, created_after=created_after, error=error)
+    known = app.record.continued([job.id for job in page.jobs], caller.owner_id)
+    outcomes: list[RetriedJob] = []
+    for job in page.jobs:
+        if job.id in known:
+            continue
+        # Two requests at once make one retry.
+        once = replace(caller, path=f"/v1/jobs/{job.id}/retry", idempotency_key=f"retry-failed-{job.id}")
+        try:
+            outcomes.append(RetriedJob(of=job.id, job_id=retry(app, once, job.id).body["id"]))
+        except LimitError:
+            if not any(outcome.job_id for outcome in outcomes):
+                raise
+            before = page.jobs[page.jobs.index(job) - 1]
+            return RetriedJobs(jobs=outcomes, next_cursor=encode_cursor(before.id))
+        except UnavailableError:
+            raise
+        except MeshdeformError as refused:
+            outcomes.append(RetriedJob(of=job.id, error=JobError.of(refused)))
+    return RetriedJobs(jobs=outcomes, next_cursor=page.next_cursor)
 
 
 def branch(app: AppState, caller: Caller, job_id: str, step: int, document: BranchDocument, folder: Path) -> Answer:
@@ -107,7 +154,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                     steps=steps,
                 )
             files = in_order(request, files)
-            new = new_job(app, caller, request, files, origin=origin, resolved=params, claim=claim)
+            size = {"faces": job.faces, "parts": job.parts}
+            new = new_job(app, caller, request, files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
 
 

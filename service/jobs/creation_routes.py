@@ -7,18 +7,21 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Annotated, Any
 
 from anyio import to_thread
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Header, Query, Request, Response
 
-from meshdeform.api.jobs import JobView
+from meshdeform.api.jobs import JobView, RetriedJobs
 from meshdeform.api.limits import MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
 from meshdeform.errors import (
     ConflictError,
     DependencyError,
     NotFoundError,
+    ParameterError,
     RequestError,
     StoredFileError,
     UnreadableJobError,
+    WebhookAddressError,
 )
+from meshdeform.requests.document import JobRequest
 from meshdeform.runs import kinds
 from service.documentation.responses import (
     ASSET_ERRORS,
@@ -39,13 +42,14 @@ from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, parse_document, receive_document, receive_form
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
-from service.jobs.continuation import branch, retry
+from service.jobs.continuation import branch, retry, retry_failed
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import accept_job, orient, validate
-from service.jobs.routes import shown
+from service.jobs.routes import CreatedAfter, Cursor, ErrorCode, shown
 from service.jobs.sources import Submission, file_advice, missing_files, take_along
 from service.schemas import FoundOrientation, Validation
 from service.state import AppState, AppStateDep
+from service.webhooks.routes import checked_address
 
 __all__ = ["router"]
 
@@ -218,6 +222,34 @@ async def orient_job(
 
 
 @router.post(
+    ":retry",
+    operation_id="retry_failed_jobs",
+    summary="Retry the jobs that failed for one reason",
+    responses={
+        200: {"model": RetriedJobs, "description": "The new jobs of a page."},
+        **problem_responses(ParameterError, *NEW_JOB_ERRORS, *CALLER_ERRORS),
+    },
+)
+def retry_failed_jobs(
+    request: Request,
+    app: AppStateDep,
+    principal: PrincipalDep,
+    error: ErrorCode,
+    created_after: CreatedAfter = None,
+    limit: Annotated[int, Query(description="Failed jobs per call, at most.", ge=1, le=100, examples=[50])] = 50,
+    cursor: Cursor = None,
+) -> Response:
+    """Jobs that another one continues already are left out, so that the call can be repeated.
+
+    Repeat it with `next_cursor` until that is null. A limit of unfinished jobs or stored bytes stops it in between; go
+    on later.
+    """
+    caller = Caller.of(request, principal)
+    found = retry_failed(app, caller, error, created_after=created_after, cursor=cursor, limit=limit)
+    return Response(found.model_dump_json(), media_type="application/json")
+
+
+@router.post(
     "/{id}/retry",
     operation_id="retry_job",
     summary="Retry a job that did not succeed",
@@ -277,9 +309,21 @@ async def branch_job(
     """Creates a new job on the same files that starts with the shape of that step. The job may be in any state."""
     caller = Caller.of(request, principal, idempotency_key)
     document = parse_document(BranchDocument, await receive_document(request))
+    await _check_webhook(app, principal.owner_id, document)
     with app.workspace.temporary_folder() as folder:
         answer = await app.take_in(principal.owner_id, branch, app, caller, id, step, document, folder)
     return answer.response()
+
+
+async def _check_webhook(app: AppState, owner_id: str, request: JobRequest) -> None:
+    """Refuse a request whose webhook has an address that is not allowed."""
+    if request.webhook is None:
+        return
+    try:
+        await checked_address(app, owner_id, request.webhook.url)
+    except WebhookAddressError as error:
+        place = {"loc": ["webhook", "url"], "msg": error.detail, "type": "value_error"}
+        raise WebhookAddressError(error.detail, advice=error.advice_text, errors=[place]) from error
 
 
 async def _received_document(request: Request, app: AppState, owner_id: str, held: AsyncExitStack) -> JobDocument:
@@ -312,6 +356,7 @@ async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIte
         async with AsyncExitStack() as held:
             document = await _received_document(request, app, owner_id, held)
             folder = held.enter_context(app.workspace.temporary_folder())
+            await _check_webhook(app, owner_id, document)
             yield await take_along(app, owner_id, Submission(document, {}, folder))
         return
     # The slot is held until the files are checked and stored, which bounds the number of temporary files.
@@ -327,4 +372,5 @@ async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIte
             document = parse_document(JobDocument, text, "The part `request`")
             for name in missing_files(document, files):
                 raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
+            await _check_webhook(app, owner_id, document)
             yield await take_along(app, owner_id, Submission(document, files, folder))

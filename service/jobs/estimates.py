@@ -1,9 +1,11 @@
-"""Estimate how long a job will wait and run, from the other jobs in the record."""
+"""Estimate how long a job will wait and run, from its mesh and steps and from the other jobs in the record."""
 
 from __future__ import annotations
 
 import heapq
+import math
 import statistics
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -15,8 +17,10 @@ from meshdeform.record.leases import Leases
 from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
-from meshdeform.requests.document import JobRequest, read_stored
+from meshdeform.requests.choices import is_builtin
+from meshdeform.requests.document import TAUGHT, JobRequest, read_stored
 from meshdeform.runs import kind_of
+from meshdeform.runs.costs import END_SHARE, Costs, Seconds, costs_of, pace_of
 
 __all__ = ["Estimate", "estimate"]
 
@@ -24,13 +28,17 @@ _SAMPLES = 50
 _COUNTED = 200
 """Maximum number of jobs ahead that are read one by one; for the rest, the mean of these is used."""
 
+_Row = sa.Row[*tuple[Any, ...]]
+_SAFEGUARD = jobs.c.resolved["safeguard"].as_string().label("safeguard")
+_COSTS = (jobs.c.workload, jobs.c.faces, jobs.c.parts, _SAFEGUARD)
+
 
 @dataclass(frozen=True)
 class Estimate:
     """The expected duration of a job, and the data that says so.
 
     `queue_s` are the seconds until a worker takes the job, None if unknown; `run_s` those from then to its end, None if
-    no similar job has succeeded.
+    no similar job has succeeded and none was measured beforehand.
     """
 
     queue_s: float | None
@@ -39,56 +47,116 @@ class Estimate:
 
 
 def estimate(
-    database: Database, leases: Leases, request: JobRequest, *, default_model: str, queue: str, owner_id: str = ""
+    database: Database,
+    leases: Leases,
+    request: JobRequest,
+    *,
+    default_model: str,
+    queue: str,
+    owner_id: str = "",
+    safeguard: str | None = None,
+    faces: int | None = None,
+    parts: int | None = None,
+    turn_s: float = math.inf,
 ) -> Estimate:
-    """Estimate a job from the newest successful jobs, the jobs ahead, and the number of live workers.
+    """Estimate a job from its mesh, the newest successful jobs, the jobs ahead, and the number of live workers.
 
-    The job's owner takes turns with the others; a request that names no model has the default one.
+    The job's owner takes turns with the others, whose jobs are handed over after `turn_s` seconds. A request that names
+    no model has the default one.
     """
+    steps = kind_of(request.kind).steps(request, default_model, None)
     with database.read() as connection:
-        same = jobs.c.workload == request.workload
-        step_s, count = _step_seconds(connection, same)
-        basis = f"{_jobs(count)} of this kind and model"
-        if step_s is None:
-            step_s, count = _step_seconds(connection, jobs.c.kind == request.kind.value)
-            basis = f"{_jobs(count)} of this kind with other models"
-        if step_s is None:
-            return Estimate(None, None, "no job of this kind has succeeded here yet")
-        ahead = _Ahead.of(connection, request.priority, owner_id, default_model)
-    run_s = step_s * kind_of(request.kind).steps(request, default_model, None)
+        history = _History(connection, default_model)
+        pace, basis = history.pace(request.kind, request.workload)
+        if pace is None:
+            return Estimate(None, None, basis)
+        run_s = costs_of(request.workload).seconds(faces, parts, safeguard).times(pace).of(steps)
+
+        def seconds_left(row: _Row) -> float:
+            left_s: float = history.seconds_left(row, run_s)
+            return left_s if row.owner_id == owner_id else min(left_s, turn_s)
+
+        ahead = _Ahead.of(connection, request.priority, owner_id, seconds_left)
     workers = leases.alive(queue)
     if workers == 0:
         return Estimate(None, run_s, f"{basis}; no worker is alive")
     basis = f"{basis}; {workers} worker{'s' * (workers > 1)} alive"
-    return Estimate(ahead.steps_until_free(workers) * step_s, run_s, basis)
+    return Estimate(ahead.seconds_until_free(workers), run_s, basis)
 
 
-def _jobs(count: int) -> str:
-    return f"{count} job{'s' * (count > 1)}"
+class _History:
+    """How long jobs took here, compared with their costs."""
+
+    def __init__(self, connection: sa.Connection, default_model: str) -> None:
+        self._connection, self._default_model = connection, default_model
+        self._paces: dict[str, tuple[Seconds | None, str]] = {}
+
+    def pace(self, kind: str, workload: str) -> tuple[Seconds | None, str]:
+        """Return the pace of a workload, None if nothing is known of it, and what that is based on."""
+        if workload not in self._paces:
+            self._paces[workload] = self._pace(kind, workload)
+        return self._paces[workload]
+
+    def _pace(self, kind: str, workload: str) -> tuple[Seconds | None, str]:
+        for alike, words in ((jobs.c.workload == workload, "and model"), (jobs.c.kind == kind, "with other models")):
+            if measured := self._measured(alike):
+                count = len(measured)
+                return pace_of(measured), f"{count} job{'s' * (count > 1)} of this kind {words}"
+        basis = "no job of this kind has succeeded here yet"
+        if costs_of(workload) == Costs() or not self._is_builtin(workload):
+            return None, basis
+        return Seconds(1.0, 1.0), f"{basis}: a rough figure, by the pace of another machine"
+
+    def _is_builtin(self, workload: str) -> bool:
+        """Return whether the model of a workload is the one that costs were measured with."""
+        model = workload.split("/")[2]
+        return model == TAUGHT or is_builtin(model or self._default_model)
+
+    def _measured(self, alike: sa.ColumnElement[bool]) -> list[tuple[Seconds, Seconds]]:
+        """Return what the newest successful jobs were expected to take, and what they took."""
+        times = (jobs.c.step_s, jobs.c.total_steps, jobs.c.ran_s, jobs.c.started_at, jobs.c.finished_at)
+        done = sa.and_(jobs.c.state == JobState.SUCCEEDED, jobs.c.step_s.is_not(None), jobs.c.origin.is_(None))
+        query = sa.select(*_COSTS, *times).where(alike, done)
+        rows = self._connection.execute(query.order_by(jobs.c.id.desc()).limit(_SAMPLES)).all()
+        return [(_expected(row), _taken(row)) for row in rows]
+
+    def seconds_left(self, row: _Row, unknown_s: float) -> float:
+        """Return the seconds until an unfinished job ends; those of a whole job if nothing is known of its kind."""
+        pace, _ = self.pace(row.kind, row.workload)
+        if pace is None:
+            return unknown_s
+        seconds = _expected(row).times(pace)
+        steps: int = row.total_steps - row.step
+        if row.step:
+            return END_SHARE * seconds.once + max(0, steps) * seconds.step
+        try:
+            request = read_stored(row.request)
+        except UnreadableJobError:
+            return 0.0  # no worker that could tell takes it
+        steps = kind_of(request.kind).steps(request, self._default_model, row.resolved)
+        return seconds.of(steps)
 
 
-def _step_seconds(connection: sa.Connection, which: sa.ColumnElement[bool]) -> tuple[float | None, int]:
-    """Return the median seconds per step of the newest successful jobs, and their number."""
-    query = (
-        sa.select(jobs.c.step_s)
-        .where(which, jobs.c.state == JobState.SUCCEEDED, jobs.c.step_s.is_not(None))
-        .order_by(jobs.c.id.desc())
-        .limit(_SAMPLES)
-    )
-    found = list(connection.scalars(query))
-    return (statistics.median(found), len(found)) if found else (None, 0)
+def _expected(row: _Row) -> Seconds:
+    return costs_of(row.workload).seconds(row.faces, row.parts, row.safeguard)
+
+
+def _taken(row: _Row) -> Seconds:
+    """Return what a job took, without the time between its attempts where that is known."""
+    ran_s = row.ran_s or (row.finished_at - row.started_at).total_seconds()
+    return Seconds(max(0.0, ran_s - row.total_steps * row.step_s), row.step_s)
 
 
 @dataclass(frozen=True)
 class _Ahead:
-    """The work before a new job: the steps left of each running job and of each queued job ahead of it."""
+    """The work before a new job: the seconds left of each running job and of each queued job ahead of it."""
 
-    running: list[int]
-    queued: list[int]
+    running: list[float]
+    queued: list[float]
     more: int
 
     @classmethod
-    def of(cls, connection: sa.Connection, priority: int, owner_id: str, default_model: str) -> Self:
+    def of(cls, connection: sa.Connection, priority: int, owner_id: str, seconds_left: Callable[[_Row], float]) -> Self:
         """Return the work before a new job of this owner: at its own priority, one job of each owner in every turn."""
         queued = jobs.c.state == JobState.QUEUED
         alike = sa.and_(queued, jobs.c.priority == priority)
@@ -97,39 +165,27 @@ class _Ahead:
         turns = sa.select(jobs.c.id, turn.label("turn")).where(alike).subquery()
         before = sa.select(turns.c.id).where(turns.c.turn <= own + 1)
         urgent, in_turn = sa.and_(queued, jobs.c.priority > priority), sa.and_(alike, jobs.c.id.in_(before))
+        about = (jobs.c.kind, jobs.c.owner_id, jobs.c.request, jobs.c.resolved, jobs.c.total_steps, jobs.c.step)
 
-        def left(which: sa.ColumnElement[bool], limit: int = _COUNTED) -> list[int]:
-            query = sa.select(jobs.c.request, jobs.c.resolved, jobs.c.total_steps, jobs.c.step).where(which)
-            found = connection.execute(query.order_by(jobs.c.priority.desc(), jobs.c.id).limit(limit)).all()
-            return [_steps_left(*row, default_model) for row in found]
+        def left(which: sa.ColumnElement[bool], limit: int = _COUNTED) -> list[float]:
+            query = sa.select(*_COSTS, *about).where(which).order_by(jobs.c.priority.desc(), jobs.c.id).limit(limit)
+            return [seconds_left(row) for row in connection.execute(query).all()]
 
-        steps = left(urgent)
-        steps += left(in_turn, _COUNTED - len(steps))
+        seconds = left(urgent)
+        seconds += left(in_turn, _COUNTED - len(seconds))
         total = _count(connection, urgent) + _count(connection, in_turn)
-        return cls(left(jobs.c.state.in_(OWNED)), steps, total - len(steps))
+        return cls(left(jobs.c.state.in_(OWNED)), seconds, total - len(seconds))
 
-    def steps_until_free(self, workers: int) -> float:
-        """Return the steps until a worker is free for the new job, if each free worker takes the next job."""
+    def seconds_until_free(self, workers: int) -> float:
+        """Return the seconds until a worker is free for the new job, if each free worker takes the next job."""
         # There are more running jobs than workers if a worker counts as silent; use the longest jobs.
         free_at = sorted(self.running, reverse=True)[:workers]
-        free_at += [0] * (workers - len(free_at))
+        free_at += [0.0] * (workers - len(free_at))
         heapq.heapify(free_at)
-        for steps in self.queued:
-            heapq.heapreplace(free_at, free_at[0] + steps)
+        for seconds in self.queued:
+            heapq.heapreplace(free_at, free_at[0] + seconds)
         return free_at[0] + self.more * (statistics.fmean(self.queued) if self.queued else 0.0) / workers
 
 
 def _count(connection: sa.Connection, which: sa.ColumnElement[bool]) -> int:
     return connection.execute(sa.select(sa.func.count()).select_from(jobs).where(which)).scalar_one()
-
-
-def _steps_left(
-    document: dict[str, Any], resolved: dict[str, Any] | None, total_steps: int, step: int, default_model: str
-) -> int:
-    if total_steps:
-        return max(0, total_steps - step)
-    try:
-        request = read_stored(document)
-    except UnreadableJobError:
-        return 0  # no worker that could tell takes it
-    return kind_of(request.kind).steps(request, default_model, resolved)

@@ -71,6 +71,12 @@ def check_params(request: JobRequest, settings: Settings, *, files: Collection[s
         # PostgreSQL cannot store this character.
         if "\0" in name + value:
             raise ParameterError.at(["metadata", name], "A label contains the character U+0000.")
+    if settings.max_run_s and (request.max_run_s or 0.0) > settings.max_run_s:
+        raise ParameterError.at(
+            ["max_run_s"],
+            f"{request.max_run_s:g} s are longer than a job of this server may run: {settings.max_run_s:g} s.",
+            "Set max_run_s lower, or leave it out. The service's operator can raise MESHDEFORM_MAX_RUN_S.",
+        )
     params = check_request(request, settings, files=files)
     steps = kind_of(request.kind).steps(request, settings.model, None)
     if steps > settings.max_steps:
@@ -101,7 +107,9 @@ def check_job(
     kind = kind_of(submission.document.kind)
     found = {name: check_file(app, owner_id, kind, name, file) for name, file in files.items()}
     meshes = {name: each for name, each in found.items() if isinstance(each, AssetSummary)}
-    kind.check_files(params, meshes)
+    kind.check_files(submission.document, params, meshes)
+    first = files[kind.parts[0]]
+    kind.check_asset(submission.document, params, first.path, first.filename, app.assets.limits)
     if WEIGHTS_PART in files:
         check_words(submission.document, files[WEIGHTS_PART].path, meshes)
     return params, files, found
@@ -153,7 +161,7 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
         if isinstance(claim, Answer):
             return claim
-        params, files, _ = check_job(app, caller.owner_id, submission)
+        params, files, summaries = check_job(app, caller.owner_id, submission)
         failpoint("api.received")
         sizes = {key_of(file): file.size for file in files.values()}
 
@@ -163,7 +171,8 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
         with app.record.files.leases() as leases:
             stored = {part: store_file(app, leases, file, check_room) for part, file in files.items()}
             failpoint("api.stored")
-            new = new_job(app, caller, submission.document, stored, resolved=params, claim=claim)
+            size = _size(summaries)
+            new = new_job(app, caller, submission.document, stored, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
 
 
@@ -186,6 +195,9 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         default_model=app.settings.model,
         queue=app.settings.queue,
         owner_id=principal.owner_id,
+        safeguard=getattr(params, "safeguard", None),
+        turn_s=app.settings.turn_s,
+        **_size(summaries),
     )
     model = getattr(params, "model", None)
     if model is not None:  # as clients name it
@@ -198,6 +210,12 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         params=params,
         estimate=JobEstimate(**asdict(expected)),
     )
+
+
+def _size(summaries: Mapping[str, AssetSummary | PictureSummary]) -> dict[str, int]:
+    """Return the faces and parts of the first file, as far as it has any."""
+    asset = next(iter(summaries.values()))
+    return {"faces": asset.triangles, "parts": asset.meshes} if isinstance(asset, AssetSummary) else {}
 
 
 async def orient(app: AppState, owner_id: str, submission: Submission) -> FoundOrientation:

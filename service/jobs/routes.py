@@ -54,6 +54,33 @@ def _written_time(value: object) -> object:
     return value
 
 
+CreatedAfter = Annotated[
+    Annotated[AwareDatetime, BeforeValidator(_written_time)] | None,
+    Query(
+        description="Only jobs created after this time, with its offset from UTC. Default: all.",
+        examples=["2026-01-31T12:00:00Z"],
+        json_schema_extra={"maxLength": 64},
+    ),
+]
+Cursor = Annotated[
+    str | None,
+    Query(
+        description="`next_cursor` of the previous page. Default: the first page.",
+        max_length=200,
+        examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
+    ),
+]
+ErrorCode = Annotated[
+    str,
+    Query(
+        description="Only jobs that failed with this error (its `code`).",
+        max_length=64,
+        pattern="^[a-z_]+$",
+        examples=["unavailable"],
+    ),
+]
+
+
 @router.get(
     "",
     operation_id="list_jobs",
@@ -71,14 +98,8 @@ def list_jobs(
     state: Annotated[
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
     ] = None,
-    created_after: Annotated[
-        Annotated[AwareDatetime, BeforeValidator(_written_time)] | None,
-        Query(
-            description="Only jobs created after this time, with its offset from UTC. Default: all.",
-            examples=["2026-01-31T12:00:00Z"],
-            json_schema_extra={"maxLength": 64},
-        ),
-    ] = None,
+    error: ErrorCode | None = None,
+    created_after: CreatedAfter = None,
     q: Annotated[
         str,
         Query(
@@ -90,19 +111,19 @@ def list_jobs(
         ),
     ] = "",
     limit: Annotated[int, Query(description="Jobs per page, at most.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
-    cursor: Annotated[
-        str | None,
-        Query(
-            description="`next_cursor` of the previous page. Default: the first page.",
-            max_length=200,
-            examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
-        ),
-    ] = None,
+    cursor: Cursor = None,
 ) -> Response:
     """Jobs that are created while you page through the list do not shift later pages."""
     labels = _labels(request)
     page = app.record.list_jobs(
-        state, cursor, limit, owner=principal.owner_id, metadata=labels, created_after=created_after, words=q
+        state,
+        cursor,
+        limit,
+        owner=principal.owner_id,
+        metadata=labels,
+        created_after=created_after,
+        words=q,
+        error=error,
     )
     return JSONResponse(JobList(jobs=[_view(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
 

@@ -91,6 +91,7 @@ class _RecordCollector(Collector):
         for name, text in (
             ("lease_expirations", "Leases that expired, or whose worker was found dead."),
             ("recoveries", "Jobs that were requeued after the loss of their worker."),
+            ("hand_overs", "Jobs that were requeued to make room for jobs that had waited for long."),
         ):
             yield CounterMetricFamily(f"meshdeform_{name}", text, value=sums.get((name, ""), 0.0))
         for name, bounds in BUCKETS_S.items():

@@ -118,6 +118,8 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
             min_priority=-MAX_PRIORITY,
             max_priority=principal.max_priority,
             max_deadline_s=MAX_DEADLINE_S,
+            max_run_s=settings.max_run_s or None,
+            max_running_jobs=settings.max_running_jobs or None,
             max_retention_s=MAX_RETENTION_S,
             max_stored_bytes=settings.max_stored_bytes or None,
             default_retention_s=settings.retention_s or None,

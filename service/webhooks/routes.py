@@ -21,6 +21,7 @@ from meshdeform.api.webhooks import (
     WebhookChange,
     WebhookEvent,
     WebhookList,
+    WebhookSecret,
     WebhookView,
     WebhookWithSecret,
 )
@@ -40,7 +41,7 @@ from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppState, AppStateDep
 
-__all__ = ["messages", "router"]
+__all__ = ["checked_address", "messages", "router"]
 
 router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"], dependencies=KNOWN_QUERY)
 messages = APIRouter()
@@ -77,7 +78,7 @@ _LOCATION = {"Location": header("The webhook's URL.", "/v1/webhooks/wh_01kg9zqk2
 )
 async def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWebhook) -> Response:
     """The host is resolved and must be public. This is checked again for every message."""
-    url = await _checked(app, principal.owner_id, body.url)
+    url = await checked_address(app, principal.owner_id, body.url)
     webhook, secret = await to_thread.run_sync(app.record.webhooks.create, principal.owner_id, url, body.events)
     document = WebhookWithSecret.of(webhook, secret=secret)
     return JSONResponse(
@@ -100,6 +101,21 @@ def list_webhooks(app: AppStateDep, principal: PrincipalDep) -> Response:
     """Not paginated: there are at most 20."""
     found = [WebhookView.of(webhook) for webhook in app.record.webhooks.list_webhooks(principal.owner_id)]
     return JSONResponse(WebhookList(webhooks=found).model_dump(mode="json"))
+
+
+@router.get(
+    "/secret",
+    operation_id="get_webhook_secret",
+    summary="Get your account's secret",
+    responses={
+        200: {"model": WebhookSecret, "description": "The secret."},
+        **problem_responses(UnavailableError),
+    },
+)
+def get_webhook_secret(app: AppStateDep, principal: PrincipalDep) -> Response:
+    """It signs the messages to the `webhook` that a job's request names, and never changes. Others have their own."""
+    document = WebhookSecret(secret=app.record.webhooks.account_secret(principal.owner_id))
+    return JSONResponse(document.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
 
 @router.get(
@@ -135,7 +151,7 @@ async def update_webhook(
     # Check the owner first: a request for somebody else's webhook must not cause a DNS lookup.
     webhooks, owner = app.record.webhooks, principal.owner_id
     await to_thread.run_sync(webhooks.get, id, owner)
-    url = None if body.url is None else await _checked(app, owner, body.url)
+    url = None if body.url is None else await checked_address(app, owner, body.url)
     update = partial(webhooks.update, id, owner, url=url, events=body.events, enabled=body.enabled)
     webhook = await to_thread.run_sync(update)
     return JSONResponse(WebhookView.of(webhook).model_dump(mode="json"))
@@ -253,7 +269,8 @@ def replay_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, d
     return JSONResponse(DeliveryView.of(delivery).model_dump(mode="json"), 202)
 
 
-async def _checked(app: AppState, owner: str, url: str) -> str:
+async def checked_address(app: AppState, owner: str, url: str) -> str:
+    """Return the URL of a webhook of this owner after looking its host up; `WebhookAddressError`: it is not allowed."""
     networks = parse_networks(app.settings.webhook_networks)
     future = app.lookups.submit(owner, lambda: find_destination(url, networks))
     try:

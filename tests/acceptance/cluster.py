@@ -222,13 +222,14 @@ class Cluster(Followed):
         files = {"asset": ("sphere.glb", SPHERE.read_bytes())}
         return self.http.post("/v1/jobs", files=files, data={"request": json.dumps(request)}, headers=headers)
 
-    def submit(self, steps: int = 12, *, every: int = EVERY, **more: Any) -> str:
+    def submit(self, steps: int = 12, *, every: int = EVERY, owner_id: str = "", **more: Any) -> str:
         """Record a job without the API and tell the queue if it can hear."""
         if self._asset is None:
             stored = self.store.put("assets/sphere", SPHERE.read_bytes())
             self._asset = StoredFile(key="assets/sphere", filename="sphere.glb", size=stored.size, sha256=stored.sha256)
         document = {"prompt": "a mushroom", "params": {"steps": steps, "checkpoint_every_steps": every}, **more}
-        job = self.record.create(NewJob(JobRequest.model_validate(document), {"asset": self._asset}))
+        new = NewJob(JobRequest.model_validate(document), {"asset": self._asset}, owner_id=owner_id)
+        job = self.record.create(new)
         with contextlib.suppress(UnavailableError):
             self.queue.enqueue(job.id)
         return job.id

@@ -6,11 +6,13 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
+from meshdeform.assets import load_asset
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
-from tests.browser.steps import difference, expect, picture, until_drawn
+from tests.browser.steps import badge, difference, expect, picture, set_steps, start, until_drawn
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -94,3 +96,42 @@ def test_what_cannot_be_compared_is_said(
     service.finished(canceled)
     page.goto(f"/#/compare/{canceled}/{pair[1]}")
     expect(page.get_by_role("region", name="Job A")).to_contain_text("This job has no result: canceled.")
+
+
+@pytest.mark.without_3d
+def test_a_result_is_gone_on_from_taken_back_and_given_to_another_file(
+    page: Page, service: Service, small_sphere: Path, tmp_path: Path
+) -> None:
+    params = {"preset": "preview", "steps": 2, "checkpoint_every_steps": 1}
+    first = service.submit(small_sphere, {"prompt": "a tall vase", "params": params})
+    assert service.finished(first)["state"] == "succeeded"
+    page.goto(f"/#/jobs/{first}")
+    versions = page.get_by_role("region", name="Versions")
+    expect(page.get_by_role("button", name="Continue from it")).to_be_visible()
+    expect(versions).to_be_hidden()
+    page.get_by_role("button", name="Continue from it").click()
+    expect(page.locator("#asset-facts")).to_contain_text("sphere.glb")
+    page.get_by_label("Prompt", exact=True).fill("a fat penguin")
+    set_steps(page, 2)
+    second = start(page)
+    expect(badge(page)).to_have_text("Succeeded")
+    job = service.job(second)
+    result = next(each for each in service.job(first)["artifacts"] if each["name"] == "result.glb")
+    assert (job["metadata"]["thread"], job["asset"]["sha256"]) == (first, result["sha256"])
+    expect(versions.get_by_role("listitem")).to_contain_text(
+        ["“a tall vase”from sphere.obj", "“a fat penguin”after “a tall vase”", "Undo"]
+    )
+    versions.get_by_role("button", name="Compare with").first.click()
+    page.wait_for_url(f"**/#/compare/{first}/{second}")
+    page.go_back()
+    page.get_by_role("link", name="Undo: back to the version before").click()
+    page.wait_for_url(f"**/#/jobs/{first}")
+    expect(versions.locator("[aria-current]")).to_contain_text("a tall vase")
+
+    with page.expect_download() as download:
+        page.get_by_label("Files to deform alike").set_input_files(small_sphere)
+    assert download.value.suggested_filename == "sphere-edited.glb"
+    download.value.save_as(tmp_path / "alike.glb")
+    files = (tmp_path / "alike.glb").read_bytes(), service.artifact(first, "result.glb")
+    shapes = [load_asset(data).surface.positions for data in files]
+    np.testing.assert_allclose(*shapes, atol=0.05)

@@ -94,6 +94,32 @@ def test_a_morph_is_made_once_and_is_that_of_a_run(
     assert api.http.post(url).json() == first.json()
 
 
+def test_other_files_are_deformed_as_the_asset_was(
+    api: Api, stretched: bytes, openapi: dict[str, Any], tmp_path: Path
+) -> None:
+    job_id = finished(api, stretched, compact=True)
+    coarse = icosphere(0)
+    lod = build_glb(coarse.verts.numpy(), coarse.faces.numpy())
+    (tmp_path / "lod.glb").write_bytes(lod)
+    with Client(api.url) as client:
+        found = load_asset(client.apply(job_id, tmp_path / "lod.glb")).surface.positions
+    np.testing.assert_allclose(found, load_asset(lod).surface.positions * STRETCH, atol=0.05)
+    names = {each["name"] for each in api.http.get(f"/v1/jobs/{job_id}").json()["artifacts"]}
+    assert names == {"result.glb", "map.safetensors"}
+
+    def refused(content: bytes, status: int, code: str, **query: str) -> str:
+        headers = {"Content-Type": "application/octet-stream"}
+        answer = api.http.post(f"/v1/jobs/{job_id}/apply", content=content, params=query, headers=headers)
+        return str(check_problem(answer, status, code)["detail"])
+
+    elsewhere = build_glb(coarse.verts.numpy() + 50, coarse.faces.numpy())
+    assert "all outside of what the map deforms" in refused(elsewhere, 422, "parameter_invalid")
+    assert "its content is something else" in refused(b"hello", 415, "asset_format")
+    assert "outside" in refused(lod, 422, "parameter_invalid", outside="away")
+    queued = new_job(api.record).id
+    check_problem(api.http.post(f"/v1/jobs/{queued}/apply", content=lod), 409, "job_not_finished")
+
+
 def _stored_bytes(api: Api, job_id: str) -> int:
     return sum(artifact.size for artifact in api.record.artifacts(job_id))
 

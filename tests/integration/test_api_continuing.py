@@ -5,7 +5,12 @@ from __future__ import annotations
 import hashlib
 from typing import Any
 
-from meshdeform.record.models import Job, JobState, NewJob, OriginMode, StoredFile
+import pytest
+from typer.testing import CliRunner
+
+from meshdeform.cli.app import app
+from meshdeform.errors import PromptError, UnavailableError
+from meshdeform.record.models import Job, JobError, JobState, NewJob, OriginMode, StoredFile
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
@@ -21,7 +26,14 @@ def stored(api: Api, content: bytes, filename: str = "sphere.glb") -> StoredFile
     return StoredFile(key=f"assets/{digest}", filename=filename, size=len(content), sha256=digest)
 
 
-def interrupted_job(api: Api, *, steps: tuple[int, ...] = (), state: JobState = JobState.FAILED, **request: Any) -> str:
+def interrupted_job(
+    api: Api,
+    *,
+    steps: tuple[int, ...] = (),
+    state: JobState = JobState.FAILED,
+    error: JobError | None = None,
+    **request: Any,
+) -> str:
     """A job that a worker has ended, with checkpoints."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
     job = api.record.create(NewJob(asked, {"asset": stored(api, b"the asset")}))
@@ -31,7 +43,7 @@ def interrupted_job(api: Api, *, steps: tuple[int, ...] = (), state: JobState = 
         made = api.store.put(name, f"{job.id} {step}".encode())
         api.record.leases.set_checkpoint(job.id, 1, name, step, made.sha256, size=made.size)
     if state is not JobState.RUNNING:
-        api.record.leases.finish(job.id, 1, state)
+        api.record.leases.finish(job.id, 1, state, error)
     return job.id
 
 
@@ -59,6 +71,41 @@ def test_a_retry_goes_on_from_the_last_checkpoint(api: Api, openapi: dict[str, A
     api.record.request_cancel(job.id)
     assert api.http.delete(f"/v1/jobs/{job.id}").status_code == 204
     assert not api.store.exists(job.origin.key)
+
+
+@pytest.mark.both_databases
+def test_jobs_that_failed_for_one_reason_are_listed_and_retried_once(api: Api, openapi: dict[str, Any]) -> None:
+    away, wrong = JobError.of(UnavailableError("The store is away.")), JobError.of(PromptError("Too long."))
+    failed = [interrupted_job(api, steps=(100,), error=away) for _ in range(3)]
+    other = interrupted_job(api, error=wrong)
+    interrupted_job(api, state=JobState.CANCELED)
+    listed = api.http.get("/v1/jobs", params={"error": "unavailable"}).json()["jobs"]
+    assert [job["id"] for job in listed] == failed[::-1]
+    by_hand = made_of(api, api.http.post(f"/v1/jobs/{failed[2]}/retry"))
+    damaged = api.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored(api, b"another asset")}))
+    assert api.record.leases.claim(damaged.id, "worker", 60.0)
+    api.record.leases.finish(damaged.id, 1, JobState.FAILED, away)
+    api.store.put(damaged.source.key, b"not as it was")
+    first = api.http.post("/v1/jobs:retry", params={"error": "unavailable", "limit": 3})
+    check_document(first.json(), "RetriedJobs", openapi)
+    assert [each["of"] for each in first.json()["jobs"]] == [damaged.id, failed[1]]
+    assert first.json()["jobs"][0]["job_id"] is None
+    assert first.json()["jobs"][0]["error"]["code"] == "file_damaged"
+    assert by_hand.id not in {each["job_id"] for each in first.json()["jobs"]}
+    second = api.http.post("/v1/jobs:retry", params={"error": "unavailable", "cursor": first.json()["next_cursor"]})
+    assert [each["of"] for each in second.json()["jobs"]] == [failed[0]]
+    assert second.json()["next_cursor"] is None
+    (made,) = second.json()["jobs"]
+    origin = api.record.get(made["job_id"]).origin
+    assert origin is not None
+    assert (origin.job_id, origin.step) == (failed[0], 100)
+    again = api.http.post("/v1/jobs:retry", params={"error": "unavailable"}).json()
+    assert [each["of"] for each in again["jobs"]] == [damaged.id], "the others have been retried"
+    check_problem(api.http.post("/v1/jobs:retry"), 422, "parameter_invalid")
+    done = CliRunner().invoke(app, ["jobs", "--failed", "prompt_invalid", "--retry", "--url", api.url])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith(f"{other} -> job_")
+    assert "1 retried, 0 refused." in done.stderr
 
 
 def test_a_retry_takes_the_last_checkpoint_that_is_whole(api: Api) -> None:

@@ -29,6 +29,7 @@ def small(database_url: str, redis_server_url: str, tmp_path_factory: pytest.Tem
         redis_url=redis_server_url,
         queue=f"test-{uuid.uuid4().hex}",
         max_steps=1000,
+        max_run_s=60,
         max_upload_bytes=2**20,
         retention_s=3600,
     )
@@ -55,6 +56,7 @@ def test_a_server_says_what_it_allows(small: Api, openapi: dict[str, Any]) -> No
     check_document(found, "LimitList", openapi)
     assert found["files"]["max_bytes"] == found["uploads"]["max_bytes"] == 2**20
     assert found["jobs"]["max_steps"] == 1000
+    assert (found["jobs"]["max_run_s"], found["jobs"]["max_running_jobs"]) == (60, None)
     assert found["jobs"]["default_retention_s"] == 3600
     assert found["requests"]["max_wait_s"] == 60
 
@@ -66,6 +68,14 @@ def test_more_steps_than_allowed_are_refused_also_where_the_preset_says_so(small
         assert (problem["limit"], problem["errors"][0]["loc"]) == (1000, ["params", "steps"])
     answer = post(small, sphere, {"prompt": "a vase", "params": {"steps": 1000}})
     assert answer.status_code == 202
+
+
+def test_a_longer_run_than_allowed_is_refused(small: Api, sphere: bytes) -> None:
+    problem = check_problem(post(small, sphere, {"prompt": "a vase", "max_run_s": 61}), 422, "parameter_invalid")
+    assert "MESHDEFORM_MAX_RUN_S" in problem["advice"]
+    assert problem["errors"][0]["loc"] == ["max_run_s"]
+    assert post(small, sphere, {"prompt": "a vase", "max_run_s": 60}).json()["max_run_s"] == 60
+    assert post(small, sphere, {"prompt": "a vase"}).json()["max_run_s"] is None
 
 
 def test_a_document_that_is_too_long_is_refused(small: Api) -> None:

@@ -101,7 +101,7 @@ def test_a_server_without_torch_says_so(api: Api, monkeypatch: pytest.MonkeyPatc
         "error": {"code": DependencyError.code, "detail": "torch is not installed.", "advice": "", "extra": {}},
     }
     monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
-    problem = check_problem(orient(api), 500, DependencyError.code)
+    problem = check_problem(orient(api), 501, DependencyError.code)
     assert "torch is not installed" in problem["detail"]
     assert "meshdeform inspect" in problem["advice"]
 

@@ -11,6 +11,7 @@ from meshdeform.requests.removed import grouped
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
 from tests.unit.geometry.test_structure import STATUE
+from tests.unit.plain.shapes import chair, plain_glb
 from tests.unit.runs.test_pictures import GLB, ellipse
 from training.shapes import box
 
@@ -41,6 +42,42 @@ def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dic
     assert found.json()["asset"]["mesh_names"] == [{"index": 0, "name": ""}]
     check_problem(validate(api, asset, rigid=[{"component": 0}], carrier="surface"), 422, "parameter_invalid")
     check_problem(validate(api, asset, rigid=[{"mode": "rigid"}]), 422, "parameter_invalid")
+
+
+def test_numbers_beyond_the_file_are_refused_where_they_stand(api: Api) -> None:
+    ball = icosphere(2)
+    asset = build_glb(ball.verts.numpy(), ball.faces.numpy())
+    faces, verts = len(ball.faces), len(ball.verts)
+
+    def refused_at(output: dict[str, Any], params: dict[str, Any]) -> list[Any] | None:
+        files: dict[str, Any] = {"asset": ("a.glb", asset)}
+        request = {"params": params, "output": output}
+        if "guidance" in params:
+            files["target"] = ("b.glb", asset)
+        else:
+            request["prompt"] = "a mushroom"
+        files["request"] = (None, json.dumps(request))
+        answer = api.http.post("/v1/jobs:validate", files=files)
+        if answer.status_code == 200:
+            return None
+        return list(check_problem(answer, 422, "parameter_invalid")["errors"][0]["loc"][1:])
+
+    def landmark(source: int, target: int) -> dict[str, Any]:
+        return {"guidance": {"kind": "target", "landmarks": [{"source": source, "target": target}]}}
+
+    to = {"to": [0.0, 1.2, 0.0]}
+    for more in (0, 1):  # the last one that there is, and one more
+        last, vertex = faces - 1 + more, verts - 1 + more
+        for params, place in (
+            ({"control": {"regions": [{"faces": [0, [5, last]]}]}}, ["control", "regions", 0, "faces"]),
+            ({"control": {"rigid": [{"faces": [last]}]}}, ["control", "rigid", 0, "faces"]),
+            ({"control": {"handles": [{"vertex": vertex, **to}]}}, ["control", "handles", 0, "vertex"]),
+            (landmark(vertex, 0), ["guidance", "landmarks", 0, "source"]),
+        ):
+            assert refused_at({}, params) == (place if more else None)
+            assert refused_at({"subdivide": True}, params) is None, "numbers are those after subdivision"
+        target = ["guidance", "landmarks", 0, "target"] if more else None
+        assert refused_at({"subdivide": True}, landmark(0, vertex)) == target
 
 
 def test_a_point_that_is_absurdly_far_is_refused_where_it_stands(api: Api) -> None:
@@ -113,3 +150,16 @@ def test_pictures_are_checked_with_their_job(api: Api) -> None:
     job = api.http.post("/v1/jobs", files=sent(ellipse(20, 15)))
     assert job.status_code == 202
     assert list(job.json()["files"]) == ["asset", "silhouette_1", "silhouette_2"]
+
+
+def test_a_change_of_a_part_that_is_not_there_is_refused_before_the_job(api: Api) -> None:
+    def answer(prompt: str) -> Any:
+        files = {"asset": ("a.glb", plain_glb(chair())), "request": (None, json.dumps({"prompt": prompt}))}
+        return api.http.post("/v1/jobs:validate", files=files)
+
+    assert answer("longer legs and a taller back").status_code == 200
+    assert answer("twice as tall").json()["estimate"]["run_s"] < 3  # no steps
+    problem = check_problem(answer("a longer tail"), 422, "part_not_found")
+    assert {"legs", "seat or top"} <= set(problem["parts"])
+    check_problem(answer("tall and short"), 422, "prompt_invalid")
+    check_problem(answer("a big blorb"), 422, "prompt_unknown_words")

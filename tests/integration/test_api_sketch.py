@@ -86,7 +86,7 @@ def test_a_server_without_numpy_says_so(api: Api, monkeypatch: pytest.MonkeyPatc
     }
     monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
     problem = check_problem(
-        api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY), 500, DependencyError.code
+        api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY), 501, DependencyError.code
     )
     assert "numpy is not installed" in problem["detail"]
     assert "meshdeform sketch" in problem["advice"]

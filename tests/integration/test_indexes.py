@@ -28,6 +28,7 @@ from meshdeform.record.schema import (
     uploads,
     webhooks,
 )
+from meshdeform.record.turns import Turns
 from meshdeform.requests.document import JobRequest
 from service.jobs.estimates import estimate
 from tests.cases import each_case
@@ -80,6 +81,7 @@ def _multiply(connection: sa.Connection, record: JobRecord) -> None:
         "event_seq": 3,
         "attempt": sa.case((queued, 0), else_=1),
         "step_s": sa.case((running, None), (queued, None), else_=0.5),
+        "ran_s": sa.case((running, 0.0), (queued, 0.0), else_=9.0),
         "worker_id": sa.case((running, "worker"), else_=None),
         "lease_expires_at": sa.case((running, later), else_=None),
         "deadline_at": sa.case((n % 10 == 0, later), else_=None),
@@ -152,6 +154,10 @@ Ask = Callable[[JobRecord], object]
 QUESTIONS: dict[str, Ask] = {
     "a job": lambda record: record.get(MIDDLE),
     "the next job": lambda record: record.leases.claim_next("worker", LEASE_S),
+    "the next job of owners that may run few": lambda record: record.leases.claim_next(
+        "worker", LEASE_S, Turns(9.0, 99)
+    ),
+    "whether to make room": lambda record: record.leases.hand_over(record.get(f"{_PREFIX}{COUNT}"), Turns(0.0, 99)),
     "what a worker writes": lambda record: _work(record),
     "artifacts": lambda record: record.artifacts(MIDDLE),
     "a heartbeat": lambda record: record.leases.heartbeat(f"{_PREFIX}{COUNT}", 1, LEASE_S),
@@ -174,6 +180,7 @@ QUESTIONS: dict[str, Ask] = {
     "uploads over their time": lambda record: record.upkeep.expired_uploads(),
     "who is to be told": lambda record: record.upkeep.unannounced(),
     "how many are queued": lambda record: record.upkeep.queued_count(),
+    "how many may start": lambda record: record.upkeep.queued_count(2),
     "who is queued": lambda record: record.upkeep.queued_ids(),
     "a worker that is gone": lambda record: record.leases.worker_ended("worker"),
     "an owner's unfinished jobs": lambda record: posted(record, OWNER, 10_000),

@@ -10,9 +10,9 @@ from contextlib import nullcontext
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.errors import ConflictError, StaleAttemptError
+from meshdeform.errors import ConflictError, StaleAttemptError, StoredFileError
 from meshdeform.record.leases import WorkerIdentity
-from meshdeform.record.models import JobError, JobState, Progress
+from meshdeform.record.models import EventType, JobError, JobState, Progress
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs as jobs_table
 from meshdeform.runs.base import StepReport
@@ -290,6 +290,51 @@ def test_a_job_that_the_device_has_no_memory_for_fails_in_the_end(record: JobRec
     record.request_cancel(asked.id)
     assert record.leases.out_of_memory(asked.id, 1, 1) is JobState.CANCELED
     assert record.get(asked.id).error is None
+
+
+@pytest.mark.both_databases
+def test_a_failure_that_may_pass_is_tried_again_later_each_time(record: JobRecord) -> None:
+    error = JobError.of(StoredFileError("Damaged."))
+    job = new_job(record)
+    for attempt, wait_s in ((1, 10), (2, 40), (3, 160)):
+        claimed(record, job)
+        assert record.get(job.id).error is None
+        assert record.leases.postpone(job.id, attempt, error, 4, 10.0) is JobState.QUEUED
+        waiting = record.get(job.id)
+        assert (waiting.error, waiting.attempt) == (error, attempt)
+        event = record.events.after(job.id)[-1]
+        assert (event.type, event.data["reason"], event.data["error"]) == (
+            EventType.QUEUED,
+            "failure",
+            error.model_dump(),
+        )
+        assert waiting.retry_at is not None
+        assert event.data["retry_at"] == waiting.retry_at.isoformat()
+        assert (waiting.retry_at - event.at).total_seconds() == pytest.approx(wait_s, abs=2)
+        assert record.leases.claim_next("worker", LEASE_S) is None
+        with record.database.write() as connection:
+            connection.execute(sa.update(jobs_table).values(retry_at=record.database.now(-1.0)))
+        assert record.upkeep.queued_ids() == [job.id]
+    claimed(record, job)
+    assert record.leases.postpone(job.id, 4, error, 4, 10.0) is JobState.FAILED
+    failed = record.get(job.id)
+    assert (failed.error, failed.finished_at is not None) == (error, True)
+    with pytest.raises(StaleAttemptError):
+        record.leases.postpone(job.id, 4, error, 4, 10.0)
+    asked = claimed(record, new_job(record))
+    record.request_cancel(asked.id)
+    assert record.leases.postpone(asked.id, 1, error, 1, 10.0) is JobState.CANCELED
+    assert record.get(asked.id).error is None
+
+
+@pytest.mark.both_databases
+def test_new_progress_makes_earlier_failures_forgotten(record: JobRecord) -> None:
+    error = JobError.of(StoredFileError("Damaged."))
+    job = new_job(record)
+    for attempt in range(1, 4):
+        claimed(record, job)
+        record.leases.set_checkpoint(job.id, attempt, f"key-{attempt}", attempt, "0" * 64)
+        assert record.leases.postpone(job.id, attempt, error, 2, 0.0) is JobState.QUEUED
 
 
 @pytest.mark.both_databases(long=True)

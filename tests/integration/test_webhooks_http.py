@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import uuid
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
 import pytest
+import sqlalchemy as sa
 
 from meshdeform.record.models import NewJob
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import webhooks
 from meshdeform.record.webhooks import TEST_EVENT
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
@@ -145,3 +148,36 @@ def test_what_is_no_webhook_is_refused(
 ) -> None:
     answer = http("ann").post("/v1/webhooks", json=body)
     assert (answer.status_code, answer.json()["code"]) == (422, "parameter_invalid")
+
+
+def test_a_job_names_a_webhook_of_its_own(
+    record: JobRecord, http: Callable[[str], httpx.Client], receiver: Receiver, sphere: bytes
+) -> None:
+    ann, bob = http("ann"), http("bob")
+    webhook = {"url": receiver.url, "events": ["job.queued", "job.canceled"]}
+
+    def posted(url: str) -> httpx.Response:
+        document = {"prompt": "a mushroom", "webhook": webhook | {"url": url}}
+        files = {"asset": ("sphere.glb", sphere), "request": ("request.json", json.dumps(document), "application/json")}
+        return ann.post("/v1/jobs", files=files)
+
+    refused = posted("http://10.0.0.1/")
+    assert (refused.status_code, refused.json()["code"]) == (422, "webhook_address")
+    assert refused.json()["errors"][0]["loc"] == ["webhook", "url"]
+    job = posted(receiver.url).json()["id"]
+    other = post_job(record, "ann")
+    assert ann.post(f"/v1/jobs/{job}/cancel").json()["state"] == "canceled"
+    record.request_cancel(other)
+    eventually(lambda: len(receiver.messages) == 2)
+    secret = ann.get("/v1/webhooks/secret").json()["secret"]
+    assert secret != bob.get("/v1/webhooks/secret").json()["secret"]
+    messages = [message.verified(secret) for message in receiver.messages]
+    assert [(each["type"], each["data"]["job"]["id"]) for each in messages] == [
+        ("job.queued", job),
+        ("job.canceled", job),
+    ]
+    # It is none of the account's, and goes with its job.
+    assert ann.get("/v1/webhooks").json()["webhooks"] == []
+    assert ann.delete(f"/v1/jobs/{job}").status_code == 204
+    with record.database.read() as connection:
+        assert connection.scalar(sa.select(sa.func.count()).where(webhooks.c.job_id == job)) == 0

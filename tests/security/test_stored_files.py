@@ -7,11 +7,13 @@ from pathlib import Path
 import httpx
 import pytest
 
+from meshdeform.client import Client
+from meshdeform.errors import StoredFileError
 from meshdeform.record.models import JobState
 from meshdeform.storage import ObjectStore, folder
 from tests.cases import each_case
 from tests.integration.conftest import Api
-from tests.integration.http_calls import check_problem, post
+from tests.integration.http_calls import check_problem, finished_job, post
 from tests.worker_world import new_world
 
 DAMAGES = {
@@ -61,11 +63,19 @@ def test_a_cut_file_is_refused_before_the_first_byte(api: Api, sphere: bytes) ->
         assert "again" in problem["advice"]
 
 
-def test_a_download_with_flipped_bytes_never_completes(api: Api, sphere: bytes) -> None:
-    job_id = posted(api, sphere)
-    damage(api, api.record.get(job_id).files["asset"].key, "flipped")
-    with pytest.raises(httpx.RemoteProtocolError):
-        api.http.get(f"/v1/jobs/{job_id}/asset")
+@each_case("size", [10_000, 400_000])
+def test_a_damaged_result_is_never_complete_and_has_a_code_for_the_client(api: Api, tmp_path: Path, size: int) -> None:
+    job_id = finished_job(api, bytes(size))
+    damage(api, f"jobs/{job_id}/1/result.glb", "flipped")
+    url = f"/v1/jobs/{job_id}/artifacts/result.glb"
+    if size < 256 * 1024:
+        check_problem(api.http.get(url), 500, "file_damaged")
+    else:  # its first bytes are on their way before its digest is known
+        with pytest.raises(httpx.RemoteProtocolError):
+            api.http.get(url)
+    with Client(api.url) as client, pytest.raises(StoredFileError):
+        client.download(job_id, "result.glb", tmp_path / f"{size}.glb")
+    assert not (tmp_path / f"{size}.glb").exists()
 
 
 def test_a_job_with_a_damaged_file_cannot_be_retried_until_the_file_is_sent_again(api: Api, sphere: bytes) -> None:

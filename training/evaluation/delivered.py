@@ -57,6 +57,7 @@ class DeliveredEvaluator(Evaluator):
                 device=plan.device,
             )
         )
+        assert isinstance(run, text_deform.TextDeformRun)  # suites ask for what their sources are not
         results, seconds = {}, []
         before = time.perf_counter()
         for step in run:

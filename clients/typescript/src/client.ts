@@ -233,9 +233,17 @@ export class Client {
     return (await this.#transport.json<{ artifacts: Artifact[] }>(path(job, "artifacts"), { signal })).artifacts;
   }
 
-  /** Make `morph.glb` or `result.stl` of a job that was not asked for it. */
+  /** Make `morph.glb`, `map.safetensors` or `result.stl` of a job that was not asked for it. */
   async make(job: JobLike, name: string, signal?: AbortSignal): Promise<Artifact> {
     return this.#transport.json<Artifact>(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
+  }
+
+  /** Deform another file as a job's asset was: a level of detail, clothes, a prop. Returns a GLB. */
+  async apply(job: JobLike, file: Blob | ArrayBuffer | Uint8Array<ArrayBuffer>, options: { filename?: string; outside?: "refuse" | "rigid"; signal?: AbortSignal } = {}): Promise<ArrayBuffer> {
+    const { blob, filename } = named(file, options.filename);
+    const query = new URLSearchParams({ filename, outside: options.outside ?? "refuse" });
+    const headers = { "Content-Type": "application/octet-stream" };
+    return this.bytes(path(job, `apply?${query}`), { method: "POST", body: blob, headers, signal: options.signal });
   }
 
   /** Download an artifact; `result.glb` at any strength from 0 to 1.5. */

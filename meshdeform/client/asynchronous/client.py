@@ -11,7 +11,7 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import httpx
 from pydantic import BaseModel
@@ -30,6 +30,8 @@ from meshdeform.client.documents import (
     JobView,
     Limits,
     ModelList,
+    RetriedJob,
+    RetriedJobs,
     SignedUrl,
     SketchGuesses,
     UploadView,
@@ -55,7 +57,14 @@ from meshdeform.client.problems import succeeded
 from meshdeform.client.requests import Call, Endpoint, JobLike, artifact_path, identity, job_path
 from meshdeform.client.result import GLB, PREVIEW, REPORT, html_of, label
 from meshdeform.client.retries import Patience, Policy, left_s, pace
-from meshdeform.errors import ChecksumError, JobNotFinishedError, MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.errors import (
+    ChecksumError,
+    JobNotFinishedError,
+    LimitError,
+    MeshdeformError,
+    NotFoundError,
+    UnavailableError,
+)
 from meshdeform.requests.choices import JobKind
 
 __all__ = ["AsyncClient", "AsyncResult"]
@@ -146,7 +155,9 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
+        webhook: str | Mapping[str, Any] | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
@@ -159,7 +170,9 @@ class AsyncClient:
 
         Parameters
         ----------
-        asset, prompt, params, output, target, files, metadata, priority, deadline_s, retention_s, kind
+        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s
+            As for `submit`.
+        webhook, kind
             As for `submit`.
         filename, upload, idempotency_key
             As for `submit`.
@@ -177,7 +190,7 @@ class AsyncClient:
         MeshdeformError
             The request was refused, or the job failed.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         job = await self._submit(order, sent)
         try:
@@ -204,7 +217,9 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
+        webhook: str | Mapping[str, Any] | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
@@ -229,8 +244,11 @@ class AsyncClient:
             Your own labels.
         priority : int, optional
             Jobs with higher priority run first.
-        deadline_s, retention_s : float, optional
-            Seconds until the job expires unless finished, and seconds from its end until it is deleted.
+        deadline_s, max_run_s, retention_s : float, optional
+            Seconds until the job expires unless finished, seconds for which it may run, and seconds from its end until
+            it is deleted.
+        webhook : str or mapping, optional
+            A URL for messages about this job, or `{"url": ..., "events": ["job.succeeded"]}`.
         kind : str, optional
             What the job does.
         filename : str, optional
@@ -241,7 +259,7 @@ class AsyncClient:
             Your own key for this request: requests with the same key within a day, also from other processes, create
             only one job.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         return await self._submit(order, sent)
 
@@ -277,6 +295,7 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
@@ -286,7 +305,7 @@ class AsyncClient:
 
         Parameters and errors are those of `submit`.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, None)
         validation, _ = await self._post(Validation, "/v1/jobs:validate", order, sent)
         return validation
@@ -369,6 +388,29 @@ class AsyncClient:
         call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
         return await self._connection.document(JobView, call)
 
+    async def retry_failed(self, error: str, *, created_after: datetime | None = None) -> list[RetriedJob]:
+        """Retry all jobs that failed with an error of this code, but for those that another job continues already.
+
+        Returns what became of each, newest first. A limit of the caller's, such as that of unfinished jobs, ends the
+        list early, or is raised if it stops the first.
+        """
+        found: list[RetriedJob] = []
+        query: dict[str, str | int] = {"error": error, "limit": 100}
+        if created_after is not None:
+            query["created_after"] = created_after.astimezone().isoformat()
+        while True:
+            call = Call("POST", "/v1/jobs:retry", query=query, read_timeout_s=_MAKE_S)
+            try:
+                page = await self._connection.document(RetriedJobs, call)
+            except LimitError:
+                if any(each.job_id for each in found):
+                    return found
+                raise
+            found += page.jobs
+            if page.next_cursor is None:
+                return found
+            query["cursor"] = page.next_cursor
+
     async def branch(
         self,
         job: JobLike,
@@ -382,13 +424,14 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         idempotency_key: str | None = None,
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         parts = parts_of(files, target=target)
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         key, document = checked_key(idempotency_key), order.document()
         for name, file in parts.items():
             with contextlib.ExitStack() as opened:
@@ -413,11 +456,13 @@ class AsyncClient:
         metadata: Mapping[str, str] | None = None,
         created_after: datetime | None = None,
         search: str = "",
+        error: str = "",
         limit: int = 50,
     ) -> AsyncIterator[JobView]:
         """Iterate over the jobs, newest first, requesting pages of `limit`. A naive `created_after` is local time.
 
-        `search` finds jobs whose prompts, file names or values of labels contain all of its words.
+        `search` finds jobs whose prompts, file names or values of labels contain all of its words, `error` those that
+        failed with an error of this code.
         """
         query: dict[str, str | int] = {"limit": limit}
         query |= {f"metadata[{name}]": text for name, text in (metadata or {}).items()}
@@ -427,6 +472,8 @@ class AsyncClient:
             query["created_after"] = created_after.astimezone().isoformat()
         if search:
             query["q"] = search
+        if error:
+            query["error"] = error
         return self._pages(query)
 
     async def _pages(self, query: dict[str, str | int]) -> AsyncIterator[JobView]:
@@ -542,7 +589,7 @@ class AsyncClient:
         return page.artifacts
 
     async def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb` or `result.stl` to a job that has succeeded without it.
+        """Add `morph.glb`, `map.safetensors` or `result.stl` to a job that has succeeded without it.
 
         Raises
         ------
@@ -553,6 +600,31 @@ class AsyncClient:
         """
         call = Call("POST", job_path(job, "artifacts", name), read_timeout_s=_MAKE_S)
         return await self._connection.document(ArtifactView, call)
+
+    async def apply(self, job: JobLike, file: str | Path, *, outside: Literal["refuse", "rigid"] = "refuse") -> bytes:
+        """Return a file as a GLB that is deformed as the job's asset was: a level of detail, clothes, a prop.
+
+        Parameters
+        ----------
+        outside : "refuse" or "rigid"
+            Of connected pieces that reach out of the box around the job's asset: refuse the file, or carry them along
+            in their shape.
+
+        Raises
+        ------
+        AssetError, ParameterError
+            The file cannot be read, or lies elsewhere than the asset.
+        """
+        path = Path(file)
+        call = Call(
+            "POST",
+            job_path(job, "apply"),
+            query={"filename": path.name, "outside": outside},
+            headers={"Content-Type": "application/octet-stream"},
+            content=path.read_bytes(),
+            read_timeout_s=_MAKE_S,
+        )
+        return (await self._connection.answered(call)).content
 
     async def checkpoints(self, job: JobLike) -> list[CheckpointView]:
         """Return the checkpoints from which a job can continue, sorted by step."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import httpx
 from pydantic import BaseModel
@@ -29,6 +29,8 @@ from meshdeform.client.documents import (
     JobView,
     Limits,
     ModelList,
+    RetriedJob,
+    RetriedJobs,
     SignedUrl,
     SketchGuesses,
     UploadView,
@@ -56,7 +58,14 @@ from meshdeform.client.result import GLB, PREVIEW, REPORT, html_of, label, shown
 from meshdeform.client.retries import Patience, Policy, left_s, pace
 from meshdeform.client.sync.connection import Connection, pause, shielded, tell, work
 from meshdeform.client.sync.transfers import followed, loaded, prepared, saved, uploaded
-from meshdeform.errors import ChecksumError, JobNotFinishedError, MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.errors import (
+    ChecksumError,
+    JobNotFinishedError,
+    LimitError,
+    MeshdeformError,
+    NotFoundError,
+    UnavailableError,
+)
 from meshdeform.requests.choices import JobKind
 
 __all__ = ["Client", "Result"]
@@ -145,7 +154,9 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
+        webhook: str | Mapping[str, Any] | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
@@ -158,7 +169,9 @@ class Client:
 
         Parameters
         ----------
-        asset, prompt, params, output, target, files, metadata, priority, deadline_s, retention_s, kind
+        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s
+            As for `submit`.
+        webhook, kind
             As for `submit`.
         filename, upload, idempotency_key
             As for `submit`.
@@ -176,7 +189,7 @@ class Client:
         MeshdeformError
             The request was refused, or the job failed.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         job = self._submit(order, sent)
         try:
@@ -203,7 +216,9 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
+        webhook: str | Mapping[str, Any] | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
@@ -228,8 +243,11 @@ class Client:
             Your own labels.
         priority : int, optional
             Jobs with higher priority run first.
-        deadline_s, retention_s : float, optional
-            Seconds until the job expires unless finished, and seconds from its end until it is deleted.
+        deadline_s, max_run_s, retention_s : float, optional
+            Seconds until the job expires unless finished, seconds for which it may run, and seconds from its end until
+            it is deleted.
+        webhook : str or mapping, optional
+            A URL for messages about this job, or `{"url": ..., "events": ["job.succeeded"]}`.
         kind : str, optional
             What the job does.
         filename : str, optional
@@ -240,7 +258,7 @@ class Client:
             Your own key for this request: requests with the same key within a day, also from other processes, create
             only one job.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
         sent = Files.of(asset, target, files, filename, upload, idempotency_key)
         return self._submit(order, sent)
 
@@ -276,6 +294,7 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         filename: str | None = None,
@@ -285,7 +304,7 @@ class Client:
 
         Parameters and errors are those of `submit`.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         sent = Files.of(asset, target, files, filename, upload, None)
         validation, _ = self._post(Validation, "/v1/jobs:validate", order, sent)
         return validation
@@ -368,6 +387,29 @@ class Client:
         call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
         return self._connection.document(JobView, call)
 
+    def retry_failed(self, error: str, *, created_after: datetime | None = None) -> list[RetriedJob]:
+        """Retry all jobs that failed with an error of this code, but for those that another job continues already.
+
+        Returns what became of each, newest first. A limit of the caller's, such as that of unfinished jobs, ends the
+        list early, or is raised if it stops the first.
+        """
+        found: list[RetriedJob] = []
+        query: dict[str, str | int] = {"error": error, "limit": 100}
+        if created_after is not None:
+            query["created_after"] = created_after.astimezone().isoformat()
+        while True:
+            call = Call("POST", "/v1/jobs:retry", query=query, read_timeout_s=_MAKE_S)
+            try:
+                page = self._connection.document(RetriedJobs, call)
+            except LimitError:
+                if any(each.job_id for each in found):
+                    return found
+                raise
+            found += page.jobs
+            if page.next_cursor is None:
+                return found
+            query["cursor"] = page.next_cursor
+
     def branch(
         self,
         job: JobLike,
@@ -381,13 +423,14 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         priority: int | None = None,
         deadline_s: float | None = None,
+        max_run_s: float | None = None,
         retention_s: float | None = None,
         kind: JobKind | str | None = None,
         idempotency_key: str | None = None,
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         parts = parts_of(files, target=target)
-        order = Order(prompt, params, output, metadata, priority, deadline_s, retention_s, kind)
+        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
         key, document = checked_key(idempotency_key), order.document()
         for name, file in parts.items():
             with contextlib.ExitStack() as opened:
@@ -412,11 +455,13 @@ class Client:
         metadata: Mapping[str, str] | None = None,
         created_after: datetime | None = None,
         search: str = "",
+        error: str = "",
         limit: int = 50,
     ) -> Iterator[JobView]:
         """Iterate over the jobs, newest first, requesting pages of `limit`. A naive `created_after` is local time.
 
-        `search` finds jobs whose prompts, file names or values of labels contain all of its words.
+        `search` finds jobs whose prompts, file names or values of labels contain all of its words, `error` those that
+        failed with an error of this code.
         """
         query: dict[str, str | int] = {"limit": limit}
         query |= {f"metadata[{name}]": text for name, text in (metadata or {}).items()}
@@ -426,6 +471,8 @@ class Client:
             query["created_after"] = created_after.astimezone().isoformat()
         if search:
             query["q"] = search
+        if error:
+            query["error"] = error
         return self._pages(query)
 
     def _pages(self, query: dict[str, str | int]) -> Iterator[JobView]:
@@ -541,7 +588,7 @@ class Client:
         return page.artifacts
 
     def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb` or `result.stl` to a job that has succeeded without it.
+        """Add `morph.glb`, `map.safetensors` or `result.stl` to a job that has succeeded without it.
 
         Raises
         ------
@@ -552,6 +599,31 @@ class Client:
         """
         call = Call("POST", job_path(job, "artifacts", name), read_timeout_s=_MAKE_S)
         return self._connection.document(ArtifactView, call)
+
+    def apply(self, job: JobLike, file: str | Path, *, outside: Literal["refuse", "rigid"] = "refuse") -> bytes:
+        """Return a file as a GLB that is deformed as the job's asset was: a level of detail, clothes, a prop.
+
+        Parameters
+        ----------
+        outside : "refuse" or "rigid"
+            Of connected pieces that reach out of the box around the job's asset: refuse the file, or carry them along
+            in their shape.
+
+        Raises
+        ------
+        AssetError, ParameterError
+            The file cannot be read, or lies elsewhere than the asset.
+        """
+        path = Path(file)
+        call = Call(
+            "POST",
+            job_path(job, "apply"),
+            query={"filename": path.name, "outside": outside},
+            headers={"Content-Type": "application/octet-stream"},
+            content=path.read_bytes(),
+            read_timeout_s=_MAKE_S,
+        )
+        return (self._connection.answered(call)).content
 
     def checkpoints(self, job: JobLike) -> list[CheckpointView]:
         """Return the checkpoints from which a job can continue, sorted by step."""

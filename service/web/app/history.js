@@ -128,6 +128,8 @@ const REASONS = /** @type {Record<string, string>} */ ({
   retry: "Queued as a retry of another job",
   branch: "Queued as a new version of another job",
   handed_back: "The worker was stopped; queued again",
+  failure: "Something failed that may pass; queued again for later",
+  handed_over: "Others had waited for long; queued again",
   out_of_memory: "The worker ran out of memory; queued again",
 });
 const SENTENCES = /** @type {Record<string, string>} */ ({

@@ -1,7 +1,7 @@
 // @ts-check
 /** The page: a frame around one view at a time. */
 import { announce, mountAnnouncer, toast } from "./announce.js";
-import { exampleOrigin } from "./create/origins.js";
+import { exampleOrigin, resultOrigin } from "./create/origins.js";
 import { SurfaceView } from "./create/surface-view.js";
 import { CreateView } from "./create/view.js";
 import { CompareView } from "./compare/view.js";
@@ -41,7 +41,7 @@ function show() {
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  if (route.name === "create") new CreateView(root, scope, route.from ?? (route.example ? exampleOrigin(route.example) : null), route);
+  if (route.name === "create") new CreateView(root, scope, route.from && route.result ? resultOrigin(route.from) : route.from ?? (route.example ? exampleOrigin(route.example) : null), route);
   else if (route.name === "surface") new SurfaceView(root, scope, route.from, route.quick);
   else if (route.name === "family") new FamilyView(root, scope, route.from);
   else if (route.name === "examples") showExamples(root, scope);

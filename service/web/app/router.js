@@ -2,7 +2,7 @@
 /**
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
- * @typedef {{name: "create", from: string | null, example?: string, model?: string, prompt?: string}
+ * @typedef {{name: "create", from: string | null, result?: boolean, example?: string, model?: string, prompt?: string}
  *   | {name: "surface", from: string | null, quick?: boolean}
  *   | {name: "family", from: string | null}
  *   | {name: "teach"}
@@ -35,7 +35,8 @@ export function parseRoute(hash) {
     const example = params.get("example") ?? "";
     const model = params.get("model");
     const taught = model !== null && TAUGHT.test(model) ? { model, prompt: (params.get("prompt") ?? "").slice(0, MAX_SEARCH) } : null;
-    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...(EXAMPLE_ID.test(example) ? { example } : {}), ...taught };
+    const result = from !== null && params.has("result") ? { result: true } : {};
+    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...result, ...(EXAMPLE_ID.test(example) ? { example } : {}), ...taught };
   }
   if ((parts[0] === "surface" || parts[0] === "family") && parts.length === 1) {
     const from = params.get("from");
@@ -68,7 +69,7 @@ export function parseRoute(hash) {
 export function routeHash(route) {
   switch (route.name) {
     case "create":
-      return `#/${queryOf({ from: route.from, example: route.example, model: route.model, prompt: route.prompt })}`;
+      return `#/${queryOf({ from: route.from, result: route.result ? "1" : null, example: route.example, model: route.model, prompt: route.prompt })}`;
     case "surface":
       return `#/surface${queryOf({ from: route.from, quick: route.quick ? "1" : null })}`;
     case "family":

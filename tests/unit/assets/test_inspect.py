@@ -200,6 +200,25 @@ def test_each_fault_is_its_own_error(change: Any, error: type[AssetError] | None
     assert raised.value.advice_text
 
 
+@each_case(
+    ("link", "told"),
+    [
+        ("file:///etc/passwd", "may fetch"),
+        ("http://127.0.0.1:9/x.bin", "may fetch"),
+        ("\\\\host\\share", "may fetch"),
+        ("//host/share", "may fetch"),
+        ("C:/key.png", "may fetch"),
+        ("%2fetc%2fpasswd", "may fetch"),
+        ("textures/wood.png", "ZIP"),
+        ("data:image/png;base64,", None),
+    ],
+)
+def test_links_to_other_places_are_kept_and_named(link: str, told: str | None) -> None:
+    warnings = inspect_asset(broken(put("images", [{"uri": link}]))).warnings
+    assert len(warnings) == (told is not None)
+    assert all(told in warning and link.strip("\\") in warning.replace("\\\\", "\\") for warning in warnings if told)
+
+
 def test_a_buffer_longer_than_the_binary_chunk_is_told() -> None:
     root = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 9}]}
     with pytest.raises(AssetTruncatedError):

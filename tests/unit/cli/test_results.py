@@ -117,6 +117,29 @@ def test_a_morph_of_any_pair(ran: Path) -> None:
     assert b"deform 2/3" in Path("way.glb").read_bytes()
 
 
+def test_other_files_are_deformed_alike_by_a_result_or_its_map(ran: Path) -> None:
+    Path("lod.glb").write_bytes(build_glb(icosphere(0).verts.numpy(), icosphere(0).faces.numpy()))
+    Path("hat.glb").write_bytes(glb(0.5, 0.5, 0.5))
+    assert apply(ran, "--strength", 1.5, "-o", "edit.safetensors").stdout == "edit.safetensors\n"
+    grown = height("out.glb") / height("ball.glb")
+    assert apply("lod.glb", "hat.glb", "--map", ran, "-o", "alike").stdout == "alike/lod.glb\nalike/hat.glb\n"
+    assert height("alike/lod.glb") / height("lod.glb") == pytest.approx(grown, abs=0.02)
+    assert apply("lod.glb", "--map", "edit.safetensors").stdout == "lod-edited.glb\n"
+    more = 1 + 1.5 * (grown - 1)
+    assert height("lod-edited.glb") / height("lod.glb") == pytest.approx(more, abs=0.03)
+    for arguments, said in (
+        (["lod.glb", "hat.glb"], "name one result"),
+        (["lod.glb", "--map", ran, "--morph"], "a map has no morph"),
+        (["lod.glb", "hat.glb", "--map", ran, "-o", "one.glb"], "name a folder"),
+        (["lod.glb", "lod.glb", "--map", ran, "-o", "two"], "same name"),
+        (["lod.glb", "--map", "edit.safetensors", "--strength", 0.5], "a map has one strength"),
+        (["lod.glb", "--map", "edit.safetensors"], "lod-edited.glb exists"),
+    ):
+        found = apply(*arguments)
+        assert found.exit_code in (2, 3), arguments
+        assert said in " ".join(found.output.replace("│", " ").split()), arguments
+
+
 def test_what_is_missing_is_said(ran: Path) -> None:
     def refused(*arguments: object) -> str:
         found = apply(*arguments)

@@ -15,10 +15,12 @@ from meshdeform.errors import ParameterError
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.choices import Easing
 from meshdeform.requests.document import MorphPath
-from meshdeform.runs.strength import AssetPath, with_strength, write_morph
+from meshdeform.runs.strength import AssetPath, edit_of, with_edit, with_strength, write_morph
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder, unpack
+from tests.unit.assets.playing import Player
 from tests.unit.assets.test_replace import accessor, position
+from tests.unit.assets.test_rig import TURN, arm
 from training.shapes import box, cylinder
 
 BAR = cylinder(0.25, 4.0, 16, 32)
@@ -127,3 +129,49 @@ def test_a_result_of_a_subdivided_source_has_strengths_of_the_same_triangles() -
     assert len(half.surface.triangles) == done.triangles_after
     moved, whole = (np.linalg.norm(p - fine.surface.positions, axis=1).max() for p in (half.surface.positions, end))
     assert 0.2 * whole < moved < 0.8 * whole
+
+
+def fatter(source: Asset) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return positions that are wider the higher they are, and the Jacobians."""
+    at = source.surface.positions
+    width = 1.5 + 0.2 * at[:, 1]
+    jacobians = np.tile(np.eye(3), (len(at), 1, 1))
+    jacobians[:, 0, 0] = jacobians[:, 2, 2] = width
+    jacobians[:, 0, 1], jacobians[:, 2, 1] = 0.2 * at[:, 0], 0.2 * at[:, 2]
+    return at * np.column_stack([width, 0 * width + 1.25, width]), jacobians
+
+
+def test_a_character_whose_joints_stand_in_another_pose_has_strengths_in_one_place() -> None:
+    """Its joints do not agree on the bind pose, and other ones are the most central after the rig has followed."""
+    builder = arm()
+    builder.root["nodes"][4]["rotation"], builder.root["nodes"][4]["translation"] = TURN, [0.4, 0.75, 0.1]
+    source = load_asset(builder.glb())
+    positions, jacobians = fatter(source)
+    result = source.replace(positions, jacobians=jacobians)
+    near = with_strength(source, result, 0.999)
+    np.testing.assert_allclose(load_asset(near).posed().positions, load_asset(result).posed().positions, atol=0.01)
+
+
+def test_clothes_move_with_the_joints_of_the_body() -> None:
+    named, sleeve = arm(), arm()
+    for builder in (named, sleeve):
+        for number, node in enumerate(builder.root["nodes"]):
+            node["name"] = f"joint {number}"
+    # Only the lower half, whose own triangles know nothing of the last joint.
+    sleeve.root["accessors"][sleeve.root["meshes"][0]["primitives"][0]["indices"]]["count"] //= 2
+    body = load_asset(named.glb())
+    positions, _ = fatter(body)
+    result = body.replace(positions, jacobians=AssetPath(body, positions).jacobians(1))
+    clothes = with_edit(load_asset(sleeve.glb()), edit_of(body, result))
+    for time in (None, 0.0, 0.4, 1.0):
+        of_body, of_clothes = (Player(glb).worlds(time) for glb in (result, clothes))
+        for joint in named.root["skins"][0]["joints"]:
+            np.testing.assert_allclose(of_clothes[joint], of_body[joint], atol=1e-5)
+
+
+def test_a_rig_that_stayed_stays_in_other_files_too() -> None:
+    body = load_asset(arm().glb())
+    positions, _ = fatter(body)
+    clothes = load_asset(with_edit(body, edit_of(body, body.replace(positions))))
+    assert clothes.rig_digest() == body.rig_digest()
+    np.testing.assert_allclose(clothes.surface.positions, positions, atol=0.02)

@@ -66,9 +66,11 @@ def answering_404(body: bytes) -> Iterator[str]:
     with ThreadingHTTPServer(("127.0.0.1", 0), Answer) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
-        thread.join()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 def calls_of(store: ObjectStore, folder: Path) -> list[Callable[[], object]]:
@@ -82,7 +84,7 @@ def calls_of(store: ObjectStore, folder: Path) -> list[Callable[[], object]]:
     ]
 
 
-@pytest.mark.parametrize(("body", "says"), [(GATEWAY, "not as"), (b"", "not as"), (NO_BUCKET, "bucket")])
+@pytest.mark.parametrize(("body", "says"), [(GATEWAY, "not as"), (b"", "not as"), (NO_BUCKET, "bucket does not exist")])
 def test_only_the_store_itself_can_miss_an_object(
     body: bytes, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -90,12 +92,14 @@ def test_only_the_store_itself_can_miss_an_object(
     with answering_404(body) as address:
         monkeypatch.setenv("AWS_ENDPOINT_URL", address)
         store = ObjectStore("s3://bucket/prefix")
-        changes = [lambda: store.delete("a"), lambda: store.put("a", DATA)]
+        changes = [lambda: store.delete("a"), lambda: store.put("a", DATA), lambda: store.put("a", bytes(9 << 20))]
         for call in [*calls_of(store, tmp_path), *changes]:
             with pytest.raises(UnavailableError, match=says):
                 call()
+        # In one request each, in parts, and by listing: a missing bucket has the same name everywhere.
+        listing = "bucket does not exist" if body == NO_BUCKET else None
         for call in (store.ping, lambda: list(store.list()), lambda: store.delete_prefix("jobs/")):
-            with pytest.raises(UnavailableError):
+            with pytest.raises(UnavailableError, match=listing):
                 call()
 
 

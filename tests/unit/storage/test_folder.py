@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import os
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
-from meshdeform.storage import ObjectStore
+from meshdeform.storage import ObjectStore, folder
 from meshdeform.storage.folder import MARKER, Folder
 
 
@@ -178,16 +180,60 @@ def test_readers_see_the_old_bytes_or_the_new_and_never_half(tmp_path: Path) -> 
     assert set(seen) <= set(versions)
 
 
-def test_what_a_dead_process_left_aside_goes_after_a_day(tmp_path: Path) -> None:
+_WRITER = """
+import io, os, sys, time
+from pathlib import Path
+from meshdeform.storage import ObjectStore
+
+class Slow(io.RawIOBase):
+    def readable(self): return True
+    def readinto(self, buffer):
+        print("writing", flush=True)
+        time.sleep(60.0)
+
+ObjectStore(sys.argv[1])._backend.put("a", io.BufferedReader(Slow()), "")
+"""
+
+
+def test_what_a_dead_process_left_aside_goes_at_the_next_start(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", _WRITER, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as writer:
+        assert writer.stdout is not None
+        assert writer.stdout.readline() == b"writing\n"
+        (left,) = (tmp_path / ".partial").iterdir()
+        ObjectStore(tmp_path)
+        assert left.exists(), "its writer lives"
+        writer.kill()
+    ObjectStore(tmp_path)
+    assert not left.exists()
+
+
+def test_what_a_process_without_locks_left_aside_goes_after_an_hour(tmp_path: Path) -> None:
     ObjectStore(tmp_path)
     old, new = tmp_path / ".partial" / "old", tmp_path / ".partial" / "new"
     old.parent.mkdir()
-    for path, age_s in ((old, 100_000), (new, 10)):
+    for path, age_s in ((old, 4000), (new, 10)):
         path.write_bytes(b"half")
         os.utime(path, (time.time() - age_s,) * 2)
     ObjectStore(tmp_path)
     assert not old.exists()
     assert new.exists()
+
+
+def test_a_file_that_another_start_removed_before_it_was_locked_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, lock, starts = ObjectStore(tmp_path), fcntl.flock, iter([True])
+
+    def late(file: int, how: int) -> None:
+        if next(starts, False):
+            ObjectStore(tmp_path)
+        lock(file, how)
+
+    monkeypatch.setattr(folder.fcntl, "flock", late)
+    store.put("a", b"whole")
+    assert store.get("a") == b"whole"
+    assert list((tmp_path / ".partial").iterdir()) == []
 
 
 def test_a_file_that_ends_early_is_no_whole_object(tmp_path: Path) -> None:

@@ -8,19 +8,23 @@ import logging
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.errors import CheckpointError, ModelError, NumericalError
-from meshdeform.record.models import Job, JobState, NewJob, Origin, OriginMode
+from meshdeform.errors import CheckpointError, ModelError, NumericalError, StoredFileError
+from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.schema import jobs
-from meshdeform.requests.document import resolve
+from meshdeform.record.turns import Turns
+from meshdeform.requests.document import JobRequest, resolve
+from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.fake_kind import OutOfMemoryError
+from tests.unit.plain.shapes import chair, plain_glb
 from tests.worker_world import EVERY, STEPS, World, away, fail_for_a_while, new_world
 from worker.attempt import is_out_of_memory
 
@@ -88,12 +92,60 @@ def test_an_unforeseen_error_is_internal_and_tells_only_the_log(world: World, ca
 
     world.kind.on_step = fail
     with caplog.at_level(logging.ERROR):
-        job = world.run(world.create())
-    assert job.state is JobState.FAILED
+        job = world.create()
+        for state in (JobState.QUEUED, JobState.QUEUED, JobState.FAILED):
+            world.runner(settings=Settings(retry_delay_s=0)).run(job.id)
+            assert world.record.get(job.id).state is state
+    job = world.record.get(job.id)
     assert job.error is not None
     assert job.error.code == "internal"
     assert "secret" not in job.error.model_dump_json()
     assert "/secret/path" in caplog.text
+
+
+def test_a_failure_that_may_pass_is_tried_again_later_and_goes_on_from_its_checkpoint(world: World) -> None:
+    failing = [25, 45]
+
+    def fail(step: int) -> None:
+        if step in failing:
+            failing.remove(step)
+            raise OSError(116, "Stale file handle")
+
+    world.kind.on_step = fail
+    job = world.create()
+    world.run(job)
+    waiting = world.record.get(job.id)
+    assert (waiting.state, waiting.attempt, waiting.error and waiting.error.code) == (JobState.QUEUED, 1, "internal")
+    assert waiting.retry_at is not None
+    assert 5 < (waiting.retry_at - waiting.created_at).total_seconds() < 600
+    event = world.record.events.after(job.id)[-1]
+    assert (event.type, event.data["reason"], event.data["error"]["code"]) == (EventType.QUEUED, "failure", "internal")
+    # Nobody takes it before, and nobody else waits for it.
+    assert world.run(job).attempt == 1
+    assert world.record.upkeep.queued_ids() == []
+    soon = Settings(retry_delay_s=0)
+    with world.record.database.write() as connection:
+        connection.execute(sa.update(jobs).values(retry_at=world.record.database.now()))
+    world.runner(settings=soon).run(job.id)
+    assert world.record.get(job.id).state is JobState.QUEUED
+    world.runner(settings=soon).run(job.id)
+    done = world.record.get(job.id)
+    assert (done.state, done.attempt, done.error, done.retry_at) == (JobState.SUCCEEDED, 3, None, None)
+    assert world.kind.started_at == [0, 20, 40]
+    plain = world.create()
+    world.kind.on_step = lambda step: None
+    assert world.result(world.run(plain)) == world.result(done)
+
+
+def test_a_job_that_waits_after_a_failure_is_canceled_at_once(world: World) -> None:
+    def fail(step: int) -> None:
+        raise StoredFileError("The stored copy is damaged.")
+
+    world.kind.on_step = fail
+    job = world.run(world.create())
+    assert (job.state, job.error and job.error.code) == (JobState.QUEUED, "file_damaged")
+    assert world.record.request_cancel(job.id).state is JobState.CANCELED
+    assert world.record.get(job.id).error is None
 
 
 def test_a_cancel_stops_the_job(world: World) -> None:
@@ -155,6 +207,70 @@ def test_a_job_handed_back_after_its_last_step_only_finishes(world: World) -> No
     world.stop = False
     assert world.run(job).state is JobState.SUCCEEDED
     assert world.kind.started_at == [0, STEPS]
+
+
+def test_a_job_makes_room_for_one_that_has_waited_and_goes_on_after_it(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = world.create()
+    world.run(whole)
+    monkeypatch.setattr(Turns, "of", lambda settings: Turns(0.0))
+    long, urgent = world.create(), []
+
+    def step(number: int) -> None:
+        if number == 17 and not urgent:
+            urgent.append(world.create(priority=1))
+        time.sleep(0.02 if urgent else 0.0)
+
+    world.kind.on_step = step
+    # One message is enough for both.
+    world.runner(settings=Settings(lease_s=1.0)).run(long.id)
+    assert world.record.get(urgent[0].id).state is JobState.SUCCEEDED
+    waiting = world.record.get(long.id)
+    assert (waiting.state, waiting.attempt, waiting.progress.phase) == (JobState.QUEUED, 1, "queued")
+    world.kind.on_step = lambda step: None
+    done = world.run(long)
+    assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
+    assert 17 <= world.kind.started_at[-1] < STEPS
+    assert world.result(done) == world.result(whole)
+
+
+def test_a_worker_takes_the_next_job_of_an_owner_that_runs_as_many_as_it_may(world: World) -> None:
+    mine = [world.create() for _ in range(2)]
+    # The message of the other one may have been read while it could not start.
+    world.runner(settings=Settings(max_running_jobs=1)).run(mine[0].id)
+    assert [world.record.get(job.id).state for job in mine] == [JobState.SUCCEEDED] * 2
+
+
+@pytest.mark.parametrize(("settings", "own"), [({"max_run_s": 60.0}, None), ({}, 60.0), ({"max_run_s": 90.0}, 60.0)])
+def test_a_job_that_runs_for_too_long_fails_with_a_checkpoint(
+    world: World, monkeypatch: pytest.MonkeyPatch, settings: dict[str, float], own: float | None
+) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("worker.attempt.time", SimpleNamespace(monotonic=lambda: now[0]))
+    job = world.create(max_run_s=own)
+    with world.record.database.write() as connection:
+        connection.execute(sa.update(jobs).where(jobs.c.id == job.id).values(ran_s=40.0))
+    world.kind.on_step = lambda step: now.append(now.pop() + 1.2)
+    world.runner(settings=Settings(**settings)).run(job.id)
+    failed = world.record.get(job.id)
+    assert failed.error is not None
+    assert (failed.state, failed.error.code) == (JobState.FAILED, "run_time_exceeded")
+    assert failed.error.detail == "The job has run for the 60 s that it may run, and done 17 of 50 steps."
+    assert world.kept(job) == [17, 10]
+    # A retry goes on from there and may run for as long again.
+    last = world.record.leases.checkpoints(job.id)[0]
+    origin = Origin(job_id=job.id, step=17, mode=OriginMode.RETRY, key=last.key, sha256=last.sha256)
+    again = world.create(max_run_s=own, origin=origin)
+    world.runner(settings=Settings(**settings)).run(again.id)
+    assert world.record.get(again.id).state is JobState.SUCCEEDED
+    assert world.kind.started_at == [0, 17]
+
+
+def test_a_job_that_is_through_when_its_time_is_over_succeeds(world: World) -> None:
+    job = world.create(steps=1)
+    world.runner(settings=Settings(max_run_s=1e-9)).run(job.id)
+    assert world.record.get(job.id).state is JobState.SUCCEEDED
 
 
 def lose(world: World, job: Job, at: int) -> None:
@@ -529,3 +645,16 @@ def test_a_worker_that_stops_stores_no_checkpoint_where_it_cannot_and_hands_the_
     assert world.run(job).state is JobState.QUEUED
     assert world.kept(job) == [10]
     assert EVERY == 10
+
+
+def test_a_change_in_plain_words_succeeds_without_a_step(world: World) -> None:
+    stored = world.store.put("assets/chair", plain_glb(chair()), "model/gltf-binary")
+    asset = StoredFile(key="assets/chair", filename="chair.glb", size=stored.size, sha256=stored.sha256)
+    job = world.record.create(NewJob(JobRequest(prompt="longer legs"), {"asset": asset}))
+    world.runner(start=start_run).run(job.id)
+    job = world.record.get(job.id)
+    assert (job.state, job.progress.step, job.progress.total_steps) == (JobState.SUCCEEDED, 0, 0)
+    assert job.progress.fraction == 1.0
+    names = {artifact.name for artifact in world.record.artifacts(job.id)}
+    assert names == {"result.glb", "report.json", "preview.png"}
+    assert world.priors == []

@@ -127,6 +127,19 @@ def test_the_newest_step_is_published_and_only_from_the_thread(record: RecordStu
     until(lambda: ear.closed)
 
 
+def test_what_comes_after_the_last_step_is_part_of_the_time_left(record: RecordStub, ear: Ear) -> None:
+    with JobWatch(record, WORKER, JOB, ear.listen, 30.0, end_s=50.0) as watch:  # type: ignore[arg-type]
+        watch.phase("optimizing", step=0, total_steps=2)
+        watch.step(step(1, 2))
+        watch.step(step(2, 2))
+        until(lambda: bool(record.progress) and record.progress[-1].eta_s == 50.0)
+        watch.phase("writing")
+        until(lambda: record.progress[-1].phase == "writing")
+        assert record.progress[-1].eta_s == 50.0
+        watch.phase("uploading")
+    assert record.progress[-1].eta_s == 0.0
+
+
 def test_the_last_report_is_never_lost(record: RecordStub, ear: Ear) -> None:
     with watch_of(record, ear) as watch:
         watch.step(step(100))

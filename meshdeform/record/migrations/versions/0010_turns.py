@@ -8,6 +8,8 @@ down_revision = "0009"
 
 _ID = sa.String(64).with_variant(sa.String(64, collation="C"), "postgresql")
 
+_YIELDED = "ix_jobs_state_yielded_at"
+
 # An older version, which may use the record at the same time, writes none of them.
 _JOBS = (
     ("claimed_at", sa.DateTime(timezone=True), None),
@@ -21,9 +23,11 @@ _JOBS = (
 
 
 def upgrade() -> None:
-    """Add the columns, and the index of the jobs that may have a webhook."""
+    """Add the columns, and the indices of the jobs that were handed over and of those that may have a webhook."""
     for name, kind, default in _JOBS:
         op.add_column("jobs", sa.Column(name, kind, nullable=default is None, server_default=default))
+    some = sa.text("yielded_at IS NOT NULL")
+    op.create_index(_YIELDED, "jobs", ["state", "yielded_at"], sqlite_where=some, postgresql_where=some)
     op.add_column("webhooks", sa.Column("job_id", _ID))
     op.create_index("ix_webhooks_job_id", "webhooks", ["job_id"])
 
@@ -32,5 +36,6 @@ def downgrade() -> None:
     """Drop them."""
     op.drop_index("ix_webhooks_job_id", "webhooks")
     op.drop_column("webhooks", "job_id")
+    op.drop_index(_YIELDED, "jobs")
     for name, _, _ in _JOBS:
         op.drop_column("jobs", name)

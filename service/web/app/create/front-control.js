@@ -1,7 +1,7 @@
 // @ts-check
 /** Which side of the asset is its front: an arrow in the view, a slider, a search, and a way back to "automatic". */
 import { announce } from "../announce.js";
-import { isAbort } from "../client.js";
+import { isAbort, MeshdeformError } from "../client.js";
 import { button, h, say } from "../dom.js";
 import { slider } from "../job/stage-controls.js";
 
@@ -31,6 +31,8 @@ export class FrontControl {
     this.search = search;
     /** What the search said about the form as it is now. @type {number | null} */
     this.found = null;
+    /** Whether this server can search: that of a stack may have no torch. */
+    this.able = true;
     this.searching = new AbortController();
     this.value = "";
     this.resolved = "auto";
@@ -88,7 +90,9 @@ export class FrontControl {
       announce(`Front: the side at ${this.found} degrees`);
     } catch (error) {
       if (asked.signal.aborted || isAbort(error)) return;
-      this._say(error instanceof Error ? error.message : String(error));
+      this.able = !(error instanceof MeshdeformError && error.code === "dependency_missing");
+      const words = error instanceof Error ? error.message : String(error);
+      this._say(this.able ? words : "Here the front is found only when the job starts. To decide it yourself, turn the arrow.");
     } finally {
       if (this.searching === asked) this.find.disabled = false;
       this._draw();
@@ -114,7 +118,7 @@ export class FrontControl {
     this.output.textContent = words;
     this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: found by what the asset is" : `${angle} degrees from +Z towards +X`);
     this.reset.hidden = this.value === "";
-    this.find.hidden = chosen !== null;
+    this.find.hidden = chosen !== null || !this.able;
     this.box.viewer?.setFront(this.element.hidden ? null : (angle ?? 0), angle === null);
   }
 }

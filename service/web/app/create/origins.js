@@ -3,12 +3,19 @@
 import { Asset, exampleAsset } from "../assets.js";
 import { client } from "../client.js";
 import { gallery } from "../examples/gallery.js";
+import { plainParams } from "../groups.js";
 
 const EXAMPLE = "example:";
+const RESULT = "result:";
 
 /** What a form begins with that begins with an example. @param {string} id */
 export function exampleOrigin(id) {
   return EXAMPLE + id;
+}
+
+/** What a form begins with that begins with the result of a job, and no settings. @param {string} id */
+export function resultOrigin(id) {
+  return RESULT + id;
 }
 
 /**
@@ -18,10 +25,16 @@ export function exampleOrigin(id) {
  * @property {Record<string, Asset>} others Its files besides the asset, by the names of their parts.
  */
 
-/** @param {string} from The id of a job, or what `exampleOrigin` returns. @param {AbortSignal} signal @returns {Promise<Origin>} */
+/** @param {string} from The id of a job, or what `exampleOrigin` or `resultOrigin` returns. @param {AbortSignal} signal @returns {Promise<Origin>} */
 export async function originOf(from, signal) {
   if (from.startsWith(EXAMPLE)) return exampleOf(from.slice(EXAMPLE.length), signal);
-  const job = await client.get(from, signal);
+  const job = await client.get(from.startsWith(RESULT) ? from.slice(RESULT.length) : from, signal);
+  if (from.startsWith(RESULT)) {
+    const name = job.asset.filename.replace(/\.[^.]*$/, "") + ".glb";
+    const { model, preset, orientation } = plainParams(job.params);
+    const kept = Object.fromEntries(Object.entries({ model, preset, orientation }).filter(([, value]) => value !== undefined));
+    return { job: { ...job, prompt: "", params: kept, output: {} }, asset: new Asset(await client.download(job, "result.glb", { signal }), name), others: {} };
+  }
   const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
   // The model names its weights; a drawing was the target of earlier editions.
   const parts = Object.entries(job.files ?? {}).filter(([part]) => !["asset", "weights", "sketch"].includes(part));

@@ -18,6 +18,7 @@ import { ControlPanel } from "./control/panel.js";
 import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
 import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
+import { threadOf } from "../job/versions.js";
 import { originOf } from "./origins.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
@@ -43,6 +44,8 @@ export class CreateView {
     this.fields = Promise.resolve([]);
     /** Files of the job that the form begins with, besides its asset. @type {Record<string, Asset>} */
     this.others = {};
+    /** The asset of the job that the form begins with, and the thread of versions that a job on it belongs to. */
+    this.begunWith = { asset: /** @type {Asset | null} */ (null), thread: "" };
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => this._changed());
@@ -177,6 +180,7 @@ export class CreateView {
     try {
       const { job, asset, others } = await originOf(from, this.scope.signal);
       this.others = others;
+      this.begunWith = { asset, thread: job.id ? threadOf(job) : "" };
       if (this.assets.choices === before) await this.assets.use(asset);
       return wishOf(job, await this.fields, this.outputDefaults);
     } catch (error) {
@@ -350,6 +354,7 @@ export class CreateView {
     /** @type {any[]} */
     const jobs = [];
     for (const document of documents(wish, this.steps, group, this.settings.offered, this.prompt.model?.vocabulary ?? null)) {
+      if (asset === this.begunWith.asset && this.begunWith.thread) document.metadata = { ...document.metadata, thread: this.begunWith.thread };
       try {
         jobs.push(await client.submit(...(await asset.submission(document, parts))));
       } catch (error) {

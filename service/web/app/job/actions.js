@@ -3,6 +3,7 @@
 import { Asset } from "../assets.js";
 import { client } from "../client.js";
 import { compareWith } from "../compare/choose.js";
+import { resultOrigin } from "../create/origins.js";
 import { deleteJobs } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
@@ -17,6 +18,7 @@ import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { copyLink, copyText, download } from "./files.js";
 import { isDeformation } from "./shapes.js";
+import { threadOf } from "./versions.js";
 
 // A refinement that takes longer is asked about first.
 const LONG_S = 600;
@@ -62,6 +64,7 @@ export class JobActions {
       !over ? button(state === "canceling" ? "Canceling…" : "Cancel", () => this._cancel(), { icon: "stop" }) : null,
       over && state !== "succeeded" && !this.job.unreadable ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
+      state === "succeeded" && deforms ? button("Continue from it", () => this._continue(), { icon: "edit", title: "Start another job on this result" }) : null,
       over && formOf(this.job) ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
       state === "succeeded" && deforms ? button("Compare with…", () => compareWith(this.job, this.scope), { icon: "grid" }) : null,
       button("Share", () => copyLink(`v1/jobs/${this.job.id}`, this.scope, "shows this job with its files, also the asset as you sent it, "), {
@@ -84,6 +87,11 @@ export class JobActions {
     forgetDraftOf(this.job.id);
     const name = formOf(this.job);
     if (name) location.hash = routeHash({ name, from: this.job.id });
+  }
+
+  _continue() {
+    forgetDraftOf(resultOrigin(this.job.id));
+    location.hash = routeHash({ name: "create", from: this.job.id, result: true });
   }
 
   _cancel() {
@@ -167,7 +175,7 @@ export class JobActions {
         act: async () => {
           const steps = this.job.params.steps ?? this.job.progress.total_steps;
           const params = { ...this.job.params, ...(steps ? { checkpoint_every_steps: checkpointEvery(steps) } : {}) };
-          const request = { prompt: prompt.value.trim(), params, output: this.job.output };
+          const request = { prompt: prompt.value.trim(), params, output: this.job.output, metadata: { ...this.job.metadata, thread: threadOf(this.job) } };
           const job = await client.branch(this.job, Number(step.value), request);
           location.hash = routeHash({ name: "job", id: job.id });
         },

@@ -49,6 +49,22 @@ export function downloadMade(job, name, scope) {
 }
 
 /**
+ * Deform other files as the job's asset was, and save each as a GLB.
+ * @param {any} job
+ * @param {File[]} files
+ * @param {import("../scope.js").Scope} scope
+ */
+export function deformAlike(job, files, scope) {
+  return orToast("Not deformed", async () => {
+    for (const file of files) {
+      announce(`Deforming ${file.name}`);
+      const glb = await client.apply(job, file, { filename: file.name, outside: "rigid", signal: scope.signal });
+      saveBytes(new Blob([glb]), file.name.replace(/\.[^.]*$/, "") + "-edited.glb");
+    }
+  });
+}
+
+/**
  * Copy an address of an artifact or a job that needs no key, and say how long it works.
  * @param {string} path
  * @param {import("../scope.js").Scope} scope

@@ -8,7 +8,8 @@ import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
 import { routeHash } from "../router.js";
 import { withArticle } from "../vocabulary.js";
-import { copyCurl, copyLink, download, downloadMade } from "./files.js";
+import { fileInput } from "../picking.js";
+import { copyCurl, copyLink, deformAlike, download, downloadMade } from "./files.js";
 import { isDeformation } from "./shapes.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
@@ -21,11 +22,12 @@ export function findingList(findings) {
 }
 
 // What the service can make of a finished job that was not asked for it.
-const AFTERWARDS = ["result.stl", "morph.glb"];
+const AFTERWARDS = ["result.stl", "morph.glb", "map.safetensors"];
 const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
   "result.stl": "The new shape for printing: metres, Y up",
+  "map.safetensors": "What deforms other files alike, on the command line",
   "source.glb": "The mesh that was fitted to the asset",
   "surface.ndf": "The surface: base mesh and network",
   ...Object.fromEntries([0, 1, 2, 3, 4].map((level) => [`level_${level}.glb`, level ? `Every edge of the base in ${2 ** level}` : "The base mesh"])),
@@ -83,6 +85,8 @@ export function filesPanel(job, artifacts, scope) {
     const words = h("div", null, h("strong", null, name), h("span", { class: "small muted" }, `${FILES[name]} · made when you download it`));
     return h("li", { class: "file" }, words, h("div", { class: "row" }, make));
   };
+  const mayMake = job.state === "succeeded" && isDeformation(job) && !shared;
+  const others = fileInput("alike", "Files to deform alike", "", (files) => deformAlike(job, files, scope), true);
   return panel(
     "files-title",
     "Files",
@@ -92,8 +96,16 @@ export function filesPanel(job, artifacts, scope) {
       sorted.map((found) =>
         row(found.name, artifactName(job, found.name), PICTURES[job.kind]?.[found.name] ?? FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
       ),
-      job.state === "succeeded" && isDeformation(job) && !shared ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
+      mayMake ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
       row(job.asset.filename, job.asset.filename, `The ${job.kind === "family_fit" ? "collection" : "asset"} as ${shared ? "it was sent" : "you sent it"}`, job.asset.size, `v1/jobs/${job.id}/asset`, false),
+      mayMake
+        ? h(
+            "li",
+            { class: "file" },
+            h("div", null, h("strong", null, "Other files"), h("span", { class: "small muted" }, "Levels of detail, clothes, props that lie where the asset does")),
+            h("div", { class: "row" }, others, button("Deform other files alike", () => others.click(), { icon: "spark", quiet: true })),
+          )
+        : null,
     ),
   );
 }

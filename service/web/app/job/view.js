@@ -19,6 +19,7 @@ import { FamilyStage } from "./family-stage.js";
 import { FieldStage } from "./field-stage.js";
 import { PictureStage } from "./picture-stage.js";
 import { ProgressPanel } from "./progress.js";
+import { versionsPanel } from "./versions.js";
 import { filesPanel, isLesson, lessonPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
@@ -76,6 +77,8 @@ export class JobView {
     this.actions = new JobActions(job, scope, () => this._refresh(), () => this.stage?.chosenStep ?? null);
     this.results = h("div", { class: "results" });
     this.folds = h("div", { class: "results" }, parametersPanel(job, null));
+    this.versions = h("div", { class: "results" });
+    this._thread();
     this.log = new LogPanel();
     const group = job.metadata?.group;
     const goal = goalWords(job);
@@ -95,7 +98,7 @@ export class JobView {
         "div",
         { class: "job" },
         h("div", { class: "job-main" }, this.stage.element, this.chart.element),
-        h("div", { class: "job-side" }, job.unreadable ? problemBox(unreadable(job)) : null, this.error, this.progress.element, job.unreadable ? null : askedPanel(job), this.results, this.folds, this.log.element),
+        h("div", { class: "job-side" }, job.unreadable ? problemBox(unreadable(job)) : null, this.error, this.progress.element, job.unreadable ? null : askedPanel(job), this.results, this.versions, this.folds, this.log.element),
       ),
     );
     document.title = `${jobTitle(job)} · Meshdeform`;
@@ -150,6 +153,11 @@ export class JobView {
     if (this.error && history.error) fill(this.error, problemBox(history.error));
   }
 
+  /** Show the versions of the asset, which a link does not give. */
+  _thread() {
+    if (this.versions && isDeformation(this.job) && !currentLink()) fill(this.versions, versionsPanel(this.job, this.scope));
+  }
+
   /** Find out which steps' shapes are still kept. */
   async _keep() {
     try {
@@ -166,6 +174,7 @@ export class JobView {
     await this._refresh();
     await this._keep();
     if (this.scope.over) return;
+    if (this.job.metadata?.thread) this._thread(); // it can be compared now
     const succeeded = this.history.state === "succeeded";
     try {
       const artifacts = await client.artifacts(this.id, this.scope.signal);

@@ -1,0 +1,367 @@
+"""The asset as it stands: its welded vertices, what moves with which joint, its names, and its solid in a grid.
+
+The lateral axis is the normal of the mirror plane, found on points spread over the surface with their normals; up is
++Y, and the front axis is the third.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
+from scipy.spatial import cKDTree
+
+from meshdeform.assets import Asset
+from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
+from meshdeform.plain.words import singular
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+UP = 1
+_RESOLUTION = 72
+_SAMPLES = 2500
+_MOST_NAMES = 400
+_MOST_PLACES = 2_000_000
+_MIRRORED = 0.004
+"""Distance, as a share of the diagonal, up to which a vertex has a mirror image."""
+
+
+def step(t: Floats) -> Floats:
+    """Return a smooth step from 0 at 0 to 1 at 1."""
+    t = np.clip(t, 0, 1)
+    return np.asarray(t * t * (3 - 2 * t))
+
+
+def ease(t: Floats, soft: float = 0.25) -> Floats:
+    """Return 0 to 1 with a constant slope between two soft ends."""
+    t, most = np.clip(t, 0, 1), 1 / (1 - soft)
+    rising, falling = most * t * t / (2 * soft), 1 - most * (1 - t) ** 2 / (2 * soft)
+    return np.where(t < soft, rising, np.where(t > 1 - soft, falling, most * (t - soft / 2)))
+
+
+def tokens(name: str) -> list[str]:
+    """Return the words of a name of a node, joint or material: "LeftForeArm.001" has "left", "fore" and "arm"."""
+    return [singular(word.lower()) for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint: its name, and the place of the joint above it in the list, or -1."""
+
+    name: str
+    parent: int
+
+
+@dataclass(frozen=True)
+class Body:
+    """A welded surface as viewers show it.
+
+    Attributes
+    ----------
+    points : (V, 3) float64
+        +Y up.
+    faces : (F, 3) int64
+    names : mapping of str to (V,) bool
+        The vertices of each node and material that has a name.
+    joints : sequence of Joint
+    weights : sparse (V, J) float64
+        How much each vertex follows each joint.
+    """
+
+    points: Floats
+    faces: Index
+    names: Mapping[str, Flags]
+    joints: Sequence[Joint]
+    weights: sparse.csr_matrix
+
+    def moved(self, points: Floats) -> Body:
+        """Return the body with its vertices at other places."""
+        return replace(self, points=points)
+
+    @cached_property
+    def low(self) -> Floats:
+        """Its least coordinates, (3,)."""
+        return np.asarray(self.points.min(0))
+
+    @cached_property
+    def size(self) -> Floats:
+        """The sides of its box, (3,)."""
+        return np.asarray(np.ptp(self.points, axis=0))
+
+    @property
+    def ground(self) -> float:
+        """Height of its lowest point."""
+        return float(self.low[UP])
+
+    @cached_property
+    def diagonal(self) -> float:
+        """The diagonal of its box."""
+        return float(np.linalg.norm(self.size))
+
+    @cached_property
+    def corners(self) -> Floats:
+        """The corners of its faces, (F, 3, 3)."""
+        return np.asarray(self.points[self.faces])
+
+    @cached_property
+    def crosses(self) -> Floats:
+        """The normals of its faces with twice their area as length, (F, 3)."""
+        a, b, c = self.corners.transpose(1, 0, 2)
+        return np.cross(b - a, c - a)
+
+    @cached_property
+    def edges(self) -> sparse.csr_matrix:
+        """Which vertices are neighbours, (V, V) of 0 and 1."""
+        ends = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
+        both = np.concatenate([ends, ends[:, ::-1]])
+        found = sparse.csr_matrix((np.ones(len(both)), tuple(both.T)), shape=(len(self.points),) * 2)
+        found.data[:] = 1
+        return found
+
+    @cached_property
+    def components(self) -> Index:
+        """The connected component of each vertex, (V,)."""
+        return np.asarray(csgraph.connected_components(self.edges, directed=False)[1], np.int64)
+
+    def samples(self, count: int) -> tuple[Floats, Floats]:
+        """Return places (count, 3) spread over the surface by area, and their unit normals; always the same."""
+        areas = np.linalg.norm(self.crosses, axis=1)
+        ends = np.cumsum(areas)
+        at = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1]).clip(0, len(areas) - 1)
+        u = np.random.default_rng(0).random((count, 2))
+        u = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)
+        shares = np.column_stack([1 - u.sum(1), u])
+        return (self.corners[at] * shares[:, :, None]).sum(1), self.crosses[at] / np.maximum(areas[at, None], 1e-300)
+
+    @cached_property
+    def _asymmetry(self) -> dict[int, float]:
+        """How far the surface is from its mirror image across both upright planes, as a share of the diagonal."""
+        places, normals = self.samples(_SAMPLES)
+        reach = 0.1 * self.diagonal
+        tree = cKDTree(np.hstack([places, reach * normals]))
+        found = {}
+        for axis in (0, 2):
+            images, across = places.copy(), normals.copy()
+            images[:, axis] = 2 * self.low[axis] + self.size[axis] - images[:, axis]
+            across[:, axis] *= -1
+            distance = tree.query(np.hstack([images, reach * across]))[0]
+            found[axis] = float(np.median(distance) + distance.mean()) / self.diagonal
+        return found
+
+    @cached_property
+    def lateral(self) -> int:
+        """The axis from side to side."""
+        return 0 if self._asymmetry[0] <= 1.15 * self._asymmetry[2] else 2
+
+    @property
+    def front(self) -> int:
+        """The axis from front to back."""
+        return 2 - self.lateral
+
+    @property
+    def either(self) -> bool:
+        """Whether it is as symmetric from front to back, so that its front says nothing."""
+        low, high = sorted(self._asymmetry.values())
+        return high <= 1.15 * low
+
+    @cached_property
+    def middle(self) -> float:
+        """Where the mirror plane is on the lateral axis."""
+        return float(self.low[self.lateral] + self.size[self.lateral] / 2)
+
+    @cached_property
+    def partners(self) -> Index | None:
+        """The mirror image of each vertex, (V,), -1 where there is none; None if the whole is not symmetric."""
+        images = self.points.copy()
+        images[:, self.lateral] = 2 * self.middle - images[:, self.lateral]
+        distance, partner = cKDTree(self.points).query(images)
+        if np.median(distance) + distance.mean() > 0.01 * self.diagonal:
+            return None
+        return np.where(distance < _MIRRORED * self.diagonal, partner, -1).astype(np.int64)
+
+    def symmetric(self, moved: Floats) -> Floats:
+        """Return displacements (V, 3) averaged with those of the mirror images."""
+        if self.partners is None:
+            return moved
+        paired, images = self.partners >= 0, moved.copy()
+        images[paired] = moved[self.partners[paired]]
+        images[paired, self.lateral] *= -1
+        return np.asarray((moved + images) / 2)
+
+    def smooth(self, values: Floats, rounds: int) -> Floats:
+        """Return values (V,) averaged with their neighbours so many times."""
+        degree = np.asarray(self.edges.sum(1)).ravel()
+        for _ in range(rounds):
+            values = np.where(degree > 0, 0.5 * values + 0.5 * (self.edges @ values) / np.maximum(degree, 1), values)
+        return values
+
+    @cached_property
+    def solid(self) -> Solid:
+        """What it fills."""
+        return Solid(self)
+
+
+class Solid:
+    """The cells of a grid that a body fills, `cells` (C, 3) with `centres` (C, 3).
+
+    Attributes
+    ----------
+    filled, surface : (X, Y, Z) bool
+    side : float
+        Of a cell.
+    origin : (3,) float64
+    """
+
+    def __init__(self, body: Body) -> None:
+        self.side = float(body.size.max()) / _RESOLUTION
+        self.origin = body.low - 2 * self.side
+        shape = np.ceil(body.size / self.side).astype(int) + 5
+        places = self._places(body)
+        self.surface = np.zeros(shape, bool)
+        self.surface[tuple(self.indices(places).T)] = True
+        self.filled = ndimage.binary_fill_holes(self.surface)
+        # What is closed in two of three directions counts as well: a shell need not be watertight.
+        votes = np.zeros(shape, int)
+        for axis in range(3):
+            layers = [ndimage.binary_fill_holes(np.take(self.surface, i, axis)) for i in range(shape[axis])]
+            votes += np.stack(layers, axis)
+        self.filled = self.filled | (votes >= 2)
+        self.cells = np.argwhere(self.filled)
+        self.centres = self.origin + (self.cells + 0.5) * self.side
+        self._tree = cKDTree(self.centres)
+
+    def _places(self, body: Body) -> Floats:
+        """Return places on the surface that leave no cell out."""
+        areas = np.linalg.norm(body.crosses, axis=1) / 2
+        wanted = areas / self.side**2 * 11
+        wanted *= min(1.0, _MOST_PLACES / max(float(wanted.sum()), 1.0))  # foliage may have any area
+        counts = np.clip(np.ceil(wanted), 1, 60_000).astype(int)
+        of_face = np.repeat(np.arange(len(counts)), counts)
+        u = np.random.default_rng(1).random((len(of_face), 2))
+        u = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)
+        shares = np.column_stack([1 - u.sum(1), u])
+        places = np.concatenate([(body.corners[of_face] * shares[:, :, None]).sum(1), body.points])
+        if body.partners is None:
+            return places
+        images = places.copy()
+        images[:, body.lateral] = 2 * body.middle - images[:, body.lateral]
+        return np.concatenate([places, images])
+
+    def indices(self, places: Floats) -> Index:
+        """Return the cells of places, (N, 3)."""
+        cells = ((places - self.origin) / self.side).astype(np.int64)
+        return np.asarray(np.clip(cells, 0, np.array(self.surface.shape) - 1))
+
+    def heights(self, layers: Index | Floats) -> Floats:
+        """Return the heights of the middles of layers."""
+        return np.asarray(self.origin[UP] + (np.asarray(layers) + 0.5) * self.side)
+
+    @cached_property
+    def _graph(self) -> sparse.csr_matrix:
+        number = -np.ones(self.filled.shape, int)
+        number[self.filled] = np.arange(len(self.cells))
+        rows, columns, lengths = [], [], []
+        around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1) if (a, b, c) > (0, 0, 0)]
+        for offset in around:
+            to = self.cells + offset  # the grid has empty layers around the body
+            found = number[tuple(to.T)]
+            at = np.flatnonzero(found >= 0)
+            rows.append(at)
+            columns.append(found[at])
+            lengths.append(np.full(len(at), np.linalg.norm(offset) * self.side))
+        data = np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))
+        return sparse.coo_matrix(data, shape=(len(self.cells),) * 2).tocsr()
+
+    def nearest(self, place: Floats) -> int:
+        """Return the number of the cell nearest to a place (3,)."""
+        return int(self._tree.query(place)[1])
+
+    def distances(self, cell: int) -> Floats:
+        """Return how far each cell (C,) is from one of them, inside the solid."""
+        found = csgraph.dijkstra(self._graph, directed=False, indices=cell)
+        reached = np.isfinite(found)
+        return np.asarray(np.where(reached, found, found[reached].max()))
+
+    def at(self, values: Floats, places: Floats, *, nearest: bool = False) -> Floats:
+        """Return values (C,) of the cells at places (N, 3), interpolated."""
+        if nearest:
+            return np.asarray(values[self._tree.query(places)[1]])
+        distance, near = self._tree.query(places, k=min(4, len(self.cells)))
+        weight = 1 / (distance + 0.3 * self.side)
+        return np.asarray((values[near] * weight).sum(1) / weight.sum(1))
+
+
+def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
+    """Return the body of an asset whose vertices were welded.
+
+    Parameters
+    ----------
+    vertex_map : (N,) int64
+        The welded vertex of each row of the surface, or -1.
+    rows : (V,) int64
+        A row of each welded vertex.
+    faces : (F, 3) int64
+        Of welded vertices.
+    """
+    parts, count = asset.parts(), len(rows)
+    at, nodes, shares = asset.joint_shares()
+    numbers = {joint["index"]: number for number, joint in enumerate(parts.joints)}
+    known = np.isin(nodes, list(numbers))
+    at, nodes, shares = at[known], nodes[known], shares[known]
+    # Of vertices that are one, the first row counts, as for their places.
+    chosen = (vertex_map[at] >= 0) & (rows[vertex_map[at]] == at)
+    columns = np.array([numbers[int(node)] for node in nodes[chosen]], np.int64)
+    weights = sparse.csr_matrix((shares[chosen], (vertex_map[at[chosen]], columns)), shape=(count, len(numbers)))
+    total = np.asarray(weights.sum(1)).ravel()
+    weights = sparse.diags(1 / np.where(total > 0, total, 1)) @ weights
+    parents = {child: node for node, children in parts.children.items() for child in children}
+    joints = [Joint(each["name"], _joint_above(each["index"], parents, numbers)) for each in parts.joints]
+    return Body(asset.posed().positions[rows], faces, _names(asset, vertex_map, count), joints, weights.tocsr())
+
+
+def loose_body(asset: Asset) -> Body:
+    """Return the body of an asset as a job would weld it, without torch."""
+    surface = asset.surface
+    drawn = np.ones(len(surface.triangles), bool)
+    if asset.backdrop is not None and asset.backdrop.left:
+        drawn = ~asset.backdrop.triangles
+    used = np.unique(surface.triangles[drawn])
+    points = surface.positions[used]
+    first = coincident(points, WELD_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0))))
+    kept, numbers = np.unique(first, return_inverse=True)
+    vertex_map = np.full(len(surface.positions), -1, np.int64)
+    vertex_map[used] = numbers
+    corners = vertex_map[surface.triangles[drawn]]
+    solid = (corners != np.roll(corners, 1, axis=1)).all(1)
+    return body_of(asset, vertex_map, used[kept], corners[solid])
+
+
+def _joint_above(node: int, parents: Mapping[int, int], numbers: Mapping[int, int]) -> int:
+    """Return the number of the next joint above a node, or -1."""
+    while node in parents:
+        node = parents[node]
+        if node in numbers:
+            return numbers[node]
+    return -1
+
+
+def _names(asset: Asset, vertex_map: Index, count: int) -> dict[str, Flags]:
+    """Return the welded vertices of named nodes and materials, those of one name together."""
+    parts, corners = asset.parts(), vertex_map[asset.surface.triangles]
+    named = [(each, parts.in_node) for each in parts.nodes] + [(each, parts.of_material) for each in parts.materials]
+    found: dict[str, Flags] = {}
+    for each, triangles_of in named[:_MOST_NAMES]:
+        if not tokens(each["name"]):
+            continue
+        flags = found.setdefault(each["name"], np.zeros(count, bool))
+        own = corners[triangles_of(each["index"])].ravel()
+        flags[own[own >= 0]] = True
+    return found

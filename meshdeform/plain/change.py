@@ -1,0 +1,202 @@
+"""Carry out the changes of a sentence on a body, one after the other, and check what came of each.
+
+A face that flips is smoothed with its neighbours; where that does not help, the factor is halved, and a warning says
+so. The result is as symmetric as the source, and stands where it stood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshdeform.plain.body import UP, Body, Flags, Floats
+from meshdeform.plain.maps import Moved, move
+from meshdeform.plain.parts import PartMissingError, Parts
+from meshdeform.plain.words import SHAPES, WHOLE, Change, Sentence
+
+_ROUNDS = 12
+_ATTEMPTS = ((0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.5), (1.0, 0.25), (1.0, 0.125))
+"""How evenly a change is spread, and which share of it is made, until no face flips."""
+_MOST_CORRECTED = 1.7
+"""Greatest share of what was asked for that a map may be given, so that its result is what was asked for."""
+_ON_ORIGIN = 0.01
+"""Height of the lowest point, as a share of the body's, up to which it stands on the origin."""
+_TOLD_APART = 0.25
+"""Share of what was asked for below which a part was found that is none."""
+_SHORT = 0.5
+"""Share of what was asked for below which a warning says that there was less."""
+_LOPSIDED = frozenset({"leaning", "bent", "twisted"})
+_TURNING = frozenset({"bent", "twisted"})
+
+
+@dataclass(frozen=True)
+class Done:
+    """A change that was carried out.
+
+    Attributes
+    ----------
+    found_by : str
+        How its part was found: `joints`, `names`, `components` or `geometry`; empty for the whole.
+    factor : float
+        The factor of the map, halved where faces would have flipped.
+    got : float
+        How much of what it measures grew.
+    flips : int
+        Faces that it flipped all the same.
+    """
+
+    change: Change
+    found_by: str
+    factor: float
+    got: float
+    flips: int
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences about what is less than was asked for."""
+        asked, what = self.change.factor, _phrase(self.change)
+        found = []
+        if self.factor != asked:
+            found.append(f"{what}: {asked:.2f} would flip faces, so it was {self.factor:.2f}.")
+        elif asked not in (0, 1) and self.change.operation not in SHAPES and (self.got - 1) / (asked - 1) < _SHORT:
+            found.append(
+                f"{what}: {asked:.2f} was asked for, and {self.got:.2f} came of it. Where triangles are large, "
+                "output.subdivide helps."
+            )
+        if self.flips:
+            found.append(f"{what}: {self.flips} faces were flipped.")
+        return found
+
+    def to_dict(self) -> dict[str, str | float | int]:
+        """Return its entry in the report."""
+        return {
+            "operation": self.change.operation,
+            "part": self.change.part,
+            "found_by": self.found_by,
+            "asked": round(self.change.factor, 4),
+            "factor": round(self.factor, 4),
+            "got": round(self.got, 4),
+            "flips": self.flips,
+        }
+
+
+def _phrase(change: Change) -> str:
+    return change.operation if change.part == WHOLE else f"{change.operation} ({change.part})"
+
+
+def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Done]]:
+    """Carry out changes in their order.
+
+    Raises
+    ------
+    PartMissingError
+        A part is not there; nothing is changed.
+    """
+    done = []
+    for change in changes:
+        body, each = _apply(body, change)
+        done.append(each)
+    return body, done
+
+
+def meant(body: Body, sentence: Sentence) -> tuple[Change, ...]:
+    """Return the changes of a sentence: in "a bigger helmet", of a part of the asset that has the noun as its name."""
+    if sentence.noun is None or not sentence.compared:
+        return sentence.changes
+    try:
+        Parts(body).named(sentence.noun.replace("-", " "))
+    except PartMissingError:
+        return sentence.changes
+    return tuple(replace(each, part=sentence.noun) if each.part == WHOLE else each for each in sentence.changes)
+
+
+def missing_part(body: Body, changes: Sequence[Change]) -> str | None:
+    """Return why a change cannot be carried out; None if all can."""
+    parts = Parts(body)
+    try:
+        for change in changes:
+            _calibrated(parts, change)
+    except PartMissingError as error:
+        return str(error)
+    return None
+
+
+def list_parts(body: Body) -> list[str]:
+    """Return what words can name on a body."""
+    return Parts(body).names()
+
+
+def _apply(body: Body, change: Change) -> tuple[Body, Done]:
+    parts = Parts(body)
+    full = _calibrated(parts, change)
+    for parts.even, share in _ATTEMPTS:
+        made = move(parts, change, _part_of_way(change, full, share))
+        points = _settled(body, change, made)
+        points, flipped = _relaxed(body, points, _flipped(body, points, change), change)
+        if not flipped.any():
+            break
+    before = made.length(body.points)
+    got = made.length(points) / before if before and change.operation not in SHAPES else change.factor * share
+    factor = _part_of_way(change, change.factor, share)
+    return body.moved(points), Done(change, made.found_by, factor, float(got), int(flipped.sum()))
+
+
+def _part_of_way(change: Change, factor: float, share: float) -> float:
+    """Return the factor of a share of the way from no change."""
+    return factor * share if change.operation in SHAPES else 1 + share * (factor - 1)
+
+
+def _calibrated(parts: Parts, change: Change) -> float:
+    """Return the factor with which a map gives what was asked for: bands take something away."""
+    factor, asked = change.factor, change.factor
+    if change.operation in SHAPES or abs(asked - 1) < 0.02:
+        return factor
+    for _ in range(2):
+        made = move(parts, change, factor)
+        before = made.length(parts.body.points)
+        grown = made.length(_settled(parts.body, change, made)) / before - 1 if before else 0.0
+        if change.part != WHOLE and grown / (asked - 1) < _TOLD_APART:
+            raise PartMissingError(f"The {change.part} cannot be told from the rest well enough to change it.")
+        if abs(grown - (asked - 1)) < 0.01 or grown * (asked - 1) <= 0:
+            break
+        most = _MOST_CORRECTED * abs(asked - 1)
+        factor = 1 + float(np.clip((factor - 1) * (asked - 1) / grown, -min(most, 0.9), most))
+    return factor
+
+
+def _settled(body: Body, change: Change, made: Moved) -> Floats:
+    """Return the points as symmetric as the source, and on the same ground if what stands on it was changed."""
+    moved = made.points - body.points
+    points = body.points + (moved if change.operation in _LOPSIDED else body.symmetric(moved))
+    # What swims or hangs has no ground to sink into.
+    grounded = change.operation != "fat" or abs(body.ground) <= _ON_ORIGIN * body.size[UP]
+    if grounded and change.part in (WHOLE, "leg", "foot", "wheel", "base"):
+        points[:, UP] += body.ground - points[:, UP].min()
+    return points
+
+
+def _flipped(body: Body, points: Floats, change: Change) -> Flags:
+    """Return which faces (F,) turned over; those of a turning map turn with it."""
+    if change.operation in _TURNING:
+        return np.zeros(len(body.faces), bool)
+    a, b, c = points[body.faces].transpose(1, 0, 2)
+    thick = np.linalg.norm(body.crosses, axis=1) > 1e-9 * body.diagonal**2
+    return np.asarray(thick & (np.einsum("fi,fi->f", np.cross(b - a, c - a), body.crosses) < 0))
+
+
+def _relaxed(body: Body, points: Floats, flipped: Flags, change: Change) -> tuple[Floats, Flags]:
+    """Return the points with displacements smoothed around flipped faces, and which are still flipped."""
+    degree = np.maximum(np.asarray(body.edges.sum(1)).ravel(), 1)
+    moved = points - body.points
+    for _ in range(_ROUNDS):
+        if not flipped.any():
+            break
+        around = np.zeros(len(points), bool)
+        around[body.faces[flipped].ravel()] = True
+        around |= (body.edges @ around.astype(float)) > 0
+        mean = (body.edges @ moved) / degree[:, None]
+        moved[around] = 0.5 * (moved[around] + mean[around])
+        flipped = _flipped(body, body.points + moved, change)
+    return body.points + moved, flipped

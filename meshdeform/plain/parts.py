@@ -1,0 +1,705 @@
+"""Find what a word names on a body: by joints, by names of nodes and materials, by components, else by its solid.
+
+Legs are what touches the ground below the level at which the stems join; of a pedestal, what is below the widest slab.
+Head and tail are the two ends of the body in the mirror plane, cut at the narrowest section; the thin end is the tail.
+Every finder returns weights with a band, and says how it found the part, or raises `PartNotFound`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step, tokens
+
+_AROUND = np.ones((3, 3, 3))
+
+_CLASSES = {
+    word: part
+    for part, words in {
+        "ear": "ear",
+        "head": "head jaw eye face skull snout hair tongue beak mouth trunk horn nose",
+        "neck": "neck",
+        "tail": "tail",
+        "leg": "leg thigh calf shin knee foot toe ankle hoof paw ff ffb upleg",
+        "arm": "arm hand finger index middle ring pinky thumb elbow wrist wing flipper forearm clavicle",
+    }.items()
+    for word in words.split()
+}
+_SIDES = frozenset({"back", "front", "left", "right", "top", "bottom"})
+_MOSTLY = 0.6
+_HELPERS = frozenset({"ik", "pole", "target", "control", "ctrl"})
+
+
+class PartMissingError(Exception):
+    """A part that a word names is not there; the message says why."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """Any part that was found by a name or as components.
+
+    Attributes
+    ----------
+    weight : (V,) float64
+        How much each vertex belongs to it.
+    pivot : (3,) float64
+        Where it is attached; its middle if it hangs on nothing.
+    found_by : str
+        `joints`, `names`, `components` or `geometry`.
+    """
+
+    weight: Floats
+    pivot: Floats
+    found_by: str
+
+
+@dataclass(frozen=True)
+class Legs:
+    """What stands on the ground.
+
+    Attributes
+    ----------
+    hip : float
+        Height at which they end.
+    foot : float
+        Height up to which feet keep their shape.
+    weight : (V,) float64
+    limb : (V,) int64
+        The number of the leg nearest to each vertex.
+    """
+
+    hip: float
+    foot: float
+    weight: Floats
+    limb: Index
+    count: int
+    found_by: str
+
+
+@dataclass(frozen=True)
+class Head:
+    """A head on its neck.
+
+    Attributes
+    ----------
+    weight : (V,) float64
+    pivot : (3,) float64
+        Where it sits.
+    up : (3,) float64
+        Unit vector of the neck, from the body.
+    neck : (V,) float64
+        0 in the body to 1 in the head.
+    neck_length : float
+    """
+
+    weight: Floats
+    pivot: Floats
+    up: Floats
+    neck: Floats
+    neck_length: float
+    found_by: str
+
+
+@dataclass(frozen=True)
+class Tail:
+    """A tail: weights (V,), the distance (V,) of each vertex from its tip, and its length."""
+
+    weight: Floats
+    from_tip: Floats
+    length: float
+    found_by: str
+
+
+@dataclass(frozen=True)
+class _End:
+    """An end of the body: distances (C,) of the cells from its tip, and the areas of sections `step` thick."""
+
+    distances: Floats
+    areas: Floats
+    step: float
+    far: int
+    lead: float
+    height: float
+
+
+class Parts:
+    """The parts of one body; each is looked for once.
+
+    Attributes
+    ----------
+    even : float
+        How evenly a change of one axis is spread, from 0, where it hurts least, to 1, alike everywhere.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self.body, self.even = body, 0.0
+
+    def names(self) -> list[str]:
+        """List what words can name: limbs that were found, then names of nodes, materials and joints."""
+        finders: dict[str, Callable[[], object]] = {
+            "legs": lambda: self.legs,
+            "head": lambda: self.head,
+            "neck": lambda: self.head,
+            "tail": lambda: self.tail,
+            "arms": lambda: self.arms,
+            "wheels": lambda: self._wheels_or_missing(),
+            "seat or top": lambda: self.slab,
+        }
+        found = []
+        for name, find in finders.items():
+            try:
+                find()
+            except PartMissingError:
+                continue
+            found.append(name)
+        named = [name for name in self.body.names if tokens(name) and self._is_part(self.body.names[name])]
+        return list(dict.fromkeys([*found, *(" ".join(tokens(name)) for name in named)]))
+
+    def of_class(self, name: str) -> Floats | None:
+        """Return how much each vertex (V,) follows the joints of a class, such as `leg`; None without such joints."""
+        return self._classes.get(name)
+
+    @cached_property
+    def _classes(self) -> dict[str, Floats]:
+        joints = self.body.joints
+        kinds: list[str] = []
+        for joint in joints:
+            words = tokens(joint.name)
+            kind = next((_CLASSES[word] for word in words if word in _CLASSES), "")
+            squeezed = re.search(r"thigh|foot|leg|arm|hand|neck|wing|flipper", joint.name.lower())
+            if not kind and squeezed:
+                kind = _CLASSES[squeezed[0]]
+            kinds.append("body" if _HELPERS & set(words) and not kind else kind)
+        for number, joint in enumerate(joints):  # a bone that has no telling name belongs to the limb above it
+            if not kinds[number]:
+                at = joint.parent
+                while at >= 0 and not kinds[at]:
+                    at = joints[at].parent
+                kinds[number] = kinds[at] if at >= 0 and kinds[at] not in ("neck",) else "body"
+        self._kinds = kinds
+        columns = np.array(kinds)
+        return {kind: _share(self.body, np.flatnonzero(columns == kind)) for kind in dict.fromkeys(kinds)}
+
+    @property
+    def rigged(self) -> bool:
+        """Whether joints tell limbs apart."""
+        return len(self._classes) > 1
+
+    # ---------------------------------------------------------------- legs
+
+    @cached_property
+    def legs(self) -> Legs:
+        """The legs.
+
+        Raises
+        ------
+        PartMissingError
+            Nothing stands between the ground and the body.
+        """
+        body = self.body
+        if self.wheels.any():
+            raise PartMissingError("This stands on wheels: it has no legs.")
+        rigged = self._standing_joints()
+        if self.rigged and rigged is None:
+            raise PartMissingError("The skeleton has no legs that stand on the ground.")
+        try:
+            stand: _Stand | None = self._stand
+        except PartMissingError:
+            if rigged is None:
+                raise
+            stand = None
+        if rigged is None:
+            assert stand is not None
+            weight = body.solid.at((stand.labels > 0).astype(float), body.points, nearest=True)
+            hip, found_by = stand.hip, "geometry"
+            foot = max(body.ground + 0.08 * (hip - body.ground), stand.base)
+        else:
+            weight, found_by = rigged, "joints"
+            between = (weight > 0.25) & (weight < 0.75)
+            heights = body.points[between, UP] if between.any() else body.points[weight > 0.5, UP]
+            joint_hip = float(np.median(heights) if between.any() else np.percentile(heights, 95))
+            hip = (
+                joint_hip
+                if stand is None
+                else min(max(stand.hip, joint_hip), body.ground + 1.15 * (joint_hip - body.ground))
+            )
+            foot = body.ground + 0.22 * (hip - body.ground)
+        return Legs(hip, foot, weight, self._nearest_limb(stand), stand.count if stand else 2, found_by)
+
+    def _standing_joints(self) -> Floats | None:
+        """Return how much each vertex follows chains of leg joints that reach the ground; None if there are none."""
+        body = self.body
+        total = self.of_class("leg")
+        if total is None or total.max() <= 0.5:
+            return None
+        roots = [
+            number
+            for number, joint in enumerate(body.joints)
+            if self._kinds[number] == "leg" and (joint.parent < 0 or self._kinds[joint.parent] != "leg")
+        ]
+        found = np.zeros(len(body.points))
+        for root in roots:
+            below = [
+                number
+                for number in range(len(body.joints))
+                if self._kinds[number] == "leg" and self._under(number, root)
+            ]
+            share = _share(body, np.array(below))
+            own = body.points[share > 0.5, UP]
+            if len(own) and own.min() < body.ground + 0.15 * body.size[UP] and np.ptp(own) > 0.05 * body.size[UP]:
+                found += share
+        # A foot may follow a control that hangs on the root: it belongs to legs that end above the ground.
+        return body.smooth(np.minimum(found, 1), 3) if found.max() > 0.5 else None
+
+    def _under(self, number: int, root: int) -> bool:
+        while number >= 0 and number != root:
+            number = self.body.joints[number].parent
+        return number == root
+
+    def _nearest_limb(self, stand: _Stand | None) -> Index:
+        body = self.body
+        if stand is None or stand.count < 1:
+            return np.asarray((body.points[:, body.lateral] > body.middle).astype(np.int64))
+        within = np.flatnonzero(stand.labels > 0)
+        near = cKDTree(body.solid.centres[within]).query(body.points)[1]
+        return np.asarray(stand.labels[within][near], np.int64)
+
+    @cached_property
+    def _stand(self) -> _Stand:
+        return _find_stand(self.body)
+
+    # ---------------------------------------------------------------- head, neck, tail
+
+    @cached_property
+    def head(self) -> Head:
+        """The head.
+
+        Raises
+        ------
+        PartMissingError
+            There is nothing like a neck.
+        """
+        own = self.of_class("head")
+        if own is not None and own.max() > 0.5:
+            return self._head_of_joints(own)
+        if self.rigged:
+            raise PartMissingError("The skeleton has no head.")
+        if self.built:
+            raise PartMissingError("No head was found: this is a thing on legs or wheels.")
+        found = self._head_of_ends() or self._head_of_levels()
+        if found is None:
+            raise PartMissingError("No head was found: there is nothing like a neck.")
+        return found
+
+    def _head_of_joints(self, own: Floats) -> Head:
+        body = self.body
+        none = np.zeros(len(own))
+        ears, neck = self.of_class("ear"), self.of_class("neck")
+        share = np.minimum(1, own + (none if ears is None else ears))
+        throat = none if neck is None else neck
+        weight = body.smooth(np.minimum(1, share + 0.35 * throat), 2)
+        middle = body.points[share > 0.5].mean(0)
+        between = throat > 0.3 if (throat > 0.3).any() else (share > 0.2) & (share < 0.8)
+        if between.any():
+            pivot = body.points[between].mean(0)
+        else:
+            pivot = middle - np.array([0, 0.5 * np.ptp(body.points[share > 0.5, UP]), 0])
+        up = _unit(middle - pivot, body.lateral)
+        along = body.points @ up
+        if (throat > 0.3).any():
+            low, length = float(along[throat > 0.3].min()), float(np.ptp(along[throat > 0.3]))
+            profile = np.minimum(1, share + throat * np.clip((along - low) / max(length, 1e-9), 0, 1))
+        else:
+            length = 0.3 * float(np.ptp(along[share > 0.5]))
+            profile = np.minimum(1, share + 0.5 * throat)
+        return Head(weight, pivot, up, body.smooth(profile, 3), length, "joints")
+
+    def _head_of_ends(self) -> Head | None:
+        """Return the head of something that stands along the ground, by its sections from the tip."""
+        body, solid = self.body, self.body.solid
+        end = self._ends[0]
+        cut = _cut_of_head(end)
+        if cut is None:
+            return None
+        cells = end.distances
+        if (cells < cut).mean() > 0.45:  # most of it is no head
+            return None
+        distance, band = solid.at(cells, body.points), 0.6 * cut
+        pivot = solid.centres[np.abs(cells - cut) < 1.5 * solid.side].mean(0)
+        up = _unit(solid.centres[cells < cut].mean(0) - pivot, body.lateral)
+        weight = 1 - step((distance - (cut - 0.5 * band)) / band)
+        profile = 1 - step((distance - (cut - 0.3 * band)) / (1.2 * band))
+        return Head(weight, pivot, up, profile, band, "geometry")
+
+    def _head_of_levels(self) -> Head | None:
+        """Return the head of something upright: what is above its narrowest level."""
+        body, solid = self.body, self.body.solid
+        top = float(solid.centres[:, UP].max())
+        depth = top - solid.centres[:, UP]
+        areas = ndimage.gaussian_filter1d(np.bincount((depth / solid.side + 0.5).astype(int)).astype(float), 1.2)
+        before, after = np.maximum.accumulate(areas), np.maximum.accumulate(areas[::-1])[::-1]
+        levels = range(int(0.12 * len(areas)), int(0.65 * len(areas)))
+        dips = [
+            (min(before[k], after[k]) / max(areas[k], 1), k)
+            for k in levels
+            if areas[k] <= areas[k - 1] and areas[k] <= areas[k + 1]
+        ]
+        if not dips or max(dips)[0] < 1.25:
+            return None
+        cut = max(dips)[1] * solid.side
+        weight = 1 - step((top - body.points[:, UP] - 0.8 * cut) / (0.4 * cut))
+        layers = solid.heights(np.arange(solid.filled.shape[UP]))
+        labels, _ = ndimage.label(solid.filled & (layers > top - 1.15 * cut)[None, :, None], _AROUND)
+        highest = labels[tuple(solid.cells[np.argmax(solid.centres[:, UP])])]
+        weight = weight * solid.at((labels[solid.filled] == highest).astype(float), body.points, nearest=True)
+        pivot = solid.centres[np.abs(depth - cut) < 1.5 * solid.side].mean(0)
+        return Head(weight, pivot, np.array([0.0, 1.0, 0.0]), weight, 0.3 * cut, "geometry")
+
+    @cached_property
+    def built(self) -> bool:
+        """Whether it stands on wheels, or is a slab on legs."""
+        try:
+            return bool(self.wheels.any()) or self.slab is not None
+        except PartMissingError:
+            return False
+
+    @cached_property
+    def tail(self) -> Tail:
+        """The tail.
+
+        Raises
+        ------
+        PartMissingError
+            The rear end is not thin.
+        """
+        body, solid = self.body, self.body.solid
+        own = self.of_class("tail")
+        if own is not None and own.max() > 0.5:
+            weight = body.smooth(own, 2)
+            rest = body.points[weight <= 0.3].mean(0)
+            mine = np.flatnonzero(weight > 0.6)
+            tip = body.points[mine][np.argmax(np.linalg.norm(body.points[mine] - rest, axis=1))]
+            distance = solid.at(solid.distances(solid.nearest(tip)), body.points)
+            return Tail(weight, distance, float(np.percentile(distance[mine], 98)), "joints")
+        if self.rigged:
+            raise PartMissingError("The skeleton has no tail.")
+        if self.built:
+            raise PartMissingError("No tail was found: this is a thing on legs or wheels.")
+        end = self._ends[1]
+        wide = int(np.argmax(end.areas > 0.3 * end.areas[: end.far].max()))
+        if wide < 0.18 * end.far:
+            raise PartMissingError("No tail was found: the rear end is not thin.")
+        cut = wide * end.step
+        distance = solid.at(end.distances, body.points)
+        return Tail(1 - step((distance - 0.85 * cut) / (0.3 * cut)), distance, cut, "geometry")
+
+    @cached_property
+    def _ends(self) -> tuple[_End, _End]:
+        """The two ends along the front axis that are no leg: head, tail."""
+        body, solid = self.body, self.body.solid
+        try:
+            labels, trunk = self._stand.labels, self._stand.trunk
+        except PartMissingError:
+            labels, trunk = np.zeros(len(solid.cells), int), np.zeros(len(solid.cells), bool)
+        free = (labels == 0) & ~trunk
+        if not free.any():
+            free = np.ones(len(labels), bool)
+        centre = solid.centres[free].mean(0)
+        from_centre = np.where(free, solid.distances(solid.nearest(centre)), -1)
+        forward = solid.centres[:, body.front] - centre[body.front]
+        sideways = np.abs(solid.centres[:, body.lateral] - body.middle)
+        near = sideways < max(0.1 * body.size[body.lateral], 1.5 * solid.side)
+        ends = []
+        for sign in (1, -1):
+            tip = int(np.argmax(np.where(free & near & (sign * forward > 0), from_centre, -1)))
+            distances, thick = solid.distances(tip), 1.5 * solid.side
+            bins = (distances / thick).astype(int)
+            areas = np.bincount(bins[free], minlength=bins.max() + 1).astype(float)
+            areas = ndimage.gaussian_filter1d(areas, 1.2)
+            far = max(5, int(from_centre[tip] / thick))
+            lead = areas[: max(3, int(0.25 * far))].mean() / max(areas[:far].max(), 1)
+            height = float(solid.centres[free & (distances < 0.4 * max(from_centre[tip], solid.side)), UP].mean())
+            ends.append(_End(distances, areas, thick, far, float(lead), height))
+        higher = 1.2 * (ends[0].height - ends[1].height) / max(float(body.size[UP]), 1e-12)
+        return (ends[0], ends[1]) if ends[0].lead + higher >= ends[1].lead else (ends[1], ends[0])
+
+    # ---------------------------------------------------------------- others
+
+    @cached_property
+    def arms(self) -> Limb:
+        """The arms of a skeleton.
+
+        Raises
+        ------
+        PartMissingError
+            There are none.
+        """
+        own = self.of_class("arm")
+        if own is None or own.max() <= 0.5:
+            raise PartMissingError("No arms were found: arms are known by the joints of a skeleton.")
+        weight = self.body.smooth(own, 2)
+        return Limb(weight, attachment(self.body, weight), "joints")
+
+    @cached_property
+    def wheels(self) -> Flags:
+        """The vertices (V,) of wheels: by name, else components that are round about the lateral axis and stand low."""
+        body = self.body
+        found = np.zeros(len(body.points), bool)
+        for name, flags in body.names.items():
+            if {"wheel", "tire", "tyre"} & set(tokens(name)) and not flags.all():
+                found |= flags
+        if found.any() or self.rigged or body.components.max() >= 400:
+            return found
+        order = np.argsort(body.components, kind="stable")
+        for own in np.split(order, np.cumsum(np.bincount(body.components))[:-1]):
+            points = body.points[own]
+            size, middle = np.ptp(points, axis=0), (points.max(0) + points.min(0)) / 2
+            low = points[:, UP].min() < body.ground + 0.12 * body.size[UP] and size[UP] < 0.5 * body.size[UP]
+            square = abs(size[UP] - size[body.front]) < 0.04 * size[UP] and size[body.lateral] < 0.8 * size[UP]
+            if len(own) >= 16 and low and square:
+                radius = np.hypot(points[:, UP] - middle[UP], points[:, body.front] - middle[body.front])
+                rim = size[UP] / 2
+                if (radius > 0.93 * rim).mean() > 0.25 and radius.max() < 1.06 * rim:
+                    found[own] = True
+        return found
+
+    def _wheels_or_missing(self) -> Flags:
+        if not self.wheels.any():
+            raise PartMissingError("No wheels were found.")
+        return self.wheels
+
+    @cached_property
+    def slab(self) -> tuple[float, float]:
+        """The heights between which the widest slab above legs lies: a seat, or the top of a table.
+
+        Raises
+        ------
+        PartMissingError
+            It has no legs, or nothing like a slab.
+        """
+        body, solid = self.body, self.body.solid
+        if self.rigged:
+            raise PartMissingError("A body with a skeleton has no seat.")
+        hip = self.legs.hip
+        areas = solid.filled.sum((0, 2)).astype(float)
+        heights = solid.heights(np.arange(len(areas)))
+        above = np.flatnonzero(heights > hip - 2 * solid.side)
+        widest = above[np.argmax(areas[above])]
+        low = high = int(widest)
+        while areas[low - 1] > 0.6 * areas[widest]:
+            low -= 1
+        while high + 1 < len(areas) and areas[high + 1] > 0.6 * areas[widest]:
+            high += 1
+        thick = (high - low + 1) * solid.side
+        if thick > 0.3 * body.size[UP] or areas[widest] < 0.3 * body.size[0] * body.size[2] / solid.side**2:
+            raise PartMissingError("No seat or top was found: there is no slab on legs.")
+        return float(heights[low] - solid.side / 2), float(heights[high] + solid.side / 2)
+
+    def back(self) -> Limb:
+        """Return what stands above a seat.
+
+        Raises
+        ------
+        PartMissingError
+            There is no seat, or nothing above it.
+        """
+        body = self.body
+        _, seat = self.slab
+        if body.points[:, UP].max() - seat < 0.1 * body.size[UP]:
+            raise PartMissingError("No back was found: nothing stands above the seat.")
+        weight = (body.points[:, UP] > seat - 0.5 * body.solid.side).astype(float)
+        above = body.points[weight > 0]
+        return Limb(weight, np.array([above[:, 0].mean(), seat, above[:, 2].mean()]), "geometry")
+
+    def named(self, word: str) -> Limb:
+        """Return the part that joints, nodes or materials with this name make.
+
+        Raises
+        ------
+        PartMissingError
+            None has it, or all of the asset does.
+        """
+        body, wanted = self.body, set(word.split())
+        chosen = [n for n, joint in enumerate(body.joints) if wanted <= set(tokens(joint.name))]
+        if chosen:
+            below = [n for n in range(len(body.joints)) if any(self._under(n, root) for root in chosen)]
+            weight = np.minimum(_share(body, np.array(below)), 1)
+            if (weight > 0.5).mean() > _MOSTLY:  # all hangs on it, as on a back: itself is meant
+                weight = np.minimum(_share(body, np.array(chosen)), 1)
+            if weight.max() > 0.5 and (weight < 0.5).any():
+                weight = body.smooth(weight, 2)
+                return Limb(weight, attachment(body, weight), "joints")
+        flags = np.zeros(len(body.points), bool)
+        for name, each in body.names.items():
+            words = set(tokens(name))
+            # "wheel back left" is no back.
+            elsewhere = wanted <= _SIDES and bool(words & set(_CLASSES) | (words & {"wheel", "door", "window"}))
+            if wanted <= words and not elsewhere and self._is_part(each):
+                flags |= each
+        if not flags.any():
+            raise PartMissingError(f"No part called {word!r} was found.")
+        weight = body.smooth(flags.astype(float), 2)
+        # Components that belong to it in whole are not blended with what they merely touch.
+        whole = np.bincount(body.components, ~flags)[body.components] == 0
+        weight = np.where(whole, 1.0, np.where(flags, np.maximum(weight, 0.5), weight))
+        return Limb(weight, attachment(body, flags.astype(float)), "names")
+
+    def _is_part(self, flags: Flags) -> bool:
+        return bool(flags.any() and not flags.all())
+
+    def wheel_parts(self) -> Limb:
+        """Return the wheels as a part.
+
+        Raises
+        ------
+        PartMissingError
+            There are none.
+        """
+        flags = self._wheels_or_missing()
+        return Limb(flags.astype(float), self.body.points[flags].mean(0), "components")
+
+
+@dataclass(frozen=True)
+class _Stand:
+    """What stands on the ground: the level where it ends, the leg (C,) of each cell, 0 for none, and a trunk (C,)."""
+
+    hip: float
+    base: float
+    labels: Index
+    trunk: Flags
+    count: int
+
+
+def _find_stand(body: Body) -> _Stand:
+    """Return what stands on the ground below the body, by the layers of its solid.
+
+    Raises
+    ------
+    PartMissingError
+        Nothing does.
+    """
+    solid = body.solid
+    filled, areas = solid.filled, solid.filled.sum((0, 2)).astype(float)
+    ground, top = int(np.argmax(areas > 0)), int(np.flatnonzero(areas > 0).max())
+    plane, breadth = (body.middle - solid.origin[body.lateral]) / solid.side, filled.shape[body.lateral]
+
+    def feet(layer: int) -> tuple[Index, list[int]]:
+        labels, _ = ndimage.label(filled[:, ground : layer + 1], _AROUND)
+        return labels, [int(k) for k in np.unique(labels[:, :3]) if k > 0]
+
+    trunk = np.zeros(filled.shape, bool)
+    tips = _trunk_tips(*feet(ground + max(3, int(0.06 * (top - ground)))), body, plane, breadth)
+    counts, kept = [], list[list[int]]()
+    for layer in range(ground, top + 1):
+        labels, found = feet(layer)
+        bad = {int(labels[tip]) for tip in tips if tip[1] < labels.shape[1]}
+        good = []
+        for k in found:
+            if k in bad:
+                cells = np.argwhere(labels[:, :3] == k)
+                if np.abs(cells[:, body.lateral] + 0.5 - plane).max() < 0.12 * breadth:
+                    trunk[:, ground : layer + 1][labels == k] = True
+                    continue
+            good.append(k)
+        counts.append(len(good))
+        kept.append(good)
+        if layer - ground > 10 and len(good) < 2 and len(found) < 2:
+            break
+    number = np.array(counts)
+    lowest = number[1 : max(3, int(0.12 * (top - ground)))]
+    usual = int(np.bincount(lowest).argmax()) if len(lowest) else 1
+    if usual >= 2:
+        hip = int(np.flatnonzero(number >= 2).max())
+    else:  # a pedestal: from the widest slab down to where the section is small
+        of_layer = areas[ground : top + 1]
+        wide = of_layer[int(0.3 * len(of_layer)) :].max() >= 0.8 * of_layer.max()
+        hip = len(of_layer) - 1 - int(np.argmax(of_layer[::-1])) if wide else int(np.argmax(of_layer))
+        while hip > 0 and of_layer[hip] > 0.45 * areas.max():
+            hip -= 1
+    if hip < max(3, 0.08 * (top - ground)) or hip > 0.95 * (top - ground):
+        raise PartMissingError("No legs were found: nothing stands between the ground and the body.")
+    labels, found = feet(ground + hip)
+    good = kept[hip] if hip < len(kept) else found
+    within = np.isin(labels, good)
+    full = min(int(np.flatnonzero(number >= usual).max()) if usual >= 2 else hip, hip)
+    low_labels, low_found = feet(ground + full)
+    low_good = kept[full] if full < len(kept) else low_found
+    seeds, cells = np.argwhere(np.isin(low_labels, low_good)), np.argwhere(within)
+    # Upright distances count less: a cell belongs to the leg below it.
+    nearest = cKDTree(seeds * [1, 0.25, 1]).query(cells * [1, 0.25, 1])[1]
+    order = {k: place + 1 for place, k in enumerate(low_good)}
+    of_seed = np.array([order[int(k)] for k in low_labels[tuple(seeds.T)]])
+    legs = np.zeros(filled.shape, int)
+    legs[cells[:, 0], cells[:, 1] + ground, cells[:, 2]] = of_seed[nearest]
+    of_leg, base = areas[ground : ground + hip + 1], 0
+    while base < 0.5 * hip and of_leg[base] > 1.5 * np.median(of_leg[len(of_leg) // 3 :]):
+        base += 1
+    foot = solid.origin[UP] + (ground + base + 1) * solid.side if base > 2 else -np.inf
+    return _Stand(
+        float(solid.origin[UP] + (ground + hip + 1) * solid.side),
+        float(foot),
+        legs[filled],
+        trunk[filled],
+        len(low_good),
+    )
+
+
+def _trunk_tips(labels: Index, found: list[int], body: Body, plane: float, breadth: int) -> list[tuple[int, int, int]]:
+    """Return the lowest cell of each foot that stands alone on the mirror plane beside pairs: a trunk, or a tail."""
+    if len(found) < 5 or body.partners is None:
+        return []
+    tips = []
+    for k in found:
+        cells = np.argwhere(labels == k)
+        if abs(cells[:, body.lateral].mean() + 0.5 - plane) < 0.06 * breadth:
+            tips.append(tuple(int(value) for value in cells[np.argmin(cells[:, 1])]))
+    return [(a, b, c) for a, b, c in tips]
+
+
+def _cut_of_head(end: _End) -> float | None:
+    """Return how far from its tip a head ends: at the deepest dip of its sections; None if there is none."""
+    areas, far = end.areas, end.far
+    first, last = max(3, int(0.2 * far)), max(6, far + 2)
+    before = np.maximum.accumulate(areas)
+    after = np.maximum.accumulate(areas[: int(1.25 * far) + 3][::-1])[::-1]
+    best: tuple[float, int] | None = None
+    for k in range(first, min(last, len(after) - 1)):
+        dip = min(before[k], after[k]) / max(areas[k], 1e-9)
+        lowest = (k == first or areas[k] <= areas[k - 1]) and areas[k] <= areas[k + 1]
+        if lowest and dip > 1.12 and (best is None or dip > 1.25 * best[0]):
+            best = (dip, k)
+    return None if best is None else (best[1] + 0.5) * end.step
+
+
+def _share(body: Body, columns: Index) -> Floats:
+    """Return how much each vertex follows some joints together."""
+    if not len(columns):
+        return np.zeros(len(body.points))
+    return np.asarray(body.weights[:, columns].sum(1)).ravel()
+
+
+def attachment(body: Body, weight: Floats) -> Floats:
+    """Return where a part is attached: the middle of its vertices beside the rest, by edges, else by nearness."""
+    inside = weight > 0.5
+    beside = inside & ((body.edges @ (~inside).astype(float)) > 0)
+    if not beside.any() and (~inside).any():
+        distance = cKDTree(body.points[~inside]).query(body.points[inside])[0]
+        near = distance <= distance.min() + 0.02 * body.diagonal
+        beside = np.zeros(len(inside), bool)
+        beside[np.flatnonzero(inside)[near]] = True
+    return np.asarray(body.points[beside if beside.any() else inside].mean(0))
+
+
+def _unit(vector: Floats, lateral: int) -> Floats:
+    """Return the direction of a vector in the mirror plane."""
+    flat = vector.copy()
+    flat[lateral] = 0
+    length = np.linalg.norm(flat)
+    return flat / length if length > 0 else np.array([0.0, 1.0, 0.0])

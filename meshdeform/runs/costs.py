@@ -1,0 +1,97 @@
+"""What jobs cost by their mesh, steps and guidance: the basis of estimates. Torch-free.
+
+The seconds are those of one thread on the machine where `python -m bench.estimates` measured them. Estimates scale them
+by what the newest jobs of a deployment took, so that only their proportions matter once a job has succeeded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from meshdeform.requests.choices import Safeguard
+
+END_SHARE = 0.75
+"""How much of a job's time outside its steps comes after the last one."""
+
+_USUAL_FACES = 5_000
+"""Of a mesh whose size is not known."""
+
+_LARGE, _DEFORMED_FACES = 12_000, 8_000
+"""Faces above which a simplified mesh is deformed, and the faces of that (`deformation/stand_in.py`)."""
+
+
+@dataclass(frozen=True)
+class Seconds:
+    """The seconds of a job's start and end together, and of each of its steps; or, as a pace, multiples of them."""
+
+    once: float
+    step: float
+
+    def of(self, steps: int) -> float:
+        """Return the seconds of a whole job."""
+        return self.once + steps * self.step
+
+    def times(self, pace: Seconds) -> Seconds:
+        """Return the seconds at a pace."""
+        return Seconds(self.once * pace.once, self.step * pace.step)
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What the jobs of one kind and guidance cost.
+
+    Attributes
+    ----------
+    once, faces : float
+        Seconds of start and end, and those that each 100,000 faces add.
+    step, guard, parts : float
+        Seconds of a step; those that a safeguard adds on 10,000 faces, by the root of their number; and those that it
+        adds if the asset has several meshes.
+    """
+
+    once: float = 1.0
+    faces: float = 0.0
+    step: float = 1.0
+    guard: float = 0.0
+    parts: float = 0.0
+
+    def seconds(self, faces: int | None, parts: int | None, safeguard: str | None) -> Seconds:
+        """Return what a job costs with a mesh of so many faces and parts, None where unknown."""
+        large, guarded, several = features(faces, parts, safeguard)
+        return Seconds(self.once + large * self.faces, self.step + guarded * self.guard + several * self.parts)
+
+
+def features(faces: int | None, parts: int | None, safeguard: str | None) -> tuple[float, float, float]:
+    """Return what `Costs.faces`, `guard` and `parts` are multiplied with."""
+    count = _USUAL_FACES if faces is None else faces
+    guarded = safeguard not in (None, Safeguard.NONE)
+    deformed = _DEFORMED_FACES if count > _LARGE else count
+    return count / 1e5, guarded * math.sqrt(deformed / 1e4), float(guarded and (parts or 1) > 1)
+
+
+MEASURED: dict[str, Costs] = {
+    "text_deform/sds": Costs(0.906, 5.35, 0.0231, 0.0193, 0.0103),
+    "text_deform/target": Costs(1.25, 2.72, 0.0404, 0.0167, 0.0386),
+    "text_deform/silhouettes": Costs(0.655, 3.3, 0.0044, 0.0193, 0.0126),
+    "surface_fit/": Costs(1.73, 6.0, 0.0234),
+}
+"""By kind and guidance; those of prompts are with the builtin prior in int8."""
+
+
+def costs_of(workload: str) -> Costs:
+    """Return the costs of a workload; of kinds that were not measured, a second for each step and one for the rest."""
+    return MEASURED.get("/".join(workload.split("/")[:2]), Costs())
+
+
+def pace_of(jobs: Sequence[tuple[Seconds, Seconds]]) -> Seconds:
+    """Return how many times the expected seconds jobs took, by the median.
+
+    `jobs` has for each what it was expected to take, and what it took.
+    """
+    return Seconds(
+        median(took.once / expected.once for expected, took in jobs),
+        median(took.step / expected.step for expected, took in jobs),
+    )

@@ -1,0 +1,265 @@
+"""What changes make of a dog of boxes and of a chair, and of their files."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import Limits, load_asset
+from meshdeform.errors import ParameterError, PartNotFoundError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import join
+from meshdeform.plain.body import Body, loose_body
+from meshdeform.plain.change import Done, apply_changes, list_parts, meant
+from meshdeform.plain.parts import PartMissingError
+from meshdeform.plain.words import read_changes
+from meshdeform.priors.builtin.grammar import noun_of
+from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
+from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
+from meshdeform.runs.changes import check_parts
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM
+from meshdeform.settings import Settings
+from tests.cases import each_case
+from tests.unit.assets.builders import Builder
+from tests.unit.assets.playing import Player
+from tests.unit.plain.shapes import HIP, chair, dog, plain_glb, rigged_dog
+
+
+def body_of_glb(glb: bytes) -> Body:
+    return loose_body(load_asset(glb))
+
+
+def changed(body: Body, text: str) -> tuple[Body, list[Done]]:
+    sentence = read_changes(text)
+    assert sentence is not None
+    return apply_changes(body, sentence.changes)
+
+
+def run(glb: bytes, prompt: str, **output: object) -> tuple[bytes, dict[str, object]]:
+    request = JobRequest.model_validate({"prompt": prompt, "output": output})
+    made = text_deform.start(job_input(glb, "asset.glb", request))
+    assert [*made] == []
+    artifacts = made.finish()
+    return artifacts["result.glb"].data, json.loads(artifacts["report.json"].data)
+
+
+DOGS = {"joints": rigged_dog(), "geometry": plain_glb(join(*dog().values()))}
+
+
+@each_case("found_by", DOGS)
+def test_longer_legs_lift_the_body_and_keep_feet_and_everything_else(found_by: str) -> None:
+    body = body_of_glb(DOGS[found_by])
+    after, (done,) = changed(body, "legs longer by 30 %")
+    assert (done.found_by, done.flips, done.warnings) == (found_by, 0, [])
+    assert done.got == pytest.approx(1.3, abs=0.03)
+    above = body.points[:, 1] > HIP + 0.2
+    lift = after.points[above] - body.points[above]
+    np.testing.assert_allclose(lift, np.tile(lift.mean(0), (len(lift), 1)), atol=0.02)
+    np.testing.assert_allclose(lift.mean(0), [0, 0.3 * HIP, 0], atol=0.05)
+    feet = body.points[:, 1] < 0.02
+    np.testing.assert_allclose(after.points[feet], body.points[feet], atol=1e-9)
+
+
+@each_case("found_by", DOGS)
+def test_head_and_tail_grow_alone(found_by: str) -> None:
+    body = body_of_glb(DOGS[found_by])
+    assert {"legs", "head", "neck", "tail"} <= set(list_parts(body))
+    for text in ("a bigger head", "a longer tail"):
+        after, (done,) = changed(body, text)
+        assert done.flips == 0
+        assert done.got == pytest.approx(done.change.factor, abs=0.05)
+        trunk = (np.abs(body.points[:, 2]) < 0.5) & (body.points[:, 1] < 1.9)
+        np.testing.assert_allclose(after.points[trunk], body.points[trunk], atol=1e-9)
+
+
+def test_fat_scales_sections_and_no_lengths() -> None:
+    body = body_of_glb(DOGS["joints"])
+    after, (done,) = changed(body, "fatter")
+    assert done.got == pytest.approx(done.change.factor, abs=0.05)
+    assert np.ptp(after.points[:, 2]) == pytest.approx(np.ptp(body.points[:, 2]), rel=0.03)
+    assert after.points[:, 1].min() == pytest.approx(0)
+
+
+def test_a_result_is_as_symmetric_as_its_source() -> None:
+    body = body_of_glb(DOGS["geometry"])
+    for text in ("longer legs", "fatter", "a bigger head", "wider"):
+        after, _ = changed(body, text)
+        images = after.points * [-1, 1, 1]
+        assert after.partners is not None
+        np.testing.assert_allclose(after.points[after.partners], images, atol=1e-6)
+
+
+@each_case("text, axis, factor", [("twice as tall", 1, 2.0), ("wider", 0, 1.35), ("flatter", 1, 1 / 1.4)])
+def test_a_chair_grows_along_one_axis_and_keeps_its_plate(text: str, axis: int, factor: float) -> None:
+    body = body_of_glb(plain_glb(chair()))
+    after, _ = changed(body, text)
+    assert np.ptp(after.points, axis=0)[axis] == pytest.approx(factor * np.ptp(body.points, axis=0)[axis], rel=1e-3)
+    plate = (body.points[:, 1] > 0.49) & (body.points[:, 1] < 0.61)
+    if axis == 1:
+        assert np.ptp(after.points[plate, 1]) == pytest.approx(0.1, abs=0.05)
+
+
+def test_parts_of_a_chair() -> None:
+    body = body_of_glb(plain_glb(chair()))
+    after, (done,) = changed(body, "a taller back")
+    assert done.got == pytest.approx(1.4, abs=0.01)
+    low = body.points[:, 1] < 0.6
+    np.testing.assert_allclose(after.points[low], body.points[low], atol=1e-9)
+    for text in ("a bigger head", "a longer tail"):
+        with pytest.raises(PartMissingError):
+            changed(body, text)
+
+
+def test_several_changes_in_one_sentence_are_made_in_order() -> None:
+    body = body_of_glb(DOGS["joints"])
+    after, done = changed(body, "longer legs and a bigger head")
+    assert [each.change.part for each in done] == ["leg", "head"]
+    assert all(each.got == pytest.approx(each.change.factor, abs=0.05) for each in done)
+    assert after.points[:, 1].max() > body.points[:, 1].max() + 0.4
+
+
+@each_case("turned", [False, True])
+def test_the_animation_of_a_rigged_file_plays_as_before_at_the_new_height(turned: bool) -> None:
+    glb = rigged_dog(turned=turned)
+    result, report = run(glb, "longer legs")
+    assert report["way"] == "change"
+    assert report["rig"]["mode"] == "follow"  # type: ignore[index]
+    before, after = Player(glb), Player(result)
+    lift = 0.4 * HIP
+    for time in (None, 0.0, 0.5, 1.0):
+        source, changed_ = before.at(time, 0).verts, after.at(time, 0).verts
+        upper = before.at(None, 0).verts[:, 1] > HIP + 0.2
+        # The body plays as before, higher; a leg of 1.4 times the length turns about the lifted hip.
+        np.testing.assert_allclose(changed_[upper], source[upper] + [0, lift, 0], atol=0.03)
+        swung = source[:, 1].min()
+        assert changed_[:, 1].min() == pytest.approx(swung, abs=0.1)
+        assert after.at(time, 0).lengths == pytest.approx(after.at(None, 0).lengths, abs=1e-5)
+
+
+def test_an_animated_node_keeps_its_axis_and_a_warning_says_so() -> None:
+    builder, mesh = Builder(), chair()
+    faces = mesh.faces.numpy().astype(np.uint16)
+    builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name="Swivel")
+    times = builder.accessor(np.array([0, 1], np.float32), bounds=True)
+    turn = builder.accessor(np.array([[0, 0, 0, 1], [0, 1, 0, 0]], np.float32))
+    channel = {"sampler": 0, "target": {"node": 0, "path": "rotation"}}
+    builder.root["animations"] = [{"samplers": [{"input": times, "output": turn}], "channels": [channel]}]
+    _, report = run(builder.glb(), "taller")
+    assert any("Animations turn Swivel" in text for text in report["warnings"])  # type: ignore[attr-defined]
+    _, report = run(rigged_dog(), "taller")
+    assert not any("Animations turn" in text for text in report["warnings"])  # type: ignore[attr-defined]
+
+
+def test_a_rig_that_is_to_be_kept_is_kept() -> None:
+    glb = rigged_dog()
+    result, report = run(glb, "longer legs", rig="keep")
+    assert report["rig"]["mode"] == "keep"  # type: ignore[index]
+    assert load_asset(result).rig_digest() == load_asset(glb).rig_digest()
+
+
+def test_everything_else_in_the_file_stays() -> None:
+    mesh = join(*dog().values())
+    glb = plain_glb(mesh, name="Rex", extras={"owner": "us"}, translation=[3, 0, 1], scale=[2, 2, 2])
+    result, report = run(glb, "taller")
+    assert json.dumps(Player(result).root["nodes"]) == json.dumps(Player(glb).root["nodes"])
+    assert report["mesh"]["same_faces"] is True  # type: ignore[index]
+    assert report["changes"] == [
+        {"operation": "tall", "part": "whole", "found_by": "", "asked": 1.4, "factor": 1.4, "got": 1.4, "flips": 0}
+    ]
+
+
+def test_a_part_that_is_not_there_is_refused_with_those_that_are(tmp_path: object) -> None:
+    glb = plain_glb(chair(), name="Chair")
+    with pytest.raises(PartNotFoundError) as caught:
+        run(glb, "bigger antenna")
+    assert "legs" in caught.value.extra["parts"]
+    path = tmp_path / "chair.glb"  # type: ignore[operator]
+    path.write_bytes(glb)
+    request = JobRequest(prompt="a longer tail")
+    params = TEXT_DEFORM.check(request, Settings(), frozenset({"asset"}))
+    with pytest.raises(PartNotFoundError, match="No tail was found"):
+        check_parts(path, "chair.glb", request.prompt, params, Limits())
+    check_parts(path, "chair.glb", "longer legs", params, Limits())
+
+
+def test_a_named_node_is_a_part() -> None:
+    body = body_of_glb(DOGS["geometry"])
+    flags = body.points[:, 2] < -1.1
+    named = Body(body.points, body.faces, {"Antenna_01": flags}, (), body.weights)
+    after, (done,) = changed(named, "bigger antenna")
+    assert done.found_by == "names"
+    wide = [np.ptp(each.points[flags], axis=0)[0] for each in (body, after)]
+    assert wide[1] == pytest.approx(1.45 * wide[0], rel=0.02)
+
+
+def test_a_noun_that_is_the_name_of_a_part_means_that_part() -> None:
+    body = body_of_glb(DOGS["geometry"])
+    hat = Body(
+        body.points, body.faces, {"Helmet": body.points[:, 1] > 2.5, "Dog": body.points[:, 1] > -1}, (), body.weights
+    )
+    for text, part in (("a bigger helmet", "helmet"), ("a bigger dog", "whole"), ("a big helmet", "whole")):
+        sentence = read_changes(text, noun_of)
+        assert sentence is not None
+        assert [each.part for each in meant(hat, sentence)] == [part]
+
+
+def test_morph_targets_follow_and_quantised_positions_are_read() -> None:
+    builder, mesh = Builder(), chair()
+    places = mesh.verts.numpy()
+    steps = np.round(places * 20_000).astype(np.int16)
+    raised = np.zeros_like(steps)
+    raised[:, 1] = 1000
+    primitive = builder.primitive(steps, mesh.faces.numpy().astype(np.uint16))
+    primitive["targets"] = [{"POSITION": builder.accessor(raised, bounds=True)}]
+    builder.node(builder.mesh(primitive), scale=[1 / 20_000] * 3)
+    builder.root["extensionsUsed"] = builder.root["extensionsRequired"] = ["KHR_mesh_quantization"]
+    result, _ = run(builder.glb(), "taller")
+    np.testing.assert_allclose(np.ptp(load_asset(result).surface.positions, axis=0), [1, 1.4 * 1.5, 1], atol=1e-3)
+    player = Player(result)
+    target = player.root["meshes"][0]["primitives"][0]["targets"][0]["POSITION"]
+    # Where the chair is stretched, what a target raises is raised by more; posts take the change of their plates.
+    assert 1000 <= np.abs(player.read(target)[:, 1]).max() < 2500
+    assert np.abs(player.read(target)[:, [0, 2]]).max() < 100
+
+
+def test_a_description_is_a_change_if_the_source_is_what_it_says() -> None:
+    request = JobRequest.model_validate({"prompt": "a fat dog", "params": grouped({"source_noun": "dog"})})
+    made = text_deform.start(job_input(DOGS["joints"], "asset.glb", request))
+    report = json.loads(made.finish()["report.json"].data)
+    assert report["way"] == "change"
+    assert report["source_noun"] == {"noun": "dog", "probability": 1.0, "recognised": True}
+    assert [each["operation"] for each in report["changes"]] == ["fat"]
+    # Of a vase it is a prompt, for which a model is loaded.
+    request = JobRequest.model_validate({"prompt": "a fat dog", "params": grouped({"source_noun": "vase"})})
+    with pytest.raises(RuntimeError, match="no function to load the prior builtin"):
+        text_deform.start(job_input(DOGS["joints"], "asset.glb", request))
+
+
+def test_changes_need_no_model_no_steps_and_no_controls() -> None:
+    request = JobRequest(prompt="longer legs")
+    assert TEXT_DEFORM.steps(request, "builtin", None) == 0
+    refused = JobRequest.model_validate(
+        {"prompt": "longer legs", "params": grouped({"handles": [{"position": [0, 1, 0], "to": [0, 2, 0]}]})}
+    )
+    with pytest.raises(ParameterError, match="handles"):
+        TEXT_DEFORM.check(refused, Settings(), frozenset({"asset"}))
+
+
+def test_a_branch_is_no_change() -> None:
+    job = JobRequest(prompt="a vase")
+    assert TEXT_DEFORM.as_branch(job, JobRequest(prompt="a tall vase")).prompt == "a tall vase"
+    with pytest.raises(ParameterError, match="A branch goes on with a prompt"):
+        TEXT_DEFORM.as_branch(job, JobRequest(prompt="longer legs"))
+
+
+def test_a_flip_takes_back_what_would_flip() -> None:
+    """A spike that stands out of the neck folds when everything shrinks towards it, and is held back."""
+    mesh = TriangleMesh(join(*dog().values()).verts, join(*dog().values()).faces)
+    after, done = changed(body_of_glb(plain_glb(mesh)), "flatter and much thinner")
+    a, b, c = after.points[after.faces].transpose(1, 0, 2)
+    assert sum(each.flips for each in done) == 0
+    assert np.isfinite(np.cross(b - a, c - a)).all()

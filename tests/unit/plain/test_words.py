@@ -1,0 +1,83 @@
+"""Sentences and what they ask for, known beforehand."""
+
+from __future__ import annotations
+
+import pytest
+
+from meshdeform.errors import PromptError
+from meshdeform.plain.words import read_changes
+from meshdeform.priors.builtin.grammar import noun_of
+from tests.cases import each_case
+
+
+@each_case(
+    "text, wanted",
+    [
+        ("taller", ["tall whole 1.4"]),
+        ("tall and thin", ["tall whole 1.4", "fat whole 0.67"]),
+        ("longer legs and a bigger head", ["long leg 1.4", "big head 1.45"]),
+        ("longer and thicker legs", ["long leg 1.4", "fat leg 1.5"]),
+        ("longer legs and arms", ["long leg 1.4", "long arm 1.4"]),
+        ("legs and arms longer", ["long leg 1.4", "long arm 1.4"]),
+        ("make the legs longer and thicker", ["long leg 1.4", "fat leg 1.5"]),
+        ("tall with longer legs", ["tall whole 1.4", "long leg 1.4"]),
+        ("taller and longer legs", ["tall whole 1.4", "long leg 1.4"]),
+        ("twice as tall", ["tall whole 2.0"]),
+        ("half as tall", ["tall whole 0.5"]),
+        ("1.5 times as tall", ["tall whole 1.5"]),
+        ("one and a half times as long", ["long whole 1.5"]),
+        ("20 % taller", ["tall whole 1.2"]),
+        ("20% shorter", ["tall whole 0.8"]),
+        ("to 80 % of the height", ["tall whole 0.8"]),
+        ("half the height", ["tall whole 0.5"]),
+        ("double the width", ["wide whole 2.0"]),
+        ("taller by a third", ["tall whole 1.33"]),
+        ("legs longer by 30 %", ["long leg 1.3"]),
+        ("slightly wider", ["wide whole 1.14"]),
+        ("a little taller", ["tall whole 1.16"]),
+        ("much thinner", ["fat whole 0.53"]),
+        ("less fat", ["fat whole 0.67"]),
+        ("more slender", ["fat whole 0.67"]),
+        ("flatter", ["tall whole 0.71"]),
+        ("shorten the legs", ["long leg 0.71"]),
+        ("shrink the head by half", ["big head 0.5"]),
+        ("a bigger head and twice as long a tail", ["big head 1.45", "long tail 2.0"]),
+        ("widen the seat", ["wide seat 1.35"]),
+        ("bigger antenna", ["big antenna 1.45"]),
+        ("longer front left wheel", ["long front left wheel 1.4"]),
+        ("much more twisted", ["twisted whole 1.8"]),
+        ("a fat dog", ["fat whole 1.6"]),
+        ("a dog with long legs", ["long leg 1.4"]),
+    ],
+)
+def test_a_sentence_asks_for_its_changes(text: str, wanted: list[str]) -> None:
+    found = read_changes(text, noun_of)
+    assert found is not None
+    assert [f"{each.operation} {each.part} {round(each.factor, 2)}" for each in found.changes] == wanted
+
+
+@each_case("text", ["", "a chair", "longr legs", "big antenna", "a dog and a taller cat", "the legs", "twice"])
+def test_what_is_not_understood_is_no_change(text: str) -> None:
+    assert read_changes(text, noun_of) is None
+
+
+@each_case(
+    "text, noun, compared",
+    [
+        ("taller", None, True),
+        ("tall and thin", None, False),
+        ("a fat dog", "dog", False),
+        ("a fatter dog", "dog", True),
+        ("twice as tall a vase", "vase", True),
+    ],
+)
+def test_a_comparison_is_told_from_a_description(text: str, noun: str | None, compared: bool) -> None:
+    found = read_changes(text, noun_of)
+    assert found is not None
+    assert (found.noun, found.compared) == (noun, compared)
+
+
+@each_case("text", ["tall and short", "10 times taller", "200 % shorter", "longer legs and shorter legs"])
+def test_contradictions_and_extremes_are_refused(text: str) -> None:
+    with pytest.raises(PromptError):
+        read_changes(text)
