@@ -15,7 +15,7 @@ import httpx
 from meshdeform._version import __version__
 from meshdeform.api.jobs import JobView
 from meshdeform.errors import UnavailableError
-from meshdeform.serving.defaults import DEFAULT_URL
+from meshdeform.serving import DEFAULT_URL
 
 __all__ = [
     "Answer",

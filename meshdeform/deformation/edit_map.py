@@ -22,9 +22,9 @@ from torch import Tensor
 
 from meshdeform.deformation.binding import Binding
 from meshdeform.errors import ParameterError
+from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
-from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.simplify import simplified
 
 _FORMAT = "meshdeform-edit-map"
