@@ -96,7 +96,9 @@ def list_jobs(
     state: Annotated[
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
     ] = None,
-    error: Annotated[str | None, Query(**{**_ERROR_CODE, "description": f"{_ERROR_CODE['description']} Default: all."})] = None,
+    error: Annotated[
+        str | None, Query(**{**_ERROR_CODE, "description": f"{_ERROR_CODE['description']} Default: all."})
+    ] = None,
     created_after: CreatedAfter = None,
     q: Annotated[
         str,
