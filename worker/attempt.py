@@ -38,8 +38,6 @@ from worker.watch import CancelListener, JobWatch
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["Attempt", "Ended", "JobRunner", "Outcome", "WorkerContext", "is_out_of_memory"]
-
 _log = logging.getLogger(__name__)
 
 _OUT_OF_MEMORY = "OutOfMemoryError"

@@ -17,18 +17,6 @@ from meshdeform.api.jobs import JobView
 from meshdeform.errors import UnavailableError
 from meshdeform.serving import DEFAULT_URL
 
-__all__ = [
-    "Answer",
-    "Call",
-    "Endpoint",
-    "JobLike",
-    "Part",
-    "Piece",
-    "artifact_path",
-    "identity",
-    "job_path",
-]
-
 _CHUNK = 256 * 1024
 
 

@@ -14,8 +14,6 @@ from meshdeform.client.problems import WaitTimeoutError, retry_after_s, unreacha
 from meshdeform.client.requests import Answer
 from meshdeform.errors import IdempotencyBusyError, MeshdeformError, UnavailableError
 
-__all__ = ["Patience", "Policy", "left_s", "pace", "unanswered", "worth_a_retry"]
-
 _AGAIN = frozenset({408, 429, 502, 503, 504})
 
 # Errors that a retry cannot fix.

@@ -16,8 +16,6 @@ from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
 from meshdeform.settings import Settings
 
-__all__ = ["USUAL", "Ids", "Turns", "choices", "hold_claims", "may_start", "waits_longer"]
-
 Ids = sa.Select[tuple[str]]
 
 _CLAIMS = 0x636C61696D  # an arbitrary number, unlikely to be used by another program

@@ -15,16 +15,6 @@ from pydantic import Field, model_validator
 from meshdeform.errors import ParameterError
 from meshdeform.requests.declaration import StrictModel
 
-__all__ = [
-    "SKETCH_FAMILIES",
-    "Choice",
-    "FamilyParameters",
-    "Number",
-    "Sketch",
-    "Value",
-    "sketch_family",
-]
-
 Value = float | str
 """A value of a parameter: a number, or the name of a choice."""
 

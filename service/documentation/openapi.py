@@ -14,8 +14,6 @@ from meshdeform.serving import DEFAULT_URL
 from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
 from service.schemas import Problem
 
-__all__ = ["describe"]
-
 # Documents missing from the routes' signatures: bodies that are streamed, and problems.
 _MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, Sketch, Problem)
 _REFERENCE = "#/components/schemas/{model}"
