@@ -44,16 +44,9 @@ class Choice:
 
 @dataclass(frozen=True)
 class FamilyParameters:
-    """The parameters of shapes of one kind.
+    """The parameters of shapes of one kind."""
 
-    Attributes
-    ----------
-    name : str
-        The noun, such as `chair`.
-    numbers, choices : tuples
-    """
-
-    name: str
+    name: str  # the noun, such as `chair`
     numbers: tuple[Number, ...]
     choices: tuple[Choice, ...]
 
