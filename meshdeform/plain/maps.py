@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,10 @@ from meshdeform.plain.parts import Head, Legs, Limb, PartMissingError, Parts, at
 from meshdeform.plain.words import SHAPES, WHOLE, Change
 
 _SLABS = 160
+_SAMPLES = 2000
+_ALONG_AN_AXIS = 0.99
+_BOXY = 0.8
+"""Share of the surface whose normals are along an axis, above which a thing without legs is made of plates."""
 _Line = Callable[[Floats], Floats]
 
 
@@ -88,7 +93,7 @@ def _whole(parts: Parts, operation: str, factor: float) -> Moved:
             foot + factor * (body.points - foot), everything, lambda at: float(np.linalg.norm(np.ptp(at, axis=0)))
         )
     axis = {"tall": UP, "wide": body.lateral, "long": body.front}[operation]
-    if operation == "long" and body.either:
+    if operation == "long" and (body.either or not parts.rigged):
         axis = 0 if body.size[0] >= body.size[2] else 2
     arms = parts.of_class("arm")
     if operation == "wide" and arms is not None and arms.max() > 0.5 and body.size[UP] > body.size[body.front]:
@@ -601,6 +606,8 @@ def _fat(parts: Parts, factor: float) -> Moved:
         legs: Legs | None = parts.legs
     except PartMissingError:
         legs = None
+    if legs is None and not parts.rigged and _is_boxy(body):
+        return _fat_thing(parts, factor)
     shares = _shares(parts, legs)
     amount = factor - 1
     belly = _Belly(body, shares, legs, factor)
@@ -629,13 +636,19 @@ def _fat(parts: Parts, factor: float) -> Moved:
 
 
 def _fat_thing(parts: Parts, factor: float) -> Moved:
-    """Return a slab on legs that is wider and deeper, with thicker legs."""
+    """Return a thing of plates that is wider and deeper, with thicker legs if it stands on some."""
     body = parts.body
-    legs = _leg(parts, "fat", factor)
-    parts = Parts(body.moved(legs.points))
+    with suppress(PartMissingError):
+        parts = Parts(body.moved(_leg(parts, "fat", factor).points))
     points = _resized(parts, 0, factor)
     points[:, 2] = _resized(parts, 2, factor)[:, 2]
     return Moved(points, np.ones(len(points)), lambda at: float(np.ptp(at[:, 0]) + np.ptp(at[:, 2])))
+
+
+def _is_boxy(body: Body) -> bool:
+    """Return whether nearly all of the surface is level or upright along an axis, as shelves are."""
+    _, normals = body.samples(_SAMPLES)
+    return bool((np.abs(normals).max(axis=1) > _ALONG_AN_AXIS).mean() > _BOXY)
 
 
 def _fat_legs(body: Body, legs: Legs, share: Floats, belly: _Belly, amount: float) -> Floats:

@@ -336,7 +336,8 @@ def _read_clause(
     clause = _Clause(after=after, determined=bool(words) and words[0] in _DETERMINERS)
     named: list[str] = []
     less = False
-    for place, word in enumerate(words):
+    for place, written in enumerate(words):
+        word = written if written in _FILLERS else written.removesuffix("'s")  # the horse's legs
         if word.startswith("§"):
             clause.times = amounts[int(word[1:])]
             continue

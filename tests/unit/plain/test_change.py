@@ -26,7 +26,7 @@ from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player
-from tests.unit.plain.shapes import HIP, chair, dog, plain_glb, rigged_dog
+from tests.unit.plain.shapes import HIP, _box, chair, dog, plain_glb, rigged_dog
 
 
 def body_of_glb(glb: bytes) -> Body:
@@ -101,6 +101,27 @@ def test_a_chair_grows_along_one_axis_and_keeps_its_plate(text: str, axis: int, 
     plate = (body.points[:, 1] > 0.49) & (body.points[:, 1] < 0.61)
     if axis == 1:
         assert np.ptp(after.points[plate, 1]) == pytest.approx(0.1, abs=0.05)
+
+
+def test_shelves_grow_fat_as_one_and_stay_within_their_sides() -> None:
+    sides = [_box((x, 0, -0.3), (x + 0.05, 3, 0.3)) for x in (-1.0, 0.95)]
+    shelves = [_box((-0.95, y, -0.3), (0.95, y + 0.04, 0.3), 2) for y in (0.0, 0.8, 1.6, 2.9)]
+    body = body_of_glb(plain_glb(join(*sides, *shelves)))
+    after, (done,) = changed(body, "fatter")
+    assert (done.flips, after.points[:, 1].tolist()) == (0, body.points[:, 1].tolist())
+    inner = np.abs(body.points[:, 0]) < 0.96
+    assert np.abs(after.points[inner, 0]).max() < np.abs(after.points[~inner, 0]).min() + 1e-6
+    np.testing.assert_allclose(
+        np.ptp(after.points, axis=0)[[0, 2]], done.change.factor * np.array([2.0, 0.6]), rtol=0.06
+    )
+
+
+def test_a_couch_is_longer_along_its_longer_side() -> None:
+    seat, back = _box((-1.5, 0.4, -0.5), (1.5, 0.6, 0.5)), _box((-1.5, 0.6, -0.5), (1.5, 1.2, -0.3))
+    legs = [_box((x, 0, z), (x + 0.1, 0.4, z + 0.1), 1) for x in (-1.5, 1.4) for z in (-0.5, 0.4)]
+    body = body_of_glb(plain_glb(join(seat, back, *legs)))
+    after, _ = changed(body, "twice as long")
+    np.testing.assert_allclose(np.ptp(after.points, axis=0), [6.0, 1.2, 1.0], atol=0.05)
 
 
 def test_parts_of_a_chair() -> None:

@@ -48,6 +48,7 @@ from tests.cases import each_case
         ("much more twisted", ["twisted whole 1.8"]),
         ("a fat dog", ["fat whole 1.6"]),
         ("a dog with long legs", ["long leg 1.4"]),
+        ("make the dog's legs twice as long", ["long leg 2.0"]),
     ],
 )
 def test_a_sentence_asks_for_its_changes(text: str, wanted: list[str]) -> None:
