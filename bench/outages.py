@@ -48,7 +48,7 @@ from tests.shut_database import ShutDatabase
 
 Fault = Callable[[], AbstractContextManager[None]]
 WORKERS, APIS = ["one", "two"], ("api", "api2")
-PATIENCE_S, BACKLOG = 240.0, 40
+PATIENCE_S, BACKLOG, LONG = 240.0, 40, 500
 POSTGRES = {"max_connections": "60", "superuser_reserved_connections": "0", "max_wal_size": "64MB"}
 REAL = {"preset": "preview", "steps": 2, "checkpoint_every_steps": 1, "seed": 7}
 TERMINATE = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = 'service'"
@@ -141,7 +141,7 @@ class Outages:
             "S3 answers 403": lambda: self._gone(self.store.error403, self.store.pass_through),
             "S3 answers NoSuchBucket": lambda: self._gone(self.store.no_bucket, self.store.pass_through),
             "a gateway answers 404 for S3": lambda: self._gone(self.store.error404, self.store.pass_through),
-            "a worker killed in the middle": lambda: self._gone(self._kill_worker, lambda: None),
+            "both workers killed in the middle": lambda: self._gone(self._kill_workers, lambda: None),
         }
 
     def start_parts(self) -> list[str]:
@@ -282,8 +282,10 @@ class Outages:
         for name in APIS:
             self.cluster.parts[name].kill()
 
-    def _kill_worker(self) -> None:
-        self.cluster.parts["one"].child().kill()
+    def _kill_workers(self) -> None:
+        until("a job runs", lambda: self.cluster.record.list_jobs(JobState.RUNNING, limit=1).jobs)
+        for name in WORKERS:
+            self.cluster.parts[name].child().kill()
 
 
 class Jobs:
@@ -362,7 +364,8 @@ def row(outages: Outages, name: str, count: int, seconds: float) -> bool:
     """Let one fault happen beside so many jobs, print its row, and return whether all is well."""
     cluster = outages.cluster
     jobs, before = Jobs(cluster, name), {part: len(cluster.parts[part].log) for part in cluster.parts}
-    jobs.post_many(range(count // 2))
+    jobs.post(0, LONG)  # runs when the fault comes, however long the others take to be accepted
+    jobs.post_many(range(1, count // 2))
     every_s = seconds / max(1, count - count // 2)
     poster = threading.Thread(target=jobs.post_many, args=(range(count // 2, count), every_s))
     with outages.faults[name]():
@@ -382,16 +385,11 @@ def row(outages: Outages, name: str, count: int, seconds: float) -> bool:
         print(f"    {text}")
     for part, start in before.items():
         if "Traceback" in (new := cluster.parts[part].log[start:]):
-            print(f"    {part} printed a traceback: {last_line(new)}")
+            errors = re.findall(r"(?m)^[\w.]+Error: .*", new)
+            print(f"    {part} printed a traceback: {'; '.join(errors[-1:])}")
     for part in outages.start_parts():
         print(f"    {part} ended by itself")
     return not jobs.lost and not jobs.twice
-
-
-def last_line(log: str) -> str:
-    """Return the error at the end of the first traceback of a log."""
-    lines = log.partition("Traceback")[2].splitlines()[1:]
-    return next((line for line in lines if line and not line.startswith((" ", "|"))), "")[:200]
 
 
 def readiness(cluster: Deployment, seconds: float) -> float:
