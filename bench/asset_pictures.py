@@ -15,8 +15,7 @@ import torch
 
 from meshdeform.assets import load_asset
 from meshdeform.priors import load_prior
-from meshdeform.rendering.animation import morph_animation
-from meshdeform.rendering.studio import Pose
+from meshdeform.rendering.studio import Pose, morph_animation
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform

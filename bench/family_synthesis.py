@@ -38,11 +38,11 @@ from meshdeform.cli.kinds import packed as with_labels
 from meshdeform.families.assembly import Assembler
 from meshdeform.families.boundary import boundary_defects
 from meshdeform.families.collection import sample_shape
+from meshdeform.families.inference import graph
 from meshdeform.families.learning import Learning
 from meshdeform.families.machine import BetaMachine
 from meshdeform.families.members import turned
 from meshdeform.families.sampling import Drawn, Unexplained, sampled, to_frame, to_machine
-from meshdeform.families.templates import graph
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, RunInput

@@ -28,13 +28,14 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.stand_in import stand_in_of
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_fit
-from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
+from training.shapes import box
 
 Floats = NDArray[np.float64]
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")

@@ -11,8 +11,9 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, lathe, torus, uv_sphere
+from meshdeform.geometry.shapes import icosphere, join
 from training.evaluation.relaxed import geodesic_sphere
+from training.shapes import box, cylinder, grid, lathe, torus, uv_sphere
 
 __all__ = ["INPUTS", "Input"]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from meshdeform.assets import build_glb
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import torus
+from training.shapes import torus
 
 
 def bumpy_torus(n: int = 240, m: int = 100) -> tuple[np.ndarray, np.ndarray]:

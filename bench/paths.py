@@ -19,10 +19,10 @@ from meshdeform.assets import load_asset
 from meshdeform.deformation.path import ShapePath
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.shapes import cylinder
 from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.runs.strength import AssetPath
 from meshdeform.runs.surfaces import read_result
+from training.shapes import cylinder
 
 LENGTH = 4.0
 BAR = cylinder(0.25, LENGTH, 24, 48)

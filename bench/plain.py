@@ -19,7 +19,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from meshdeform.assets import Asset, load_asset
-from meshdeform.geometry.procrustes import closest_motion
+from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.plain.body import Body, body_of
 from meshdeform.plain.change import apply_changes

@@ -3,7 +3,7 @@
 Prints the CPU time of a pass for two texts, and of a training step's two passes in bfloat16 for a batch of 16, as
 ratios to float32, the medians of many taken in turns, and the root mean square difference of what is predicted, which
 lies in [-1, 1], for pictures that the prior made of six prompts, noised to five timesteps. `--nearest` rounds each
-weight of int8 to the nearest step. Where the prior uses one of them by itself is said in `native_precision.py`.
+weight of int8 to the nearest step. Where the prior uses one of them by itself is said in `precision.py`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from torch import Tensor
 
 from meshdeform.priors.builtin.network import WEIGHTS, read_network
 from meshdeform.priors.builtin.prior import BuiltinPrior, add_noise
-from meshdeform.priors.native_precision import is_fast_in_int8
+from meshdeform.priors.precision import is_fast_in_int8
 
 ROUND = "meshdeform.priors.builtin.quantized.round_weights"
 TIMESTEPS = (100, 300, 500, 700, 900)

@@ -22,7 +22,7 @@ from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.testing import build_tiny_stable_diffusion
+from tests.fakes import build_tiny_stable_diffusion
 
 
 def median_seconds(action: Callable[[], object], device: torch.device, repeats: int) -> float:

@@ -30,11 +30,12 @@ from meshdeform.assets import build_glb
 from meshdeform.assets.check import check_asset_subprocess
 from meshdeform.assets.limits import Limits
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, join
+from meshdeform.geometry.shapes import join
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
+from training.shapes import box
 
 
 def bumpy_sphere(faces: int) -> TriangleMesh:

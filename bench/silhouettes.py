@@ -22,15 +22,15 @@ from meshdeform.assets import load_asset
 from meshdeform.deformation.loop import Deformation
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld
-from meshdeform.guidance.beside import SilhouetteGuidance
-from meshdeform.guidance.silhouettes import SilhouetteTerm, SilhouetteView
+from meshdeform.guidance.silhouettes import SilhouetteGuidance, SilhouetteTerm, SilhouetteView
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
-from meshdeform.rendering.coverage import CoverageRenderer
+from meshdeform.rendering.rasterizer import CoverageRenderer
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.removed import grouped
+from training.shapes import box
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}
 SIDE = 512

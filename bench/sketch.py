@@ -28,8 +28,7 @@ from meshdeform.errors import DrawingError
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.guesses import SURE
-from meshdeform.sketch.looking import WEIGHTS, look, read_weights
+from meshdeform.sketch.looking import SURE, WEIGHTS, look, read_weights
 from meshdeform.sketch.solids import Solid
 from training.prior.families import FAMILIES as NOUNS
 from training.prior.families import member as noun_member

@@ -33,8 +33,7 @@ from meshdeform.fields.cleaning import CleanMesh, clean
 from meshdeform.fields.container import encode_base, write_field
 from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
 from meshdeform.fields.gluing import fans, glue, topology
-from meshdeform.fields.intrinsic import delaunay
-from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
+from meshdeform.fields.intrinsic import HeatGeodesics, delaunay, spectrum
 from meshdeform.fields.measures import distances
 from meshdeform.fields.patches import level_of
 from meshdeform.fields.reader import read_field

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.mesh_codecs import draco_mesh, meshopt_mesh
-from meshdeform.assets.meshopt.attributes import decode_attributes
-from meshdeform.assets.meshopt.indices import decode_triangles
+from meshdeform.assets.meshopt import decode_attributes, decode_triangles
 from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
 from meshdeform.fields.base_mesh import base_of
 from meshdeform.fields.cleaning import CleanMesh, clean

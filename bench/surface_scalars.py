@@ -29,8 +29,7 @@ from torch.nn import functional
 from bench.surface_pareto import fitted
 from bench.surface_rivals import read_source
 from meshdeform.deformation.variables import Adam
-from meshdeform.fields.intrinsic import delaunay
-from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
+from meshdeform.fields.intrinsic import HeatGeodesics, delaunay, spectrum
 from meshdeform.fields.network import octaves_of
 from meshdeform.fields.patches import level_of
 from meshdeform.fields.reader import read_field

@@ -26,7 +26,7 @@ from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.testing import build_tiny_stable_diffusion
+from tests.fakes import build_tiny_stable_diffusion
 
 UTILISATION = 0.5
 """Share of a device's peak that large convolutions and matrix products commonly reach; an assumption."""

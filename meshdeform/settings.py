@@ -17,8 +17,6 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from meshdeform.requests.choices import TAUGHT_SUFFIX
 from meshdeform.requests.document import BUILTIN_MODEL, MAX_STEPS
 
-__all__ = ["Settings"]
-
 
 def _split(value: Any) -> Any:
     """Parse a comma-separated list or a JSON list."""

@@ -15,8 +15,6 @@ from meshdeform.settings import Settings
 from meshdeform.support.memory import collection_paused, limit_heaps
 from meshdeform.support.telemetry import ACCESS_LOG, configure_logging
 
-__all__ = ["main"]
-
 _GRACE_S = 10
 
 

@@ -33,8 +33,6 @@ from service.state import AppState
 from service.uploads import routes as upload_routes
 from service.webhooks import routes as webhook_routes
 
-__all__ = ["create_app"]
-
 _RETURN_MEMORY_S = 30.0  # seldom: the pages that are needed again have to be fetched again
 
 _log = logging.getLogger(__name__)

@@ -13,8 +13,6 @@ from pathlib import Path
 
 from service.app import create_app
 
-__all__ = ["main", "text"]
-
 
 def text() -> str:
     """Return the document in the form in which it is committed."""

@@ -9,30 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidatio
 
 from meshdeform.requests.document import ResolvedParams
 
-__all__ = [
-    "ArtifactKindView",
-    "AssetFound",
-    "FileLimits",
-    "FilePartView",
-    "Health",
-    "JobEstimate",
-    "JobLimits",
-    "KindView",
-    "LessonView",
-    "LimitList",
-    "ModelList",
-    "ModelView",
-    "PartHealth",
-    "PictureFound",
-    "Problem",
-    "Readiness",
-    "RequestLimits",
-    "UploadLimits",
-    "UploadView",
-    "Validation",
-    "VocabularyView",
-]
-
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 

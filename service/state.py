@@ -27,8 +27,6 @@ from service.operations.taught_models import TaughtModels
 from service.schemas import PartHealth
 from service.workspace import Workspace
 
-__all__ = ["AppState", "AppStateDep"]
-
 # One more than an owner may have: nobody waits for the files of one other owner.
 _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0

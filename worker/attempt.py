@@ -38,8 +38,6 @@ from worker.watch import CancelListener, JobWatch
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["Attempt", "Ended", "JobRunner", "Outcome", "WorkerContext", "is_out_of_memory"]
-
 _log = logging.getLogger(__name__)
 
 _OUT_OF_MEMORY = "OutOfMemoryError"
@@ -49,40 +47,23 @@ _OUT_OF_MEMORY_WORDS = ("CUDA error: out of memory", "CUBLAS_STATUS_ALLOC_FAILED
 
 @dataclass(frozen=True)
 class WorkerContext:
-    """The settings, the record, the store, and the functions that start a run.
-
-    Attributes
-    ----------
-    listen : callable
-        Opens a listener for the cancellation of a job.
-    start : StartRun
-        Starts a run of any kind: `meshdeform.runs.start_run`, which imports the kind's dependencies.
-    load_prior : callable
-        Returns the prior of a model and keeps it between jobs.
-    stopping : callable
-        Returns True once this process is stopping: the job is then handed back after its current step.
-    worker : WorkerIdentity
-        The holder of this process's leases.
-    renew : callable
-        Ends this process after the job because its device ran out of memory; its successor has a clean context.
-    pulse : Pulse
-        Shows the supervisor that the worker makes progress.
-    retry_for_s : float
-        Maximum seconds of an outage of the store or the record before the job is left to another attempt.
-    """
+    """The settings, the record, the store, and the functions that start a run."""
 
     settings: Settings
     record: JobRecord
     store: ObjectStore
-    listen: Callable[[str], AbstractContextManager[CancelListener]]
-    start: StartRun
-    load_prior: Callable[[str], Prior]
+    listen: Callable[[str], AbstractContextManager[CancelListener]]  # opens a listener for the cancellation of a job
+    start: StartRun  # starts a run of any kind: `meshdeform.runs.start_run`, which imports the kind's dependencies
+    load_prior: Callable[[str], Prior]  # returns the prior of a model and keeps it between jobs
     device: str
     stopping: Callable[[], bool]
-    worker: WorkerIdentity
+    """Returns True once this process is stopping: the job is then handed back after its current step."""
+    worker: WorkerIdentity  # the holder of this process's leases
     renew: Callable[[], None]
-    pulse: Pulse = field(default_factory=Pulse)
+    """Ends this process after the job because its device ran out of memory; its successor has a clean context."""
+    pulse: Pulse = field(default_factory=Pulse)  # shows the supervisor that the worker makes progress
     retry_for_s: float = RETRY_FOR_S
+    """Maximum seconds of an outage of the store or the record before the job is left to another attempt."""
 
 
 class Outcome(Enum):

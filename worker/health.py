@@ -26,18 +26,6 @@ from pathlib import Path
 
 from meshdeform.settings import Settings
 
-__all__ = [
-    "OUT_OF_MEMORY",
-    "PULSE",
-    "STOP_GRACE_S",
-    "WORKER_ID",
-    "Pulse",
-    "PulseMonitor",
-    "main",
-    "new_worker_id",
-    "sign_of_life",
-]
-
 _log = logging.getLogger(__name__)
 
 WORKER_ID = "MESHDEFORM_WORKER_ID"

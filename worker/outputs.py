@@ -19,9 +19,6 @@ from meshdeform.runs.base import ArtifactData, JobRun
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
 
-__all__ = ["RETRY_FOR_S", "CheckpointStore", "Retry", "store_results"]
-
-
 T = TypeVar("T")
 _log = logging.getLogger(__name__)
 

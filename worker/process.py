@@ -55,9 +55,6 @@ from worker.health import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_wor
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
-__all__ = ["Engine", "InProcessWorker", "PriorCache", "main", "torch_engine"]
-
-
 _log = logging.getLogger(__name__)
 
 

@@ -22,8 +22,6 @@ from meshdeform.settings import Settings
 from meshdeform.support.failpoints import failpoint
 from worker.health import OUT_OF_MEMORY, PULSE, STOP_GRACE_S, WORKER_ID, PulseMonitor, new_worker_id, sign_of_life
 
-__all__ = ["PROCESS_MODULE", "Supervisor"]
-
 _log = logging.getLogger(__name__)
 
 PROCESS_MODULE = "worker.process"

@@ -23,8 +23,6 @@ from meshdeform.record.turns import USUAL, Turns
 from meshdeform.runs.base import StepReport
 from meshdeform.support.telemetry import carried
 
-__all__ = ["CancelListener", "JobWatch", "StepTimer"]
-
 _log = logging.getLogger(__name__)
 
 PUBLISH_EVERY_S = 0.5

@@ -13,25 +13,6 @@ from meshdeform.record.models import Artifact, CheckpointRef, Event, Job, Origin
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
 from meshdeform.requests.removed import translated
 
-__all__ = [
-    "ArtifactList",
-    "ArtifactView",
-    "CheckpointList",
-    "CheckpointView",
-    "EventList",
-    "EventView",
-    "FileView",
-    "JobList",
-    "JobView",
-    "MeshView",
-    "OriginView",
-    "RetriedJob",
-    "RetriedJobs",
-    "SignedUrl",
-    "accepted",
-    "job_headers",
-]
-
 _POLL_S = "1"
 _TIME = "2026-01-31T12:00:00Z"
 _JOB_ID = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"

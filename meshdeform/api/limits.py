@@ -6,19 +6,6 @@ in `meshdeform.assets.limits`.
 
 from __future__ import annotations
 
-__all__ = [
-    "IDLE_S",
-    "MAX_DOCUMENT_BYTES",
-    "MAX_FETCH_S",
-    "MAX_FILENAME",
-    "MAX_INLINE_BYTES",
-    "MAX_KEY",
-    "MAX_PAGE",
-    "MAX_SEARCH",
-    "MAX_WAIT_S",
-    "MIN_BODY_RATE",
-]
-
 MAX_DOCUMENT_BYTES = 256 * 1024
 """Largest JSON document, and largest body of a route that takes no files, in bytes."""
 

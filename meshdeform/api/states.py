@@ -9,16 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.errors import MeshdeformError
 
-__all__ = [
-    "TERMINAL_STATES",
-    "EventType",
-    "JobError",
-    "JobState",
-    "OriginMode",
-    "Progress",
-    "WebhookEvent",
-]
-
 
 class JobState(StrEnum):
     """The state of a job. The last four are terminal: such a job never changes again."""

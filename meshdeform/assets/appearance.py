@@ -22,7 +22,6 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats, read_triangles
 from meshdeform.assets.materials import Image, Material, TextureUse, read_image, read_material
 from meshdeform.assets.surface import Block
-from meshdeform.assets.texcoords import moved_texcoords
 from meshdeform.errors import AssetError
 from meshdeform.geometry.appearance import CLAY, Appearance, Paint, Texture
 
@@ -262,3 +261,15 @@ def _four(colors: NDArray[np.float32]) -> NDArray[np.float32]:
     alpha = colors[:, 3:] if colors.shape[1] == 4 else np.ones((len(colors), 1), np.float32)
     bounded: NDArray[np.float32] = np.clip(np.concatenate([colors[:, :3], alpha], 1), 0.0, 1.0)
     return bounded
+
+
+def moved_texcoords(values: NDArray[np.floating], use: TextureUse) -> NDArray[np.float64]:
+    """Return texture coordinates (V, 2), v downwards, as a use of a texture reads them.
+
+    A scale, a rotation that is counter-clockwise in the picture, and an offset.
+    """
+    if (use.offset, use.rotation, use.scale) == ((0.0, 0.0), 0.0, (1.0, 1.0)):
+        return np.asarray(values, np.float64)
+    u, v = (values.astype(np.float64) * use.scale).T
+    cosine, sine = np.cos(use.rotation), np.sin(use.rotation)
+    return np.stack([cosine * u + sine * v + use.offset[0], cosine * v - sine * u + use.offset[1]], 1)

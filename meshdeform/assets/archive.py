@@ -79,21 +79,12 @@ def _key(name: str) -> str:
 
 @dataclass(frozen=True)
 class Archive:
-    """The files of a ZIP.
+    """The files of a ZIP."""
 
-    Attributes
-    ----------
-    main : str
-        Name of the asset among them.
-    files : dict of str to bytes
-        By normalised name.
-    guessed : dict of str to str
-        The file that was taken for each link to a place where there is none.
-    """
-
-    main: str
-    files: dict[str, bytes]
+    main: str  # name of the asset among them
+    files: dict[str, bytes]  # by normalised name
     guessed: dict[str, str] = field(default_factory=dict)
+    """The file that was taken for each link to a place where there is none."""
 
     def find(self, link: str, beside: str = "") -> bytes | None:
         """Return the file that a link of the file `beside` means, or None; see `FileNames.find`."""

@@ -27,29 +27,17 @@ _OF_IMAGES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSF
 
 @dataclass(frozen=True)
 class Piece:
-    """A part of an asset.
-
-    Attributes
-    ----------
-    triangles : (T,) bool
-        Which triangles of the asset's surface it has.
-    positions : (N, 3) float64
-        New positions of the surface's vertices; others than the part's are not read.
-    normals, tangents : (N, 3), (N, 4) float64
-        New directions; rows that the asset has none for are not read.
-    name : str
-        Of the node.
-    extras : mapping
-        JSON for the node.
-    """
+    """A part of an asset."""
 
     asset: Asset
-    triangles: NDArray[np.bool_]
+    triangles: NDArray[np.bool_]  # (T,) bool: which triangles of the asset's surface it has
     positions: NDArray[np.float64]
+    """(N, 3) float64: new positions of the surface's vertices; others than the part's are not read."""
+    # (N, 3), (N, 4) float64: new directions; rows that the asset has none for are not read
     normals: NDArray[np.float64]
     tangents: NDArray[np.float64]
-    name: str
-    extras: Mapping[str, Any]
+    name: str  # of the node
+    extras: Mapping[str, Any]  # JSON for the node
 
 
 def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = None) -> bytes:

@@ -21,8 +21,8 @@ from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
-from meshdeform.assets.pose import pose_maps, posed_surface
 from meshdeform.assets.repair import rebuild_directions
+from meshdeform.assets.rig import pose_maps, posed_surface
 from meshdeform.assets.surface import (
     Block,
     Parts,
@@ -285,7 +285,7 @@ class Asset:
             New tangents, with the same rules.
         jacobians : (N, 3, 3) float64, optional
             The linear map of the deformation around each vertex, in world space. With it, the file's morph targets and
-            joints follow the shape (`assets/carried_targets.py`, `assets/rig.py`); not with `morph`.
+            joints follow the shape (`assets/writer.py`, `assets/rig.py`); not with `morph`.
         joints : mapping of int to JointMove, optional
             How they do. Default: as `joint_moves` returns.
         posed : bool

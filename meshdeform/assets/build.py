@@ -21,45 +21,25 @@ _FAR = 32.0
 
 @dataclass(frozen=True)
 class Primitive:
-    """One mesh of the scene.
+    """One mesh of the scene."""
 
-    Attributes
-    ----------
-    verts : (V, 3) array
-        Positions.
-    faces : (F, 3) array of int
-        Triangles, counter-clockwise from outside.
-    normals : (V, 3) array, optional
-    uvs : (V, 2) array, optional
-        glTF's convention: v grows downwards.
-    colors : (V, 3) or (V, 4) array of uint8, or of floats in 0..1, optional
-    name : str
-        Name of the node and the mesh.
-    material : str
-        Name of the material. If empty, no material is written.
-    base_color : tuple of 4 floats, optional
-        Linear RGBA of the material. A material that is not opaque is blended.
-    metallic, roughness : float
-        Of the material.
-    texture : bytes
-        The material's encoded base colour image, PNG or JPEG; others and empty ones are left out.
-    polygons : tuple of (int, int)
-        The polygons that the triangles were cut from, in their order: of how many corners, and how many of these
-        follow each other. One of n corners has n - 2 triangles. Written as `extras.polygons`; empty if there are none.
-    """
-
-    verts: NDArray[Any]
-    faces: NDArray[Any]
-    normals: NDArray[Any] | None = None
-    uvs: NDArray[Any] | None = None
-    colors: NDArray[Any] | None = None
-    name: str = ""
+    verts: NDArray[Any]  # (V, 3) array: positions
+    faces: NDArray[Any]  # (F, 3) array of int: triangles, counter-clockwise from outside
+    normals: NDArray[Any] | None = None  # (V, 3) array
+    uvs: NDArray[Any] | None = None  # (V, 2) array: glTF's convention: v grows downwards
+    colors: NDArray[Any] | None = None  # (V, 3) or (V, 4) array of uint8, or of floats in 0..1
+    name: str = ""  # name of the node and the mesh
     material: str = ""
+    """Name of the material. If empty, no material is written."""
     base_color: tuple[float, float, float, float] | None = None
+    """Linear RGBA of the material. A material that is not opaque is blended."""
+    # Of the material
     metallic: float = 0.0
     roughness: float = 0.8
-    texture: bytes = b""
+    texture: bytes = b""  # the material's encoded base colour image, PNG or JPEG; others and empty ones are left out
     polygons: tuple[tuple[int, int], ...] = ()
+    """The polygons that the triangles were cut from, in their order: of how many corners, and how many of these follow
+    each other. One of n corners has n - 2 triangles. Written as `extras.polygons`; empty if there are none."""
 
 
 def build_glb(

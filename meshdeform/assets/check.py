@@ -37,16 +37,6 @@ from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
 
-__all__ = [
-    "MAX_PARTS",
-    "MAX_SKIPPED",
-    "CheckedAssets",
-    "FileContent",
-    "check_asset_subprocess",
-    "has_area",
-    "main",
-]
-
 MAX_SKIPPED = 100
 """How many skipped parts a summary lists."""
 

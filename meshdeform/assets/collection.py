@@ -27,7 +27,6 @@ MIN_COLLECTION, MAX_COLLECTION = 10, 3000
 LABELS_FILE = "labels.json"
 _ENDINGS = ("glb", "obj", "ply", "stl")
 _MAX_LABELS_BYTES = 64 * 2**20
-
 _Name = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 
 
@@ -50,16 +49,9 @@ class FamilyLabels(StrictModel):
 
 @dataclass(frozen=True)
 class CollectionFiles:
-    """The files of a collection.
+    """The files of a collection."""
 
-    Attributes
-    ----------
-    assets : dict of str to bytes
-        By name in the ZIP, sorted.
-    labels : FamilyLabels, optional
-    """
-
-    assets: dict[str, bytes]
+    assets: dict[str, bytes]  # by name in the ZIP, sorted
     labels: FamilyLabels | None
 
 

@@ -31,9 +31,7 @@ from meshdeform.assets.inspect import (
     instances_of,
     is_placeholder,
 )
-from meshdeform.assets.meshopt.attributes import decode_attributes
-from meshdeform.assets.meshopt.filters import apply_filter
-from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles
+from meshdeform.assets.meshopt import apply_filter, decode_attributes, decode_indices, decode_triangles
 from meshdeform.errors import AssetError, AssetUnsupportedError, DependencyError
 
 _ADVICE = "Decompress it: gltf-transform copy in.glb out.glb"

@@ -24,7 +24,6 @@ from meshdeform.errors import AssetError, AssetFormatError, AssetTooLargeError, 
 _JSON = 0x4E4F534A
 _BINARY = 0x004E4942
 GLB_MAGIC = b"glTF"
-
 Data = bytes | bytearray | memoryview | mmap
 
 
@@ -143,7 +142,6 @@ def pack_glb(json_text: bytes, binary: list[bytes | memoryview], rest: bytes) ->
 
 
 Json = dict[str, Any]
-
 _STRING = re.compile(rb'"[^"]*"')
 _NOT_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _DEEPER = {ord("["): 1, ord("{"): 1, ord("]"): -1, ord("}"): -1}

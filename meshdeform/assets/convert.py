@@ -21,8 +21,6 @@ def convert_to_glb(data: bytes, kind: str, limits: Limits, archive: Archive) -> 
 
     Parameters
     ----------
-    data : bytes
-        The file.
     kind : str
         `obj`, `ply` or `stl`.
     limits : Limits

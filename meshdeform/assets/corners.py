@@ -50,13 +50,6 @@ def skin_weights(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], _Floats]:
     """Return the vertices, the places of joints in their skin, and the weights above 0, (K,) each.
 
-    Parameters
-    ----------
-    primitive : dict
-        One with `count` vertices.
-    count, joints : int
-        Number of vertices, and of joints of the skin.
-
     Returns
     -------
     Three empty arrays if the attributes are not valid: the deformation does not need them.

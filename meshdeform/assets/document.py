@@ -45,7 +45,6 @@ from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTruncatedError
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
@@ -257,24 +256,15 @@ _WITHOUT_REFERENCES = (
 
 @dataclass(frozen=True)
 class Usage:
-    """What a document uses.
+    """What a document uses."""
 
-    Attributes
-    ----------
-    accessors, views : frozenset of int
-        Indices that something of the core format or of a known extension refers to.
-    ranges : tuple of (int, int)
-        Start and end of every stretch of buffer 0 that a buffer view describes.
-    end : int
-        Length of buffer 0.
-    """
-
+    # Indices that something of the core format or of a known extension refers to
     accessors: frozenset[int]
     views: frozenset[int]
     accessor_count: int
     view_count: int
-    ranges: tuple[tuple[int, int], ...]
-    end: int
+    ranges: tuple[tuple[int, int], ...]  # start and end of every stretch of buffer 0 that a buffer view describes
+    end: int  # length of buffer 0
 
     @classmethod
     def of(cls, root: Json, binary_length: int | None) -> Usage:

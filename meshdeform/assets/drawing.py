@@ -110,11 +110,6 @@ def check_drawing(picture: Image.Image) -> None:
 def prepared(picture: Image.Image) -> NDArray[np.float32]:
     """Return the ink of a drawing, cut out, centred and at the network's size.
 
-    Parameters
-    ----------
-    picture : PIL image
-        With some ink.
-
     Returns
     -------
     (SIDE, SIDE) float32

@@ -26,51 +26,30 @@ _MOST_POINTS, _MOST_MEMBERS, _MOST_PARTS = 1000, 3000, 16
 _FARTHEST, _LEAST_SIZE, _STRONGEST = 2.0, 1e-3, 1e6
 """Bounds of the frame, whose diagonal is 1, and of the weights; a fit stays far inside them."""
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
-
 Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
 class FamilyFile:
-    """A fitted family of T members with K template points and L parts.
+    """A fitted family of T members with K template points and L parts."""
 
-    Attributes
-    ----------
-    names : list of str
-        Members, as the collection names them.
-    digests : list of str
-        `surface_digest` of each member.
-    machine : dict of name to array
-        The weights of the Beta shape machine, and `sees`.
-    labels : (K,) int64
-        The part of each point.
-    scaling : (4,) float32
-        From frame to machine: lowest x, y, z, and size.
-    points : (T, K, 3) float64
-        Places on the members, in the frame: the middle of the bounding box at 0, its diagonal as unit, turned alike.
-    triangles : (T, K) int64
-    exists : (T, K) bool
-    centres : (T, 3), diagonals : (T,), turns : (T,) float64
-        From the frame to the file: turn by -`turns` around +Y, times the diagonal, plus the centre.
-    descriptors : (T, D) float32
-    segments : list of (F,) uint8
-        The part of each triangle of each member.
-    """
-
-    names: list[str]
+    names: list[str]  # members, as the collection names them
     parts: list[str]
-    digests: list[str]
-    machine: Arrays
-    labels: NDArray[np.int64]
-    scaling: NDArray[np.float32]
+    digests: list[str]  # `surface_digest` of each member
+    machine: Arrays  # the weights of the Beta shape machine, and `sees`
+    labels: NDArray[np.int64]  # (K,) int64: the part of each point
+    scaling: NDArray[np.float32]  # (4,) float32: from frame to machine: lowest x, y, z, and size
     points: NDArray[np.float64]
-    triangles: NDArray[np.int64]
-    exists: NDArray[np.bool_]
-    centres: NDArray[np.float64]
-    diagonals: NDArray[np.float64]
-    turns: NDArray[np.float64]
-    descriptors: NDArray[np.float32]
-    segments: list[NDArray[np.uint8]]
+    """(T, K, 3) float64: places on the members, in the frame: the middle of the bounding box at 0, its diagonal as
+    unit, turned alike."""
+    triangles: NDArray[np.int64]  # (T, K) int64
+    exists: NDArray[np.bool_]  # (T, K) bool
+    # From the frame to the file: turn by -`turns` around +Y, times the diagonal, plus the centre.
+    centres: NDArray[np.float64]  # (T, 3) float64
+    diagonals: NDArray[np.float64]  # (T,) float64
+    turns: NDArray[np.float64]  # (T,) float64
+    descriptors: NDArray[np.float32]  # (T, D) float32
+    segments: list[NDArray[np.uint8]]  # list of (F,) uint8: the part of each triangle of each member
 
     def member(self, name: str) -> int | None:
         """Return the number of a member by its name in the collection, its file name, or that without its ending."""

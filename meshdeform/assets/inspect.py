@@ -41,33 +41,6 @@ from meshdeform.errors import (
     AssetUnsupportedError,
 )
 
-__all__ = [
-    "COMPONENT_BYTES",
-    "DRACO",
-    "FORMATS",
-    "GPU_INSTANCING",
-    "MESHOPT_EXTENSIONS",
-    "TYPE_COMPONENTS",
-    "AssetSummary",
-    "CompressedView",
-    "Instance",
-    "asset_format",
-    "check_document",
-    "check_extensions",
-    "check_meshes",
-    "check_nodes",
-    "check_storage",
-    "compressed_view",
-    "data_uri_bytes",
-    "inspect_asset",
-    "instance_count",
-    "instances_of",
-    "is_placeholder",
-    "outside_images",
-    "surface_format",
-]
-
-
 BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
 
 COMPONENT_BYTES = {BYTE: 1, UNSIGNED_BYTE: 1, SHORT: 2, UNSIGNED_SHORT: 2, UNSIGNED_INT: 4, FLOAT: 4}

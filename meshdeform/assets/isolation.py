@@ -40,18 +40,10 @@ _PASSED_ON = frozenset({
 
 @dataclass(frozen=True)
 class ChildOutcome:
-    """How a child process ended.
+    """How a child process ended."""
 
-    Attributes
-    ----------
-    returncode : int
-        Negative if a signal ended it.
-    verdict : dict, optional
-        What it printed; None if it did not get that far.
-    """
-
-    returncode: int
-    verdict: dict[str, Any] | None
+    returncode: int  # negative if a signal ended it
+    verdict: dict[str, Any] | None  # what it printed; None if it did not get that far
 
 
 def run_child(module: str, arguments: list[str], *, timeout_s: float, temporary: Path | None = None) -> ChildOutcome:

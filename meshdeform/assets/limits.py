@@ -15,49 +15,28 @@ CHECK_BYTES_PER_BYTE = 16
 
 @dataclass(frozen=True)
 class Limits:
-    """Upper bounds on one asset. `from_settings` sets those that a deployment can configure.
-
-    Attributes
-    ----------
-    max_bytes : int
-        Size of the file, and of its compressed parts after decoding: a compressed asset may not become larger than
-        an uncompressed one.
-    max_json_bytes : int
-        Size of a GLB's JSON chunk.
-    max_accessor_elements : int
-        `count` of one accessor.
-    max_triangles : int
-        Triangles to deform, over all instances.
-    max_bare_elements : int
-        `count` of a vertex or index accessor that has no data in the file (its elements are zeros by definition).
-    max_json_values, max_json_depth : int
-        Values in the JSON (Python objects cost up to 100 times their text) and their nesting depth. They also bound
-        the number of nodes, meshes, materials, images and animations, since each takes at least two values.
-    max_primitives : int
-        Primitives and their morph targets in the default scene, over all instances: a few hundred values of JSON can
-        describe a thousand instances of a thousand primitives.
-    max_chunks : int
-        Number of chunks in a GLB.
-    max_archive_files : int
-        Entries of a ZIP; together they may unpack to `max_bytes`.
-    max_memory_bytes : int
-        Address space of the process that first decodes a file. Small files get less.
-    max_check_s : float
-        Seconds that this first decoding may take.
-    """
+    """Upper bounds on one asset. `from_settings` sets those that a deployment can configure."""
 
     max_bytes: int = 100 * 2**20
-    max_json_bytes: int = 16 * 2**20
-    max_accessor_elements: int = 20_000_000
-    max_triangles: int = 1_000_000
+    """Size of the file, and of its compressed parts after decoding: a compressed asset may not become larger than an
+    uncompressed one."""
+    max_json_bytes: int = 16 * 2**20  # size of a GLB's JSON chunk
+    max_accessor_elements: int = 20_000_000  # `count` of one accessor
+    max_triangles: int = 1_000_000  # triangles to deform, over all instances
     max_bare_elements: int = 250_000
+    """`count` of a vertex or index accessor that has no data in the file (its elements are zeros by definition)."""
+    # Values in the JSON (Python objects cost up to 100 times their text) and their nesting depth. They also bound the
+    # number of nodes, meshes, materials, images and animations, since each takes at least two values.
     max_json_values: int = 500_000
     max_json_depth: int = 128
     max_primitives: int = 50_000
-    max_chunks: int = 1000
-    max_archive_files: int = 1000
+    """Primitives and their morph targets in the default scene, over all instances: a few hundred values of JSON can
+    describe a thousand instances of a thousand primitives."""
+    max_chunks: int = 1000  # number of chunks in a GLB
+    max_archive_files: int = 1000  # entries of a ZIP; together they may unpack to `max_bytes`
     max_memory_bytes: int = CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * 100 * 2**20
-    max_check_s: float = 60.0
+    """Address space of the process that first decodes a file. Small files get less."""
+    max_check_s: float = 60.0  # seconds that this first decoding may take
 
     @property
     def max_vertices(self) -> int:

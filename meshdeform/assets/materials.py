@@ -25,16 +25,10 @@ _KNOWN_EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_ior", "KH
 
 @dataclass(frozen=True)
 class Image:
-    """An encoded image of the file.
-
-    Attributes
-    ----------
-    kind : str
-        `png`, `jpg` or `webp`, detected from the bytes; "" for anything else.
-    """
+    """An encoded image of the file."""
 
     data: bytes
-    kind: str
+    kind: str  # `png`, `jpg` or `webp`, detected from the bytes; "" for anything else
 
 
 @dataclass(frozen=True)
@@ -43,58 +37,37 @@ class TextureUse:
 
     Attributes
     ----------
-    image : int
-        Index into the document's images.
-    texcoord : int
-        Number of the texture coordinate set.
-    wrap : tuple of 2 str
-        `repeat`, `clamp` or `mirror`, for u and v.
     offset, scale : tuple of 2 floats
-    rotation : float
-        In radians. KHR_texture_transform: uv' = offset + R(rotation) (scale * uv), with v downwards.
-    nearest : bool
-        Whether magnified texels stay squares.
     """
 
-    image: int
-    texcoord: int = 0
-    wrap: tuple[str, str] = ("repeat", "repeat")
+    image: int  # index into the document's images
+    texcoord: int = 0  # number of the texture coordinate set
+    wrap: tuple[str, str] = ("repeat", "repeat")  # `repeat`, `clamp` or `mirror`, for u and v
     offset: tuple[float, float] = (0.0, 0.0)
     rotation: float = 0.0
+    """In radians. KHR_texture_transform: uv' = offset + R(rotation) (scale * uv), with v downwards."""
     scale: tuple[float, float] = (1.0, 1.0)
-    nearest: bool = False
+    nearest: bool = False  # whether magnified texels stay squares
 
 
 @dataclass(frozen=True)
 class Material:
-    """A metallic-roughness material. The defaults are those of a primitive without a material.
-
-    Attributes
-    ----------
-    base_color : tuple of 4 floats
-        Linear RGBA.
-    emissive : tuple of 3 floats
-        Linear RGB, multiplied by the strength from KHR_materials_emissive_strength.
-    alpha_mode : str
-        `OPAQUE`, `MASK` or `BLEND`.
-    textures : dict of str to TextureUse
-        Keys: `base_color`, `metallic_roughness`, `normal`, `occlusion`, `emissive`.
-    extensions : tuple of str
-        Extensions of the material that this class does not represent.
-    """
+    """A metallic-roughness material. The defaults are those of a primitive without a material."""
 
     name: str = ""
-    base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)  # linear RGBA
     metallic: float = 1.0
     roughness: float = 1.0
     emissive: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """Linear RGB, multiplied by the strength from KHR_materials_emissive_strength."""
     ior: float = 1.5
     unlit: bool = False
-    alpha_mode: str = "OPAQUE"
+    alpha_mode: str = "OPAQUE"  # `OPAQUE`, `MASK` or `BLEND`
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     textures: dict[str, TextureUse] = field(default_factory=dict)
-    extensions: tuple[str, ...] = ()
+    """Keys: `base_color`, `metallic_roughness`, `normal`, `occlusion`, `emissive`."""
+    extensions: tuple[str, ...] = ()  # extensions of the material that this class does not represent
 
 
 def read_material(document: Document, at: int) -> Material:

@@ -73,8 +73,6 @@ def packed_sizes(verts: _Floats, faces: _Index, bits: int) -> dict[str, Any]:
     ----------
     verts : (V, 3) float64
     faces : (F, 3) int64
-    bits : int
-        Of each coordinate.
     """
     import DracoPy
 

@@ -24,7 +24,6 @@ from meshdeform.assets.surface import Block, LocalShape
 ANIMATION_NAME = "deform"
 _DURATION_S = 1.0
 _POINTER = re.compile(r"/(nodes|meshes)/(\d{1,9})/weights", re.ASCII)
-
 _Floats = NDArray[np.float64]
 
 
@@ -40,18 +39,11 @@ class MorphTarget:
 
 @dataclass(frozen=True)
 class Track:
-    """An animation of the new targets' weights.
+    """An animation of the new targets' weights."""
 
-    Attributes
-    ----------
-    times : (K,) float
-        Seconds, ascending.
-    weights : (K, T) float
-        Weights of the new targets at these times; between them they are interpolated linearly.
-    """
-
-    times: Sequence[float]
+    times: Sequence[float]  # (K,) float: seconds, ascending
     weights: Sequence[Sequence[float]]
+    """(K, T) float: weights of the new targets at these times; between them they are interpolated linearly."""
     name: str = ANIMATION_NAME
 
 
@@ -78,8 +70,6 @@ def add_morph_targets(
     ----------
     document : Document
         Changed in place.
-    blocks : list of Block
-        The deformed parts.
     shapes : list of lists
         For each target, the new vertices of each block.
     owners : dict

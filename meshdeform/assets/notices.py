@@ -33,27 +33,13 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Backdrop:
-    """The planes that span a scene.
+    """The planes that span a scene."""
 
-    Attributes
-    ----------
-    triangles : (T,) bool
-        Which triangles of the surface are theirs.
-    share : float
-        Diagonal of what is left without them, over that of the scene.
-    left : bool
-        Whether they are left as they are, unless the request says otherwise.
-    name : str
-        Names of their nodes.
-    own_nodes : bool
-        Whether their nodes show nothing else, so that `params.control.exclude` can name them.
-    """
-
-    triangles: _Flags
-    share: float
-    left: bool
-    name: str
-    own_nodes: bool
+    triangles: _Flags  # (T,) bool: which triangles of the surface are theirs
+    share: float  # diagonal of what is left without them, over that of the scene
+    left: bool  # whether they are left as they are, unless the request says otherwise
+    name: str  # names of their nodes
+    own_nodes: bool  # whether their nodes show nothing else, so that `params.control.exclude` can name them
 
     @property
     def warning(self) -> str:

@@ -27,7 +27,6 @@ from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeErro
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-
 _BLANKS = bytes.maketrans(b"\t\v\f\r", b"   \n")
 _INDENT = re.compile(rb"\n +")
 _CONTINUED = re.compile(rb"^(?! *#)(?:[^\n]*\\\n)+[^\n]*", re.MULTILINE)
@@ -47,8 +46,6 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
 
     Parameters
     ----------
-    data : bytes
-        The file.
     archive : Archive
         Holds its material libraries and their textures.
     most_parts : int

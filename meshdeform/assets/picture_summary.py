@@ -9,25 +9,15 @@ from typing import Any, Self
 
 @dataclass(frozen=True)
 class PictureSummary:
-    """What a picture shows.
+    """What a picture shows."""
 
-    Attributes
-    ----------
-    format : str
-        `png`, `jpeg` or `webp`.
-    width, height : int
-        Pixels.
-    box : tuple of four floats
-        Left, top, right and bottom of the silhouette as shares of the width and height.
-    share : float
-        Share of the picture that the silhouette covers.
-    """
-
-    format: str
+    format: str  # `png`, `jpeg` or `webp`
+    # Pixels
     width: int
     height: int
     box: tuple[float, float, float, float]
-    share: float
+    """Left, top, right and bottom of the silhouette as shares of the width and height."""
+    share: float  # share of the picture that the silhouette covers
 
     @classmethod
     def read(cls, found: Mapping[str, Any]) -> Self:

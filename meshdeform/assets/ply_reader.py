@@ -46,19 +46,14 @@ _INDICES = ("vertex_indices", "vertex_index")
 
 @dataclass(frozen=True)
 class PlyElement:
-    """The rows of an element.
-
-    Attributes
-    ----------
-    columns : dict of str to (N,) array
-        Its numbers by property, in the type that the header declares.
-    lists : dict of str to pair of (N,) int64 and (M,) array
-        The lengths of a property's lists, and their items one after the other.
-    """
+    """The rows of an element."""
 
     count: int
     columns: dict[str, NDArray[Any]] = field(default_factory=dict)
+    """dict of str to (N,) array: its numbers by property, in the type that the header declares."""
     lists: dict[str, tuple[_Index, NDArray[Any]]] = field(default_factory=dict)
+    """dict of str to pair of (N,) int64 and (M,) array: the lengths of a property's lists, and their items one after
+    the other."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +77,6 @@ def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str,
 
     Parameters
     ----------
-    data : bytes
-        The file.
     archive : Archive
         Holds its textures.
 

@@ -28,21 +28,11 @@ _MOST_WORK = 10**8
 
 @dataclass(frozen=True)
 class Triangulation:
-    """Polygons as triangles.
+    """Polygons as triangles."""
 
-    Attributes
-    ----------
-    triangles : (T, 3) int64
-        Corners, counted over all polygons.
-    polygons : (T,) int64
-        The polygon of each triangle, in ascending order; one of n corners has n - 2.
-    clipped : int
-        How many polygons ears were clipped from, because a fan would have left their outlines.
-    """
-
-    triangles: _Index
-    polygons: _Index
-    clipped: int
+    triangles: _Index  # (T, 3) int64: corners, counted over all polygons
+    polygons: _Index  # (T,) int64: the polygon of each triangle, in ascending order; one of n corners has n - 2
+    clipped: int  # how many polygons ears were clipped from, because a fan would have left their outlines
 
     def runs(self, rows: _Index | slice = slice(None)) -> tuple[tuple[int, int], ...]:
         """Return how many polygons of how many corners follow each other in rows of triangles, in ascending order.

@@ -34,23 +34,12 @@ _FORM = "Store points (P, 3), and with any other names floats (P,) or (P, C), or
 
 @dataclass(frozen=True)
 class SampledScalars:
-    """Values at points near a surface.
+    """Values at points near a surface."""
 
-    Attributes
-    ----------
-    points : (P, 3) float64
-    normals : (P, 3) float64
-        Unit normals, which tell the two sides of a wall apart; zero where unknown.
-    values : dict of str to (P, C) float64
-        Scalars by name.
-    labels : dict of str to (P,) int64
-        Numbers of pieces by name.
-    """
-
-    points: _Floats
-    normals: _Floats
-    values: dict[str, _Floats]
-    labels: dict[str, NDArray[np.int64]]
+    points: _Floats  # (P, 3) float64
+    normals: _Floats  # (P, 3) float64: unit normals, which tell the two sides of a wall apart; zero where unknown
+    values: dict[str, _Floats]  # dict of str to (P, C) float64: scalars by name
+    labels: dict[str, NDArray[np.int64]]  # dict of str to (P,) int64: numbers of pieces by name
 
 
 def read_scalar_file(data: bytes) -> SampledScalars:

@@ -38,15 +38,9 @@ _FAILURES = (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionB
 
 @dataclass(frozen=True)
 class SilhouettePicture:
-    """A silhouette.
+    """A silhouette."""
 
-    Attributes
-    ----------
-    mask : (H, W) bool
-        Covered pixels, row 0 at the top; at most 512 x 512.
-    """
-
-    mask: NDArray[np.bool_]
+    mask: NDArray[np.bool_]  # (H, W) bool: covered pixels, row 0 at the top; at most 512 x 512
     summary: PictureSummary
 
 

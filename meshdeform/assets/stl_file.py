@@ -13,28 +13,20 @@ from meshdeform.errors import AssetEmptyError
 
 Up = Literal["y", "z"]
 Unit = Literal["m", "cm", "mm"]
-
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "cm": 100.0, "mm": 1e3}
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True)
 class Stl:
-    """A binary STL, and what is known about its surface.
-
-    Attributes
-    ----------
-    closed : bool
-        Whether every edge belongs to two triangles that face the same way; corners at one place are one.
-    origin : tuple of 3 floats
-        The point, in the file's unit and axes, that its places are relative to. It is not zero for a surface so far
-        away that 32-bit floats, which the format has, would round it; the file's header names it, too.
-    """
+    """A binary STL, and what is known about its surface."""
 
     data: bytes
     triangles: int
-    closed: bool
+    closed: bool  # whether every edge belongs to two triangles that face the same way; corners at one place are one
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """The point, in the file's unit and axes, that its places are relative to. It is not zero for a surface so far away
+    that 32-bit floats, which the format has, would round it; the file's header names it, too."""
 
 
 def write_stl(asset: Asset, up: Up = "y", unit: Unit = "m") -> Stl:

@@ -27,12 +27,8 @@ from meshdeform.assets.inspect import GPU_INSTANCING, LOOSE, TRIANGLES, Instance
 from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 
 Floats = NDArray[np.float64]
-
 Matrix = NDArray[np.float64]
-
 _INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
-
-
 _MAX_NAME = 200
 
 
@@ -120,43 +116,22 @@ def is_invertible(matrix: Matrix) -> bool:
 
 @dataclass(frozen=True)
 class Surface:
-    """The surface to optimise: one triangle soup in world space, +Y up.
+    """The surface to optimise: one triangle soup in world space, +Y up."""
 
-    Attributes
-    ----------
-    positions : (N, 3) float64
-        Vertices in the file's units, split at seams as in the file.
-    triangles : (T, 3) int64
-        Counter-clockwise from outside, also under mirrored nodes.
-    normals : (N, 3) float64
-        Unit length, or NaN where the file has none.
-    tangents : (N, 4) float64
-        Unit length with a handedness of +1 or -1, or NaN where the file has none.
-    instance_of_vertex : (N,) int64
-        The mesh instance of each vertex.
-    skipped : list of dict
-        Parts that are not deformed, and why.
-    """
-
-    positions: Floats
-    triangles: NDArray[np.int64]
-    normals: Floats
-    tangents: Floats
-    instance_of_vertex: NDArray[np.int64]
-    skipped: list[dict[str, Any]]
+    positions: Floats  # (N, 3) float64: vertices in the file's units, split at seams as in the file
+    triangles: NDArray[np.int64]  # (T, 3) int64: counter-clockwise from outside, also under mirrored nodes
+    normals: Floats  # (N, 3) float64: unit length, or NaN where the file has none
+    tangents: Floats  # (N, 4) float64: unit length with a handedness of +1 or -1, or NaN where the file has none
+    instance_of_vertex: NDArray[np.int64]  # (N,) int64: the mesh instance of each vertex
+    skipped: list[dict[str, Any]]  # parts that are not deformed, and why
 
 
 @dataclass(frozen=True)
 class _RestTargets:
-    """What morph targets add to a block at rest, by the weights of its node or mesh, in mesh space.
+    """What morph targets add to a block at rest, by the weights of its node or mesh, in mesh space."""
 
-    Attributes
-    ----------
-    positions : (V, 3) float64
-    normals, tangents : (V, 3) float64, optional
-    """
-
-    positions: Floats
+    positions: Floats  # (V, 3) float64
+    # (V, 3) float64
     normals: Floats | None
     tangents: Floats | None
 
@@ -427,37 +402,18 @@ def handedness(w: NDArray[Any], linear: Matrix) -> Floats:
 
 @dataclass(frozen=True)
 class Parts:
-    """The named parts of a surface.
-
-    Attributes
-    ----------
-    nodes : list of dict
-        `index` and `name` of each node with triangles in or below it. A node without a name has that of its mesh, and
-        names are cut after 200 characters.
-    materials : list of dict
-        `index` and `name` of each material in use.
-    meshes : list of dict
-        `index` and `name` of each mesh in use.
-    joints : list of dict
-        `index` and `name` of each node that is a joint of a skin in use.
-    node_of_triangle : (T,) int64
-        Node of each triangle of the surface.
-    mesh_of_triangle : (T,) int64
-        Its mesh.
-    material_of_triangle : (T,) int64
-        Its material; -1 if it has none.
-    children : dict of int to list of int
-        Children of each node that has some.
-    """
+    """The named parts of a surface."""
 
     nodes: list[dict[str, Any]]
-    materials: list[dict[str, Any]]
-    meshes: list[dict[str, Any]]
-    joints: list[dict[str, Any]]
-    node_of_triangle: NDArray[np.int64]
-    mesh_of_triangle: NDArray[np.int64]
-    material_of_triangle: NDArray[np.int64]
-    children: dict[int, list[int]]
+    """`index` and `name` of each node with triangles in or below it. A node without a name has that of its mesh, and
+    names are cut after 200 characters."""
+    materials: list[dict[str, Any]]  # `index` and `name` of each material in use
+    meshes: list[dict[str, Any]]  # `index` and `name` of each mesh in use
+    joints: list[dict[str, Any]]  # `index` and `name` of each node that is a joint of a skin in use
+    node_of_triangle: NDArray[np.int64]  # (T,) int64: node of each triangle of the surface
+    mesh_of_triangle: NDArray[np.int64]  # (T,) int64: its mesh
+    material_of_triangle: NDArray[np.int64]  # (T,) int64: its material; -1 if it has none
+    children: dict[int, list[int]]  # children of each node that has some
 
     def in_node(self, node: int) -> NDArray[np.bool_]:
         """Return flags (T,) of the triangles in a node or below it."""
@@ -535,21 +491,11 @@ def _name(item: Any) -> str:
 
 @dataclass(frozen=True)
 class Rig:
-    """What a surface has that would have to follow it.
+    """What a surface has that would have to follow it."""
 
-    Attributes
-    ----------
-    joints : int
-        Joints of its skins.
-    morph_targets : int
-        Morph targets of its meshes; each counts once however many primitives have it.
-    animations : int
-        Animations in the file.
-    """
-
-    joints: int
-    morph_targets: int
-    animations: int
+    joints: int  # joints of its skins
+    morph_targets: int  # morph targets of its meshes; each counts once however many primitives have it
+    animations: int  # animations in the file
 
     def __bool__(self) -> bool:
         return bool(self.joints or self.morph_targets)

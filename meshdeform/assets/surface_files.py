@@ -6,6 +6,7 @@ numpy only: the service checks these files in a child process as it does meshes.
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import math
 import zipfile
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 from meshdeform.assets.inspect import AssetSummary, surface_format
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.ply_reader import PlyElement, read_elements
-from meshdeform.assets.thin_parts import thin_warnings
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -28,7 +28,6 @@ from meshdeform.errors import (
 )
 
 _Floats = NDArray[np.float64]
-
 _ACTIVATIONS = ("relu", "silu", "sine", "softplus", "tanh")
 _MAX_POINTS = 1_000_000
 _MAX_GRID_VALUES = 256**3
@@ -51,53 +50,31 @@ _NEGATE = "The values are negative at the sides, where the outside is: the sign 
 
 @dataclass(frozen=True)
 class OrientedPoints:
-    """A point cloud with normals.
+    """A point cloud with normals."""
 
-    Attributes
-    ----------
-    points, normals : (P, 3) float64
-        Unit normals, to the outside.
-    """
-
+    # (P, 3) float64: unit normals, to the outside
     points: _Floats
     normals: _Floats
 
 
 @dataclass(frozen=True)
 class DistanceGrid:
-    """Signed distances on a grid, negative inside.
+    """Signed distances on a grid, negative inside."""
 
-    Attributes
-    ----------
-    values : (X, Y, Z) float64
-    origin, spacing : (3,) float64
-        Place of the first value, and distances between neighbours.
-    """
-
-    values: _Floats
+    values: _Floats  # (X, Y, Z) float64
+    # (3,) float64: place of the first value, and distances between neighbours
     origin: _Floats
     spacing: _Floats
 
 
 @dataclass(frozen=True)
 class ImplicitNetwork:
-    """Fully connected layers from a point to a value that is negative inside.
-
-    Attributes
-    ----------
-    layers : list of (weight (out, in), bias (out,)) float64
-    activation : str
-        After every layer but the last: `relu`, `silu`, `sine`, `softplus` or `tanh`.
-    omega : float
-        Factor before a sine.
-    bounds : ((3,), (3,)) float64
-        The box that contains the surface.
-    """
+    """Fully connected layers from a point to a value that is negative inside."""
 
     layers: list[tuple[_Floats, _Floats]]
-    activation: str
-    omega: float
-    bounds: tuple[_Floats, _Floats]
+    activation: str  # after every layer but the last: `relu`, `silu`, `sine`, `softplus` or `tanh`
+    omega: float  # factor before a sine
+    bounds: tuple[_Floats, _Floats]  # ((3,), (3,)) float64: the box that contains the surface
 
     @staticmethod
     def check_values(values: _Floats) -> None:
@@ -316,3 +293,50 @@ def _network(data: bytes) -> ImplicitNetwork:
             advice="Train it near the origin.",
         )
     return ImplicitNetwork(layers, activation, omega, (np.array(box[:3]), np.array(box[3:])))
+
+
+_CELLS = 192
+"""Most cells along the longest side of the grid from which a first mesh is made."""
+_DEPTH = 1.25
+"""A place is thin if nothing around it is deeper, and it is less deep than this many cells: a tube of four cells
+across always has a value deeper than that, wherever the grid lies."""
+_SHARE = 0.01
+"""Thin places per value just inside the surface from which on they are no noise."""
+
+
+def coarsening(shape: tuple[int, ...]) -> int:
+    """Return how many values apart are those from which a first mesh is made."""
+    return max(1, math.ceil(max(shape) / _CELLS))
+
+
+def thin_warnings(values: _Floats, spacing: _Floats) -> tuple[str, ...]:
+    """Return a sentence about parts of a grid (X, Y, Z) that are too thin for its cells, if there are any.
+
+    Along the middle of a thin wall or tube no neighbour is deeper, and the depth is half of what is there. Where a
+    surface only bends, there is a deeper neighbour.
+    """
+    step = coarsening(values.shape)
+    values, cell = values[::step, ::step, ::step], float(spacing.max()) * step
+    inside = np.argwhere(values < 0)
+    inside = inside[((inside > 0) & (inside < np.array(values.shape) - 1)).all(1)]
+    own = values[tuple(inside.T)]
+    around = [d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)]
+    outer, flat = np.zeros(len(inside), np.bool_), own <= 0.999 * values.min()
+    for d in around:
+        there = values[tuple((inside + d).T)]
+        flat &= there == own
+        if sum(map(abs, d)) == 1:
+            outer |= there >= 0
+    # The constant beyond the band of a level set says nothing about how deep it is there.
+    low = 0.999 * values.min() if flat.any() else -np.inf
+    thin = own > max(low, -_DEPTH * cell)
+    for d in around:
+        rows = np.flatnonzero(thin)
+        thin[rows] = values[tuple((inside[rows] + d).T)] >= own[rows] - 1e-6 * cell
+    if thin.sum() <= _SHARE * outer.sum():
+        return ()
+    across = 2 * float(np.median(-own[thin])) / cell
+    words = f"Parts of the surface are only about {across:.1f} cells thick and may come out torn; four are needed."
+    if step == 1:
+        return (f"{words} Send a finer grid.",)
+    return (f"{words} A cell here is {step} of the grid's, which has more than {_CELLS}. Send a mesh, or points.",)

@@ -24,27 +24,15 @@ _Colour = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class WallShape:
-    """A shape of a wall.
-
-    Attributes
-    ----------
-    positions : (N, 3) float64
-        Around 0, +Y up, all shapes in one unit.
-    triangles : (F, 3) int64
-    parts : (F,) uint8
-        The part of each triangle.
-    points : (K, 3) float64
-        In the frame of the positions; point k of one shape corresponds to point k of any other.
-    confidence : (K,) float32
-        How sure each point is; 0 where the shape lacks it.
-    """
+    """A shape of a wall."""
 
     name: str
-    positions: NDArray[np.float64]
-    triangles: NDArray[np.int64]
-    parts: NDArray[np.uint8]
+    positions: NDArray[np.float64]  # (N, 3) float64: around 0, +Y up, all shapes in one unit
+    triangles: NDArray[np.int64]  # (F, 3) int64
+    parts: NDArray[np.uint8]  # (F,) uint8: the part of each triangle
     points: NDArray[np.float64]
-    confidence: NDArray[np.float32]
+    """(K, 3) float64: in the frame of the positions; point k of one shape corresponds to point k of any other."""
+    confidence: NDArray[np.float32]  # (K,) float32: how sure each point is; 0 where the shape lacks it
 
 
 def wall_glb(shapes: Sequence[WallShape], parts: Sequence[str], colours: Sequence[_Colour], extras: Json) -> bytes:
@@ -55,8 +43,6 @@ def wall_glb(shapes: Sequence[WallShape], parts: Sequence[str], colours: Sequenc
 
     Parameters
     ----------
-    parts : sequence of str
-        Names of the parts.
     colours : sequence of tuple
         Linear RGBA, taken in turn.
     extras : dict

@@ -10,7 +10,7 @@ from meshdeform.cli.environment import load_settings, read_key, service_url
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.options import DataDirOption, JsonOption, Place, option
 from meshdeform.cli.output import emit, plain
-from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
+from meshdeform.serving import DEFAULT_HOST, DEFAULT_PORT
 
 if TYPE_CHECKING:
     from meshdeform.cli.checks import Finding

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from meshdeform.errors import DependencyError, MeshdeformError, ParameterError, install_command
-from meshdeform.serving.defaults import DEFAULT_URL
+from meshdeform.serving import DEFAULT_URL
 
 if TYPE_CHECKING:
     from meshdeform.client import Client

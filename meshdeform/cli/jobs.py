@@ -47,25 +47,6 @@ if TYPE_CHECKING:
     from meshdeform.client import Client
     from meshdeform.requests.document import JobRequest
 
-__all__ = [
-    "Deadline",
-    "branch",
-    "cancel",
-    "delete",
-    "fetch",
-    "follow",
-    "jobs",
-    "left_running",
-    "outcome_failure",
-    "refuse_other_place",
-    "retry",
-    "run_on_service",
-    "save_artifacts",
-    "show_event",
-    "wait",
-    "watch",
-]
-
 _PAGE = 100
 _FOLDER = "Choose another folder with -o."
 _ENDED = {

@@ -238,8 +238,7 @@ def check_animation(path: Path, option: str) -> None:
 def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Settings) -> bytes:
     """Return a picture of a source that becomes its result, or of one turn of a source without one."""
     from meshdeform.assets import Limits
-    from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
-    from meshdeform.rendering.studio import Pose
+    from meshdeform.rendering.studio import FORMATS, Pose, morph_animation, turntable_animation
     from meshdeform.runs.devices import use_threads
     from meshdeform.runs.surfaces import read_result, subdivided
 

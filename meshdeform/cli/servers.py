@@ -18,7 +18,7 @@ from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.options import DataDirOption, JsonOption, Place, flag, option
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import ParameterError
-from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
+from meshdeform.serving import DEFAULT_HOST, DEFAULT_PORT
 
 if TYPE_CHECKING:
     from meshdeform.record.keys import ApiKey, KeyRing

@@ -17,7 +17,7 @@ from meshdeform.cli.request import split_pairs
 from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
-    from meshdeform.sketch.guesses import Guess
+    from meshdeform.sketch.looking import Guess
 
 
 @clean_errors
@@ -40,7 +40,7 @@ def sketch(
     """
     require("torch", "deform")
     from meshdeform.sketch.families import FAMILIES
-    from meshdeform.sketch.guesses import is_unsure
+    from meshdeform.sketch.looking import is_unsure
 
     if parameters:
         _list(as_json=as_json)
@@ -75,7 +75,7 @@ def sketch(
 
 def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list[Guess]:
     """Return the guesses of a drawing, the first one with the changes; without a drawing, a member of the family."""
-    from meshdeform.sketch.guesses import Guess, guess
+    from meshdeform.sketch.looking import Guess, guess
 
     if drawing is None:
         if not family:

@@ -111,7 +111,7 @@ def _made(
 ) -> list[Path]:
     """Run each seed, write its strengths and the sheet, and return the paths."""
     from meshdeform.assets import Limits
-    from meshdeform.rendering.variants import variant_sheet
+    from meshdeform.rendering.studio import variant_sheet
 
     source = read_asset(asset, Limits.from_settings(settings))
     paths, rows = [], []

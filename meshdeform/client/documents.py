@@ -30,34 +30,6 @@ from meshdeform.errors import UnavailableError
 from meshdeform.requests.choices import member_of
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions, ResolvedParams
 
-__all__ = [
-    "ArtifactList",
-    "ArtifactView",
-    "AssetFound",
-    "CheckpointList",
-    "CheckpointView",
-    "EventView",
-    "FoundOrientation",
-    "JobEstimate",
-    "JobList",
-    "JobView",
-    "KindInfo",
-    "Lesson",
-    "Limits",
-    "ModelList",
-    "ModelView",
-    "RetriedJob",
-    "RetriedJobs",
-    "SignedUrl",
-    "SketchGuess",
-    "SketchGuesses",
-    "SketchParameter",
-    "UploadView",
-    "Validation",
-    "Vocabulary",
-    "read",
-]
-
 M = TypeVar("M", bound=BaseModel)
 _OPEN = ConfigDict(frozen=True, extra="allow", protected_namespaces=())
 

@@ -11,8 +11,6 @@ from typing import IO
 from meshdeform.client.documents import ArtifactView
 from meshdeform.errors import StoredFileError, UnavailableError
 
-__all__ = ["AFTERWARDS", "PartialFile", "is_same", "to_disk"]
-
 AFTERWARDS = ("morph.glb", "map.safetensors", "result.stl")
 """The artifacts that the service can make of a job that has succeeded."""
 

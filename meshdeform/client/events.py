@@ -17,8 +17,6 @@ from meshdeform.client.problems import error_of
 from meshdeform.client.requests import Answer, Call, job_path
 from meshdeform.errors import MeshdeformError, UnavailableError
 
-__all__ = ["EventOrder", "EventStream", "Parser", "ServerEvent", "events_call"]
-
 _LONGEST = 16 * 2**20
 
 

@@ -25,21 +25,6 @@ from meshdeform.client.documents import UploadView
 from meshdeform.requests.document import DeformParams, OutputOptions
 from meshdeform.support.files import zipped
 
-__all__ = [
-    "AssetLike",
-    "Files",
-    "LocalFile",
-    "Meshes",
-    "Order",
-    "Output",
-    "Params",
-    "checked_key",
-    "open_source",
-    "packed_meshes",
-    "parts_of",
-    "refer",
-]
-
 AssetLike = str | os.PathLike[str] | bytes | IO[bytes] | UploadView | Mapping[str, str]
 """A path; the bytes; a binary stream, read from its current position; an upload; or a reference such as
 `{"job_id": "job_...", "artifact": "result.glb"}`."""

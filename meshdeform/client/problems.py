@@ -37,8 +37,6 @@ from meshdeform.errors import (
     UnavailableError,
 )
 
-__all__ = ["WaitTimeoutError", "class_of", "error_of", "retry_after_s", "succeeded", "unreachable"]
-
 _PROBLEM_MEMBERS = frozenset({"type", "title", "status", "detail", "code", "advice", "instance", "request_id"})
 _BY_STATUS: dict[int, type[MeshdeformError]] = {
     401: UnauthorizedError,

@@ -15,19 +15,7 @@ import httpx
 from meshdeform._version import __version__
 from meshdeform.api.jobs import JobView
 from meshdeform.errors import UnavailableError
-from meshdeform.serving.defaults import DEFAULT_URL
-
-__all__ = [
-    "Answer",
-    "Call",
-    "Endpoint",
-    "JobLike",
-    "Part",
-    "Piece",
-    "artifact_path",
-    "identity",
-    "job_path",
-]
+from meshdeform.serving import DEFAULT_URL
 
 _CHUNK = 256 * 1024
 
@@ -87,34 +75,19 @@ class Piece:
 
 @dataclass(frozen=True)
 class Call:
-    """One HTTP request.
-
-    Attributes
-    ----------
-    url : str
-        Absolute, or a path of the service.
-    document : JSON value, optional
-        The body; with `parts`, the form's part `request`.
-    parts : tuple of Part
-        The files of a form.
-    piece, content : Piece, bytes, optional
-        The body.
-    signed : bool
-        Whether the URL is signed; then the API key is not sent.
-    read_timeout_s : float, optional
-        Seconds to wait for data of the response.
-    """
+    """One HTTP request."""
 
     method: str
-    url: str
+    url: str  # absolute, or a path of the service
     query: Mapping[str, str | int] = field(default_factory=dict)
     headers: Mapping[str, str] = field(default_factory=dict)
-    document: Any = None
-    parts: tuple[Part, ...] = ()
+    document: Any = None  # the body; with `parts`, the form's part `request`
+    parts: tuple[Part, ...] = ()  # the files of a form
+    # The body
     piece: Piece | None = None
     content: bytes | None = None
-    signed: bool = False
-    read_timeout_s: float | None = None
+    signed: bool = False  # whether the URL is signed; then the API key is not sent
+    read_timeout_s: float | None = None  # seconds to wait for data of the response
 
 
 @dataclass(frozen=True)

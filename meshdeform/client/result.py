@@ -9,8 +9,6 @@ from collections.abc import Callable
 from meshdeform.client.documents import JobView
 from meshdeform.errors import MeshdeformError
 
-__all__ = ["GLB", "PREVIEW", "REPORT", "html_of", "label", "shown"]
-
 GLB, REPORT, PREVIEW = "result.glb", "report.json", "preview.png"
 
 

@@ -14,8 +14,6 @@ from meshdeform.client.problems import WaitTimeoutError, retry_after_s, unreacha
 from meshdeform.client.requests import Answer
 from meshdeform.errors import IdempotencyBusyError, MeshdeformError, UnavailableError
 
-__all__ = ["Patience", "Policy", "left_s", "pace", "unanswered", "worth_a_retry"]
-
 _AGAIN = frozenset({408, 429, 502, 503, 504})
 
 # Errors that a retry cannot fix.
@@ -24,40 +22,26 @@ _NOT_WORTH_A_RETRY = (httpx.UnsupportedProtocol, httpx.LocalProtocolError, httpx
 
 @dataclass(frozen=True)
 class Policy:
-    """The timeouts and retries of a client.
-
-    Attributes
-    ----------
-    timeout_s : float
-        Seconds to wait for data of a response, and for which to retry a request after its first failure.
-    max_retries : int
-        How often to retry a request. 0: never.
-    reconnect_s : float
-        Seconds for which a stream of events, or a wait, tolerates a service that does not answer.
-    silence_s : float
-        Seconds for which a stream of events may be silent. The service sends something every 15 seconds.
-    upload_above : int
-        Files with more bytes are uploaded before their job is posted, in pieces that can be resumed.
-    piece_bytes : int
-        Size of these pieces.
-    busy_s : float
-        Seconds to wait for an earlier request with the same key. After a crash, the service releases the key by then.
-    first_pause_s, longest_pause_s : float
-        First and longest pause between retries. Pauses double in between.
-    chance : callable
-        Returns random numbers in 0..1, so that clients that failed together do not retry together.
-    """
+    """The timeouts and retries of a client."""
 
     timeout_s: float = 60.0
+    """Seconds to wait for data of a response, and for which to retry a request after its first failure."""
     max_retries: int = 4
+    """How often to retry a request. 0: never."""
     reconnect_s: float = 300.0
+    """Seconds for which a stream of events, or a wait, tolerates a service that does not answer."""
     silence_s: float = 45.0
+    """Seconds for which a stream of events may be silent. The service sends something every 15 seconds."""
     busy_s: float = 150.0
+    """Seconds to wait for an earlier request with the same key. After a crash, the service releases the key by then."""
     upload_above: int = 16 * 2**20
-    piece_bytes: int = 8 * 2**20
+    """Files with more bytes are uploaded before their job is posted, in pieces that can be resumed."""
+    piece_bytes: int = 8 * 2**20  # size of these pieces
+    # First and longest pause between retries. Pauses double in between.
     first_pause_s: float = 0.25
     longest_pause_s: float = 8.0
     chance: Callable[[], float] = field(default=random.random, repr=False)
+    """Returns random numbers in 0..1, so that clients that failed together do not retry together."""
 
     @classmethod
     def of(cls, timeout_s: float, max_retries: int) -> Policy:

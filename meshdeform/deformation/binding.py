@@ -34,7 +34,6 @@ from meshdeform.geometry.places import NearestPlaces
 _FACES_PER_ROUND = 8
 """Faces per simplified face for each round of averaging. Fewer leave kinks, more blur the deformation."""
 _ROUNDS = (2, 32)
-
 _Floats = NDArray[np.float64]
 
 
@@ -43,8 +42,6 @@ class Binding:
 
     Parameters
     ----------
-    simple, whole : RestMesh
-        At rest.
     closely : bool
         Average only where the whole mesh is much finer: closer to the deformation, and less smooth.
     """

@@ -28,25 +28,14 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Bridges:
-    """Lines between points of different components.
+    """Lines between points of different components."""
 
-    Attributes
-    ----------
-    faces : (B, 2) int64
-        The faces on which each bridge begins and ends.
-    components : (B, 2) int64
-        Their components.
-    begins, ends : sparse (B, V)
-        Weights of the vertices that give the end points.
-    weights : (B,) float64
-        Larger for shorter bridges.
-    """
-
-    faces: _Index
-    components: _Index
+    faces: _Index  # (B, 2) int64: the faces on which each bridge begins and ends
+    components: _Index  # (B, 2) int64: their components
+    # sparse (B, V): weights of the vertices that give the end points
     begins: sparse.csr_matrix
     ends: sparse.csr_matrix
-    weights: _Floats
+    weights: _Floats  # (B,) float64: larger for shorter bridges
 
     @classmethod
     def of(cls, rest: RestMesh) -> Bridges:

@@ -22,22 +22,13 @@ _FORMAT = "meshdeform-checkpoint-1"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A state from which an optimisation can continue.
+    """A state from which an optimisation can continue."""
 
-    Attributes
-    ----------
-    step : int
-        Number of completed steps.
-    tensors : dict of name to Tensor
-        Jacobians, Adam's moments and the random generator's state.
-    precision : str
-        What the diffusion prior computed in up to this step; several, in order, such as `bfloat16, float32`, if the run
-        was resumed in another one. Empty if there was no prior, and in checkpoints of earlier versions.
-    """
-
-    step: int
-    tensors: dict[str, Tensor]
+    step: int  # number of completed steps
+    tensors: dict[str, Tensor]  # jacobians, Adam's moments and the random generator's state
     precision: str = ""
+    """What the diffusion prior computed in up to this step; several, in order, such as `bfloat16, float32`, if the run
+    was resumed in another one. Empty if there was no prior, and in checkpoints of earlier versions."""
 
 
 def fingerprint(**parts: Any) -> str:

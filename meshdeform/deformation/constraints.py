@@ -37,41 +37,22 @@ _Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Handle:
-    """A point of the surface that goes to a place.
+    """A point of the surface that goes to a place."""
 
-    Attributes
-    ----------
-    corners : tuple of int
-        Vertices around the point.
-    shares : tuple of float
-        Their barycentric coordinates.
-    goal : (3,) float64
-    weight : float
-        1: it is exactly there; less: it goes this share of the way from where it would be otherwise.
-    """
-
-    corners: tuple[int, ...]
-    shares: tuple[float, ...]
-    goal: _Floats
-    weight: float = 1.0
+    corners: tuple[int, ...]  # vertices around the point
+    shares: tuple[float, ...]  # their barycentric coordinates
+    goal: _Floats  # (3,) float64
+    weight: float = 1.0  # 1: it is exactly there; less: it goes this share of the way from where it would be otherwise
 
 
 @dataclass(frozen=True)
 class Constraints:
-    """Constraints on the vertices of one mesh.
-
-    Attributes
-    ----------
-    freedom : (V,) float64, optional
-        Distance along the surface from what is kept, in fall-offs: 0 on kept vertices, 1 at the end of the fall-off and
-        beyond. None if nothing is kept.
-    falloff : float
-        Length of the fall-off in object units.
-    mirror : Mirror, optional
-    """
+    """Constraints on the vertices of one mesh."""
 
     freedom: _Floats | None = None
-    falloff: float = 0.0
+    """(V,) float64: distance along the surface from what is kept, in fall-offs: 0 on kept vertices, 1 at the end of the
+    fall-off and beyond. None if nothing is kept."""
+    falloff: float = 0.0  # length of the fall-off in object units
     mirror: Mirror | None = None
     handles: Sequence[Handle] = ()
 

@@ -63,8 +63,6 @@ _BUILT, _EACH = 0.5, 0.05
 """Share of the area along the axes from which a thing counts as built, and of its upright and its level faces."""
 
 _Floats = NDArray[np.float64]
-
-
 _SPANS = (3, 6)
 
 _SPANS_OF_SURFACES = (3, 6, 12)
@@ -84,18 +82,10 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Structure:
-    """What few controls keep of an asset.
+    """What few controls keep of an asset."""
 
-    Attributes
-    ----------
-    plane : int, optional
-        The axis to which the mirror plane, through the middle of the box, is perpendicular.
-    level : bool
-        Whether what is level stays level, and what is upright upright.
-    """
-
-    plane: int | None = None
-    level: bool = False
+    plane: int | None = None  # the axis to which the mirror plane, through the middle of the box, is perpendicular
+    level: bool = False  # whether what is level stays level, and what is upright upright
 
     def to_tensor(self) -> Tensor:
         """Return the members as int64, for checkpoints."""

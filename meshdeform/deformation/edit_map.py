@@ -22,9 +22,9 @@ from torch import Tensor
 
 from meshdeform.deformation.binding import Binding
 from meshdeform.errors import ParameterError
+from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
-from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.simplify import simplified
 
 _FORMAT = "meshdeform-edit-map"
@@ -49,26 +49,16 @@ class Outside(StrEnum):
 
 @dataclass(frozen=True)
 class EditMap:
-    """The deformation of a surface, for other surfaces.
+    """The deformation of a surface, for other surfaces."""
 
-    Attributes
-    ----------
-    rest : RestMesh
-        In world space.
-    moved : (V, 3) float64
-        Displacements of its vertices.
-    joints : mapping of str to (7,) float64, optional
-        By the name of each joint its place, its displacement, and the growth of the volume around it; None if the rig
-        stayed as it was.
-    error : float
-        The distance from their true places within which 99 % of the surface's own vertices are taken, as a share of the
-        diagonal.
-    """
-
-    rest: RestMesh
-    moved: Tensor
+    rest: RestMesh  # in world space
+    moved: Tensor  # (V, 3) float64: displacements of its vertices
     joints: Mapping[str, _Floats] | None = field(default=None, compare=False)
+    """mapping of str to (7,) float64: by the name of each joint its place, its displacement, and the growth of the
+    volume around it; None if the rig stayed as it was."""
     error: float = 0.0
+    """The distance from their true places within which 99 % of the surface's own vertices are taken, as a share of the
+    diagonal."""
 
     @classmethod
     def between(cls, before: RestMesh, after: Tensor, joints: Mapping[str, _Floats] | None = None) -> EditMap:

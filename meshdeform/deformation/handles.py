@@ -29,7 +29,6 @@ from meshdeform.geometry.mesh import RestMesh, sparse_product
 _UNMOVED = 1e-12
 _ON_PLACE = 1e-6
 _SINGULAR = 1e-9
-
 _Floats = NDArray[np.float64]
 
 

@@ -43,7 +43,6 @@ _LEAST_CELLS = 4
 _PADDING = 4
 _NEIGHBOURS = np.ones((3, 3, 3), bool)
 _CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _Flags = NDArray[np.bool_]
@@ -51,39 +50,18 @@ _Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Lattice:
-    """Cells, nodes and axis edges around a mesh.
+    """Cells, nodes and axis edges around a mesh."""
 
-    Attributes
-    ----------
-    origin : (3,) float64
-        Position of node (0, 0, 0) of the grid.
-    spacing : float
-        Length h of a cell's edges, in object units.
-    shape : (int, int, int)
-        Number of nodes of the whole grid along each axis.
-    cells : (C, 3) int64
-        Grid coordinates of each cell's lowest corner.
-    keys : (N,) int64
-        Flat grid indices of the nodes, ascending.
-    cell_nodes : (C, 8) int64
-        Corners of each cell, in the order of `itertools.product((0, 1), repeat=3)`.
-    edges : (E, 2) int64
-        End points of each axis edge, in the direction of its axis.
-    cell_edges : (C, 3, 4) int64
-        Edges of each cell along each axis, ordered by the two other coordinates.
-    coarse : bool
-        Whether its cells are larger because the samples of the faces would be more than `MAX_SAMPLES`.
-    """
-
-    origin: _Floats
-    spacing: float
-    shape: tuple[int, int, int]
-    cells: _Index
-    keys: _Index
-    cell_nodes: _Index
-    edges: _Index
-    cell_edges: _Index
+    origin: _Floats  # (3,) float64: position of node (0, 0, 0) of the grid
+    spacing: float  # length h of a cell's edges, in object units
+    shape: tuple[int, int, int]  # number of nodes of the whole grid along each axis
+    cells: _Index  # (C, 3) int64: grid coordinates of each cell's lowest corner
+    keys: _Index  # (N,) int64: flat grid indices of the nodes, ascending
+    cell_nodes: _Index  # (C, 8) int64: corners of each cell, in the order of `itertools.product((0, 1), repeat=3)`
+    edges: _Index  # (E, 2) int64: end points of each axis edge, in the direction of its axis
+    cell_edges: _Index  # (C, 3, 4) int64: edges of each cell along each axis, ordered by the two other coordinates
     coarse: bool = False
+    """Whether its cells are larger because the samples of the faces would be more than `MAX_SAMPLES`."""
 
     @classmethod
     def around(cls, mesh: RestMesh, resolution: int = CELLS, plane: int | None = None) -> Lattice:

@@ -8,6 +8,19 @@ cells:
   four edges along each axis: zero where no length changes; b as of `regularizers.py`.
 
 Source: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2, for tetrahedra.
+
+Let details follow the large faces that they lie on.
+
+A face stays flat while the map of space bends, so the chord of a face that is longer than a cell leaves the map: a beam
+would sink into its wall, a window come off its door. With W(p) x the map's place of p for the nodes x, a vertex p near
+a larger face of a component that its own one touches follows that face::
+
+    x(p) = W(p) x + s(d) (sum_i b_i x(v_i) - W(q) x)
+
+with q the nearest place on the face, b its barycentric coordinates, v_i the corners, and s(d) falling from 1 to 0 over
+the distances d = |p - q| from half a cell to a whole one. Only the weights with which vertices follow the nodes change,
+so it costs no step anything. A vertex follows only faces larger than all of its own; the corners of the face may follow
+a larger one themselves.
 """
 
 from __future__ import annotations
@@ -17,26 +30,25 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy import sparse
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians, Structure
 from meshdeform.deformation.handles import Handles
-from meshdeform.deformation.large_faces import pull_of_large_faces
 from meshdeform.deformation.lattice import Lattice, LatticeSystem
 from meshdeform.deformation.regularizers import STRAINED
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
 from meshdeform.deformation.variables import Elements
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, sparse_product
+from meshdeform.geometry.places import LargeFaces, nearest_larger_faces
 
 _LEAST_VOLUME = 1e-6
 """Lower bound of a cell's relative volume in its energy."""
 
 _CORRECTIONS = 3
-
 _CHUNK = 50_000
-
 _Floats = NDArray[np.float64]
 
 
@@ -198,3 +210,47 @@ def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:
     """Return the surface of both meshes."""
     faces = torch.cat([mesh.faces, other.faces + mesh.verts.shape[0]])
     return RestMesh(torch.cat([mesh.verts, other.verts]), faces)
+
+
+_Index = NDArray[np.int64]
+
+_CONTACT, _FULLY = 0.1, 0.5
+"""Distances, in cells, up to which a component touches a face, and up to which its vertices follow that fully."""
+
+
+def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
+    """Return what to add to the weights (V, N) with which the vertices of a mesh follow the nodes of a lattice."""
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    nothing = sparse.csr_matrix((len(verts), len(lattice.keys)))
+    corners = verts[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+    large = np.flatnonzero(longest > lattice.spacing)
+    own = np.zeros(len(verts))
+    np.maximum.at(own, faces.ravel(), np.repeat(mesh.areas, 3))
+    component = mesh.components.numpy()
+    given = LargeFaces(corners[large], mesh.areas[large], component[faces[large, 0]])
+    reaches = (_CONTACT * lattice.spacing, lattice.spacing)
+    nearest, shares, distances = nearest_larger_faces(verts, own, component, given, *reaches)
+    followers = np.flatnonzero(nearest >= 0)
+    if not len(followers):
+        return nothing
+    face, shares = large[nearest[followers]], shares[followers]
+    near = 1 - np.clip((distances[followers] / lattice.spacing - _FULLY) / (1 - _FULLY), 0, 1)
+    strength = (near**2 * (3 - 2 * near))[:, None]
+    followed, column = np.unique(faces[face], return_inverse=True)
+    pull = _rows(len(verts), len(followed), followers, column.reshape(-1, 3), strength * shares)
+    places = np.einsum("pi,pij->pj", shares, corners[face])
+    left = _rows(len(verts), len(followers), followers, np.arange(len(followers))[:, None], strength)
+    step = pull @ lattice.embedding(verts[followed]) - left @ lattice.embedding(places)
+    added = nothing
+    # The corners of a face may follow a larger one, which is how often this goes on.
+    while step.nnz:
+        added, step = added + step, pull @ step[followed]
+        step.eliminate_zeros()
+    return added.tocsr()
+
+
+def _rows(count: int, columns: int, rows: _Index, entries: _Index, values: _Floats) -> sparse.csr_matrix:
+    """Return a sparse matrix with a few entries (R, K) in some of its rows (R,)."""
+    repeated = np.repeat(rows, entries.shape[1])
+    return sparse.csr_matrix((values.ravel(), (repeated, entries.ravel())), shape=(count, columns))

@@ -34,7 +34,6 @@ from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.controls import Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.orientation import Front, Grader, Orientation, OrientationSource, find_orientation
-from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.regularizers import Pulls, Regularizers
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Safeguard, Settings
@@ -44,6 +43,7 @@ from meshdeform.deformation.variables import Adam, Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.places import NearestPlaces
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
 from meshdeform.rendering.shading import OrthogonalGrid, Renderer, RenderStyle, Shading
@@ -57,18 +57,10 @@ _SOFT = 2 / 3
 
 @dataclass(frozen=True)
 class Step:
-    """Result of one optimisation step.
+    """Result of one optimisation step."""
 
-    Attributes
-    ----------
-    step : int
-        Number of completed steps, from 1.
-    losses : dict
-        The weighted terms, their sum `total`, and the values that the guidance logs.
-    """
-
-    step: int
-    losses: dict[str, float]
+    step: int  # number of completed steps, from 1
+    losses: dict[str, float]  # the weighted terms, their sum `total`, and the values that the guidance logs
 
 
 class Deformation:
@@ -96,7 +88,7 @@ class Deformation:
     constraints : Constraints
         Where the vertices of the mesh may go. A large mesh with handles has no stand-in.
     shares : sequence of (F,) float64
-        For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`regional.py`).
+        For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`RegionalGradients`).
     front : Front, optional
         Who finds the front for `params.guidance.orientation` = `auto`: by default the guidance itself.
     pose : (V, 3, 4) float64, optional
@@ -439,3 +431,51 @@ def _stored_structure(state: Mapping[str, Tensor]) -> Structure | None:
     """Return what the few controls of a checkpoint keep; None if every element has its own Jacobian."""
     stored = state.get(_STRUCTURE)
     return None if stored is None else Structure.from_tensor(stored)
+
+
+_Floats = NDArray[np.float64]
+
+
+class RegionalGradients:
+    """Gradients of several losses, of which each reaches a part of the surface.
+
+    Parameters
+    ----------
+    shares : sequence of (F,) float64
+        One for each loss: the share of its gradient that each face of the mesh gets.
+    mesh : RestMesh
+        The whole mesh, at rest.
+    variables : Variables
+        Of this mesh or of its stand-in.
+    """
+
+    def __init__(self, shares: Sequence[_Floats], mesh: RestMesh, variables: Variables) -> None:
+        self._variables = variables
+        nearest = _nearest_faces(mesh, variables)
+        chosen = shares if nearest is None else [of_face[nearest] for of_face in shares]
+        self._shares = [torch.from_numpy(np.ascontiguousarray(of_row))[:, None, None] for of_row in chosen]
+
+    def of(self, losses: Sequence[Tensor]) -> Tensor:
+        """Return the sum of the gradients on the Jacobians (E, 3, 3); the graph of the losses is kept."""
+        jacobians = self._variables.jacobians()
+        total = torch.zeros_like(jacobians)
+        for loss, share in zip(losses, self._shares, strict=True):
+            total += share * torch.autograd.grad(loss, jacobians, retain_graph=True)[0]
+        return total
+
+    def add(self, gradient: Tensor) -> None:
+        """Give the variables a gradient on the Jacobians, beside others; the graph is kept."""
+        self._variables.jacobians().backward(gradient, retain_graph=True)  # type: ignore[no-untyped-call]
+
+
+def _nearest_faces(mesh: RestMesh, variables: Variables) -> NDArray[np.int64] | None:
+    """Return the face of the mesh that is nearest to each row of the variables; None if they are its faces."""
+    if isinstance(variables, LatticeField):
+        lattice = variables.lattice
+        middles = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
+        return NearestPlaces(mesh, middles, np.zeros_like(middles)).faces
+    drawn = variables.rest
+    if drawn.faces.shape == mesh.faces.shape:
+        return None
+    middles = drawn.verts[drawn.faces].mean(1).numpy()
+    return NearestPlaces(mesh, middles, drawn.normals.numpy()).faces

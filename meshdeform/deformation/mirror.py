@@ -31,24 +31,12 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Partners:
-    """The mirrored partner of each vertex.
+    """The mirrored partner of each vertex."""
 
-    Attributes
-    ----------
-    axis : int
-        The axis to which the plane is perpendicular; it passes through the middle of the bounding box.
-    partner : (V,) int64
-        The nearest vertex to each vertex's mirror image.
-    deviation : float
-        Greatest distance of a vertex's mirror image from its partner, as a share of the diagonal.
-    unmatched : int
-        Vertices without a partner of their own within `TOLERANCE`.
-    """
-
-    axis: int
-    partner: _Index
-    deviation: float
-    unmatched: int
+    axis: int  # the axis to which the plane is perpendicular; it passes through the middle of the bounding box
+    partner: _Index  # (V,) int64: the nearest vertex to each vertex's mirror image
+    deviation: float  # greatest distance of a vertex's mirror image from its partner, as a share of the diagonal
+    unmatched: int  # vertices without a partner of their own within `TOLERANCE`
 
 
 def find_partners(mesh: RestMesh, axis: int) -> Partners:
@@ -66,18 +54,10 @@ def find_partners(mesh: RestMesh, axis: int) -> Partners:
 
 @dataclass(frozen=True)
 class Mirror:
-    """A mirror plane of one mesh.
+    """A mirror plane of one mesh."""
 
-    Attributes
-    ----------
-    axis : int
-        The axis to which it is perpendicular.
-    across : sparse (V, V)
-        Takes values of the vertices to their mirror images.
-    """
-
-    axis: int
-    across: sparse.csr_matrix
+    axis: int  # the axis to which it is perpendicular
+    across: sparse.csr_matrix  # sparse (V, V): takes values of the vertices to their mirror images
 
     @classmethod
     def of_partners(cls, found: Partners) -> Mirror:

@@ -47,7 +47,6 @@ _MIN_MARGIN = 0.03
 _MIN_ERRORS = 3.0
 """What the best turn must gain over none: relative to the grade, and in standard errors of the paired difference."""
 
-
 Draw = Callable[[float, torch.Generator], tuple[Tensor, Cameras]]
 
 
@@ -84,48 +83,28 @@ class Grader(Protocol):
 
 @dataclass(frozen=True)
 class Front:
-    """What is known of a source before its front is searched.
-
-    Attributes
-    ----------
-    grader : Grader, optional
-        A guidance towards what the source is; None if that is not known, so that nobody is asked for the front.
-    built : bool
-        Whether it is known to be something that people build.
-    grown : bool
-        Whether it is to become something that nobody builds, such as an animal or a plant.
-    crooked : bool
-        Whether it is to be twisted, leaning or bent.
-    """
+    """What is known of a source before its front is searched."""
 
     grader: Grader | None
-    built: bool = False
-    grown: bool = False
-    crooked: bool = False
+    """A guidance towards what the source is; None if that is not known, so that nobody is asked for the front."""
+    built: bool = False  # whether it is known to be something that people build
+    grown: bool = False  # whether it is to become something that nobody builds, such as an animal or a plant
+    crooked: bool = False  # whether it is to be twisted, leaning or bent
 
 
 @dataclass(frozen=True)
 class Orientation:
-    """The turn of the cameras, and how it was chosen.
-
-    Attributes
-    ----------
-    turn_deg : float
-        Azimuth of the source that the guidance sees as the front, in -180 (exclusive) .. 180.
-    source : OrientationSource
-        `undecided`: no turn is clearly better than the first. `unrecognised`: nobody knows what the source is.
-        `unconditioned`: the grades do not depend on the azimuth.
-    margin : float
-        Relative gain of the best turn that the search found over none; 0 without a search.
-    grades : tuple of float
-        The grades of the first pass, of turns spaced evenly from 0; empty without such a search. Turns that only its
-        first draw graded have that grade, changed by what the other draws changed on average.
-    """
+    """The turn of the cameras, and how it was chosen."""
 
     turn_deg: float = 0.0
+    """Azimuth of the source that the guidance sees as the front, in -180 (exclusive) .. 180."""
     source: OrientationSource = OrientationSource.KEPT
-    margin: float = 0.0
+    """`undecided`: no turn is clearly better than the first. `unrecognised`: nobody knows what the source is.
+    `unconditioned`: the grades do not depend on the azimuth."""
+    margin: float = 0.0  # relative gain of the best turn that the search found over none; 0 without a search
     grades: tuple[float, ...] = ()
+    """The grades of the first pass, of turns spaced evenly from 0; empty without such a search. Turns that only its
+    first draw graded have that grade, changed by what the other draws changed on average."""
 
     def to_tensor(self) -> Tensor:
         """Return the members as float64, for checkpoints."""

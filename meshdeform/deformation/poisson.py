@@ -56,15 +56,12 @@ from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_normals, sparse_product
 
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
 
 _SMALLEST_PIVOT = 1e-13
 """Smallest pivot relative to its diagonal entry; below this, cancellation has consumed all digits."""
 
-
 _SHAPES = (COLLAPSED_SHAPE, 30 * COLLAPSED_SHAPE, 1000 * COLLAPSED_SHAPE)
-
 _SPRING = 1e-6
 
 _SHORTEST = 1e-3
@@ -73,21 +70,11 @@ _SHORTEST = 1e-3
 
 @dataclass(frozen=True)
 class Factor:
-    """Factorisation P A P^T = (I + L) D (I + L)^T of the free rows of a matrix.
+    """Factorisation P A P^T = (I + L) D (I + L)^T of the free rows of a matrix."""
 
-    Attributes
-    ----------
-    n_rows : int
-        Number of rows of the whole matrix, including the grounded ones.
-    free : (n,) int64
-        Row of the whole matrix for each row of the factor.
-    indptr, indices, data
-        L in compressed columns, without its unit diagonal.
-    inverse_pivots : (n,) float64
-    """
-
-    n_rows: int
-    free: _Index
+    n_rows: int  # number of rows of the whole matrix, including the grounded ones
+    free: _Index  # row of the whole matrix for each row of the factor
+    # L in compressed columns, without its unit diagonal
     indptr: _Index
     indices: _Index
     data: _Floats

@@ -68,17 +68,10 @@ _TINY_SQUARE = 1e-280
 """As in `geometry.mesh`: squared lengths below this count as zero."""
 
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
-
-
 REFERENCE_FACES = 5000
-
 _MASS_FLOOR = 0.1
-
 _DISTANCE_FLOOR = 0.1
-
-
 TERMS = ("guidance", "jacobian", "laplacian", "normal", "dirichlet")
 
 _EVERY_STEPS, _FIRST = 20, 10
@@ -93,7 +86,6 @@ def penalty(compute: Callable[[_Floats, _Floats | None], float], argument: Tenso
     compute : callable
         Takes the argument's values and, if it needs a gradient, an array of zeros of the same shape to which it adds
         the gradient; returns the value.
-    argument : Tensor, float64
     """
     result: Tensor = _Penalty.apply(compute, argument)  # type: ignore[no-untyped-call]
     return result

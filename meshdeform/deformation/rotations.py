@@ -26,7 +26,6 @@ _UNCERTAIN = 10.0
 
 _SHORTEST = 1e-3
 _FULL_TURN = 2 * math.pi
-
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 _Index = NDArray[np.int64]

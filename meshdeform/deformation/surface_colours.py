@@ -25,7 +25,6 @@ _DETAIL = 1 / 200
 _SIDES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Sides of tiles, in texels."""
 _MOST_TEXELS = 300_000
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 

@@ -51,22 +51,16 @@ from meshdeform.geometry.places import count_samples, samples_of
 from meshdeform.geometry.quality import FaceNeighbours
 
 _BLEND_RINGS = (2, 3)
-
 _HOLD_RINGS = (1, 2, 3, 4, 6, 8, 12, 16, 32)
 
 _FLATNESS = 1e-6
 """Added to the inertia of a region's points, relative to its trace."""
 
 _SHARES = (0.5, 0.25, 0.1, 0.0)
-
 _SHORTENINGS = 16
-
 _Flags = NDArray[np.bool_]
-
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
-
 
 EVERY_STEPS = 5
 """Steps between two checks. A check costs a quarter of a step to a whole one, and folds take a few steps to grow."""

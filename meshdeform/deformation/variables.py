@@ -39,34 +39,22 @@ from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
 _Floats = NDArray[np.float64]
-
 _Flags = NDArray[np.bool_]
-
-
 _EPSILON = 1e-8
 
 
 @dataclass(frozen=True)
 class Elements:
-    """The elements whose steps can be reverted: faces of the surface, or cells of a lattice.
+    """The elements whose steps can be reverted: faces of the surface, or cells of a lattice."""
 
-    Attributes
-    ----------
-    corners : (E, K) int64
-        Control points of each element.
-    component : (E,) int64
-        Connected component of each element, from 0; their steps can be shortened independently.
-    holding : callable, optional
-        Returns flags (E,) of the elements that hold a part of flagged faces (F,), or of a face beside one; None if the
-        elements are the faces.
-    rigid : (F,) bool, optional
-        Faces of rigid bodies, which do not give way to what surrounds them; None if there are none.
-    """
-
-    corners: NDArray[np.int64]
+    corners: NDArray[np.int64]  # (E, K) int64: control points of each element
     component: NDArray[np.int64]
+    """(E,) int64: connected component of each element, from 0; their steps can be shortened independently."""
     holding: Callable[[_Flags], _Flags] | None = None
+    """Returns flags (E,) of the elements that hold a part of flagged faces (F,), or of a face beside one; None if the
+    elements are the faces."""
     rigid: _Flags | None = None
+    """(F,) bool: faces of rigid bodies, which do not give way to what surrounds them; None if there are none."""
 
     def __len__(self) -> int:
         return len(self.component)

@@ -16,7 +16,6 @@ from meshdeform.families.members import Contact, MemberPart, MemberShape, Placed
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-
 _NODE_WEIGHT, _CONTACT_WEIGHT = 0.5, 50.0
 _FAR, _LEAST_FAR = 2.5, 0.04
 """Points farther from their places than so many times the median, and than so many diagonals, are no match."""
@@ -33,31 +32,20 @@ _KEPT = 8
 
 @dataclass
 class PlacedPart:
-    """A part of a member on its way to its place; all in the frame.
+    """A part of a member on its way to its place; all in the frame."""
 
-    Attributes
-    ----------
-    number, member : int
-        The part, and the member that it is from.
-    scale, shift : (3,) float64
-        The rough fit, before the embedded deformation.
-    embedding : Embedding, optional
-        None where nothing may move.
-    distance : float
-        Root mean square distance of the part's points from where they should be, after the rough fit, in diagonals.
-    gap : float
-        The widest gap to a neighbour that remains, in diagonals, beyond what the member itself has.
-    """
-
+    # The part, and the member that it is from
     number: int
     member: int
     shape: MemberShape
+    # (3,) float64: the rough fit, before the embedded deformation
     scale: _Floats
     shift: _Floats
-    embedding: Embedding | None
+    embedding: Embedding | None  # none where nothing may move
     pulls: list[Pull] = field(default_factory=list)
     distance: float = 0.0
-    gap: float = 0.0
+    """Root mean square distance of the part's points from where they should be, after the rough fit, in diagonals."""
+    gap: float = 0.0  # the widest gap to a neighbour that remains, in diagonals, beyond what the member itself has
 
     @property
     def part(self) -> MemberPart:
@@ -81,19 +69,11 @@ class PlacedPart:
 
 @dataclass(frozen=True)
 class Assembly:
-    """A shape made of parts.
-
-    Attributes
-    ----------
-    pieces : list of Piece
-        For `assets.assemble`.
-    loose : list of int
-        Parts that touch no other part, because no member says where they would.
-    """
+    """A shape made of parts."""
 
     parts: list[PlacedPart]
-    pieces: list[Piece]
-    loose: list[int]
+    pieces: list[Piece]  # for `assets.assemble`
+    loose: list[int]  # parts that touch no other part, because no member says where they would
 
 
 def part_presence(family: FamilyFile) -> _Floats:

@@ -46,8 +46,6 @@ def boundary_defects(positions: _Floats, triangles: _Index, parts: NDArray[np.ui
     positions : (N, 3) float64
     triangles : (F, 3) int64
     parts : (F,) uint8
-    count : int
-        Number of parts L.
     """
     areas = _areas(positions, triangles)
     faces, ends = _neighbours(welded(positions, triangles))

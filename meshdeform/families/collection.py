@@ -28,60 +28,31 @@ _COMPARED, _PROBES = 192, 16
 
 @dataclass(frozen=True)
 class SampledShape:
-    """The samples of one surface.
-
-    Attributes
-    ----------
-    points : (P, 3) float64
-        With the middle of the bounding box at 0 and its diagonal as unit, +Y up.
-    normals : (P, 3) float64
-    triangles : (P,) int64
-        The triangle of each sample.
-    weights : (P, 3) float64
-        Its barycentric coordinates.
-    centre : (3,) float64
-    diagonal : float
-        Of the bounding box in the file's units.
-    features : (P, FEATURES) float32
-        What the surface is like around each sample, whichever way the shape faces.
-    neighbours : (P, 8) int64
-        The nearest samples.
-    """
+    """The samples of one surface."""
 
     points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    triangles: NDArray[np.int64]
-    weights: NDArray[np.float64]
-    centre: NDArray[np.float64]
-    diagonal: float
+    """(P, 3) float64: with the middle of the bounding box at 0 and its diagonal as unit, +Y up."""
+    normals: NDArray[np.float64]  # (P, 3) float64
+    triangles: NDArray[np.int64]  # (P,) int64: the triangle of each sample
+    weights: NDArray[np.float64]  # (P, 3) float64: its barycentric coordinates
+    centre: NDArray[np.float64]  # (3,) float64
+    diagonal: float  # of the bounding box in the file's units
     features: Tensor
-    neighbours: Tensor
+    """(P, FEATURES) float32: what the surface is like around each sample, whichever way the shape faces."""
+    neighbours: Tensor  # (P, 8) int64: the nearest samples
 
 
 @dataclass(frozen=True)
 class Collection:
-    """The samples of T shapes, each with P samples.
+    """The samples of T shapes, each with P samples."""
 
-    Attributes
-    ----------
-    points, normals : (T, P, 3) float32
-        In the frame of `SampledShape`, after the turn.
-    features : (T, P, FEATURES) float32
-        Of zero mean and unit variance over the collection.
-    neighbours : (T, P, 8) int64
-        The nearest samples of the same shape.
-    turns : (T,) float32
-        The turn of each shape around +Y in radians.
-    boxes : (T, 3) float32
-        Size of each shape's bounding box.
-    """
-
+    # (T, P, 3) float32: in the frame of `SampledShape`, after the turn
     points: Tensor
     normals: Tensor
-    features: Tensor
-    neighbours: Tensor
-    turns: Tensor
-    boxes: Tensor
+    features: Tensor  # (T, P, FEATURES) float32: of zero mean and unit variance over the collection
+    neighbours: Tensor  # (T, P, 8) int64: the nearest samples of the same shape
+    turns: Tensor  # (T,) float32: the turn of each shape around +Y in radians
+    boxes: Tensor  # (T, 3) float32: size of each shape's bounding box
 
     @classmethod
     def of(

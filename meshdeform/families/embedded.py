@@ -38,20 +38,11 @@ def axis_fit(source: _Floats, target: _Floats) -> tuple[_Floats, _Floats]:
 
 @dataclass(frozen=True)
 class Pull:
-    """Rows of surface points and where they are pulled.
+    """Rows of surface points and where they are pulled."""
 
-    Attributes
-    ----------
-    points : (P, 3) float64
-        Before the deformation.
-    targets : (P, 3) float64
-    components : (P,) int64
-        The piece of surface of each.
-    """
-
-    points: _Floats
-    targets: _Floats
-    components: _Index
+    points: _Floats  # (P, 3) float64: before the deformation
+    targets: _Floats  # (P, 3) float64
+    components: _Index  # (P,) int64: the piece of surface of each
     weight: float
 
 

@@ -32,29 +32,19 @@ _POSITIVE = ("a0", "b0", "a", "b", "c", "d")
 
 @dataclass
 class Learning:
-    """The state of the learning.
-
-    Attributes
-    ----------
-    points : (T, K, 3) float32 in (0, 1)
-    exists : (T, K) float32
-    edges : (K, K) float32
-        Neighbouring points, whose weights are drawn together.
-    velocity, best : dict of name to Tensor
-        Momentum of the weights, and the best weights so far.
-    reach : dict of name to Tensor
-        Factors of the rate for the exponents, whose statistics vary by about one over the sum of the exponents: a
-        diagonal natural gradient. Without it they would need a thousand times as many epochs as the other weights.
-    """
+    """The state of the learning."""
 
     machine: BetaMachine
-    points: Tensor
-    exists: Tensor
-    edges: Tensor
+    points: Tensor  # (T, K, 3) float32 in (0, 1)
+    exists: Tensor  # (T, K) float32
+    edges: Tensor  # (K, K) float32: neighbouring points, whose weights are drawn together
     random: torch.Generator
+    # Momentum of the weights, and the best weights so far
     velocity: dict[str, Tensor]
     best: dict[str, Tensor]
     reach: dict[str, Tensor]
+    """Factors of the rate for the exponents, whose statistics vary by about one over the sum of the exponents: a
+    diagonal natural gradient. Without it they would need a thousand times as many epochs as the other weights."""
     rate: float = _RATE
     error: float = float("inf")
     best_error: float = float("inf")

@@ -33,21 +33,11 @@ _QUANTILES = 100
 
 @dataclass(frozen=True)
 class Correspondences:
-    """Where the template points lie on each shape.
+    """Where the template points lie on each shape."""
 
-    Attributes
-    ----------
-    samples : (T, K) int64
-        The sample nearest to each deformed point.
-    confidence : (T, K) float32
-        0 to 1: how near the surface is, and how many samples correspond to the point.
-    exists : (T, K) float32
-        0 or 1.
-    """
-
-    samples: Tensor
-    confidence: Tensor
-    exists: Tensor
+    samples: Tensor  # (T, K) int64: the sample nearest to each deformed point
+    confidence: Tensor  # (T, K) float32: 0 to 1: how near the surface is, and how many samples correspond to the point
+    exists: Tensor  # (T, K) float32: 0 or 1
 
 
 def correspondences(inference: Inference) -> Correspondences:

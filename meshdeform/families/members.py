@@ -38,24 +38,12 @@ def turned(vectors: _Floats, angle: float) -> _Floats:
 
 @dataclass(frozen=True)
 class Contact:
-    """One place where a part touches another one.
+    """One place where a part touches another one."""
 
-    Attributes
-    ----------
-    points : (P, 3) float64
-        On the part, in the frame.
-    patches : (P,) int64
-        The patch of the part of each.
-    offsets : (P, 3) float64
-        From the nearest place on the other part to the point.
-    normals : (P, 3) float64
-        Of the other part there.
-    """
-
-    points: _Floats
-    patches: _Index
-    offsets: _Floats
-    normals: _Floats
+    points: _Floats  # (P, 3) float64: on the part, in the frame
+    patches: _Index  # (P,) int64: the patch of the part of each
+    offsets: _Floats  # (P, 3) float64: from the nearest place on the other part to the point
+    normals: _Floats  # (P, 3) float64: of the other part there
 
 
 class PlacedSurface:
@@ -77,26 +65,13 @@ class PlacedSurface:
 
 @dataclass(frozen=True)
 class MemberPart:
-    """One part of a member.
+    """One part of a member."""
 
-    Attributes
-    ----------
-    triangles : (F,) bool
-        Which triangles of the member it has.
-    rows : (V,) int64
-        The vertices that it uses.
-    verts : (V, 3) float64
-        In the frame.
-    faces : (G, 3) int64
-    patches : (V,) int64
-        Connected patch of each vertex.
-    """
-
-    triangles: NDArray[np.bool_]
-    rows: _Index
-    verts: _Floats
-    faces: _Index
-    patches: _Index
+    triangles: NDArray[np.bool_]  # (F,) bool: which triangles of the member it has
+    rows: _Index  # (V,) int64: the vertices that it uses
+    verts: _Floats  # (V, 3) float64: in the frame
+    faces: _Index  # (G, 3) int64
+    patches: _Index  # (V,) int64: connected patch of each vertex
     area: float
 
     def patch_of(self, points: _Floats) -> _Index:

@@ -30,18 +30,10 @@ class State:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A shape by its points.
+    """A shape by its points."""
 
-    Attributes
-    ----------
-    points : (K, 3) float32
-        In the machine's interval.
-    exists : (K,) float32
-        0 or 1.
-    """
-
-    points: Tensor
-    exists: Tensor
+    points: Tensor  # (K, 3) float32: in the machine's interval
+    exists: Tensor  # (K,) float32: 0 or 1
 
 
 @dataclass(frozen=True)
@@ -51,18 +43,12 @@ class Unexplained:
     Members of one kind differ mostly in this, and the expectation alone gives nearly the same member of a kind again
     and again. Normal coefficients of all members, in place of what one of them has, make no copies of it; and since
     each part has coefficients of its own, proportions come together that no member has.
-
-    Attributes
-    ----------
-    factors : (T, V) float32
-        What is unexplained in each member, over the root of how many members have the point: their products are the
-        covariance of each coordinate with the others.
-    labels : (K,) int64
-        The part of each point.
     """
 
     factors: Tensor
-    labels: Tensor
+    """(T, V) float32: what is unexplained in each member, over the root of how many members have the point: their
+    products are the covariance of each coordinate with the others."""
+    labels: Tensor  # (K,) int64: the part of each point
 
     @classmethod
     def of(cls, machine: BetaMachine, points: Tensor, exists: Tensor, labels: Tensor) -> Unexplained:

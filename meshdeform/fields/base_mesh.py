@@ -4,7 +4,7 @@ fast-simplification collapses edges by their quadric error. It does not test the
 twice in its result, between different pairs of faces. Such an edge is split at its middle, which leaves the surface
 as it is and makes the vertices of every edge unique.
 
-Where slivers keep edges from being collapsed, the mesh is relaxed first (`relaxing.py`).
+Where slivers keep edges from being collapsed, the mesh is relaxed first (`cleaning.relaxed`).
 
 Source: Garland and Heckbert 1997; Dey et al. 1999, Topology Preserving Edge Contraction (the link condition).
 """
@@ -16,9 +16,8 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError
-from meshdeform.fields.cleaning import CleanMesh
+from meshdeform.fields.cleaning import CleanMesh, relaxed
 from meshdeform.fields.gluing import fans, glue, topology
-from meshdeform.fields.relaxing import relaxed
 from meshdeform.fields.surface_sources import MeshSurface
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.simplify import simplified

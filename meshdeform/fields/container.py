@@ -22,8 +22,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.fields.network import FieldNetwork
-from meshdeform.fields.rounding import steps_of, whole
+from meshdeform.fields.network import FieldNetwork, steps_of, whole
 from meshdeform.fields.scalar_fields import ScalarField
 
 _Floats = NDArray[np.float64]
@@ -33,20 +32,11 @@ BITS = 10
 
 @dataclass(frozen=True)
 class EncodedBase:
-    """A base as its file holds it.
+    """A base as its file holds it."""
 
-    Attributes
-    ----------
-    verts : (V, 3) float64
-        Quantised, in the frame, in the order of the file.
-    faces : (F, 3) int64
-        In the order of the file.
-    codes, steps : bytes
-        The walk and the differences.
-    """
-
-    verts: _Floats
-    faces: _Index
+    verts: _Floats  # (V, 3) float64: quantised, in the frame, in the order of the file
+    faces: _Index  # (F, 3) int64: in the order of the file
+    # The walk and the differences
     codes: bytes
     steps: bytes
 
@@ -137,7 +127,7 @@ def write_field(
     provenance : dict, optional
         JSON to store as `made`.
     rounding : sequence of int, optional
-        The steps to which the field was rounded while it was fitted (`rounding.py`).
+        The steps to which the field was rounded while it was fitted (`network.rounded`).
     scalars : sequence of ScalarField, optional
         With features in the same order.
     """

@@ -10,7 +10,7 @@ With anchors, also the mean |f(p_a) - s_a|^2 of places p_a of the base that belo
 The last term is the other direction: samples s of the surface with normals n_s, and the place p_s of the base whose
 image is nearest, found again every 100 steps. Without it f could leave out parts of the surface.
 
-In the last part of a fit the tensors are rounded as the file will hold them (`rounding.py`).
+In the last part of a fit the tensors are rounded as the file will hold them (`network.rounded`).
 
 Source: Noma et al. 2026, section 4; weights and schedule are measured (docs/surface_fit.md).
 """
@@ -30,9 +30,8 @@ from torch.nn import functional
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.variables import Adam
 from meshdeform.errors import CheckpointError, NumericalError
-from meshdeform.fields.network import FieldNetwork, octaves_of
+from meshdeform.fields.network import START, FieldNetwork, octaves_of, rounded, steps_of
 from meshdeform.fields.patches import in_corners, level_of, patch
-from meshdeform.fields.rounding import START, rounded, steps_of
 from meshdeform.fields.surface_sources import Surface
 from meshdeform.geometry.mesh import face_normals
 from meshdeform.geometry.places import SurfaceTree, even_samples
@@ -72,28 +71,19 @@ class FieldFrame:
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How to fit.
-
-    Attributes
-    ----------
-    features, octaves, width, depth : int
-        Of the network.
-    batch_faces : int
-        Base faces per step.
-    rounding : bool
-        False if the field is not written to a file.
-    """
+    """How to fit."""
 
     steps: int
     seed: int = 0
+    # Of the network
     features: int = 8
     octaves: int = 6
     width: int = 32
     depth: int = 2
-    batch_faces: int = 96
+    batch_faces: int = 96  # base faces per step
     learning_rate: float = 0.01
     normal_weight: float = 1e-4
-    rounding: bool = True
+    rounding: bool = True  # false if the field is not written to a file
 
 
 @dataclass(frozen=True)
@@ -112,8 +102,6 @@ class FieldFit:
     verts : (V, 3) float64
         The base's vertices in the frame, as the file will hold them.
     faces : (F, 3) int64
-    checkpoint : Checkpoint, optional
-        Where to resume.
     initial : dict of str to Tensor, optional
         Tensors of a checkpoint of the same base and network; the fit starts with its field at step 0.
     anchors : ((A, 3), (A, 3)) float64, optional

@@ -20,19 +20,12 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Topology:
-    """What a glued surface is like.
-
-    Attributes
-    ----------
-    border_edges : int
-        Edges with one face.
-    characteristics : tuple of int
-        Euler characteristic V - E + F of each component, ascending. A closed one has (2 - it) / 2 handles.
-    """
+    """What a glued surface is like."""
 
     components: int
-    border_edges: int
+    border_edges: int  # edges with one face
     characteristics: tuple[int, ...]
+    """Euler characteristic V - E + F of each component, ascending. A closed one has (2 - it) / 2 handles."""
 
     def like(self, other: Topology) -> bool:
         """Return whether both have the same parts, with the same handles, and both or neither have borders."""

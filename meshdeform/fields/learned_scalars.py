@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from meshdeform.assets.scalar_files import SampledScalars
 from meshdeform.errors import AssetError
 from meshdeform.fields.container import packed_bytes
+from meshdeform.fields.network import steps_of
 from meshdeform.fields.patches import in_corners, level_of
 from meshdeform.fields.reader import NeuralField
-from meshdeform.fields.rounding import steps_of
 from meshdeform.fields.scalar_fields import STEPS, ScalarField, learn_scalars
 from meshdeform.geometry.places import SurfaceTree
 

@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.fields.cleaning import CleanMesh
 from meshdeform.fields.gluing import glue, glued_verts, topology
-from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
-from meshdeform.fields.intrinsic_operators import HeatGeodesics, spectrum
+from meshdeform.fields.intrinsic import HeatGeodesics, IntrinsicMesh, delaunay, spectrum
 from meshdeform.fields.patches import divided
 from meshdeform.fields.surface_sources import MeshSurface, Surface
 from meshdeform.geometry.mesh import TriangleMesh
@@ -25,7 +24,6 @@ from meshdeform.geometry.simplify import simplified
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-
 EIGENVALUES = 20
 _SAMPLES = 20_000
 _SOURCES = 4

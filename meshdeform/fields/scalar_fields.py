@@ -20,7 +20,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.deformation.variables import Adam
-from meshdeform.fields.rounding import IN_SPREAD, START, rounded, steps_of
+from meshdeform.fields.network import IN_SPREAD, START, rounded, steps_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -45,7 +45,7 @@ class ScalarField:
     labels : sequence of int, optional
         For pieces, the number of each: its output is a logit.
     rounding : list of int, optional
-        The steps of which all tensors are multiples (`rounding.py`).
+        The steps of which all tensors are multiples (`network.rounded`).
     """
 
     def __init__(

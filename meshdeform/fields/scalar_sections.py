@@ -16,22 +16,14 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SurfaceScalars:
-    """Scalars, or pieces, at every place of a field's base: offset + scale MLP(features there).
-
-    Attributes
-    ----------
-    labels : list of int
-        The numbers of the pieces, one for each output; empty for scalars.
-    offset, scale : (C,) float64
-    features : (V, d) float32
-    layers : list of (weight (out, in), bias (out,)) float32
-    """
+    """Scalars, or pieces, at every place of a field's base: offset + scale MLP(features there)."""
 
     name: str
-    labels: list[int]
+    labels: list[int]  # the numbers of the pieces, one for each output; empty for scalars
+    # (C,) float64
     offset: _Floats
     scale: _Floats
-    features: NDArray[np.float32]
+    features: NDArray[np.float32]  # (V, d) float32
     layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
     def values(self, corners: _Index, weights: _Floats) -> _Floats:

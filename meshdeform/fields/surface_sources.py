@@ -15,14 +15,11 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints
-from meshdeform.assets.thin_parts import coarsening
+from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, coarsening
 from meshdeform.errors import AssetError
-from meshdeform.fields.cleaning import CleanMesh, clean
-from meshdeform.fields.isosurface import isosurface
-from meshdeform.fields.narrow_band import continued
+from meshdeform.fields.cleaning import CleanMesh, clean, relaxed
+from meshdeform.fields.isosurface import continued, isosurface
 from meshdeform.fields.oriented_points import poisson_grid
-from meshdeform.fields.relaxing import relaxed
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.places import SurfaceTree
 from meshdeform.requests.surface_fit import MAX_BASE_FACES
@@ -44,15 +41,9 @@ _CHUNK = 65_536
 
 
 class Surface(Protocol):
-    """A surface in the source's own coordinates.
+    """A surface in the source's own coordinates."""
 
-    Attributes
-    ----------
-    kind : str
-        `mesh`, `points`, `grid` or `network`.
-    """
-
-    kind: str
+    kind: str  # `mesh`, `points`, `grid` or `network`
     reference: CleanMesh
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:

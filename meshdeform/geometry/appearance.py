@@ -17,49 +17,24 @@ _SAME = 0.03
 
 @dataclass(frozen=True)
 class Texture:
-    """A decoded base colour texture.
+    """A decoded base colour texture."""
 
-    Attributes
-    ----------
-    pixels : (H, W, 4) uint8
-        sRGB and alpha; the first row is the upper one, at v = 0.
-    wrap : tuple of 2 str
-        `repeat`, `clamp` or `mirror`, for u and v.
-    nearest : bool
-        Whether magnified texels stay squares.
-    reduced : bool
-        Whether distant faces may show reduced copies of the picture.
-    """
-
-    pixels: NDArray[np.uint8]
-    wrap: tuple[str, str] = ("repeat", "repeat")
-    nearest: bool = False
-    reduced: bool = True
+    pixels: NDArray[np.uint8]  # (H, W, 4) uint8: sRGB and alpha; the first row is the upper one, at v = 0
+    wrap: tuple[str, str] = ("repeat", "repeat")  # `repeat`, `clamp` or `mirror`, for u and v
+    nearest: bool = False  # whether magnified texels stay squares
+    reduced: bool = True  # whether distant faces may show reduced copies of the picture
 
 
 @dataclass(frozen=True)
 class Paint:
-    """Look of the triangles of one material.
+    """Look of the triangles of one material."""
 
-    Attributes
-    ----------
-    factor : tuple of 4 floats
-        Linear RGBA, multiplied by the texture and the vertex colours.
-    texture : Texture, optional
-    alpha_mode : str
-        `OPAQUE`, `MASK` or `BLEND`.
-    double_sided : bool
-        Whether the back of a triangle is visible.
-    unlit : bool
-        Whether colours are shown without lighting.
-    """
-
-    factor: tuple[float, ...] = CLAY
+    factor: tuple[float, ...] = CLAY  # linear RGBA, multiplied by the texture and the vertex colours
     texture: Texture | None = None
-    alpha_mode: str = "OPAQUE"
+    alpha_mode: str = "OPAQUE"  # `OPAQUE`, `MASK` or `BLEND`
     alpha_cutoff: float = 0.5
-    double_sided: bool = True
-    unlit: bool = False
+    double_sided: bool = True  # whether the back of a triangle is visible
+    unlit: bool = False  # whether colours are shown without lighting
 
 
 @dataclass(frozen=True)
@@ -68,28 +43,15 @@ class Appearance:
 
     Vertices are split where a shared vertex has different attributes in two primitives, so they have numbers of their
     own: vertex m of a picture is vertex ``rows[m]`` of the surface.
-
-    Attributes
-    ----------
-    rows : (M,) int64
-    triangles : (T, 3) int64
-        In the order of `Surface.triangles`, with the numbers of `rows`.
-    texcoords : (M, 2) float32
-        After the texture transform; v downwards.
-    colors : (M, 4) float32
-        Linear vertex colours; 1 if the file has none.
-    paint_of_triangle : (T,) int64
-    left_out : dict of str to int
-        What could not be read, with counts.
     """
 
-    rows: NDArray[np.int64]
-    triangles: NDArray[np.int64]
-    texcoords: NDArray[np.float32]
-    colors: NDArray[np.float32]
-    paint_of_triangle: NDArray[np.int64]
+    rows: NDArray[np.int64]  # (M,) int64
+    triangles: NDArray[np.int64]  # (T, 3) int64: in the order of `Surface.triangles`, with the numbers of `rows`
+    texcoords: NDArray[np.float32]  # (M, 2) float32: after the texture transform; v downwards
+    colors: NDArray[np.float32]  # (M, 4) float32: linear vertex colours; 1 if the file has none
+    paint_of_triangle: NDArray[np.int64]  # (T,) int64
     paints: tuple[Paint, ...]
-    left_out: dict[str, int] = field(default_factory=dict)
+    left_out: dict[str, int] = field(default_factory=dict)  # what could not be read, with counts
 
     def of_triangles(self, chosen: NDArray[np.bool_]) -> Appearance:
         """Return the look of some of the triangles (T,), with the vertices that they use."""
@@ -114,18 +76,6 @@ class Appearance:
         factors = np.array([_single_colour(paint) or (0.0, 0.0, 0.0) for paint in self.paints])
         colours = (self.colors[self.triangles][..., :3] * factors[self.paint_of_triangle][:, None]) ** (1 / 2.2)
         return bool(np.ptp(colours.reshape(-1, 3), axis=0).max() > _SAME or np.ptp(colours, axis=2).max() > _SAME)
-
-
-def plain_appearance(vertices: int, triangles: NDArray[np.int64]) -> Appearance:
-    """Return the look of neutral clay for a surface of `vertices` vertices and (T, 3) triangles."""
-    return Appearance(
-        np.arange(vertices),
-        triangles,
-        np.zeros((vertices, 2), np.float32),
-        np.ones((vertices, 4), np.float32),
-        np.zeros(len(triangles), np.int64),
-        (Paint(),),
-    )
 
 
 def _single_colour(paint: Paint) -> tuple[float, ...] | None:

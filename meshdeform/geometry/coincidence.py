@@ -8,8 +8,6 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-__all__ = ["WELD_TOLERANCE", "coincident", "connected_triangles"]
-
 WELD_TOLERANCE = 1e-6
 """Distance, as a share of the bounding box diagonal, up to which vertices of an asset are at the same place."""
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["COLLAPSED_SHAPE"]
-
 COLLAPSED_SHAPE = 1e-5
 """A face is collapsed if its area is at most this times its longest edge squared (an equilateral one has 0.433).
 

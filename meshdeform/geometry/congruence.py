@@ -3,6 +3,9 @@
 Components of equally many vertices and faces whose sorted distances from their centres agree are compared in full: the
 one is turned onto the other vertex by vertex, as copies of one mesh have the same order, or else along the principal
 axes. A component is of revolution if turning it about a principal axis leaves every point close to the surface.
+
+`closest_motion` finds the rigid motion or similarity that takes points closest to others (Umeyama 1991, Least-Squares
+Estimation of Transformation Parameters Between Two Point Patterns).
 """
 
 from __future__ import annotations
@@ -15,7 +18,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.procrustes import closest_motion
 
 _CONGRUENT = 1e-3
 """Greatest distance between corresponding points of congruent components, as a share of their radius."""
@@ -27,28 +29,17 @@ _ANGLES = np.pi * np.array([0.13, 0.31, 0.5, 0.77])
 _SAMPLES, _TURNED = 6_000, 100
 _FEW_FACES = 12
 _SIGNS = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=3)]
-
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Component:
-    """A connected component.
+    """A connected component."""
 
-    Attributes
-    ----------
-    number : int
-        Its label in `RestMesh.components`.
-    points : (n, 3) float64
-        Its vertices, in the order of the mesh.
-    faces : (f, 3) int64
-        Its faces, as indices into `points`.
-    """
-
-    number: int
-    points: _Floats
-    faces: _Index
+    number: int  # its label in `RestMesh.components`
+    points: _Floats  # its vertices, in the order of the mesh
+    faces: _Index  # its faces, as indices into `points`
 
     @property
     def radius(self) -> float:
@@ -152,3 +143,37 @@ def _samples(corners: _Floats, areas: _Floats) -> _Floats:
     root, share = np.sqrt(random.random(_SAMPLES)), random.random(_SAMPLES)
     weights = np.stack([1 - root, root * (1 - share), root * share], 1)
     return np.asarray((weights[:, :, None] * corners[chosen]).sum(1))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The map ``scale * rotation @ x + shift``."""
+
+    rotation: _Floats  # (3, 3) float64: orthogonal; a reflection only if those were allowed
+    scale: float
+    shift: _Floats  # (3,) float64
+    max_distance: float  # greatest distance between a point that it maps and that point's goal
+
+
+def closest_motion(before: _Floats, after: _Floats, *, scaled: bool = False, mirrored: bool = False) -> Motion:
+    """Return the motion that takes `before` (N, 3) closest to `after` (N, 3) in the sense of least squares.
+
+    Parameters
+    ----------
+    before, after : (N, 3) float64
+    scaled : bool
+        Whether it may scale.
+    mirrored : bool
+        Whether it may reflect.
+    """
+    start, goal = before.mean(0), after.mean(0)
+    arms, reached = before - start, after - goal
+    u, sizes, vh = np.linalg.svd(reached.T @ arms)
+    signs = np.ones(3)
+    if not mirrored:
+        signs[2] = np.sign(np.linalg.det(u @ vh))
+    rotation = (u * signs) @ vh
+    spread = float((arms**2).sum())
+    scale = float((sizes * signs).sum()) / spread if scaled and spread > 0 else 1.0
+    distances = np.linalg.norm(scale * arms @ rotation.T - reached, axis=1)
+    return Motion(rotation, scale, goal - scale * rotation @ start, float(distances.max(initial=0.0)))

@@ -34,9 +34,7 @@ _BORDER = 1e-9
 """Barycentric coordinate below zero that counts as on the border."""
 
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
-
 
 _STRIPS = 32
 """Strips of the second axis in a sweep; a face is in all that its box meets."""

@@ -30,8 +30,6 @@ from meshdeform.geometry.kernels import kernel
 
 # Squared lengths below this count as zero: no mesh has such edges, and 1 / sqrt is still finite here.
 _TINY_SQUARE = 1e-280
-
-
 _Floats = NDArray[np.float64]
 
 
@@ -39,19 +37,14 @@ _Floats = NDArray[np.float64]
 class TriangleMesh:
     """Vertices and triangles.
 
-    Attributes
-    ----------
-    verts : (V, 3) float64 Tensor on the CPU
-    faces : (F, 3) int64 Tensor on the CPU, counter-clockwise from outside
-
     Raises
     ------
     ShapeError
         A shape or dtype is wrong, or a face refers to a vertex that does not exist.
     """
 
-    verts: Tensor
-    faces: Tensor
+    verts: Tensor  # (V, 3) float64, on the CPU
+    faces: Tensor  # (F, 3) int64, on the CPU, counter-clockwise from outside
 
     def __post_init__(self) -> None:
         if self.verts.ndim != 2 or self.verts.shape[1] != 3 or self.verts.dtype != torch.float64:
@@ -64,28 +57,17 @@ class TriangleMesh:
 
 @dataclass(frozen=True)
 class MeshEdges:
-    """Unique edges with the first two faces of each.
+    """Unique edges with the first two faces of each."""
 
-    Attributes
-    ----------
-    edges : (E, 2) int64
-        End points, smaller index first.
-    faces : (E, 2) int64
-        First and second face at the edge; -1 if there is no second one (open borders). Further faces of a
-        non-manifold edge are not listed.
-    opposite : (E, 2) int64
-        Third vertex of each of these faces, or -1.
-    counts : (E,) int64
-        Number of faces at the edge: 1 at borders, more than 2 where the mesh is not manifold.
-    consistent : (E,) bool
-        Whether the two faces traverse the edge in opposite directions, as consistently oriented neighbours do.
-    """
-
-    edges: Tensor
+    edges: Tensor  # (E, 2) int64: end points, smaller index first
     faces: Tensor
-    opposite: Tensor
-    counts: Tensor
+    """(E, 2) int64: first and second face at the edge; -1 if there is no second one (open borders). Further faces of a
+    non-manifold edge are not listed."""
+    opposite: Tensor  # (E, 2) int64: third vertex of each of these faces, or -1
+    counts: Tensor  # (E,) int64: number of faces at the edge: 1 at borders, more than 2 where the mesh is not manifold
     consistent: Tensor
+    """(E,) bool: whether the two faces traverse the edge in opposite directions, as consistently oriented neighbours
+    do."""
 
 
 def face_cross(verts: Tensor, faces: Tensor) -> Tensor:
@@ -233,16 +215,11 @@ class _SparseProduct(torch.autograd.Function):
 
 @dataclass(frozen=True)
 class RestMesh(TriangleMesh):
-    """A triangle mesh that does not move, with operators that are computed on first access.
-
-    Attributes
-    ----------
-    collapsed_shape : float
-        Faces whose area over their longest edge squared is at most this count as collapsed. The Poisson system raises
-        it if the matrix cannot be factored otherwise; use the system's `rest` to agree with it.
-    """
+    """A triangle mesh that does not move, with operators that are computed on first access."""
 
     collapsed_shape: float = COLLAPSED_SHAPE
+    """Faces whose area over their longest edge squared is at most this count as collapsed. The Poisson system raises it
+    if the matrix cannot be factored otherwise; use the system's `rest` to agree with it."""
 
     @classmethod
     def of(cls, mesh: TriangleMesh) -> RestMesh:

@@ -24,15 +24,12 @@ _BLOCK = 1_000_000
 """Points of a block, but for a face that has more by itself."""
 
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
-
 
 _OPPOSITE = 2.0
 """Distance, in typical edges, that counts as much as opposite normals: the other side of a thin wall is not near."""
 
 _CHUNK = 100_000
-
 _MOST_MOVES = 50
 
 _MOST_AROUND = 1_000

@@ -49,9 +49,7 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh, area_vectors
 from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples
 
 _Floats = NDArray[np.float64]
-
 _Faces = NDArray[np.int64]
-
 _COLLAPSED_SHARE = 1e-6
 
 _UNMOVED = 1e-7
@@ -68,11 +66,8 @@ _RESIZED = 1.5
 """Factor by which lengths in a face may differ from the overall scale before the face counts as reshaped. Furniture and
 vehicles of one kind differ by about as much; twice is seen at once, also in a texture."""
 
-
 _SAMPLES = 20_000
-
 _MATCHED = 0.006
-
 _SYMMETRIC_SHARE = 0.8
 
 _AS_GOOD = 0.02
@@ -84,64 +79,41 @@ _FLAT_SHARE = 0.005
 """Share of the area from which a flat piece counts."""
 
 _FLAT_RMS = 0.002
-
 _CONTACT = 0.01
-
 _PARTNERS = 8
 
 _CORNERS = 100_000
 """Vertices at which contacts are sought beside the random places; twice as many are still all taken."""
 
-
 _FIT_SAMPLES = 20_000
-
 _NEAR = 0.01
-
 _SPACING = 0.01
 
 
 @dataclass(frozen=True)
 class MeshQuality:
-    """Quality of a deformed mesh.
+    """Quality of a deformed mesh."""
 
-    Attributes
-    ----------
-    flipped_faces : int
-        Faces that now point against their edge neighbours (a fold) and clearly did not at rest.
-    collapsed_faces : int
-        Faces that lost their area: below a millionth of what the uniform scale would give, or reduced to a line.
-    min_angle_p1_deg_before, min_angle_p1_deg_after : float
-        The first percentile of the faces' smallest angles, in degrees.
-    symmetric_dirichlet_mean, symmetric_dirichlet_p99 : float
-        Area-weighted mean and 99th percentile; a similarity has 1.
-    self_intersecting_faces_before, self_intersecting_faces_after : int, optional
-    self_intersections_added : int, optional
-        Faces that cut a face which they neither cut nor touched at rest. Faces that touch without cutting cut each
-        other, by rounding, as soon as they are turned. All three are None if there are too many pairs to search.
-    volume_ratio : float
-        Signed volume after over before; 0 if the rest mesh encloses none.
-    area_ratio : float
-        Total area after over before.
-    area_ratio_spread : float
-        Standard deviation of the logarithm of the faces' area ratios.
-    kept_share : float
-        Share of the area at rest that kept its shape: of faces in which no length changed by more than a factor of 1.5
-        beyond one scale for all, the geometric mean by area.
-    """
-
-    flipped_faces: int
+    flipped_faces: int  # faces that now point against their edge neighbours (a fold) and clearly did not at rest
     collapsed_faces: int
+    """Faces that lost their area: below a millionth of what the uniform scale would give, or reduced to a line."""
+    # The first percentile of the faces' smallest angles, in degrees
     min_angle_p1_deg_before: float
     min_angle_p1_deg_after: float
+    # Area-weighted mean and 99th percentile; a similarity has 1
     symmetric_dirichlet_mean: float
     symmetric_dirichlet_p99: float
     self_intersecting_faces_before: int | None
     self_intersecting_faces_after: int | None
     self_intersections_added: int | None
-    volume_ratio: float
-    area_ratio: float
-    area_ratio_spread: float
+    """Faces that cut a face which they neither cut nor touched at rest. Faces that touch without cutting cut each
+    other, by rounding, as soon as they are turned. All three are None if there are too many pairs to search."""
+    volume_ratio: float  # signed volume after over before; 0 if the rest mesh encloses none
+    area_ratio: float  # total area after over before
+    area_ratio_spread: float  # standard deviation of the logarithm of the faces' area ratios
     kept_share: float
+    """Share of the area at rest that kept its shape: of faces in which no length changed by more than a factor of 1.5
+    beyond one scale for all, the geometric mean by area."""
 
     def to_dict(self) -> dict[str, float | None]:
         """Return the figures by name."""
@@ -368,25 +340,14 @@ _FLAT = 1e-9
 
 @dataclass(frozen=True)
 class TextureStretch:
-    """Stretch of a result's texture; percentiles and shares are of the result's measured area.
+    """Stretch of a result's texture; percentiles and shares are of the result's measured area."""
 
-    Attributes
-    ----------
-    p50, p95 : float
-        Percentiles of the stretch.
-    above_2 : float
-        Share with a stretch above 2.
-    scale : float
-        s: how much longer the measured surface became on average.
-    measured : float
-        Share of the source's area that has a texture and was measured.
-    """
-
+    # Percentiles of the stretch
     p50: float
     p95: float
-    above_2: float
-    scale: float
-    measured: float
+    above_2: float  # share with a stretch above 2
+    scale: float  # s: how much longer the measured surface became on average
+    measured: float  # share of the source's area that has a texture and was measured
 
     def to_dict(self) -> dict[str, float]:
         """Return the values by name, rounded."""
@@ -458,21 +419,11 @@ def _areas(points: _Floats) -> _Floats:
 
 @dataclass(frozen=True)
 class Structure:
-    """What became of mirror symmetry, flat pieces and contacts.
+    """What became of mirror symmetry, flat pieces and contacts."""
 
-    Attributes
-    ----------
-    asymmetry : float or None
-        Added; None if the source is not symmetric.
-    flatness : float or None
-        Lost; None if the source has no flat piece.
-    contacts : float or None
-        Growth of the mean gap; None if no components touch.
-    """
-
-    asymmetry: float | None
-    flatness: float | None
-    contacts: float | None
+    asymmetry: float | None  # added; None if the source is not symmetric
+    flatness: float | None  # lost; None if the source has no flat piece
+    contacts: float | None  # growth of the mean gap; None if no components touch
     components: int
 
     def to_dict(self) -> dict[str, float | int | None]:
@@ -585,17 +536,10 @@ def _contacts(places: _Places, components: NDArray[np.int64], before: _Floats, a
 
 @dataclass(frozen=True)
 class FitQuality:
-    """Distances between a mesh and its target, as shares of the diagonal of the target's bounding box.
+    """Distances between a mesh and its target, as shares of the diagonal of the target's bounding box."""
 
-    Attributes
-    ----------
-    within : float
-        Share of the target's surface that is within 1 % of the mesh.
-    to_target, from_target : float
-        Mean distance from the mesh to the target, and from the target to the mesh.
-    """
-
-    within: float
+    within: float  # share of the target's surface that is within 1 % of the mesh
+    # Mean distance from the mesh to the target, and from the target to the mesh
     to_target: float
     from_target: float
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 _NEIGHBOURS = 4
-
 _Floats = NDArray[np.float64]
 
 

@@ -20,25 +20,14 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
 @dataclass(frozen=True)
 class WeldedMesh:
-    """The rest mesh and its relation to the source.
+    """The rest mesh and its relation to the source."""
 
-    Attributes
-    ----------
-    mesh : RestMesh
-        The faces, and the welded vertices that they use.
-    vertex_map : (N,) int64
-        Welded vertex of each source vertex; -1 for unused source vertices.
-    face_source : (F,) int64
-        Source triangle of each face.
-    skipped : dict
-        Counts of what the solve leaves out or treats specially: `unreferenced_vertices`,
-        `degenerate_faces` (two corners are welded together), `zero_area_faces`, `non_manifold_edges`, `border_edges`.
-    """
-
-    mesh: RestMesh
-    vertex_map: NDArray[np.int64]
-    face_source: NDArray[np.int64]
+    mesh: RestMesh  # the faces, and the welded vertices that they use
+    vertex_map: NDArray[np.int64]  # (N,) int64: welded vertex of each source vertex; -1 for unused source vertices
+    face_source: NDArray[np.int64]  # (F,) int64: source triangle of each face
     skipped: dict[str, int]
+    """Counts of what the solve leaves out or treats specially: `unreferenced_vertices`, `degenerate_faces` (two corners
+    are welded together), `zero_area_faces`, `non_manifold_edges`, `border_edges`."""
 
     def scatter(self, verts: Tensor, source_positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Move every source vertex by the displacement of its welded vertex; unused vertices do not move.

@@ -25,8 +25,7 @@ from scipy.spatial import cKDTree
 from meshdeform.errors import AlignmentError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import even_samples
-from meshdeform.guidance.landmarks import Landmark
-from meshdeform.guidance.points import LIMITS, diagonal_of
+from meshdeform.guidance.points import LIMITS, Landmark, diagonal_of
 
 LEAST_OVERLAP = 0.2
 """Share of either surface that must be near the other one."""
@@ -40,26 +39,16 @@ _KEPT = 0.8
 _NORMALS = 0.1
 """Distance, as a share of the diagonal, that counts as much as normals a unit apart."""
 _GAIN = 0.03
-
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """A map from the target's frame into that of the source, ``matrix @ (x, y, z, 1)``.
+    """A map from the target's frame into that of the source, ``matrix @ (x, y, z, 1)``."""
 
-    Attributes
-    ----------
-    matrix : (4, 4) float64
-    turn_deg : float, optional
-        Turn about +Y, if it was searched.
-    overlap : float
-        Least of the shares of the two surfaces that are within 10 % of the target's diagonal of the other.
-    """
-
-    matrix: _Floats
-    turn_deg: float | None
-    overlap: float
+    matrix: _Floats  # (4, 4) float64
+    turn_deg: float | None  # turn about +Y, if it was searched
+    overlap: float  # least of the shares of the two surfaces that are within 10 % of the target's diagonal of the other
 
     def place(self, points: _Floats) -> _Floats:
         """Return points (P, 3) of the target in the frame of the source."""

@@ -21,25 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StepContext:
-    """Information about a step that a guidance gets besides the image.
+    """Information about a step that a guidance gets besides the image."""
 
-    Attributes
-    ----------
-    step : int
-        Number of steps before this one.
-    total_steps : int
-        Number of steps of the whole run; the same in a resumed run.
-    cameras : Cameras
-        The four cameras of the image, or one for each picture.
-    generator : torch.Generator on the CPU
-        The job's only source of randomness. Draw on the CPU and move the result, so that a seed gives the same numbers
-        on every device.
-    """
-
-    step: int
-    total_steps: int
-    cameras: Cameras
+    step: int  # number of steps before this one
+    total_steps: int  # number of steps of the whole run; the same in a resumed run
+    cameras: Cameras  # the four cameras of the image, or one for each picture
     generator: torch.Generator
+    """The job's only source of randomness. Draw on the CPU and move the result, so that a seed gives the same numbers
+    on every device."""
 
     @property
     def fraction(self) -> float:

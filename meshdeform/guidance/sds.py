@@ -52,19 +52,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class WeightedPrompt:
-    """One of several prompts.
-
-    Attributes
-    ----------
-    weight : float
-        Factor of its gradient.
-    group : int
-        Prompts of one group share a loss. Groups count from 0, in the order of their first prompts.
-    """
+    """One of several prompts."""
 
     text: str
-    weight: float = 1.0
+    weight: float = 1.0  # factor of its gradient
     group: int = 0
+    """Prompts of one group share a loss. Groups count from 0, in the order of their first prompts."""
 
 
 class Texts:

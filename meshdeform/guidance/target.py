@@ -24,8 +24,7 @@ from torch import Tensor
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.landmarks import Landmark, LandmarkTerm
-from meshdeform.guidance.points import EVERY_STEPS, PointTerm, diagonal_of
+from meshdeform.guidance.points import EVERY_STEPS, Landmark, LandmarkTerm, PointTerm, diagonal_of
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
 TARGET_STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
@@ -41,8 +40,6 @@ class TargetGuidance:
     ----------
     mesh : TriangleMesh
         The target, in the frame of the deformed mesh.
-    device : str or torch.device
-        Where the views are rendered.
     identity : dict of str to str, optional
         Identity of the target in the report; by default a hash of its vertices and faces.
     point_weight : float

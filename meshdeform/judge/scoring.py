@@ -39,20 +39,12 @@ from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 
 _NOUN_NUMBER = {noun: number for number, noun in enumerate(NOUNS)}
-
 _ATTRIBUTE_NUMBER = {attribute: number for number, attribute in enumerate(ATTRIBUTES)}
-
-
 VIEW_SIZE = 64
-
 NUM_VIEWS = 8
-
 _STYLE = RenderStyle(view_size=VIEW_SIZE, supersample=2, shading="lambert", background=(0.0, 0.0, 0.0))
-
 _FOV_DEG = (20.0, 28.0)
-
 _FROM_BELOW_DEG = (-25.0, -8.0)
-
 _FROM_ABOVE_DEG = (36.0, 58.0)
 
 

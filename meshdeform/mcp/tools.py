@@ -41,7 +41,6 @@ Params = Annotated[
 ]
 JobId = Annotated[str, Field(description="The id that deform or fit_to_mesh returned.")]
 Name = Annotated[str, Field(description="result.glb, report.json, preview.png or morph.glb.")]
-
 _UPLOAD = re.compile(r"upl_[0-9a-z]{26}")
 _JOB_FILE = re.compile(r"(job_[0-9a-z]{26})/([\w.-]+)")
 _LONGEST_WAIT_S = 600.0

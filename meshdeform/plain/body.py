@@ -62,25 +62,13 @@ class Joint:
 
 @dataclass(frozen=True)
 class Body:
-    """A welded surface as viewers show it.
+    """A welded surface as viewers show it."""
 
-    Attributes
-    ----------
-    points : (V, 3) float64
-        +Y up.
-    faces : (F, 3) int64
-    names : mapping of str to (V,) bool
-        The vertices of each node and material that has a name.
-    joints : sequence of Joint
-    weights : sparse (V, J) float64
-        How much each vertex follows each joint.
-    """
-
-    points: Floats
-    faces: Index
-    names: Mapping[str, Flags]
+    points: Floats  # (V, 3) float64: +Y up
+    faces: Index  # (F, 3) int64
+    names: Mapping[str, Flags]  # mapping of str to (V,) bool: the vertices of each node and material that has a name
     joints: Sequence[Joint]
-    weights: sparse.csr_matrix
+    weights: sparse.csr_matrix  # sparse (V, J) float64: how much each vertex follows each joint
 
     def moved(self, points: Floats) -> Body:
         """Return the body with its vertices at other places."""

@@ -33,25 +33,13 @@ _TURNING = frozenset({"bent", "twisted"})
 
 @dataclass(frozen=True)
 class Done:
-    """A change that was carried out.
-
-    Attributes
-    ----------
-    found_by : str
-        How its part was found: `joints`, `names`, `components` or `geometry`; empty for the whole.
-    factor : float
-        The factor of the map, halved where faces would have flipped.
-    got : float
-        How much of what it measures grew.
-    flips : int
-        Faces that it flipped all the same.
-    """
+    """A change that was carried out."""
 
     change: Change
-    found_by: str
-    factor: float
-    got: float
-    flips: int
+    found_by: str  # how its part was found: `joints`, `names`, `components` or `geometry`; empty for the whole
+    factor: float  # the factor of the map, halved where faces would have flipped
+    got: float  # how much of what it measures grew
+    flips: int  # faces that it flipped all the same
 
     @property
     def warnings(self) -> list[str]:

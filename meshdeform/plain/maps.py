@@ -27,23 +27,12 @@ _Line = Callable[[Floats], Floats]
 
 @dataclass(frozen=True)
 class Moved:
-    """What a change makes of a body.
+    """What a change makes of a body."""
 
-    Attributes
-    ----------
-    points : (V, 3) float64
-    weight : (V,) float64
-        How much each vertex belongs to the part.
-    length : callable
-        Measures what was to grow, on any places (V, 3) of the vertices.
-    found_by : str
-        How the part was found; empty for the whole.
-    """
-
-    points: Floats
-    weight: Floats
-    length: Callable[[Floats], float]
-    found_by: str = ""
+    points: Floats  # (V, 3) float64
+    weight: Floats  # (V,) float64: how much each vertex belongs to the part
+    length: Callable[[Floats], float]  # measures what was to grow, on any places (V, 3) of the vertices
+    found_by: str = ""  # how the part was found; empty for the whole
 
 
 def move(parts: Parts, change: Change, factor: float) -> Moved:

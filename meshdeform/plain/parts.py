@@ -43,66 +43,33 @@ class PartMissingError(Exception):
 
 @dataclass(frozen=True)
 class Limb:
-    """Any part that was found by a name or as components.
+    """Any part that was found by a name or as components."""
 
-    Attributes
-    ----------
-    weight : (V,) float64
-        How much each vertex belongs to it.
-    pivot : (3,) float64
-        Where it is attached; its middle if it hangs on nothing.
-    found_by : str
-        `joints`, `names`, `components` or `geometry`.
-    """
-
-    weight: Floats
-    pivot: Floats
-    found_by: str
+    weight: Floats  # (V,) float64: how much each vertex belongs to it
+    pivot: Floats  # (3,) float64: where it is attached; its middle if it hangs on nothing
+    found_by: str  # `joints`, `names`, `components` or `geometry`
 
 
 @dataclass(frozen=True)
 class Legs:
-    """What stands on the ground.
+    """What stands on the ground."""
 
-    Attributes
-    ----------
-    hip : float
-        Height at which they end.
-    foot : float
-        Height up to which feet keep their shape.
-    weight : (V,) float64
-    limb : (V,) int64
-        The number of the leg nearest to each vertex.
-    """
-
-    hip: float
-    foot: float
-    weight: Floats
-    limb: Index
+    hip: float  # height at which they end
+    foot: float  # height up to which feet keep their shape
+    weight: Floats  # (V,) float64
+    limb: Index  # (V,) int64: the number of the leg nearest to each vertex
     count: int
     found_by: str
 
 
 @dataclass(frozen=True)
 class Head:
-    """A head on its neck.
+    """A head on its neck."""
 
-    Attributes
-    ----------
-    weight : (V,) float64
-    pivot : (3,) float64
-        Where it sits.
-    up : (3,) float64
-        Unit vector of the neck, from the body.
-    neck : (V,) float64
-        0 in the body to 1 in the head.
-    neck_length : float
-    """
-
-    weight: Floats
-    pivot: Floats
-    up: Floats
-    neck: Floats
+    weight: Floats  # (V,) float64
+    pivot: Floats  # (3,) float64: where it sits
+    up: Floats  # (3,) float64: unit vector of the neck, from the body
+    neck: Floats  # (V,) float64: 0 in the body to 1 in the head
     neck_length: float
     found_by: str
 

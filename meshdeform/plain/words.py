@@ -167,40 +167,22 @@ _AMOUNTS = re.compile(
 
 @dataclass(frozen=True)
 class Change:
-    """One change that a sentence asks for.
+    """One change that a sentence asks for."""
 
-    Attributes
-    ----------
-    operation : str
-        `tall`, `long`, `wide`, `fat`, `big`, or one of `SHAPES`.
-    part : str
-        A part in the singular, or `WHOLE`.
-    factor : float
-        How many times as tall, long, ... it is to be; of `SHAPES` the strength.
-    """
-
-    operation: str
-    part: str
+    operation: str  # `tall`, `long`, `wide`, `fat`, `big`, or one of `SHAPES`
+    part: str  # a part in the singular, or `WHOLE`
     factor: float
+    """How many times as tall, long, ... it is to be; of `SHAPES` the strength."""
 
 
 @dataclass(frozen=True)
 class Sentence:
-    """What a sentence says.
+    """What a sentence says."""
 
-    Attributes
-    ----------
-    changes : tuple of Change
-        At least one.
-    noun : str, optional
-        What the sentence says the asset is.
-    compared : bool
-        Whether it compares, counts or commands ("longer", "twice as", "widen"), as no description of a thing does.
-    """
-
-    changes: tuple[Change, ...]
-    noun: str | None
+    changes: tuple[Change, ...]  # at least one
+    noun: str | None  # what the sentence says the asset is
     compared: bool
+    """Whether it compares, counts or commands ("longer", "twice as", "widen"), as no description of a thing does."""
 
     @property
     def known(self) -> bool:

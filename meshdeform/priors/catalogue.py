@@ -35,62 +35,30 @@ _CARD = 10_000
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """Vocabulary of a model, if it is limited.
+    """Vocabulary of a model, if it is limited."""
 
-    Attributes
-    ----------
-    nouns : tuple of str
-        The things that the model can make; a prompt names one.
-    attributes : tuple of str
-        Attributes of things and of their parts: `tall`, `long neck`.
-    parts : dict of str to tuple of str
-        By noun, the parts that attributes may name.
-    max_attributes : int
-        Maximum number of attributes in one prompt.
-    examples : tuple of str
-        Prompts that the model accepts.
-    groups : dict of str to tuple of str
-        The nouns by kind: animals, vehicles, furniture ...
-    """
-
-    nouns: tuple[str, ...]
-    attributes: tuple[str, ...]
-    parts: dict[str, tuple[str, ...]]
-    max_attributes: int
-    examples: tuple[str, ...]
-    groups: dict[str, tuple[str, ...]]
+    nouns: tuple[str, ...]  # the things that the model can make; a prompt names one
+    attributes: tuple[str, ...]  # attributes of things and of their parts: `tall`, `long neck`
+    parts: dict[str, tuple[str, ...]]  # by noun, the parts that attributes may name
+    max_attributes: int  # maximum number of attributes in one prompt
+    examples: tuple[str, ...]  # prompts that the model accepts
+    groups: dict[str, tuple[str, ...]]  # the nouns by kind: animals, vehicles, furniture
 
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """A model that jobs may name.
+    """A model that jobs may name."""
 
-    Attributes
-    ----------
-    id : str
-        Value of `params.guidance.model`.
-    title, description : str
-        Human-readable texts.
-    available : bool or None
-        Whether the model can be loaded on this machine. None if jobs run elsewhere, so this is unknown.
-    problem : str or None
-        Why the model is not available, and what to do.
-    vocabulary : Vocabulary or None
-        None if the model takes any prompt.
-    licence : str
-        What its model card says, or an empty text.
-    lessons : tuple of Lesson
-        What the builtin prior was taught, in order; empty for every other model.
-    """
-
-    id: str
+    id: str  # value of `params.guidance.model`
+    # Human-readable texts
     title: str
     description: str
     available: bool | None
-    problem: str | None
-    vocabulary: Vocabulary | None
-    licence: str = ""
-    lessons: tuple[Lesson, ...] = ()
+    """Whether the model can be loaded on this machine. None if jobs run elsewhere, so this is unknown."""
+    problem: str | None  # why the model is not available, and what to do
+    vocabulary: Vocabulary | None  # none if the model takes any prompt
+    licence: str = ""  # what its model card says, or an empty text
+    lessons: tuple[Lesson, ...] = ()  # what the builtin prior was taught, in order; empty for every other model
 
 
 def list_models(
@@ -100,12 +68,8 @@ def list_models(
 
     Parameters
     ----------
-    default_model : str
-        The model of jobs that name none.
     allowed_models : sequence of str
         Models that jobs may name besides the default one and `builtin`.
-    revision : str
-        Revision of the default model.
     public : bool
         Whether the list is for clients, which see a folder's id instead of its path.
     """

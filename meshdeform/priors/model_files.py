@@ -51,22 +51,12 @@ class PartFiles:
 
 @dataclass(frozen=True)
 class ModelFiles:
-    """A complete checkpoint on this machine.
+    """A complete checkpoint on this machine."""
 
-    Attributes
-    ----------
-    model : str
-        The requested hub id or folder.
-    revision : str
-        The commit if the files are in the Hugging Face cache, otherwise the requested revision.
-    parts : dict of str to PartFiles
-        `text_encoder`, `unet` and `vae`.
-    """
-
-    model: str
-    revision: str
+    model: str  # the requested hub id or folder
+    revision: str  # the commit if the files are in the Hugging Face cache, otherwise the requested revision
     folder: Path
-    parts: dict[str, PartFiles]
+    parts: dict[str, PartFiles]  # `text_encoder`, `unet` and `vae`
 
     def sha256(self) -> str:
         """Return the SHA-256 of the weights: text encoder, U-Net and VAE, files in the order of their names.

@@ -27,9 +27,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError, install_command
-from meshdeform.priors.half_precision import scaled_backward
 from meshdeform.priors.model_files import ModelFiles, find
-from meshdeform.priors.native_precision import is_fast_in_bfloat16
+from meshdeform.priors.precision import is_fast_in_bfloat16, scaled_backward
 from meshdeform.rendering.shading import RenderStyle
 
 if TYPE_CHECKING:

@@ -17,8 +17,6 @@ from meshdeform.record.deliveries import write_deliveries
 from meshdeform.record.models import EventType, Job, JobState, Progress
 from meshdeform.record.schema import checkpoints, discarded, events, jobs, outbox
 
-__all__ = ["Change", "Row", "changing", "find_job", "hold", "stale", "with_progress_event"]
-
 Row = sa.Row[Any]
 
 

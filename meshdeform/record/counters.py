@@ -15,8 +15,6 @@ from meshdeform.record.database import Database
 from meshdeform.record.models import TERMINAL_STATES, JobState
 from meshdeform.record.schema import deliveries, jobs, tallies
 
-__all__ = ["BUCKETS_S", "Counters", "EndedJobs", "Statistics", "read_counters", "statistics"]
-
 BUCKETS_S: dict[str, tuple[float, ...]] = {
     "job_seconds": (1.0, 5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 900.0, 3600.0, 14400.0),
     "queue_wait_seconds": (0.1, 0.5, 1.0, 5.0, 15.0, 60.0, 300.0, 900.0, 3600.0),

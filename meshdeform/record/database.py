@@ -29,9 +29,6 @@ from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.schema import UtcDateTime, compatible
 from meshdeform.record.sql_states import READ_ONLY_SERVER, sql_state
 
-__all__ = ["MAX_CONNECTIONS", "RECORD_FILE", "Database", "NewRow", "insert", "make_engine"]
-
-
 _log = logging.getLogger(__name__)
 
 RECORD_FILE = "meshdeform.sqlite"

@@ -22,8 +22,6 @@ from meshdeform.record.ids import new_id
 from meshdeform.record.models import Event, Job, WebhookEvent
 from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 
-__all__ = ["RETRY_AFTER_S", "Deliveries", "DueDelivery", "payload_of", "write_deliveries"]
-
 _TYPES = frozenset(event.value for event in WebhookEvent)
 
 RETRY_AFTER_S = (5.0, 300.0, 1800.0, 7200.0, 18_000.0, 36_000.0, 50_400.0, 72_000.0, 86_400.0)

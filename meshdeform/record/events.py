@@ -14,8 +14,6 @@ from meshdeform.record.models import Event, JobState
 from meshdeform.record.schema import events, jobs
 from meshdeform.requests.choices import member_of
 
-__all__ = ["EventLog", "Head"]
-
 _BATCH = 500
 
 

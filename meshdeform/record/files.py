@@ -23,9 +23,6 @@ from meshdeform.record.database import Database
 from meshdeform.record.models import JobState
 from meshdeform.record.schema import artifacts, checkpoints, files, job_files, jobs, uploads
 
-__all__ = ["FileLeases", "FileLedger", "Rooms", "check_number", "measure", "total_size"]
-
-
 _ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
 
 _OWNER = sa.bindparam("owner", type_=jobs.c.owner_id.type)

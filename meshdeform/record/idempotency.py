@@ -17,8 +17,6 @@ from meshdeform.record.database import Database
 from meshdeform.record.models import Claim
 from meshdeform.record.schema import idempotency
 
-__all__ = ["IdempotencyLedger"]
-
 _HELD_S = 30.0
 """How long a request holds its key, for the case that its process dies. A slower request may lose its key to a
 repetition; it is then undone, so that nothing happens twice."""

@@ -11,8 +11,6 @@ from datetime import datetime
 
 from meshdeform.errors import ParameterError
 
-__all__ = ["JOB_ID_PATTERN", "decode_cursor", "encode_cursor", "id_pattern", "least_id", "new_id", "new_job_id"]
-
 # Crockford's alphabet preserves the order of numbers and has no letters that look like digits.
 _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
 

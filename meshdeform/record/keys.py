@@ -18,8 +18,6 @@ from meshdeform.record.ids import id_pattern, new_id
 from meshdeform.record.schema import api_keys
 from meshdeform.requests.document import MAX_PRIORITY
 
-__all__ = ["ApiKey", "KeyRing"]
-
 _PREFIX = "mdk"
 _SECRET_BYTES = 32
 _TEXT = re.compile(rf"({id_pattern(_PREFIX)[1:-1]})\.([A-Za-z0-9_-]{{43}})")

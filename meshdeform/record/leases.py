@@ -23,8 +23,6 @@ from meshdeform.record.schema import artifacts, checkpoints, events, jobs, worke
 from meshdeform.record.turns import USUAL, Ids, Turns, choices, hold_claims, waits_longer
 from meshdeform.requests.document import params_by_kind
 
-__all__ = ["Leases", "WorkerIdentity", "released"]
-
 _log = logging.getLogger(__name__)
 _queued = jobs.c.state == JobState.QUEUED
 

@@ -67,24 +67,17 @@ class Artifact(_Frozen):
 
 
 class Origin(_Frozen):
-    """The job that another job continues, which may have been deleted since.
-
-    Attributes
-    ----------
-    mode : OriginMode
-        `retry`: the same request resumes as if never interrupted. `branch`: a different request starts with that shape.
-    key, sha256 : str
-        The object with the copy of its checkpoint; empty for a retry that starts from the beginning.
-    size : int
-        Bytes of that object; 0 if unknown.
-    """
+    """The job that another job continues, which may have been deleted since."""
 
     job_id: str
     step: int
     mode: OriginMode
+    """`retry`: the same request resumes as if never interrupted. `branch`: a different request starts with that shape.
+    """
+    # The object with the copy of its checkpoint; empty for a retry that starts from the beginning
     key: str = ""
     sha256: str = ""
-    size: int = 0
+    size: int = 0  # bytes of that object; 0 if unknown
 
 
 class Event(_Frozen):
@@ -188,41 +181,25 @@ class Claim:
 
 @dataclass(frozen=True)
 class NewJob:
-    """The content of a new job.
-
-    Attributes
-    ----------
-    files : mapping of str to StoredFile
-        Its files by the names of the parts of its kind; already stored.
-    owner_id : str
-        Empty if keys are off.
-    retention_s : float, optional
-        The retention if the request has none.
-    max_active, max_stored_bytes : int
-        Maximum numbers of unfinished jobs of the owner and of bytes that the jobs keep, with this one; 0: no limit.
-    request_id, traceparent : str, optional
-        The HTTP request that created it, for logs and traces.
-    resolved : BaseModel, optional
-        The values of all parameters, as the check of the request returned them.
-    faces, parts : int, optional
-        The triangles and meshes of its asset, if known.
-    claim, answer : Claim and callable, optional
-        The idempotency key of the HTTP request, and what returns the answer from the new job; written with the job.
-    """
+    """The content of a new job."""
 
     request: JobRequest
-    files: Mapping[str, StoredFile]
-    owner_id: str = ""
+    files: Mapping[str, StoredFile]  # its files by the names of the parts of its kind; already stored
+    owner_id: str = ""  # empty if keys are off
     origin: Origin | None = None
-    retention_s: float | None = None
+    retention_s: float | None = None  # the retention if the request has none
+    # Maximum numbers of unfinished jobs of the owner and of bytes that the jobs keep, with this one; 0: no limit
     max_active: int = 0
     max_stored_bytes: int = 0
     max_priority: int = MAX_PRIORITY
+    # The HTTP request that created it, for logs and traces
     request_id: str | None = None
     traceparent: str | None = None
-    resolved: BaseModel | None = None
+    resolved: BaseModel | None = None  # the values of all parameters, as the check of the request returned them
+    # The triangles and meshes of its asset, if known
     faces: int | None = None
     parts: int | None = None
+    # The idempotency key of the HTTP request, and what returns the answer from the new job; written with the job
     claim: Claim | None = None
     answer: Callable[[Job], dict[str, Any]] | None = None
 

@@ -17,8 +17,6 @@ from sqlalchemy.dialects.postgresql.pg8000 import PGDialect_pg8000
 
 from meshdeform.record.sql_states import READ_ONLY_SERVER, sql_state
 
-__all__ = ["DRIVER", "Dialect"]
-
 DRIVER = "postgresql+meshdeform"
 """The driver's name in SQLAlchemy's URLs."""
 

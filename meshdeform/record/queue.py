@@ -21,8 +21,6 @@ from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
 
-__all__ = ["MESSAGE", "CancelSubscription", "JobQueue", "job_of"]
-
 MESSAGE = "a job waits"
 """The function name that RQ stores in a message. It is never called: the reader of a message claims the next job."""
 _log = logging.getLogger(__name__)

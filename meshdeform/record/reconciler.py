@@ -33,9 +33,6 @@ from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
 from meshdeform.support.failpoints import failpoint
 
-__all__ = ["RECONCILE_EVERY_S", "Candidate", "Reconciler", "remove_job", "remove_unreachable", "remove_upload"]
-
-
 _LOOKS_PER_S = 4.0
 """Looks of all followers together."""
 

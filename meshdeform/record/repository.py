@@ -34,8 +34,6 @@ from meshdeform.record.webhooks import WebhookBook
 from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import DeformParams, JobRequest
 
-__all__ = ["JobRecord", "searched_text"]
-
 
 class JobRecord:
     """Every job, from 202 to its deletion. Safe to share between threads. The URL is as of `Database`.

@@ -24,8 +24,6 @@ from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.choices import JobKind, member_of
 from meshdeform.requests.document import JobRequest
 
-__all__ = ["OWNED", "artifact", "checkpoint", "event", "fenced", "job", "job_files", "new_job"]
-
 Row = sa.Row[Any]
 
 # Documents may have further members, such as the sources of their files.

@@ -7,34 +7,6 @@ from typing import Any
 
 import sqlalchemy as sa
 
-__all__ = [
-    "HEAD",
-    "ORIGIN",
-    "UtcDateTime",
-    "api_keys",
-    "artifacts",
-    "checkpoints",
-    "compatible",
-    "deliveries",
-    "delivery_attempts",
-    "discarded",
-    "events",
-    "files",
-    "idempotency",
-    "job_files",
-    "job_texts",
-    "jobs",
-    "labels",
-    "leaders",
-    "metadata",
-    "outbox",
-    "secrets",
-    "tallies",
-    "uploads",
-    "webhooks",
-    "workers",
-]
-
 HEAD = "0010"
 """The newest migration. A record at this version is opened without Alembic.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["READ_ONLY_SERVER", "sql_state"]
-
 READ_ONLY_SERVER = "25006"
 """The code of a write to a standby, or to a primary that an operator has set to read-only."""
 

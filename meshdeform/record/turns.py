@@ -16,8 +16,6 @@ from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
 from meshdeform.settings import Settings
 
-__all__ = ["USUAL", "Ids", "Turns", "choices", "hold_claims", "may_start", "waits_longer"]
-
 Ids = sa.Select[tuple[str]]
 
 _CLAIMS = 0x636C61696D  # an arbitrary number, unlikely to be used by another program
@@ -25,18 +23,11 @@ _CLAIMS = 0x636C61696D  # an arbitrary number, unlikely to be used by another pr
 
 @dataclass(frozen=True)
 class Turns:
-    """How owners share the workers.
-
-    Attributes
-    ----------
-    turn_s : float
-        Seconds for which a job of another owner waits before one that has run for as long is handed over to it.
-    max_running : int
-        Largest number of jobs of one owner that run at the same time; 0: no limit.
-    """
+    """How owners share the workers."""
 
     turn_s: float = 300.0
-    max_running: int = 0
+    """Seconds for which a job of another owner waits before one that has run for as long is handed over to it."""
+    max_running: int = 0  # largest number of jobs of one owner that run at the same time; 0: no limit
 
     @classmethod
     def of(cls, settings: Settings) -> Self:

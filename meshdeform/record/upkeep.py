@@ -18,8 +18,6 @@ from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobSt
 from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads
 from meshdeform.record.turns import may_start
 
-__all__ = ["IDEMPOTENCY_KEPT_S", "Upkeep", "Watch"]
-
 _BATCH = 100
 _UNBLAMED_FACTOR = 10
 """A job fails after so many times `max_attempts` losses without a checkpoint, even if none was blamed on it: it may be

@@ -15,8 +15,6 @@ from meshdeform.record.files import FileLedger
 from meshdeform.record.ids import new_id
 from meshdeform.record.schema import job_files, uploads
 
-__all__ = ["Upload", "UploadLedger"]
-
 
 @dataclass(frozen=True)
 class Upload:

@@ -21,8 +21,6 @@ from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.ids import decode_cursor, encode_cursor, new_id
 from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 
-__all__ = ["MAX_WEBHOOKS", "TEST_EVENT", "Delivery", "DeliveryAttempt", "DeliveryPage", "Webhook", "WebhookBook"]
-
 MAX_WEBHOOKS = 20
 """Maximum number of webhooks of one owner, because each costs a row per event."""
 TEST_EVENT = "meshdeform.test"

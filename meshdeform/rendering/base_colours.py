@@ -254,8 +254,6 @@ class BaseColours:
         clip : (B, M, 4) floating
         faces : (F, 3) int64
         paint : (F,) int64
-        side : int
-            Side of a view in pixels.
 
         Returns
         -------

@@ -39,19 +39,13 @@ class CameraRange:
 
 @dataclass(frozen=True)
 class Framing:
-    """Size of a shape in the picture, and when the camera adapts to it.
-
-    Attributes
-    ----------
-    share : float
-        Share of the view that the shape spans at rest: its half extent over the radius of the sphere that just fits.
-    largest : float
-        Share up to which the shape may grow in the picture before the camera moves back. If it equals `share`, the
-        camera follows at once, whether the shape grows or shrinks.
-    """
+    """Size of a shape in the picture, and when the camera adapts to it."""
 
     share: float
+    """Share of the view that the shape spans at rest: its half extent over the radius of the sphere that just fits."""
     largest: float
+    """Share up to which the shape may grow in the picture before the camera moves back. If it equals `share`, the
+    camera follows at once, whether the shape grows or shrinks."""
 
     def fitting_radius(self, rest: float, now: float) -> float:
         """Return the radius of the sphere that just fits the view.
@@ -67,29 +61,15 @@ class Framing:
 
 @dataclass(frozen=True)
 class Cameras:
-    """B cameras that look at the origin.
+    """B cameras that look at the origin."""
 
-    Attributes
-    ----------
-    view_proj : (B, 4, 4) float32
-        World to clip space: ``clip = view_proj @ [x, y, z, 1]``.
-    view : (B, 4, 4) float32
-        World to camera space; the camera looks along its -Z.
-    eye : (B, 3) float32
-        Camera positions in world space.
-    azimuths_deg : tuple of B floats
-        Azimuths from the front of the shape, without the `turn_deg` with which they were placed.
-    elevation_deg : tuple of B floats
-    fov_deg : float
-        Vertical field of view, the same for all views.
-    """
-
-    view_proj: Tensor
-    view: Tensor
-    eye: Tensor
+    view_proj: Tensor  # (B, 4, 4) float32: world to clip space: ``clip = view_proj @ [x, y, z, 1]``
+    view: Tensor  # (B, 4, 4) float32: world to camera space; the camera looks along its -Z
+    eye: Tensor  # (B, 3) float32: camera positions in world space
     azimuths_deg: tuple[float, ...]
+    """Azimuths from the front of the shape, without the `turn_deg` with which they were placed."""
     elevation_deg: tuple[float, ...]
-    fov_deg: float
+    fov_deg: float  # vertical field of view, the same for all views
 
     @property
     def azimuth_deg(self) -> float:
@@ -194,18 +174,10 @@ RADIUS = 0.6
 
 @dataclass(frozen=True)
 class Frame:
-    """Similarity between the world and the cameras' frame.
+    """Similarity between the world and the cameras' frame."""
 
-    Attributes
-    ----------
-    centre : (3,) float64
-        Centre of the bounding box, in the world.
-    scale : float
-        Camera units per world unit.
-    """
-
-    centre: Tensor
-    scale: float
+    centre: Tensor  # (3,) float64: centre of the bounding box, in the world
+    scale: float  # camera units per world unit
 
     @classmethod
     def around(cls, verts: Tensor) -> Frame:

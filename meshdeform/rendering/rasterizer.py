@@ -52,27 +52,23 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import edges_of
+from meshdeform.rendering.cameras import Cameras
 from meshdeform.support.threads import in_ranges
 
 EMPTY_DEPTH = 3.0
 """Depth where there is no face: greater than that of any point in front of the cameras, even past the far plane."""
 
 _SUB = 256
-
 _HALF = 128
-
 _EMPTY = torch.iinfo(torch.int64).max
-
 _MAX_ITEMS = 1 << 22  # rows or pixels in memory at a time; does not affect the result
-
-
 _DEPTH_BIAS = 1e-4
 
 _FAR = 1048576.0
 """Clamp of pixel coordinates, far off the picture."""
 
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
 
 
@@ -627,18 +623,11 @@ class _Antialias(torch.autograd.Function):
 
 @dataclass(frozen=True)
 class SilhouetteEdges:
-    """Edges of the mesh with the opposite vertices of their faces.
+    """Edges of the mesh with the opposite vertices of their faces."""
 
-    Attributes
-    ----------
-    verts : (E, 2) int64
-        End points.
-    opposite : (E, 2) int64
-        Third vertex of the edge's first and second face; -1 if there is no second one (open borders).
-    """
-
-    verts: Tensor
+    verts: Tensor  # (E, 2) int64: end points
     opposite: Tensor
+    """(E, 2) int64: third vertex of the edge's first and second face; -1 if there is no second one (open borders)."""
 
 
 def antialias(
@@ -780,19 +769,13 @@ def _visible(
 
 @dataclass(frozen=True)
 class Fragments:
-    """The nearest triangle at each pixel centre.
-
-    Attributes
-    ----------
-    face_ids : (B, H, W) int64
-        Index of the face, -1 where there is none. Row 0 is the top of the image.
-    depth : (B, H, W) float32
-        Normalised device depth: -1 at the near plane, 1 at the far one, above 1 beyond it; `EMPTY_DEPTH` where there
-        is no face.
-    """
+    """The nearest triangle at each pixel centre."""
 
     face_ids: Tensor
+    """(B, H, W) int64: index of the face, -1 where there is none. Row 0 is the top of the image."""
     depth: Tensor
+    """(B, H, W) float32: normalised device depth: -1 at the near plane, 1 at the far one, above 1 beyond it;
+    `EMPTY_DEPTH` where there is no face."""
 
 
 def rasterize(clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None) -> Fragments:
@@ -806,8 +789,6 @@ def rasterize(clip: Tensor, faces: Tensor, height: int, width: int, behind: Tens
     clip : (B, V, 4) floating
         Vertex positions in clip space (x right, y up).
     faces : (F, 3) int64
-    height, width : int
-        Pixels.
     behind : (B, H, W) float32, optional
         Depth of each pixel up to which triangles are ignored, to find the next layer of a transparent surface.
 
@@ -827,3 +808,50 @@ def rasterize(clip: Tensor, faces: Tensor, height: int, width: int, behind: Tens
 def is_compiled(tensor: Tensor) -> bool:
     """Return whether what is drawn from this tensor is drawn by compiled loops; tests and benchmarks replace this."""
     return tensor.device.type == "cpu"
+
+
+class CoverageRenderer:
+    """Draws the silhouettes of the deformed states of one mesh.
+
+    Parameters
+    ----------
+    faces : (F, 3) int64
+        The fixed topology.
+    side : int
+        Side of a picture in pixels.
+    """
+
+    def __init__(self, faces: Tensor, n_verts: int, side: int, device: torch.device | str = "cpu") -> None:
+        edges = edges_of(faces.cpu())
+        self.side = side
+        self._n_verts = n_verts
+        self._faces = faces.to(device)
+        self._edges = SilhouetteEdges(edges.edges.to(device), edges.opposite.to(device))
+
+    def render(self, verts: Tensor, cameras: Cameras) -> Tensor:
+        """Draw the mesh from every camera.
+
+        Parameters
+        ----------
+        verts : (V, 3) floating
+            Deformed positions in the cameras' frame.
+        cameras : Cameras
+            B cameras, on the mesh's device.
+
+        Returns
+        -------
+        (B, side, side) of the vertices' type in [0, 1], the covered share of each pixel, differentiable in `verts`
+        through the silhouettes.
+
+        Raises
+        ------
+        ShapeError
+            `verts` is not (n_verts, 3).
+        """
+        if verts.shape != (self._n_verts, 3):
+            raise ShapeError(f"expected verts ({self._n_verts}, 3), got {tuple(verts.shape)}")
+        matrices = cameras.view_proj.to(verts.dtype)
+        clip = verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
+        fragments = rasterize(clip, self._faces, self.side, self.side)
+        covered = (fragments.face_ids >= 0).to(verts.dtype)[..., None]
+        return antialias(covered, clip, self._edges, fragments.depth)[..., 0]

@@ -74,22 +74,15 @@ TRUST_FROM, TRUST_OVER = 0.7, 0.25
 """Cosine between smooth and flat normal from which, and over which, the smooth one's motion counts in part."""
 
 _SHORTEST = 1e-12
-
 _Floats = NDArray[np.float64]
-
 _Index = NDArray[np.int64]
-
-
 _SQUARES = (2, 8)
 
 _BLUR = (0.01, 0.06)
 """Standard deviation of the blur, as a share of the view's side."""
 
-
 Shading = Literal["normals", "lambert", "textured", "mixed"]
-
 _AMBIENT = 0.25
-
 _LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
 
 _VARIED_GAIN = 0.5 * 5 / math.pi
@@ -425,17 +418,11 @@ class _Colour(torch.autograd.Function):
 
 @dataclass(frozen=True)
 class Scene:
-    """Background and light of B views.
+    """Background and light of B views."""
 
-    Attributes
-    ----------
-    backgrounds : (B, S, S, 3) float32 in [0, 1]
-    lights : (B, 3) float32
-        Unit vectors towards the light, in each camera's frame (x right, y up, z towards the viewer).
-    """
-
-    backgrounds: Tensor
+    backgrounds: Tensor  # (B, S, S, 3) float32 in [0, 1]
     lights: Tensor
+    """(B, 3) float32: unit vectors towards the light, in each camera's frame (x right, y up, z towards the viewer)."""
 
 
 def sample_scene(views: int, side: int, generator: torch.Generator, device: torch.device | str = "cpu") -> Scene:
@@ -484,57 +471,27 @@ def _blurred(image: Tensor, sigma: float) -> Tensor:
 
 @dataclass(frozen=True)
 class RenderStyle:
-    """Style of the views; each prior specifies its own.
+    """Style of the views; each prior specifies its own."""
 
-    Attributes
-    ----------
-    view_size : int
-        Side of one view in pixels; a combined image is twice as large.
-    supersample : int
-        Views are rendered at ``view_size * supersample`` pixels and averaged down.
-    shading : "normals", "lambert", "textured" or "mixed"
-        `mixed`: `textured` in some steps and `lambert` in the others.
-    background : red, green and blue in [0, 1]
-        Colour in a fixed scene.
-    scene : "fixed" or "varied"
-        Whether background and light are constant, or drawn for every view (`sample_scene`).
-    """
-
-    view_size: int = 64
-    supersample: int = 2
-    shading: Shading = "normals"
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    view_size: int = 64  # side of one view in pixels; a combined image is twice as large
+    supersample: int = 2  # views are rendered at ``view_size * supersample`` pixels and averaged down
+    shading: Shading = "normals"  # `mixed`: `textured` in some steps and `lambert` in the others
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # colour in a fixed scene
     scene: Literal["fixed", "varied"] = "fixed"
+    """Whether background and light are constant, or drawn for every view (`sample_scene`)."""
 
 
 @dataclass(frozen=True)
 class _Surface:
-    """The deformed mesh as every view sees it.
+    """The deformed mesh as every view sees it."""
 
-    Attributes
-    ----------
-    clip : (B, V, 4)
-    axes : (B, 3, 3)
-        Rotations to the cameras' frames.
-    normals : (B, V, 3)
-        Unit normals of the vertices in the cameras' frames.
-    cross : (F, 3)
-        Normals of the faces in the world, as long as twice their area.
-    facing : (B, F)
-        1 for faces that are seen from their front, -1 for others.
-    solid : (F,) bool
-        Whether the face has an area.
-    share : (F,)
-        Share of its pixels' gradients that a face passes on.
-    """
-
-    clip: Tensor
-    axes: Tensor
-    normals: Tensor
-    cross: Tensor
-    facing: Tensor
-    solid: Tensor
-    share: Tensor
+    clip: Tensor  # (B, V, 4)
+    axes: Tensor  # (B, 3, 3): rotations to the cameras' frames
+    normals: Tensor  # (B, V, 3): unit normals of the vertices in the cameras' frames
+    cross: Tensor  # (F, 3): normals of the faces in the world, as long as twice their area
+    facing: Tensor  # (B, F): 1 for faces that are seen from their front, -1 for others
+    solid: Tensor  # (F,) bool: whether the face has an area
+    share: Tensor  # (F,): share of its pixels' gradients that a face passes on
 
 
 @dataclass(frozen=True)
@@ -788,13 +745,7 @@ def combine_views(images: Tensor) -> Tensor:
 
 
 class OrthogonalGrid:
-    """Four views a quarter turn apart in one picture.
-
-    Parameters
-    ----------
-    style : RenderStyle
-        Style of each view.
-    """
+    """Four views a quarter turn apart in one picture."""
 
     def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
         self._bounds = bounds

@@ -33,45 +33,27 @@ from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
 
 _KEY, _FILL = (-0.45, 0.65, 0.60), (0.75, 0.05, 0.65)  # in the camera's frame: x right, y up, z towards the viewer
-
 _KEY_LIGHT, _FILL_LIGHT = 0.80, 0.16
-
 _SKY, _GROUND = 0.32, 0.14
-
-
 _FOV_DEG = 28.0
 
 _MARGIN = 0.9
 """Share of the view that the asset may fill."""
 
 _UPPER, _LOWER = (0.965, 0.968, 0.972), (0.885, 0.89, 0.90)
-
 _PLAIN = (0.94, 0.945, 0.95)
-
 _SHADOW = 0.42
-
 _SHADOW_SIZE = 96
-
 _SHADOW_REACH = 1.3
 
 
 @dataclass(frozen=True)
 class PaintedStyle:
-    """Style of the views.
+    """Style of the views."""
 
-    Attributes
-    ----------
-    view_size : int
-        Side of a view in pixels.
-    supersample : int
-        Views are rendered at ``view_size * supersample`` pixels and averaged down.
-    background : red, green and blue in [0, 1]
-        sRGB; used if `render` is given no other background.
-    """
-
-    view_size: int = 256
-    supersample: int = 2
-    background: tuple[float, float, float] = (0.93, 0.93, 0.93)
+    view_size: int = 256  # side of a view in pixels
+    supersample: int = 2  # views are rendered at ``view_size * supersample`` pixels and averaged down
+    background: tuple[float, float, float] = (0.93, 0.93, 0.93)  # sRGB; used if `render` is given no other background
 
 
 @dataclass(frozen=True)
@@ -338,7 +320,6 @@ def _framing(cameras: Cameras, points: Tensor) -> Tensor:
 
 
 _SIZE = 256
-
 _AZIMUTHS_DEG = (30.0, 120.0, 210.0, 300.0)
 
 
@@ -374,3 +355,123 @@ def _labelled(rows: Sequence[NDArray[np.uint8]], labels: Sequence[str]) -> bytes
     out = io.BytesIO()
     image.save(out, "PNG")
     return out.getvalue()
+
+
+_TITLE, _FRONT_DEG = 24, 30.0
+
+
+def variant_sheet(
+    appearance: Appearance,
+    poses: Sequence[Sequence[Pose]],
+    rows: Sequence[str],
+    columns: Sequence[str],
+    *,
+    size: int = 224,
+) -> bytes:
+    """Return a PNG with all poses at the same scale.
+
+    Parameters
+    ----------
+    poses : sequence of sequences of Pose
+        One for each column, for each row.
+    size : int
+        Side of each picture, in pixels.
+    """
+    every = tuple(pose for row in poses for pose in row)
+    studio = Studio(appearance, every, size=size, azimuths_deg=[_FRONT_DEG])
+    sheet = Image.new("RGB", (len(columns) * size, len(rows) * (size + _TITLE)), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(12)
+    for y, (name, row) in enumerate(zip(rows, poses, strict=True)):
+        for x, (title, pose) in enumerate(zip(columns, row, strict=True)):
+            place = x * size, y * (size + _TITLE)
+            sheet.paste(
+                Image.fromarray(studio.photograph(pose, (_FRONT_DEG,))[0], "RGB"), (place[0], place[1] + _TITLE)
+            )
+            draw.text((place[0] + 6, place[1] + 5), f"{name}, {title}", fill=(30, 30, 30), font=font)
+    out = io.BytesIO()
+    sheet.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+FORMATS = {".webp": "WEBP", ".gif": "GIF"}
+"""Formats by file suffix."""
+
+_SIZES = {"WEBP": 320, "GIF": 256}
+_FRAME_MS, _PAUSE_MS = 60, 800
+_FROM_DEG, _TO_DEG = 5.0, 55.0
+
+
+def morph_animation(
+    appearance: Appearance, source: Pose, result: Pose, *, kind: str, size: int | None = None, frames: int = 24
+) -> bytes:
+    """Draw the way from the source to the result and back, with a pause at each end, while the camera swings.
+
+    Parameters
+    ----------
+    size : int, optional
+        Side in pixels; by default 320, and 256 for the less compact GIF.
+    frames : int
+        From one end to the other.
+    """
+    ways = [(1 - math.cos(math.pi * k / (frames - 1))) / 2 for k in range(frames)]
+    azimuths = [_FROM_DEG + (_TO_DEG - _FROM_DEG) * way for way in ways]
+    studio = Studio(
+        appearance,
+        (source, result),
+        size=size or _SIZES[kind],
+        azimuths_deg=azimuths[:: max(1, frames // 4)],
+        plain=kind == "GIF",
+    )
+    there = [
+        studio.photograph(_between(source, result, way), (azimuth,))[0]
+        for way, azimuth in zip(ways, azimuths, strict=True)
+    ]
+    times = [_PAUSE_MS, *[_FRAME_MS] * (frames - 2), _PAUSE_MS]
+    return _written([*there, *there[-2:0:-1]], [*times, *times[-2:0:-1]], kind)
+
+
+def turntable_animation(
+    appearance: Appearance, pose: Pose, *, kind: str, size: int | None = None, frames: int = 48
+) -> bytes:
+    """Draw one turn about the vertical axis; the parameters are those of `morph_animation`."""
+    azimuths = [_FRONT_DEG + 360 * k / frames for k in range(frames)]
+    studio = Studio(
+        appearance,
+        (pose,),
+        size=size or _SIZES[kind],
+        azimuths_deg=azimuths[:: max(1, frames // 12)],
+        plain=kind == "GIF",
+    )
+    return _written([studio.photograph(pose, (azimuth,))[0] for azimuth in azimuths], [_FRAME_MS] * frames, kind)
+
+
+def _between(source: Pose, result: Pose, way: float) -> Pose:
+    """Return the state at a share of the way from the source to the result."""
+    normals = (1 - way) * source.normals + way * result.normals
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return Pose(
+        (1 - way) * source.positions + way * result.positions,
+        np.divide(normals, length, out=np.full_like(normals, np.nan), where=length > 1e-9),
+    )
+
+
+def _written(frames: Sequence[NDArray[np.uint8]], times: list[int], kind: str) -> bytes:
+    images = [Image.fromarray(frame, "RGB") for frame in frames]
+    options: dict[str, object] = {"quality": 80, "method": 2}
+    if kind == "GIF":
+        # One palette for all frames and no dithering: what does not change costs nothing.
+        palette = _strip(images).quantize(255, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+        options = {"optimize": False, "disposal": 1}
+    out = io.BytesIO()
+    images[0].save(out, kind, save_all=True, append_images=images[1:], duration=times, loop=0, **options)
+    return out.getvalue()
+
+
+def _strip(images: Sequence[Image.Image]) -> Image.Image:
+    """Return up to six of the frames side by side."""
+    some = images[:: max(1, len(images) // 6)]
+    strip = Image.new("RGB", (sum(image.width for image in some), some[0].height))
+    for k, image in enumerate(some):
+        strip.paste(image, (k * image.width, 0))
+    return strip

@@ -8,14 +8,6 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = [
-    "FORM",
-    "OF_PRESET",
-    "StrictModel",
-    "nullable",
-    "of_preset",
-]
-
 FORM = "x-form"
 """Schema member that describes a field of the page's form: `label`, `help`, and `choices` as pairs of value and label.
 The form shows the parameters that have it."""

@@ -9,13 +9,6 @@ from pydantic import Field, StringConstraints
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.declaration import StrictModel
 
-__all__ = [
-    "MAX_SYNTHESES",
-    "FamilyParams",
-    "FamilySynthesisParams",
-]
-
-
 MAX_SYNTHESES = 64
 
 _Member = Annotated[str, StringConstraints(min_length=1, max_length=4096)]

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-__all__ = ["OVERRIDES", "Family"]
-
 Family = Literal["builtin", "sd", "target", "silhouettes"]
 
 # The safeguard and the carrier of our own presets.

@@ -8,8 +8,6 @@ from typing import Any
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import GUIDANCES, CommonParams, Control
 
-__all__ = ["PLACES", "REMOVED", "grouped", "instead", "plain_place", "translated", "without_removed", "without_unused"]
-
 _CONSTANT = "The preset sets it."
 _CONSTANTS = (
     "elevation_max_deg", "elevation_min_deg", "fov_max_deg", "fov_min_deg", "framing", "framing_max",

@@ -15,31 +15,6 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import RegionAction, Rigidity
 from meshdeform.requests.declaration import StrictModel
 
-__all__ = [
-    "MAX_HANDLES",
-    "MAX_LANDMARKS",
-    "MAX_SELECTORS",
-    "Box",
-    "Capsule",
-    "ColorRange",
-    "Handle",
-    "JointWeight",
-    "LandmarkPair",
-    "Name",
-    "Number",
-    "Part",
-    "Place",
-    "Point",
-    "Region",
-    "RigidSelector",
-    "Selection",
-    "Sphere",
-    "check_selections",
-    "find_excluded",
-    "find_parts",
-    "refuse_selection",
-]
-
 MAX_HANDLES = 64
 MAX_LANDMARKS = 256
 MAX_SELECTORS = 64

@@ -15,16 +15,6 @@ from pydantic import Field, model_validator
 from meshdeform.errors import ParameterError
 from meshdeform.requests.declaration import StrictModel
 
-__all__ = [
-    "SKETCH_FAMILIES",
-    "Choice",
-    "FamilyParameters",
-    "Number",
-    "Sketch",
-    "Value",
-    "sketch_family",
-]
-
 Value = float | str
 """A value of a parameter: a number, or the name of a choice."""
 
@@ -54,16 +44,9 @@ class Choice:
 
 @dataclass(frozen=True)
 class FamilyParameters:
-    """The parameters of shapes of one kind.
+    """The parameters of shapes of one kind."""
 
-    Attributes
-    ----------
-    name : str
-        The noun, such as `chair`.
-    numbers, choices : tuples
-    """
-
-    name: str
+    name: str  # the noun, such as `chair`
     numbers: tuple[Number, ...]
     choices: tuple[Choice, ...]
 

@@ -8,8 +8,6 @@ from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.parameters import MAX_STEPS
 from meshdeform.requests.selection import Point
 
-__all__ = ["MAX_ANCHORS", "MAX_BASE_FACES", "MAX_LEVEL", "Anchor", "SurfaceFitParams"]
-
 MAX_BASE_FACES = 4000
 MAX_ANCHORS = 256
 

@@ -10,8 +10,6 @@ from meshdeform.requests.choices import BUILTIN_MODEL
 from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.parameters import MAX_STEPS
 
-__all__ = ["MAX_SYNONYMS", "TEACH_STEPS", "TeachParams"]
-
 TEACH_STEPS = 600
 """Most steps of a lesson, unless it says otherwise."""
 MAX_SYNONYMS = 16

@@ -50,7 +50,6 @@ _PACKAGES = (
 
 _MAX_SAMPLES = 200
 
-
 WEIGHTS_ARTIFACT = f"weights{TAUGHT_SUFFIX}"
 """The artifact of a job of kind `prior_teach` that `params.guidance.model` = `job:ID` means."""
 
@@ -115,27 +114,17 @@ class RunLog:
 
 @dataclass(frozen=True)
 class FilePart:
-    """A file that a kind of job reads.
-
-    Attributes
-    ----------
-    name : str
-        Name of the part of a form, and of the member of the document's `files` that refers to a stored file: at
-        most 64 lower-case letters, digits and `_`.
-    summary : str
-        One sentence about the file.
-    required : bool
-        Whether every job needs it; a branch keeps that of its job. If False, the kind's check decides whether it fits
-        the request.
-    content : FileContent
-        What the file is checked as when it arrives.
-    """
+    """A file that a kind of job reads."""
 
     name: str
-    summary: str
+    """Name of the part of a form, and of the member of the document's `files` that refers to a stored file: at most 64
+    lower-case letters, digits and `_`."""
+    summary: str  # one sentence about the file
     required: bool
+    """Whether every job needs it; a branch keeps that of its job. If False, the kind's check decides whether it fits
+    the request."""
     media_types: tuple[str, ...]
-    content: FileContent = "mesh"
+    content: FileContent = "mesh"  # what the file is checked as when it arrives
 
 
 WEIGHTS_FILE = FilePart(
@@ -149,23 +138,14 @@ WEIGHTS_FILE = FilePart(
 
 @dataclass(frozen=True)
 class ArtifactKind:
-    """A result that a kind of job may write.
-
-    Attributes
-    ----------
-    summary : str
-        One sentence about the result, and the option that requests it, if any.
-    afterwards : bool
-        Whether the service can make it from the job's files later on (`meshdeform.runs.derive`).
-    strengths : bool
-        Whether it is the first file with a new shape, so that it can be had at other strengths (`runs/strength.py`).
-    """
+    """A result that a kind of job may write."""
 
     name: str
     media_type: str
-    summary: str
-    afterwards: bool = False
+    summary: str  # one sentence about the result, and the option that requests it, if any
+    afterwards: bool = False  # whether the service can make it from the job's files later on (`meshdeform.runs.derive`)
     strengths: bool = False
+    """Whether it is the first file with a new shape, so that it can be had at other strengths (`runs/strength.py`)."""
 
 
 FORMATS_OF_RESULT = (
@@ -182,17 +162,11 @@ FORMATS_OF_RESULT = (
 
 @dataclass(frozen=True)
 class InputFile:
-    """An input file of a run.
-
-    Attributes
-    ----------
-    sha256 : str, optional
-        SHA-256 of the data, hexadecimal, if known.
-    """
+    """An input file of a run."""
 
     data: bytes
     filename: str
-    sha256: str | None = None
+    sha256: str | None = None  # SHA-256 of the data, hexadecimal, if known
 
 
 def _no_prior(model: str) -> Prior:
@@ -209,39 +183,23 @@ class ArtifactData:
 
 @dataclass(frozen=True)
 class RunInput:
-    """The input of a run.
-
-    Attributes
-    ----------
-    files : mapping of str to InputFile
-        Files by the names of the kind's parts.
-    resolved : mapping, optional
-        The values of all parameters, as the kind's check returned them when the job was accepted, in JSON. If None,
-        the run resolves them.
-    checkpoint : bytes, optional
-        A checkpoint of the same request, at which the run resumes.
-    initial : bytes, optional
-        A checkpoint of any request with the same asset; the run starts with its shape at step 0.
-    load_prior : callable
-        Returns the prior of a model, which is kept between jobs.
-    default_model : str
-        The model used if the request names none.
-    limits : Limits, optional
-        Limits on the files.
-    on_wait : callable
-        Called now and then while the start takes long; raises if the run must stop.
-    """
+    """The input of a run."""
 
     request: JobRequest
-    files: Mapping[str, InputFile]
+    files: Mapping[str, InputFile]  # files by the names of the kind's parts
     resolved: Mapping[str, Any] | None = None
-    checkpoint: bytes | None = None
+    """The values of all parameters, as the kind's check returned them when the job was accepted, in JSON. If None, the
+    run resolves them."""
+    checkpoint: bytes | None = None  # a checkpoint of the same request, at which the run resumes
     initial: bytes | None = None
+    """A checkpoint of any request with the same asset; the run starts with its shape at step 0."""
     load_prior: Callable[[str], Prior] = field(default=_no_prior)
-    default_model: str = BUILTIN_MODEL
-    limits: Limits | None = None
+    """Returns the prior of a model, which is kept between jobs."""
+    default_model: str = BUILTIN_MODEL  # the model used if the request names none
+    limits: Limits | None = None  # limits on the files
     device: str = "cpu"
     on_wait: Callable[[], None] = lambda: None
+    """Called now and then while the start takes long; raises if the run must stop."""
 
 
 def job_input(
@@ -283,18 +241,10 @@ def job_input(
 
 @dataclass(frozen=True)
 class StepReport:
-    """The position of a run after a step.
+    """The position of a run after a step."""
 
-    Attributes
-    ----------
-    step : int
-        Number of steps done, from 1.
-    total_steps : int
-        Total number of steps.
-    """
-
-    step: int
-    total_steps: int
+    step: int  # number of steps done, from 1
+    total_steps: int  # total number of steps
     losses: dict[str, float]
 
 
@@ -359,58 +309,39 @@ def start_of(module: str) -> Callable[[], StartRun]:
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of job.
-
-    Attributes
-    ----------
-    summary : str
-        One sentence about the kind.
-    reads : tuple of FilePart
-        The first is required: it is the job's `asset` in the API, and names its downloads.
-    params : type of BaseModel
-        The model of `params` in its requests. Workers read `checkpoint_every_steps` from it.
-    check : callable
-        Refuses a request that no worker of a deployment could run, and returns the values of all its parameters.
-        Takes the request, the settings and the names of its files. Torch-free.
-    steps : callable
-        Returns the number of steps of a request, for limits and estimates. Takes the request, the default model, and
-        the stored result of `check` in JSON, if any. Torch-free.
-    load : callable
-        Imports the code that runs the kind, including torch, and returns the function that starts a run.
-    uses : callable
-        Returns the names of the parts that a request uses; a branch inherits only these. Default: all.
-    check_files : callable
-        Refuses parameters that do not fit the contents of the files. Takes the request, the result of `check` and the
-        summaries of the meshes by part. Default: all fit. Torch-free.
-    check_words : callable, optional
-        Refuses a request that does not fit the words of the taught weights in its part `weights`. Takes the request,
-        these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free.
-    check_asset : callable
-        Refuses a request that does not fit the contents of the first file, where that takes more than its summary.
-        Takes the request, the result of `check`, the file's path and name, and the limits. Default: all fit.
-        Torch-free.
-    as_branch : callable
-        Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
-        request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free.
-    goal : callable
-        Returns what the result is meant to be in a few words, for the names of downloads. Takes the request and the
-        names of its files by part. Default: the prompt.
-    """
+    """One kind of job."""
 
     name: JobKind
-    summary: str
-    reads: tuple[FilePart, ...]
+    summary: str  # one sentence about the kind
+    reads: tuple[FilePart, ...]  # the first is required: it is the job's `asset` in the API, and names its downloads
     params: type[BaseModel]
+    """The model of `params` in its requests. Workers read `checkpoint_every_steps` from it."""
     check: Callable[[JobRequest, Settings, frozenset[str]], BaseModel]
+    """Refuses a request that no worker of a deployment could run, and returns the values of all its parameters. Takes
+    the request, the settings and the names of its files. Torch-free."""
     steps: Callable[[JobRequest, str, Mapping[str, Any] | None], int]
+    """Returns the number of steps of a request, for limits and estimates. Takes the request, the default model, and the
+    stored result of `check` in JSON, if any. Torch-free."""
     load: Callable[[], StartRun]
+    """Imports the code that runs the kind, including torch, and returns the function that starts a run."""
     artifacts: tuple[ArtifactKind, ...]
     uses: Callable[[JobRequest], Collection[str]] | None = None
+    """Returns the names of the parts that a request uses; a branch inherits only these. Default: all."""
     check_files: Callable[[JobRequest, Any, Mapping[str, AssetSummary]], None] = lambda _request, _params, _files: None
+    """Refuses parameters that do not fit the contents of the files. Takes the request, the result of `check` and the
+    summaries of the meshes by part. Default: all fit. Torch-free."""
     check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
+    """Refuses a request that does not fit the words of the taught weights in its part `weights`. Takes the request,
+    these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free."""
     check_asset: Callable[[JobRequest, Any, Path, str, Limits], None] = lambda *_: None
+    """Refuses a request that does not fit the contents of the first file, where that takes more than its summary. Takes
+    the request, the result of `check`, the file's path and name, and the limits. Default: all fit. Torch-free."""
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
+    """Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
+    request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free."""
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
+    """Returns what the result is meant to be in a few words, for the names of downloads. Takes the request and the
+    names of its files by part. Default: the prompt."""
 
     @property
     def parts(self) -> tuple[str, ...]:

@@ -46,10 +46,7 @@ from meshdeform.requests.selection import (
 from meshdeform.runs.text_deform_kind import check_places
 
 _Flags = NDArray[np.bool_]
-
 _Floats = NDArray[np.float64]
-
-
 _AUTO_ORDER = (0, 2, 1)
 
 
@@ -222,24 +219,14 @@ def _groups(values: _Index, label: NDArray[np.int32], count: int) -> list[_Index
 
 @dataclass(frozen=True)
 class Control:
-    """What a request says about where its asset may deform.
+    """What a request says about where its asset may deform."""
 
-    Attributes
-    ----------
-    constraints : Constraints
-        On the welded mesh in the cameras' frame.
-    bodies : list of Body
-        What keeps its shape; a body that touches what is kept is kept as a whole, and not listed.
-    regions : list of dict
-        For each region: its `action`, and the `faces` that it selects.
-    partners : Partners, optional
-        The mirrored partners of the vertices, if a symmetry is kept.
-    """
-
-    constraints: Constraints = field(default_factory=Constraints)
+    constraints: Constraints = field(default_factory=Constraints)  # on the welded mesh in the cameras' frame
     bodies: list[Body] = field(default_factory=list)
+    """What keeps its shape; a body that touches what is kept is kept as a whole, and not listed."""
     regions: list[dict[str, Any]] = field(default_factory=list)
-    partners: Partners | None = None
+    """For each region: its `action`, and the `faces` that it selects."""
+    partners: Partners | None = None  # the mirrored partners of the vertices, if a symmetry is kept
 
 
 def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Frame, mesh: RestMesh) -> Control:

@@ -41,19 +41,13 @@ class Seconds:
 
 @dataclass(frozen=True)
 class Costs:
-    """What the jobs of one kind and guidance cost.
+    """What the jobs of one kind and guidance cost."""
 
-    Attributes
-    ----------
-    once, faces : float
-        Seconds of start and end, and those that each 100,000 faces add.
-    step, guard, parts : float
-        Seconds of a step; those that a safeguard adds on 10,000 faces, by the root of their number; and those that it
-        adds if the asset has several meshes.
-    """
-
+    # Seconds of start and end, and those that each 100,000 faces add
     once: float = 1.0
     faces: float = 0.0
+    # Seconds of a step; those that a safeguard adds on 10,000 faces, by the root of their number; and those that it
+    # adds if the asset has several meshes
     step: float = 1.0
     guard: float = 0.0
     parts: float = 0.0

@@ -99,7 +99,6 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
         A key of `DERIVED`, `STRENGTH` or `ALIKE`.
     target : Path
         The file to write; its folder also takes the child's temporary files.
-    limits : Limits, optional
 
     Raises
     ------

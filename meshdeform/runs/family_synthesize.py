@@ -26,8 +26,7 @@ from meshdeform.families.sampling import FreeEnergy, Unexplained, between, compl
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
-from meshdeform.runs.family_results import FamilyResults
-from meshdeform.runs.family_synthesis_results import SynthesisResults
+from meshdeform.runs.family_results import FamilyResults, SynthesisResults
 from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_steps
 
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."

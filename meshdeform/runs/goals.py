@@ -23,11 +23,9 @@ from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import Alignment, aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import Guidance
-from meshdeform.guidance.beside import BesideSilhouettes, SilhouetteGuidance
-from meshdeform.guidance.landmarks import Landmark, LandmarkTerm
-from meshdeform.guidance.points import diagonal_of
+from meshdeform.guidance.points import Landmark, LandmarkTerm, diagonal_of
 from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
-from meshdeform.guidance.silhouettes import SilhouetteTerm, SilhouetteView
+from meshdeform.guidance.silhouettes import BesideSilhouettes, SilhouetteGuidance, SilhouetteTerm, SilhouetteView
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame, fixed_cameras
@@ -46,7 +44,6 @@ _SHADINGS: dict[AppearanceMode, Shading] = {
     AppearanceMode.TEXTURED: "textured",
     AppearanceMode.MIXED: "mixed",
 }
-
 
 _STYLE = RenderStyle(view_size=160, supersample=1)
 
@@ -85,54 +82,28 @@ def score_distillation(
 
 @dataclass(frozen=True)
 class Goal:
-    """What a run aims at.
+    """What a run aims at."""
 
-    Attributes
-    ----------
-    prompt : str
-        With which the result is compared; empty for a target, and if each prompt has a region.
-    fit : TargetFit, optional
-        The target, placed on the asset.
-    shares : sequence of (F,) float64
-        The faces that each loss of the guidance reaches (`Deformation`).
-    """
-
-    prompt: str
+    prompt: str  # with which the result is compared; empty for a target, and if each prompt has a region
     guidance: Guidance
-    fit: TargetFit | None = None
+    fit: TargetFit | None = None  # the target, placed on the asset
     shares: Sequence[NDArray[np.float64]] = ()
+    """sequence of (F,) float64: the faces that each loss of the guidance reaches (`Deformation`)."""
 
 
 @dataclass(frozen=True)
 class GoalSource:
-    """What a goal is made of.
-
-    Attributes
-    ----------
-    world : TriangleMesh
-        The asset's welded mesh in its world.
-    rest : RestMesh
-        The same in the cameras' frame.
-    prior : Prior, optional
-        For a prompt.
-    prompts : Prompts, optional
-        Those of a job with `params.guidance.prompts`.
-    target : InputFile, optional
-        The target mesh.
-    silhouettes : SilhouetteFit, optional
-        Pictures as targets, alone or beside the prompt.
-    limits : Limits, optional
-    """
+    """What a goal is made of."""
 
     asset: Asset
-    world: TriangleMesh
-    rest: RestMesh
-    prior: Prior | None
-    target: InputFile | None
-    silhouettes: SilhouetteFit | None
+    world: TriangleMesh  # the asset's welded mesh in its world
+    rest: RestMesh  # the same in the cameras' frame
+    prior: Prior | None  # for a prompt
+    target: InputFile | None  # the target mesh
+    silhouettes: SilhouetteFit | None  # pictures as targets, alone or beside the prompt
     limits: Limits | None
     device: str
-    prompts: Prompts | None = None
+    prompts: Prompts | None = None  # those of a job with `params.guidance.prompts`
 
 
 def read_goal(request: JobRequest, params: ResolvedParams, given: GoalSource) -> Goal:
@@ -249,21 +220,11 @@ class SilhouetteFit:
 
 @dataclass(frozen=True)
 class TargetFit:
-    """The target of a job, placed on its asset.
+    """The target of a job, placed on its asset."""
 
-    Attributes
-    ----------
-    target : TriangleMesh
-        In the cameras' frame.
-    alignment : Alignment
-        From the target file's world to that of the asset.
-    landmarks : tuple of Landmark
-        In the cameras' frame.
-    """
-
-    target: TriangleMesh
-    alignment: Alignment
-    landmarks: tuple[Landmark, ...]
+    target: TriangleMesh  # in the cameras' frame
+    alignment: Alignment  # from the target file's world to that of the asset
+    landmarks: tuple[Landmark, ...]  # in the cameras' frame
 
     @classmethod
     def of(cls, params: ResolvedParams, asset: Asset, world: TriangleMesh, target: Asset) -> TargetFit:

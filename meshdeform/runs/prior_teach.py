@@ -66,35 +66,20 @@ _LEARNED = 0.75
 _FORGOTTEN = 2
 """Pictures of old nouns that may be lost without a warning."""
 
-
 MADE = 60
 """Members that a lesson makes of a family: as many as it draws of a mesh."""
 
 
 @dataclass(frozen=True)
 class TeachRequest:
-    """What to teach, and how.
+    """What to teach, and how."""
 
-    Attributes
-    ----------
-    noun : str
-        As the user wrote it: "a gnome".
-    replace : bool
-        Whether a noun that the weights know may get a new meaning.
-    licence : str
-        One line about the meshes' licence, for the file.
-    front_deg : float
-        Azimuth of the front of the meshes, as in `params.guidance.orientation`.
-    base : Path
-        Weights to start from.
-    """
-
-    noun: str
+    noun: str  # as the user wrote it: "a gnome"
     synonyms: tuple[str, ...] = ()
-    replace: bool = False
-    licence: str = ""
-    front_deg: float = 0.0
-    base: Path = WEIGHTS
+    replace: bool = False  # whether a noun that the weights know may get a new meaning
+    licence: str = ""  # one line about the meshes' licence, for the file
+    front_deg: float = 0.0  # azimuth of the front of the meshes, as in `params.guidance.orientation`
+    base: Path = WEIGHTS  # weights to start from
     config: TeachConfig = field(default_factory=TeachConfig)
     size: LessonSize = field(default_factory=LessonSize)
 
@@ -432,7 +417,6 @@ def made_members(family: bytes, files: Sequence[MeshFile], seed: int, limits: Li
         The `family.safetensors` of a fit.
     files : sequence of MeshFile
         The collection that was fitted.
-    limits : Limits, optional
 
     Raises
     ------

@@ -32,22 +32,15 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prompts:
-    """The prompts of a job that pull at anything.
-
-    Attributes
-    ----------
-    faces : list of (F,) bool or None
-        The faces of the welded mesh that each pulls at; None for everything.
-    texts : list of WeightedPrompt
-        The same, for the guidance.
-    shares : list of (F,) float64
-        For each group of `texts`, the share of its gradient that each face gets; empty if all get everything.
-    """
+    """The prompts of a job that pull at anything."""
 
     given: list[Prompt] = field(default_factory=list)
     faces: list[_Flags | None] = field(default_factory=list)
-    texts: list[WeightedPrompt] = field(default_factory=list)
+    """list of (F,) bool or None: the faces of the welded mesh that each pulls at; None for everything."""
+    texts: list[WeightedPrompt] = field(default_factory=list)  # the same, for the guidance
     shares: list[_Floats] = field(default_factory=list)
+    """list of (F,) float64: for each group of `texts`, the share of its gradient that each face gets; empty if all get
+    everything."""
 
     @property
     def main(self) -> str:

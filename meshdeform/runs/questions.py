@@ -20,24 +20,13 @@ _MEMORY_BYTES = 16 * 2**30
 
 @dataclass(frozen=True)
 class Question:
-    """What a module's `main` answers in a child process by `answer`.
+    """What a module's `main` answers in a child process by `answer`."""
 
-    Attributes
-    ----------
-    module : str
-        Its full name.
-    cannot : str
-        What is so where it takes too much: "The front cannot be found on this server."
-    lacks : str
-        What is so where the child lacks a package: "The front is found with the extra `deform`, which ... lacks".
-    instead : str
-        Advice for both.
-    """
-
-    module: str
-    cannot: str
+    module: str  # its full name
+    cannot: str  # what is so where it takes too much: "The front cannot be found on this server."
     lacks: str
-    instead: str
+    """What is so where the child lacks a package: "The front is found with the extra `deform`, which ... lacks"."""
+    instead: str  # advice for both
 
     def ask(self, arguments: list[str], folder: Path, timeout_s: float) -> Any:
         """Return the answer.

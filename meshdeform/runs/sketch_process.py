@@ -89,7 +89,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _guessed(path: str, family: str) -> dict[str, Any]:
-    from meshdeform.sketch.guesses import guess, is_unsure
+    from meshdeform.sketch.looking import guess, is_unsure
 
     found = guess(Path(path).read_bytes(), family=family)
     guesses = [

@@ -33,7 +33,6 @@ from meshdeform.runs.surfaces import (
 )
 
 MAX_STRENGTH = 1.5
-
 _Floats = NDArray[np.float64]
 
 

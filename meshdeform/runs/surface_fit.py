@@ -42,7 +42,6 @@ from meshdeform.runs.surface_fit_kind import params_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-
 _GLB = "model/gltf-binary"
 _BYTES = "application/octet-stream"
 _SNAPSHOT_LEVEL = 1

@@ -37,7 +37,6 @@ from meshdeform.requests.document import OutputOptions, ResolvedParams
 from meshdeform.requests.selection import find_excluded
 
 _Floats = NDArray[np.float64]
-
 _ROUNDING = 1e-6
 
 _IN_FRONT = 0.05
@@ -149,18 +148,12 @@ def _transform(vectors: _Floats, triangles: NDArray[np.int64], maps: Tensor, are
 
 @dataclass(frozen=True)
 class DeformedSurface:
-    """New positions (N, 3), normals (N, 3) and tangents (N, 4), rows as in `Surface`.
-
-    Attributes
-    ----------
-    rebuilt_normals : int
-        Normals that had changed sides of a face.
-    """
+    """New positions (N, 3), normals (N, 3) and tangents (N, 4), rows as in `Surface`."""
 
     positions: _Floats
     normals: _Floats
     tangents: _Floats
-    rebuilt_normals: int
+    rebuilt_normals: int  # normals that had changed sides of a face
 
 
 def vertex_jacobians(welded: WeldedMesh, verts: Tensor) -> _Floats:
@@ -209,22 +202,13 @@ def deformed_surface(surface: Surface, welded: WeldedMesh, verts: Tensor) -> Def
 
 @dataclass(frozen=True)
 class Shown:
-    """What viewers show of a source and of its result.
+    """What viewers show of a source and of its result."""
 
-    Attributes
-    ----------
-    source, result : TriangleMesh
-        The welded surfaces, +Y up, with the same faces.
-    poses : tuple of Pose
-        Of all vertices of the files, for pictures: source and result.
-    posed : bool
-        Whether the asset has a skin, and these are not the shapes of the bind pose.
-    """
-
+    # The welded surfaces, +Y up, with the same faces
     source: TriangleMesh
     result: TriangleMesh
-    poses: tuple[Pose, Pose]
-    posed: bool
+    poses: tuple[Pose, Pose]  # of all vertices of the files, for pictures: source and result
+    posed: bool  # whether the asset has a skin, and these are not the shapes of the bind pose
 
     @classmethod
     def of(cls, asset: Asset, written: Asset, welded: WeldedMesh, verts: Tensor) -> Shown:

@@ -56,8 +56,6 @@ from meshdeform.runs.text_report import (
 )
 from meshdeform.runs.verdict import Recognition, front_of, known_source, recognise
 
-__all__ = ["TextDeformRun", "start"]
-
 _GLB = "model/gltf-binary"
 _ON_ORIGIN = 0.01
 """Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""

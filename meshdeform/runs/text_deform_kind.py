@@ -47,18 +47,6 @@ if TYPE_CHECKING:
     from meshdeform.priors.builtin.grammar import Words
     from meshdeform.settings import Settings
 
-__all__ = [
-    "TEXT_DEFORM",
-    "check",
-    "check_places",
-    "check_vertex",
-    "check_words",
-    "read_target",
-    "resolved_params",
-    "with_constants",
-]
-
-
 _PlacedPrompt = tuple[list[str | int], str]
 """A prompt after its place in the document."""
 

@@ -18,8 +18,8 @@ from meshdeform.assets.surface import Rig
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import MeshQuality, TextureStretch, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.change import Done
@@ -54,56 +54,32 @@ _COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
 
 @dataclass(frozen=True)
 class AssetFacts:
-    """What is known of a request and its asset.
-
-    Attributes
-    ----------
-    file : InputFile
-        The asset, with its hash.
-    asset : Asset
-        The same, prepared.
-    subdivision : Subdivision, optional
-        What was split.
-    drawn : (T,) bool
-        Which triangles of the asset are drawn and deformed.
-    """
+    """What is known of a request and its asset."""
 
     request: JobRequest
     params: ResolvedParams
-    file: InputFile
-    asset: Asset
-    subdivision: Subdivision | None
-    drawn: NDArray[np.bool_]
+    file: InputFile  # the asset, with its hash
+    asset: Asset  # the same, prepared
+    subdivision: Subdivision | None  # what was split
+    drawn: NDArray[np.bool_]  # (T,) bool: which triangles of the asset are drawn and deformed
     welded: WeldedMesh
     device: str
 
 
 @dataclass(frozen=True)
 class RunFacts(AssetFacts):
-    """What is known of a run before its first step.
-
-    Attributes
-    ----------
-    shape_id, fingerprint : str
-        Of the mesh, and of the run.
-    prompts : Prompts, optional
-        Those of a job that has several.
-    silhouettes : SilhouetteFit, optional
-    recognised : Recognition, optional
-        What the source was taken for.
-    precision : str, optional
-        As `precision_of` returns it.
-    """
+    """What is known of a run before its first step."""
 
     frame: Frame
+    # Of the mesh, and of the run
     shape_id: str
     fingerprint: str
     control: Control
     goal: Goal
-    prompts: Prompts | None
+    prompts: Prompts | None  # those of a job that has several
     silhouettes: SilhouetteFit | None
-    recognised: Recognition | None
-    precision: str | None
+    recognised: Recognition | None  # what the source was taken for
+    precision: str | None  # as `precision_of` returns it
 
     @property
     def guidance(self) -> dict[str, str]:
@@ -113,31 +89,17 @@ class RunFacts(AssetFacts):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run has made.
+    """What a run has made."""
 
-    Attributes
-    ----------
-    verts : (V, 3) float64
-        Deformed welded world positions.
-    result : bytes
-        `result.glb`.
-    written : Asset
-        `result.glb`, read back, so that errors of the writer show.
-    shown : Shown
-        What viewers show of source and result.
-    rebuilt_normals : int
-        Normals that were replaced, since they would have pointed behind a face. The report adds those that the file
-        had without a direction.
-    held_share : float
-        Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked.
-    """
-
-    verts: Tensor
-    result: bytes
-    written: Asset
-    shown: Shown
+    verts: Tensor  # (V, 3) float64: deformed welded world positions
+    result: bytes  # `result.glb`
+    written: Asset  # `result.glb`, read back, so that errors of the writer show
+    shown: Shown  # what viewers show of source and result
     rebuilt_normals: int
+    """Normals that were replaced, since they would have pointed behind a face. The report adds those that the file had
+    without a direction."""
     held_share: float
+    """Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked."""
 
 
 def provenance(facts: AssetFacts, step: int) -> dict[str, Any]:
@@ -364,21 +326,13 @@ def _mesh_figures(facts: AssetFacts, outcome: Outcome) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Movement:
-    """How far a run moved its mesh.
+    """How far a run moved its mesh."""
 
-    Attributes
-    ----------
-    rms : float
-        Area-weighted root mean square displacement, as a share of the diagonal of the source's bounding box.
-    held_share : float
-        Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked.
-    stalled_by : str, optional
-        What mostly held back a mesh that hardly moved: `safeguard` or `guidance`; None if it moved.
-    """
-
-    rms: float
+    rms: float  # area-weighted root mean square displacement, as a share of the diagonal of the source's bounding box
     held_share: float
+    """Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked."""
     stalled_by: str | None
+    """What mostly held back a mesh that hardly moved: `safeguard` or `guidance`; None if it moved."""
 
     def to_dict(self) -> dict[str, float | str | None]:
         """Return the figures by name."""

@@ -36,21 +36,15 @@ from meshdeform.runs.goals import score_distillation
 from meshdeform.runs.prompts import Prompts
 
 _log = logging.getLogger(__name__)
-
 _SURE = 0.5
 
 CROOKED = frozenset({"twisted", "leaning", "bent"})
 """What a prompt may ask for that costs symmetry and flatness."""
 
 _BUILT = ("vehicles", "furniture", "buildings", "vessels and tools")
-
-
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
-
 _Flags = NDArray[np.bool_]
-
 _Floats = NDArray[np.float64]
-
 KEEP_RESULT, KEEP_SOURCE = "keep_result", "keep_source"
 
 LIMITS = {
@@ -73,21 +67,12 @@ _SENTENCES = {
 
 @dataclass(frozen=True)
 class Recognition:
-    """What a source was taken for.
+    """What a source was taken for."""
 
-    Attributes
-    ----------
-    noun : str
-        The most probable noun; empty if there is no judge.
-    probability : float
-        1 for a noun that the request gives.
-    nouns : mapping of str to float
-        The probabilities of all nouns; empty if no judge was asked.
-    """
-
-    noun: str
-    probability: float
+    noun: str  # the most probable noun; empty if there is no judge
+    probability: float  # 1 for a noun that the request gives
     nouns: Mapping[str, float] = field(default_factory=dict)
+    """The probabilities of all nouns; empty if no judge was asked."""
 
     @property
     def sure(self) -> bool:

@@ -20,7 +20,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from meshdeform.errors import UnavailableError
-from meshdeform.serving.defaults import DEFAULT_HOST, DEFAULT_PORT
+from meshdeform.serving import DEFAULT_HOST, DEFAULT_PORT
 from meshdeform.serving.processes import Child, SignalInbox, SupervisedChild, python_command
 from meshdeform.serving.redis_server import RedisServer
 from meshdeform.settings import Settings

@@ -21,15 +21,9 @@ _Make = Callable[[Mapping[str, float], Mapping[str, str]], dict[str, Solid]]
 
 @dataclass(frozen=True)
 class Family(FamilyParameters):
-    """Shapes of one kind.
+    """Shapes of one kind."""
 
-    Attributes
-    ----------
-    make : callable
-        Returns the solids of a member by name; it gets all numbers and choices by name.
-    """
-
-    make: _Make
+    make: _Make  # returns the solids of a member by name; it gets all numbers and choices by name
 
     def solids(self, values: Mapping[str, object]) -> dict[str, Solid]:
         """Return the closed solids of a member by name; as for `checked`, and parameters left out have their default.

@@ -12,8 +12,6 @@ from typing import BinaryIO, Protocol
 
 from meshdeform.errors import NotFoundError, UnavailableError
 
-__all__ = ["CHUNK", "Backend", "StoredObject", "check_key", "file_errors", "is_key", "measured", "parts_of"]
-
 CHUNK = 1 << 20
 _KEY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*")
 

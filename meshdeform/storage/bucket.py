@@ -19,8 +19,6 @@ from meshdeform.errors import (
 )
 from meshdeform.storage.base import is_key
 
-__all__ = ["Bucket"]
-
 # obstore's defaults retry for three minutes, which is longer than a request or a worker's lease can wait.
 _CONNECT = timedelta(seconds=3)
 _RETRY: Any = {"max_retries": 3, "retry_timeout": timedelta(seconds=10)}

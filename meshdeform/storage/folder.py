@@ -20,8 +20,6 @@ from typing import BinaryIO, TypeVar
 from meshdeform.errors import NotFoundError, UnavailableError
 from meshdeform.storage.base import CHUNK, file_errors, is_key
 
-__all__ = ["MARKER", "Folder", "sync_folder"]
-
 T = TypeVar("T")
 MARKER = ".meshdeform-store"
 _MARKER_TEXT = "This folder is an object store of Meshdeform. Without this file it counts as away, as if not mounted.\n"

@@ -14,8 +14,6 @@ from urllib.parse import parse_qsl, urlencode
 
 from meshdeform.errors import ForbiddenError
 
-__all__ = ["sign_path", "verify_path"]
-
 _DOMAIN = "meshdeform signed url 1"
 _EXPIRES, _SIGNATURE = "expires", "signature"
 _SECRET_BYTES = 16

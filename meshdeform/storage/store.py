@@ -17,8 +17,6 @@ from meshdeform.storage.bucket import Bucket
 from meshdeform.storage.folder import Folder
 from meshdeform.storage.uploads import UploadArea
 
-__all__ = ["ObjectStore"]
-
 PATIENCE_S = 60.0
 # The limit of Signature Version 4.
 _SIGNED_S = 7 * 86_400

@@ -18,8 +18,6 @@ from meshdeform.errors import AssetTooLargeError, ConflictError, MeshdeformError
 from meshdeform.storage.base import StoredObject, file_errors, is_key, measured, parts_of
 from meshdeform.storage.folder import Folder, sync_folder
 
-__all__ = ["UploadArea"]
-
 _UPLOADS = ".uploads"
 
 

@@ -20,8 +20,6 @@ from meshdeform.errors import DependencyError, WebhookAddressError
 if TYPE_CHECKING:
     import httpx
 
-__all__ = ["MAX_URL", "Destination", "Lookup", "Networks", "find_destination", "is_public", "parse_networks"]
-
 MAX_URL = 2000
 """Maximum number of characters in a webhook's URL."""
 

@@ -25,8 +25,6 @@ from meshdeform.webhooks.lookups import LookupPool
 if TYPE_CHECKING:
     from meshdeform.webhooks.sender import Sender
 
-__all__ = ["AT_ONCE", "WebhookDelivery"]
-
 AT_ONCE = 16
 """Number of messages that one process sends at a time."""
 

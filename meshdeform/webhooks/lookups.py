@@ -12,8 +12,6 @@ from typing import Any, TypeVar
 from meshdeform.errors import LimitError
 from meshdeform.webhooks.addresses import Lookup, system_lookup
 
-__all__ = ["LOOKUP_S", "LookupPool"]
-
 LOOKUP_S = 5.0
 """Seconds to wait for the addresses of a host."""
 

@@ -26,8 +26,6 @@ from meshdeform import __version__
 from meshdeform.errors import WebhookAddressError
 from meshdeform.webhooks.addresses import Destination, Lookup, Networks, find_destination, system_lookup
 
-__all__ = ["CONNECT_S", "PinnedNetwork", "SendOutcome", "Sender", "network_error", "signed_headers"]
-
 CONNECT_S = 5.0
 TOTAL_S = 15.0
 _MAX_ANSWER = 64 * 1024

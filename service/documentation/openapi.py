@@ -10,11 +10,9 @@ from pydantic.json_schema import models_json_schema
 
 from meshdeform.requests.document import JobKind, params_by_kind
 from meshdeform.requests.sketches import Sketch
-from meshdeform.serving.defaults import DEFAULT_URL
+from meshdeform.serving import DEFAULT_URL
 from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
 from service.schemas import Problem
-
-__all__ = ["describe"]
 
 # Documents missing from the routes' signatures: bodies that are streamed, and problems.
 _MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, Sketch, Problem)

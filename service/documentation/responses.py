@@ -37,23 +37,6 @@ from meshdeform.errors import (
 from meshdeform.record.ids import JOB_ID_PATTERN
 from service.http.idempotency import REPLAYED
 
-__all__ = [
-    "ASSET_ERRORS",
-    "CALLER_ERRORS",
-    "ETAG",
-    "LOCATION",
-    "NEW_JOB_ERRORS",
-    "ONCE_ERRORS",
-    "REPLAY",
-    "REQUEST_ERRORS",
-    "RETRY_AFTER",
-    "WAITED",
-    "JobId",
-    "Step",
-    "header",
-    "json_body",
-]
-
 JobId = Annotated[
     str,
     Path(

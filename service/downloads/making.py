@@ -16,8 +16,6 @@ from meshdeform.runs.derive import ALIKE, DERIVED, OF_RESULT, DerivedInput, deri
 from service.downloads.strengths import deformed_file
 from service.state import AppState
 
-__all__ = ["deformed_alike", "made", "makeable"]
-
 _RESULT, _MAP = "result.glb", "map.safetensors"
 
 

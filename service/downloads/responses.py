@@ -30,21 +30,6 @@ from service.http.auth import SIGNING_KEY, Viewer, lifetime_s, viewer
 from service.http.errors import problem_responses
 from service.state import AppState, AppStateDep
 
-__all__ = [
-    "OPEN_TO_SIGNED",
-    "ByteRange",
-    "Conditions",
-    "ConditionsDep",
-    "Download",
-    "ReaderDep",
-    "download",
-    "download_responses",
-    "matches",
-    "requested_range",
-    "signed_url",
-]
-
-
 _ONE_RANGE = re.compile(r"\s*bytes\s*=\s*([0-9]{0,18})\s*-\s*([0-9]{0,18})\s*", re.IGNORECASE)
 _ENTITY_TAG = re.compile(r'(?:W/)?"[^"]*"')
 

@@ -51,8 +51,6 @@ from service.http.bodies import body_of, clean_filename
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppState, AppStateDep
 
-__all__ = ["artifacts", "checkpoints", "sources"]
-
 artifacts = APIRouter(prefix="/v1/jobs/{id}/artifacts", tags=["artifacts"], dependencies=KNOWN_QUERY)
 checkpoints = APIRouter(prefix="/v1/jobs/{id}/checkpoints", tags=["checkpoints"], dependencies=KNOWN_QUERY)
 sources = APIRouter(prefix="/v1/jobs/{id}", tags=["jobs"], dependencies=KNOWN_QUERY)

@@ -20,8 +20,6 @@ from meshdeform.storage import ObjectStore, StoredObject
 from service.http.limits import FairSlots
 from service.workspace import Workspace
 
-__all__ = ["MAX_STRENGTH", "STRENGTH_STEP", "Strengths", "deformed_file"]
-
 MAX_STRENGTH, STRENGTH_STEP = 1.5, 0.01
 _AT_ONCE, _PER_OWNER, _WAIT_S = 2, 1, 120.0
 _KEPT_PER_JOB = 16

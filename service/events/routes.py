@@ -28,8 +28,6 @@ from service.state import AppState, AppStateDep
 if TYPE_CHECKING:
     from starlette.types import Message, Receive, Scope, Send
 
-__all__ = ["MAX_EVENTS", "router"]
-
 MAX_EVENTS = 1000
 _MAX_SEQ = 2**31 - 1  # the record's largest integer
 _STREAM = "text/event-stream"

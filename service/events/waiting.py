@@ -30,19 +30,6 @@ from meshdeform.record.models import Job
 from meshdeform.record.repository import JobRecord
 from meshdeform.serving.connections import connection_limit
 
-__all__ = [
-    "MOST_HELD_OF_ONE",
-    "JobWaiters",
-    "Prefer",
-    "applied",
-    "most_held",
-    "on_termination",
-    "preferred_wait",
-    "settled",
-    "wait_here",
-]
-
-
 MOST_HELD_OF_ONE = 100
 """Maximum number of requests of one owner that wait at the same time in one process."""
 

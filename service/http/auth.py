@@ -32,24 +32,6 @@ from service.http.limits import Buckets, Rate, RateLimiter, Verdict
 from service.http.middleware import add_header
 from service.state import AppState, AppStateDep
 
-__all__ = [
-    "BEARER",
-    "LINK_PREFIX",
-    "SIGNING_KEY",
-    "Gate",
-    "Principal",
-    "PrincipalDep",
-    "Viewer",
-    "ViewerDep",
-    "job_link",
-    "lifetime_s",
-    "principal",
-    "sent_key",
-    "still_opens",
-    "viewer",
-]
-
-
 LINK_PREFIX = "link."
 """What the token of a link to a job begins with (`service.http.auth`), and no API key."""
 

@@ -29,16 +29,6 @@ from service.http.errors import in_plain_words, parameter_error
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
 
-__all__ = [
-    "ReceivedFile",
-    "body_of",
-    "clean_filename",
-    "parse_document",
-    "receive_document",
-    "receive_form",
-]
-
-
 # This many bytes must arrive within `IDLE_S`, or the body is abandoned.
 _LEAST_BYTES = 64 * 1024
 

@@ -35,17 +35,6 @@ from meshdeform.requests.parameters import GUIDANCES
 from meshdeform.requests.removed import instead, plain_place
 from service.http.middleware import request_id
 
-__all__ = [
-    "KNOWN_QUERY",
-    "PROBLEM_TYPE",
-    "add_error_handlers",
-    "did_you_mean",
-    "in_plain_words",
-    "parameter_error",
-    "problem_responses",
-]
-
-
 PROBLEM_TYPE = "application/problem+json"
 
 _METHODS = ("DELETE", "GET", "HEAD", "PATCH", "POST", "PUT")

@@ -21,8 +21,6 @@ from meshdeform.support.telemetry import current_traceparent
 from service.http.auth import Principal
 from service.http.middleware import request_id
 
-__all__ = ["REPLAYED", "Answer", "Caller", "IdempotencyKey", "claimed", "request_hash"]
-
 REPLAYED = "Idempotency-Replayed"
 
 IdempotencyKey = Annotated[

@@ -26,9 +26,6 @@ from redis.retry import Retry
 
 from meshdeform.errors import UnavailableError
 
-__all__ = ["Buckets", "FairSlots", "Rate", "RateLimiter", "Verdict"]
-
-
 _log = logging.getLogger(__name__)
 _MINUTE_S = 60.0
 _LEAST_BURST = 10

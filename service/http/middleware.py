@@ -26,9 +26,6 @@ from service.operations.metrics import route_of
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["RequestFrame", "TracingMiddleware", "add_header", "request_id"]
-
-
 _access = logging.getLogger(telemetry.ACCESS_LOG)
 _ID = re.compile(r"[\x21-\x7e]{1,128}")
 _HEADERS = "meshdeform.headers"

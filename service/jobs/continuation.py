@@ -30,8 +30,6 @@ from service.jobs.intake import check_file, check_params, check_words, key_of, n
 from service.jobs.sources import fetch, in_order
 from service.state import AppState
 
-__all__ = ["branch", "retry", "retry_failed"]
-
 _RETRYABLE = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)
 
 

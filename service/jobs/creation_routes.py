@@ -51,8 +51,6 @@ from service.schemas import FoundOrientation, Validation
 from service.state import AppState, AppStateDep
 from service.webhooks.routes import checked_address
 
-__all__ = ["router"]
-
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
 
 _UPLOAD = {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}

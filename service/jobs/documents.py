@@ -15,17 +15,6 @@ from meshdeform.requests.document import DeformParams, JobRequest
 from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.webhooks.addresses import MAX_URL
 
-__all__ = [
-    "SHA256_PATTERN",
-    "UPLOAD_ID_PATTERN",
-    "BranchDocument",
-    "FileReference",
-    "FileSource",
-    "JobDocument",
-    "UploadCompletion",
-    "UploadDocument",
-]
-
 UPLOAD_ID_PATTERN = id_pattern("upl")
 SHA256_PATTERN = r"^[0-9a-fA-F]{64}$"
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"

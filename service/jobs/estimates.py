@@ -22,8 +22,6 @@ from meshdeform.requests.document import TAUGHT, JobRequest, read_stored
 from meshdeform.runs import kind_of
 from meshdeform.runs.costs import END_SHARE, Costs, Seconds, costs_of, pace_of
 
-__all__ = ["Estimate", "estimate"]
-
 _SAMPLES = 50
 _COUNTED = 200
 """Maximum number of jobs ahead that are read one by one; for the rest, the mean of these is used."""

@@ -41,19 +41,6 @@ from service.state import AppState
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = [
-    "accept_job",
-    "check_file",
-    "check_params",
-    "check_words",
-    "key_of",
-    "new_job",
-    "orient",
-    "record_job",
-    "store_file",
-    "validate",
-]
-
 _log = logging.getLogger(__name__)
 _ORIENT_TIMEOUT_S = 240.0
 _CONTENT_TYPE = "application/octet-stream"

@@ -70,15 +70,13 @@ Cursor = Annotated[
         examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
     ),
 ]
-ErrorCode = Annotated[
-    str,
-    Query(
-        description="Only jobs that failed with this error (its `code`).",
-        max_length=64,
-        pattern="^[a-z_]+$",
-        examples=["unavailable"],
-    ),
-]
+_ERROR_CODE = {
+    "description": "Only jobs that failed with this error (its `code`).",
+    "max_length": 64,
+    "pattern": "^[a-z_]+$",
+    "examples": ["unavailable"],
+}
+ErrorCode = Annotated[str, Query(**_ERROR_CODE)]
 
 
 @router.get(
@@ -98,7 +96,9 @@ def list_jobs(
     state: Annotated[
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
     ] = None,
-    error: ErrorCode | None = None,
+    error: Annotated[
+        str | None, Query(**{**_ERROR_CODE, "description": f"{_ERROR_CODE['description']} Default: all."})
+    ] = None,
     created_after: CreatedAfter = None,
     q: Annotated[
         str,

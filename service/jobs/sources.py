@@ -46,9 +46,6 @@ if TYPE_CHECKING:
 
     import httpcore
 
-__all__ = ["Submission", "fetch", "file_advice", "in_order", "missing_files", "take_along"]
-
-
 _F = TypeVar("_F")
 
 

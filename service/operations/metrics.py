@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from meshdeform.record.repository import JobRecord
 
-__all__ = ["Metrics", "MetricsMiddleware"]
-
 _HELP = {
     "job_seconds": "Seconds from a job's first start to its end.",
     "queue_wait_seconds": "Seconds from a job's creation to its first start.",

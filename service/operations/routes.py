@@ -46,8 +46,6 @@ from service.schemas import (
 )
 from service.state import AppStateDep
 
-__all__ = ["health", "router"]
-
 router = APIRouter(dependencies=KNOWN_QUERY)
 health = APIRouter(tags=["health"])
 _FORMATS = ["glb", "obj", "ply", "stl", "zip"]

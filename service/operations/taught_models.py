@@ -16,8 +16,6 @@ from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.storage import ObjectStore
 from service.workspace import Workspace
 
-__all__ = ["TaughtModels"]
-
 _LISTED = 100
 _REMEMBERED = 512
 

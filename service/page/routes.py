@@ -19,8 +19,6 @@ from meshdeform.requests.document import DeformParams, OutputOptions
 if TYPE_CHECKING:
     from starlette.types import Receive, Scope, Send
 
-__all__ = ["PAGE_HEADERS", "routes"]
-
 PAGE_HEADERS = {
     # Only this server's scripts and styles, data that the page holds itself (blob:, data:), and no other host.
     # WebAssembly is for mesh decoders; no text is ever run as a script.

@@ -25,8 +25,6 @@ from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppStateDep
 
-__all__ = ["router"]
-
 router = APIRouter(prefix="/v1/sketches", tags=["sketches"], dependencies=KNOWN_QUERY)
 
 _MAX_BYTES = 20_000_000

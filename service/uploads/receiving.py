@@ -31,8 +31,6 @@ from meshdeform.storage import sign_path, verify_path
 from service.schemas import UploadView
 from service.state import AppState
 
-__all__ = ["ContentRange", "authorize", "complete", "parse_content_range", "receive_content", "received_bytes", "view"]
-
 _KEY_NAME = "signed-urls"
 # This many bytes are written, and count as received, before more of the body is read.
 _BLOCK = 4 << 20

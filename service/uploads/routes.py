@@ -32,8 +32,6 @@ from service.schemas import UploadView
 from service.state import AppState, AppStateDep
 from service.uploads.receiving import authorize, complete, parse_content_range, receive_content, received_bytes, view
 
-__all__ = ["content", "router"]
-
 router = APIRouter(prefix="/v1/uploads", tags=["uploads"], dependencies=KNOWN_QUERY)
 content = APIRouter(prefix="/v1/uploads", tags=["uploads"])
 """The routes of signed URLs, which need no API key."""

@@ -41,8 +41,6 @@ from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppState, AppStateDep
 
-__all__ = ["checked_address", "messages", "router"]
-
 router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"], dependencies=KNOWN_QUERY)
 messages = APIRouter()
 """The messages that receivers get, for OpenAPI's `webhooks`. These routes are never called."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import Primitive, build_glb
-from meshdeform.geometry.shapes import box
+from training.shapes import box
 
 pytestmark = pytest.mark.acceptance
 

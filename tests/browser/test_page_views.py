@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.geometry.shapes import torus
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
 from tests.browser.steps import badge, choose, difference, expect, open_form, picture, shown_job, until_drawn
+from training.shapes import torus
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page, Response, Route

@@ -6,13 +6,14 @@ import json
 from typing import Any
 
 from meshdeform.assets import Primitive, build_glb
-from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.removed import grouped
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
 from tests.unit.geometry.test_structure import STATUE
 from tests.unit.plain.shapes import chair, plain_glb
 from tests.unit.runs.test_pictures import GLB, ellipse
+from training.shapes import box
 
 
 def validate(api: Api, asset: bytes, **params: Any) -> Any:

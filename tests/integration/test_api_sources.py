@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from meshdeform.assets import build_glb
-from meshdeform.geometry.shapes import box
 from meshdeform.record.models import JobState
 from meshdeform.runs.costs import MEASURED
 from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job, post
 from tests.integration.record_calls import set_to
+from training.shapes import box
 
 NO_UPLOAD = "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"
 NO_JOB = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"

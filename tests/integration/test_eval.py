@@ -218,7 +218,7 @@ def test_taught_weights_are_evaluated(tmp_path: Path) -> None:
 
 
 def test_the_suite_for_stable_diffusion_runs_with_a_checkpoint_and_is_judged_by_clip(tmp_path: Path) -> None:
-    from meshdeform.testing import build_tiny_stable_diffusion
+    from tests.fakes import build_tiny_stable_diffusion
     from tests.unit.evaluation.tiny_clip import build_tiny_clip
 
     model, clip, out = tmp_path / "model", tmp_path / "clip", tmp_path / "run"

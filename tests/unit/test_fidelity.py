@@ -16,12 +16,13 @@ from torch import Tensor
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
-from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.cameras import CameraRange, Framing, fixed_cameras, sample_orthogonal_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.rendering.shading import sample_scene
 from meshdeform.requests.document import DeformParams, Preset, ResolvedParams, resolve
 from tests.cases import each_case
+from training.shapes import box
 
 F64 = torch.float64
 PAPER: ResolvedParams = resolve(DeformParams.model_validate({"preset": Preset.PAPER, "guidance": {"model": "a-model"}}))

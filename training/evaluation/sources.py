@@ -30,9 +30,10 @@ from torch import Tensor
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import texel_corners
-from meshdeform.geometry.shapes import box, join, torus
+from meshdeform.geometry.shapes import join
 from meshdeform.geometry.weld import WeldedMesh, weld
 from training.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
+from training.shapes import box, torus
 
 __all__ = ["SOURCES", "PosedMesh", "mesh_sha256", "posed_mesh", "quadruped", "source_mesh", "source_texels"]
 

@@ -19,11 +19,12 @@ import torch
 from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, cylinder, icosphere, torus
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge.scoring import WEIGHTS, Judge, JudgeNetwork, encoded, read_judge
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, ParsedPrompt
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge.members import HELD_OUT, ViewSet
+from training.shapes import box, cylinder, torus
 
 __all__ = ["SHAPES", "main", "prompts_of", "variants"]
 

@@ -19,7 +19,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
-from meshdeform.priors.builtin.style import CAMERAS, SINGLE_STYLE, STYLE
+from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, drawn_from, pictures, single_views
 from training.prior.families import member

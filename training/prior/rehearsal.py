@@ -7,14 +7,20 @@ grids of four views and one single view. The same code draws the same pictures, 
 from __future__ import annotations
 
 import argparse
+import io
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
+from PIL import Image
 
 from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
+from meshdeform.priors.builtin.network import IMAGE_SIZE
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, joined, pictures, single_views
-from meshdeform.priors.builtin.teaching.replay import REHEARSAL, packed_rehearsal
+from meshdeform.priors.builtin.teaching.replay import LABELS, REHEARSAL
 from meshdeform.support.files import write_files
 from training.prior.dataset import draw_prompt
 from training.prior.families import FAMILIES, member
@@ -35,7 +41,26 @@ def rehearsal(nouns: list[str]) -> bytes:
         prompts = [str(prompt) for some, prompt in sets for _ in range(len(some))]
         held = [some is sets[-1][0] for some, _ in sets for _ in range(len(some))]
         drawn[noun] = joined([some for some, _ in sets]), prompts, held
-    return packed_rehearsal(drawn)
+    return _packed(drawn)
+
+
+def _packed(nouns: Mapping[str, tuple[PictureSet, Sequence[str], Sequence[bool]]]) -> bytes:
+    """Return the file of `shipped_pictures` from each noun's pictures with their prompts and which are held out."""
+    content = io.BytesIO()
+    labels: dict[str, list[dict[str, object]]] = {}
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
+        for noun, (pictures, prompts, held) in nouns.items():
+            column = pictures.images.permute(0, 2, 3, 1).reshape(-1, IMAGE_SIZE, 3).numpy()
+            picture = io.BytesIO()
+            Image.fromarray(column).save(picture, "WEBP", lossless=True, quality=100, method=6)
+            archive.writestr(zipfile.ZipInfo(f"{noun}.webp"), picture.getvalue())
+            rows = zip(prompts, pictures.azimuth_deg.tolist(), pictures.single.tolist(), held, strict=True)
+            labels[noun] = [
+                {"prompt": prompt, "azimuth_deg": azimuth, "single": single, "held": out}
+                for prompt, azimuth, single, out in rows
+            ]
+        archive.writestr(zipfile.ZipInfo(LABELS), json.dumps(labels))
+    return content.getvalue()
 
 
 def _drawn(noun: str, seed: tuple[int, ...], grids: int, *, plain: bool) -> tuple[PictureSet, ParsedPrompt]:

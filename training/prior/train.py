@@ -17,7 +17,7 @@ from pathlib import Path
 import torch
 
 from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, write_weights
-from meshdeform.priors.builtin.teaching.trainer import Pictures, TrainConfig, Trainer
+from meshdeform.priors.builtin.teaching.teacher import Pictures, TrainConfig, Trainer
 from meshdeform.support.memory import keep_freed_memory
 from training.prior.dataset import PictureFolder
 from training.prior.families import FAMILIES

@@ -17,7 +17,8 @@ from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.network import PriorNetwork, read_tensors, vocabulary_hash
 from meshdeform.priors.builtin.teaching.teacher import new_rows
-from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS, SECOND_EDITION, THIRD_EDITION
+from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
+from training.prior.held_out import SECOND_EDITION, THIRD_EDITION
 
 __all__ = ["warm_start"]
 

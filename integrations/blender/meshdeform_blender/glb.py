@@ -26,21 +26,12 @@ _ORTHOGONAL = 1e-5  # the Khronos validator's tolerance for a matrix of rotation
 
 @dataclass(frozen=True)
 class Part:
-    """One mesh with its placement in the scene.
-
-    Attributes
-    ----------
-    positions : (N, 3) float32
-        In the mesh's own space, +Z up.
-    triangles : (T, 3) uint32
-    matrix : (4, 4) float64
-        Maps column vectors from the mesh's space to the world's.
-    """
+    """One mesh with its placement in the scene."""
 
     name: str
-    positions: NDArray[np.float32]
-    triangles: NDArray[np.uint32]
-    matrix: NDArray[np.float64]
+    positions: NDArray[np.float32]  # (N, 3) float32: in the mesh's own space, +Z up
+    triangles: NDArray[np.uint32]  # (T, 3) uint32
+    matrix: NDArray[np.float64]  # (4, 4) float64: maps column vectors from the mesh's space to the world's
 
 
 def write_glb(parts: Sequence[Part]) -> bytes:

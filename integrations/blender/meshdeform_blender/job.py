@@ -19,22 +19,13 @@ _CONTACT_S = 10.0
 
 @dataclass(frozen=True)
 class Status:
-    """The state of a job. Immutable and replaced as a whole, so any thread may read it.
-
-    Attributes
-    ----------
-    fraction : float
-        Of the optimisation, 0 to 1.
-    job_id : str
-        Empty until the service has accepted the job.
-    error : AddonError or None
-    """
+    """The state of a job. Immutable and replaced as a whole, so any thread may read it."""
 
     phase: Phase = "sending"
-    fraction: float = 0.0
+    fraction: float = 0.0  # of the optimisation, 0 to 1
     step: int = 0
     total_steps: int = 0
-    job_id: str = ""
+    job_id: str = ""  # empty until the service has accepted the job
     error: AddonError | None = None
 
     @property

@@ -19,21 +19,11 @@ Apply = Literal["SHAPE_KEY", "REPLACE"]
 
 @dataclass(frozen=True)
 class Source:
-    """One object that was sent.
+    """One object that was sent."""
 
-    Attributes
-    ----------
-    uid : int
-        Identifies the object, even after undo, which invalidates references.
-    part : Part
-        Its mesh when it was sent.
-    connectivity : str
-        Hash of its faces.
-    """
-
-    uid: int
-    part: Part
-    connectivity: str
+    uid: int  # identifies the object, even after undo, which invalidates references
+    part: Part  # its mesh when it was sent
+    connectivity: str  # hash of its faces
 
 
 def gather(objects: Sequence[Any]) -> list[Source]:

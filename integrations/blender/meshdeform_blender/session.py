@@ -17,17 +17,10 @@ from .job import OVER, JobThread, Status
 
 @dataclass
 class Session:
-    """The state that the panel shows.
+    """The state that the panel shows."""
 
-    Attributes
-    ----------
-    job : JobThread or None
-        The running job.
-    message, is_error : str, bool
-        How the last job ended.
-    """
-
-    job: JobThread | None = None
+    job: JobThread | None = None  # the running job
+    # How the last job ended
     message: str = ""
     is_error: bool = False
     _sources: list[meshes.Source] = field(default_factory=list)

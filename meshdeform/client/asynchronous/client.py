@@ -67,8 +67,6 @@ from meshdeform.errors import (
 )
 from meshdeform.requests.choices import JobKind
 
-__all__ = ["AsyncClient", "AsyncResult"]
-
 M = TypeVar("M", bound=BaseModel)
 _FAREWELL_S = 5.0
 _HELD_S = 30

@@ -17,8 +17,6 @@ from meshdeform.client.requests import Answer, Call, Endpoint
 from meshdeform.client.retries import Patience, Policy, unanswered, worth_a_retry
 from meshdeform.errors import IdempotencyBusyError, MeshdeformError
 
-__all__ = ["Connection", "pause", "shielded", "tell", "work"]
-
 M = TypeVar("M", bound=BaseModel)
 T = TypeVar("T")
 

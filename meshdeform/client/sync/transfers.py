@@ -32,8 +32,6 @@ from meshdeform.errors import (
     UnavailableError,
 )
 
-__all__ = ["followed", "loaded", "prepared", "saved", "uploaded"]
-
 _LIVED_S = 5.0  # a connection that lasted this long does not count as a failure
 _STALE = 0.75
 

@@ -14,19 +14,30 @@ It needs neither torch nor numpy: the service checks a prompt before it accepts 
 
 `Words` looks up the words of the builtin prior, and `suggest` has prompts in place of one that is refused: for an
 unknown word come first the known words that are spelled alike, if the word is not a noun itself; then nouns that look
-alike; then nouns of similar meaning (`meaning.py`).
+alike; then nouns of similar meaning.
+
+The meaning of a word is its place in a part of WordNet's hierarchy of nouns (`nouns.txt.gz`, made by
+`release/nouns.py`; its licence is at its head). The nearest of two nouns is the one whose lowest common kind with the
+word is the narrower, measured by the number of things of that kind: a mug and a goblet are drinking vessels, a mug and
+a house only artefacts. Ties go to the shorter way in the tree.
+
+Sources: Miller 1995, WordNet; Resnik 1995 (the common kind that says most); Seco et al. 2004, eq. 2 (a kind says the
+more, the fewer things it has).
 """
 
 from __future__ import annotations
 
 import difflib
+import gzip
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import zip_longest
+from pathlib import Path
 
 from meshdeform.errors import PromptError, VocabularyError
-from meshdeform.priors.builtin.meaning import is_noun, nearest
 from meshdeform.priors.builtin.vocabulary import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
@@ -44,11 +55,8 @@ from meshdeform.priors.builtin.vocabulary import (
 )
 
 MAX_SUGGESTIONS = 3
-
 _SIMILARITY = 0.79
-
 _MIN_LENGTH = 4
-
 _POPULAR = ("mushroom", "vase", "rabbit")
 
 # Frequent prompts, and the nouns that look most like them.
@@ -89,12 +97,8 @@ _RELATED = {
 }
 
 _NOUN_OF_RELATED = {word: noun for noun, words in _RELATED.items() for word in words.split()}
-
-
 _PROPORTIONS = ("tall", "wide", "thin", "fat", "short", "long")
-
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
-
 _OWN_WORDS = 5
 
 
@@ -123,21 +127,12 @@ SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
 
 @dataclass(frozen=True)
 class Words:
-    """The words of one file of weights; attributes and parts are those of the grammar.
-
-    Attributes
-    ----------
-    nouns : mapping of str to tuple of str
-        Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`.
-    synonyms : mapping of str to str
-        Other names of nouns.
-    tokens : tuple of str
-        Tokens in the order of their numbers; 0 is padding.
-    """
+    """The words of one file of weights; attributes and parts are those of the grammar."""
 
     nouns: Mapping[str, tuple[str, ...]]
-    synonyms: Mapping[str, str]
-    tokens: tuple[str, ...]
+    """Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`."""
+    synonyms: Mapping[str, str]  # other names of nouns
+    tokens: tuple[str, ...]  # tokens in the order of their numbers; 0 is padding
 
 
 BUILTIN_WORDS = Words(
@@ -223,24 +218,13 @@ def is_known(word: str, words: Words = BUILTIN_WORDS) -> bool:
 
 @dataclass(frozen=True)
 class Suggestions:
-    """What to say in place of a refused prompt.
+    """What to say in place of a refused prompt."""
 
-    Attributes
-    ----------
-    prompts : list of str
-        One to three prompts that are accepted and keep what was understood.
-    corrections : dict of str to str
-        The known word in place of each misspelt one.
-    nearest : dict of str to list of str
-        By unknown word, known nouns that look like it or mean something similar; nearest first.
-    near : bool
-        Whether the prompts come from the refused one, and are not merely examples.
-    """
-
-    prompts: list[str]
-    corrections: dict[str, str]
+    prompts: list[str]  # one to three prompts that are accepted and keep what was understood
+    corrections: dict[str, str]  # the known word in place of each misspelt one
     nearest: dict[str, list[str]]
-    near: bool
+    """By unknown word, known nouns that look like it or mean something similar; nearest first."""
+    near: bool  # whether the prompts come from the refused one, and are not merely examples
 
 
 def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = BUILTIN_WORDS) -> dict[str, str]:
@@ -571,3 +555,83 @@ def tokenise(parsed: ParsedPrompt, known: Words = BUILTIN_WORDS) -> list[int]:
     """Return the `SEQUENCE_LENGTH` token numbers of a parsed prompt, padded with 0."""
     numbers = [known.tokens.index(word) for word in parsed.tokens]
     return numbers + [0] * (SEQUENCE_LENGTH - len(numbers))
+
+
+_TABLE = Path(__file__).parent / "nouns.txt.gz"
+_WIDEST = 600
+"""A common kind of more things than this says nothing: everything that was made is an artefact."""
+
+
+@dataclass(frozen=True)
+class _Tree:
+    """Kinds by number: the parent of each (-1: none), how many things it has, and the kinds of each word."""
+
+    parents: list[int] = field(default_factory=list)
+    sizes: list[int] = field(default_factory=list)
+    kinds: dict[str, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))
+
+    def line(self, kind: int) -> list[int]:
+        """Return a kind and all that it belongs to, narrowest first."""
+        found = []
+        while kind >= 0:
+            found.append(kind)
+            kind = self.parents[kind]
+        return found
+
+
+@lru_cache(maxsize=1)
+def _tree() -> _Tree:
+    tree = _Tree()
+    above: list[int] = []
+    for line in gzip.decompress(_TABLE.read_bytes()).decode().splitlines():
+        if line.startswith("#"):
+            continue
+        depth, *words = line.split()
+        del above[int(depth) :]
+        for word in words:
+            name, _, rank = word.partition(":")
+            tree.kinds[name].append((len(tree.parents), int(rank or 1)))
+        tree.parents.append(above[-1] if above else -1)
+        above.append(len(tree.sizes))
+        tree.sizes.append(1)
+    for kind in range(len(tree.parents) - 1, -1, -1):  # children come after their parents
+        if tree.parents[kind] >= 0:
+            tree.sizes[tree.parents[kind]] += tree.sizes[kind]
+    return tree
+
+
+def is_noun(word: str) -> bool:
+    """Return whether the hierarchy has a word."""
+    return word in _tree().kinds
+
+
+def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
+    """Return the nouns whose meaning is nearest to that of a word, nearest first.
+
+    Parameters
+    ----------
+    word : str
+        In small letters, singular.
+    nouns : iterable of str
+        The nouns to choose from, singular; those without a place in the hierarchy are never chosen.
+    count : int
+        Maximum number of nouns.
+
+    Returns
+    -------
+    list of str
+        Empty if the word has no place in the hierarchy, or nothing in common with any noun.
+    """
+    tree = _tree()
+    scores: dict[str, tuple[int, int]] = {}
+    for start, rank in tree.kinds.get(word, []):
+        steps = {kind: step for step, kind in enumerate(tree.line(start))}
+        for noun in nouns:
+            for kind, other_rank in tree.kinds.get(noun, []):
+                way, common = next(
+                    ((step, kind) for step, kind in enumerate(tree.line(kind)) if kind in steps), (0, -1)
+                )
+                if common >= 0 and tree.sizes[common] <= _WIDEST:
+                    score = (tree.sizes[common] * rank * other_rank, way + steps[common])
+                    scores[noun] = min(score, scores.get(noun, score))
+    return sorted(scores, key=lambda noun: (*scores[noun], noun))[:count]

@@ -33,12 +33,8 @@ from meshdeform.priors.builtin.taught import MAX_FILE_BYTES, REPLAY, check, word
 from meshdeform.support.files import write_files
 
 IMAGE_SIZE = 128
-
 _CAMERA_CHANNELS = 8
-
-
 WEIGHTS = Path(__file__).parent / "weights" / "prior.safetensors"
-
 _LARGEST = 512
 
 _ADVICE = (
@@ -71,8 +67,6 @@ def camera_map(azimuth_deg: Tensor, single: Tensor | None, side: int) -> Tensor:
         Azimuth of the first or only view, degrees.
     single : (B,) bool, optional
         Whether each picture is a single view; by default none is.
-    side : int
-        Side of the map in pixels.
 
     Returns
     -------

@@ -26,6 +26,7 @@ SNR); Li & He 2025, Back to basics (predict x0 where patches are wide).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -35,13 +36,19 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.torch_threads import share_work
 from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
 from meshdeform.priors.builtin.network import WEIGHTS, file_sha256, null_tokens, read_network
-from meshdeform.priors.builtin.style import STYLE
 from meshdeform.priors.builtin.taught import words_of
-from meshdeform.priors.native_precision import is_fast_in_int8
-from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
+from meshdeform.priors.precision import is_fast_in_int8
+from meshdeform.rendering.cameras import NUM_VIEWS, CameraRange, Cameras
+from meshdeform.rendering.shading import RenderStyle
 
 NUM_TIMESTEPS = 1000
 _LARGEST_WEIGHT = 5.0
+
+STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
+"""Style of a view in the 2 x 2 grid; four of them fill the picture."""
+SINGLE_STYLE = replace(STYLE, view_size=128)
+"""Style of a single view that fills the picture."""
+CAMERAS = CameraRange(elevation_min_deg=0.0, elevation_max_deg=30.0, fov_min_deg=30.0, fov_max_deg=45.0)
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
@@ -93,8 +100,6 @@ class BuiltinPrior:
 
     Parameters
     ----------
-    device : str or torch.device
-        Device of the network.
     dtype : "auto", "float32", "float16", "bfloat16" or "int8"
         What the network computes in. `auto` is int8 on a CPU with instructions for it (`is_fast_in_int8`), else
         float32. float16, a precision of other models, is float32, and so is int8 without such instructions.

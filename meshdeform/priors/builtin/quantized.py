@@ -42,18 +42,14 @@ from meshdeform.geometry.kernels import kernel
 from meshdeform.priors.builtin.network import AttentionBlock, PriorNetwork, ResidualBlock
 
 _Floats = NDArray[np.float32]
-
 _Bytes = NDArray[np.uint8]
-
 _f = np.float32
 
 _LEVELS = 254.0
 """One less than there are: rounding the level of 0 may move all others by half a level, and none may leave the byte."""
 
 _SILU_MINIMUM = -0.27846454
-
 _BOUND = _f(5.5)
-
 _A1, _A3, _A5 = _f(9.98813525e-01), _f(9.75553740e-02), _f(5.60992395e-04)
 
 _B2, _B4 = _f(4.28842890e-01), _f(1.15567037e-02)
@@ -62,7 +58,6 @@ largest error of SiLU smallest."""
 
 _EPSILON = 1e-5
 """Added to the variance, as in `torch.nn.GroupNorm`."""
-
 
 _LARGEST_WEIGHT = 63
 """Of 7 bits. AVX2 adds up the products of two pairs of bytes in 16 bits, where 2 x 255 x 63 is not too much."""

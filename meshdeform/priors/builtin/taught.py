@@ -42,26 +42,14 @@ REPLAY = "replay."
 
 @dataclass(frozen=True)
 class Lesson:
-    """What a file of weights was taught.
-
-    Attributes
-    ----------
-    attributes : tuple of str
-        Attributes that meshes were labelled with.
-    meshes : tuple of str
-        Names of the files.
-    licence : str
-        One line about the meshes' licence; may be empty.
-    date : str
-        Day of the lesson, as YYYY-MM-DD.
-    """
+    """What a file of weights was taught."""
 
     noun: str
     synonyms: tuple[str, ...]
-    attributes: tuple[str, ...]
-    meshes: tuple[str, ...]
-    licence: str
-    date: str
+    attributes: tuple[str, ...]  # attributes that meshes were labelled with
+    meshes: tuple[str, ...]  # names of the files
+    licence: str  # one line about the meshes' licence; may be empty
+    date: str  # day of the lesson, as YYYY-MM-DD
     steps: int
     seed: int
 

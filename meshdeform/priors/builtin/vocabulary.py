@@ -283,19 +283,3 @@ OPPOSITES = tuple(
     for words in (("tall", "short"), ("tall", "flat"), ("thin", "fat"), ("thin", "wide"), ("fat", "pinched"))
 )
 """Adjectives that contradict each other."""
-
-SECOND_EDITION = frozenset({"bell", "guitar", "octopus", "pig", "pineapple", "umbrella", "pinched", "handle"})
-"""Words that the first edition of the weights lacked; without them, the token order is that of the first edition."""
-
-THIRD_EDITION = frozenset({
-    "anvil", "apple", "armchair", "axe", "backpack", "balloon", "banana", "barrel", "bathtub", "bear", "bed", "bench",
-    "bird", "boot", "bucket", "burger", "bus", "butterfly", "cabinet", "cake", "camel", "camera", "candle", "castle",
-    "chest", "chicken", "church", "corn", "cow", "crab", "crocodile", "cupcake", "deer", "desk", "dolphin", "dragon",
-    "dress", "dumbbell", "flower", "frog", "ghost", "glove", "hammer", "hedgehog", "helicopter", "helmet", "igloo",
-    "lighthouse", "lion", "monkey", "motorcycle", "mouse", "owl", "palm", "person", "piano", "pine", "pumpkin",
-    "rhino", "robot", "shark", "sheep", "shield", "shirt", "skyscraper", "snail", "snake", "spider", "stool",
-    "strawberry", "submarine", "swan", "sword", "tank", "teapot", "television", "tent", "tractor", "train",
-    "trousers", "truck", "windmill", "beak", "blade", "claws", "eyes", "gun", "heel", "horns", "humps", "lens",
-    "mane", "shell", "sleeves", "spikes", "spout", "tower", "wheels",
-})  # fmt: skip
-"""Words that the second edition lacked."""

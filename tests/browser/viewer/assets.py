@@ -12,8 +12,8 @@ import numpy as np
 
 from meshdeform.assets import load_asset
 from meshdeform.assets.build import build_glb
-from meshdeform.geometry.shapes import box
 from tests.unit.assets.builders import Builder, unpack
+from training.shapes import box
 
 GROWTH = 1.5
 _MESH = box(3, (1.0, 1.4, 0.8))

@@ -8,10 +8,11 @@ import pytest
 from meshdeform.assets import Limits, inspect_asset, load_asset
 from meshdeform.assets.build import Primitive, build_glb
 from meshdeform.errors import AssetEmptyError, AssetTooLargeError
-from meshdeform.geometry.shapes import grid, icosphere
+from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_VERTS, Builder, notable, unpack
 from tests.unit.assets.test_replace import accessor, position
+from training.shapes import grid
 
 POINTS = np.float32([[1, 0, 0], [5, 5, 5], [0.5, 0.5, 2]])
 

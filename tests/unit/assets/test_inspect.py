@@ -18,8 +18,7 @@ from meshdeform.assets import check, isolation
 from meshdeform.assets.check import check_asset_subprocess
 from meshdeform.assets.inspect import inspect_asset
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.surface_files import read_surface_file, summary_of
-from meshdeform.assets.thin_parts import thin_warnings
+from meshdeform.assets.surface_files import read_surface_file, summary_of, thin_warnings
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshdeform.assets.meshopt.attributes import decode_attributes
-from meshdeform.assets.meshopt.filters import apply_filter
-from meshdeform.assets.meshopt.indices import decode_indices, decode_triangles
+from meshdeform.assets.meshopt import apply_filter, decode_attributes, decode_indices, decode_triangles
 from meshdeform.errors import AssetError
 from tests.cases import each_case
 

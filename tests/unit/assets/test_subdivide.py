@@ -10,8 +10,7 @@ import torch
 from meshdeform.assets import load_asset
 from meshdeform.assets.document import Document, read_accessor
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.middles import middles
-from meshdeform.assets.subdivide import MAX_TRIANGLES
+from meshdeform.assets.subdivide import MAX_TRIANGLES, middles
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.weld import weld
 from tests.cases import each_case

@@ -14,10 +14,11 @@ from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
 from meshdeform.cli.request import read_handle, read_name, read_region, read_rigid
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, join, torus
+from meshdeform.geometry.shapes import join
 from meshdeform.requests.document import DeformParams
 from tests.cases import each_case
 from training.evaluation.sources import source_mesh
+from training.shapes import box, torus
 
 
 def test_parts_are_written_as_place_and_name() -> None:

@@ -19,8 +19,8 @@ from meshdeform.cli.local import LocalJob, ctrl_c_between_steps, second_ctrl_c_e
 from meshdeform.errors import ModelError
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
-from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from tests.fakes import FakePrior
 from tests.unit.assets.test_archive import image, scene
 from tests.unit.assets.test_replace import DOT
 

@@ -14,14 +14,14 @@ from typer.testing import CliRunner, Result
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.app import app
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.rendering import animation
+from meshdeform.rendering import studio
 
 
 @pytest.fixture
 def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("morph_animation", "turntable_animation"):
-        small = functools.partial(getattr(animation, name), size=32, frames=4)
-        monkeypatch.setattr(animation, name, small)
+        small = functools.partial(getattr(studio, name), size=32, frames=4)
+        monkeypatch.setattr(studio, name, small)
     monkeypatch.chdir(tmp_path)
     mesh = icosphere(1)
     Path("ball.glb").write_bytes(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))

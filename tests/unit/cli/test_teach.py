@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
 from meshdeform.priors.builtin.taught import known_words
-from meshdeform.priors.builtin.teaching.trainer import Trainer
+from meshdeform.priors.builtin.teaching.teacher import Trainer
 from tests.taught import shorten_lessons, write_small_weights
 
 _STEPS = ["--model", "small.safetensors", "--steps", "3"]

@@ -17,9 +17,10 @@ from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.geodesic import surface_distances
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.shapes import grid, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.choices import Carrier
 from tests.cases import each_case
+from training.shapes import grid
 
 BALL = RestMesh.of(icosphere(3))
 POINTS = BALL.verts.numpy()

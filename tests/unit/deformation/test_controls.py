@@ -11,16 +11,16 @@ from torch import Tensor
 
 from meshdeform.deformation.controls import Level, Structure, is_level, mirror_planes, plane_of
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.loop import Deformation, RegionalGradients
 from meshdeform.deformation.orientation import Front
-from meshdeform.deformation.regional import RegionalGradients
 from meshdeform.deformation.variables import JacobianField, placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.shapes import box, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
 from tests.unit.deformation.test_lattice import moved
+from training.shapes import box
 
 F64 = torch.float64
 MIRROR = torch.tensor([-1.0, 1.0, 1.0], dtype=F64)

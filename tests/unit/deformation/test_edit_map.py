@@ -14,8 +14,9 @@ from torch import Tensor
 from meshdeform.deformation.edit_map import EditMap, Outside
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.shapes import box, cylinder, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
+from training.shapes import box, cylinder
 
 FINE = RestMesh.of(cylinder(0.25, 4.0, 40, 80))
 COARSE = cylinder(0.25, 4.0, 8, 10)

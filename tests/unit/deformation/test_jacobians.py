@@ -9,9 +9,10 @@ from torch import Tensor
 from meshdeform.deformation.poisson import completed_jacobians, identity_jacobians, jacobians_from_verts
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_normals, gradient_operator
-from meshdeform.geometry.shapes import box, grid, icosphere, torus
+from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
 from tests.close import assert_close
+from training.shapes import box, grid, torus
 
 DEFORMED = [icosphere(1), box(2), grid(3), torus(n=8, m=6)]
 

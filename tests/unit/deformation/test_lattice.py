@@ -10,16 +10,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.deformation.large_faces import pull_of_large_faces
 from meshdeform.deformation.lattice import CELLS, MAX_CELLS, Lattice, LatticeSystem
-from meshdeform.deformation.lattice_field import LatticeField
+from meshdeform.deformation.lattice_field import LatticeField, pull_of_large_faces
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.regularizers import STRAINED
 from meshdeform.deformation.stand_in import chosen_carrier
 from meshdeform.deformation.variables import placed
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.shapes import box, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
@@ -27,6 +26,7 @@ from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.removed import grouped
 from tests.close import assert_close
 from training.evaluation.neighbours import neighbour_offsets
+from training.shapes import box, torus
 
 F64 = torch.float64
 

@@ -13,7 +13,7 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.shapes import icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import fixed_cameras
@@ -25,6 +25,7 @@ from meshdeform.requests.removed import grouped
 from tests.cases import each_case
 from tests.close import assert_close
 from training.prior.families import member
+from training.shapes import torus
 
 STYLE = RenderStyle(view_size=32, supersample=2)
 

@@ -13,9 +13,10 @@ from meshdeform.deformation.path import ShapePath
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, edges_of
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.shapes import box, cylinder, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from tests.close import assert_close
+from training.shapes import box, cylinder
 
 LENGTH = 4.0
 BAR = cylinder(0.25, LENGTH, 16, 32)

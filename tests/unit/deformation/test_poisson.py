@@ -13,9 +13,10 @@ from meshdeform.deformation import poisson
 from meshdeform.deformation.poisson import PoissonSystem, identity_jacobians, jacobians_from_verts
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, cotangent_laplacian, gradient_operator, mass_matrix
-from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from tests.close import assert_close
+from training.shapes import box, cylinder, grid, torus, uv_sphere
 
 F64 = torch.float64
 MESHES = [

@@ -14,7 +14,7 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.poisson import completed_jacobians, identity_jacobians
 from meshdeform.deformation.regularizers import STRAINED, Pulls, Regularizers
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_areas, face_normals
-from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.rendering.shading import RenderStyle
@@ -23,6 +23,7 @@ from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 from tests.close import assert_close
 from training.evaluation.summary import outweighed
+from training.shapes import box, grid, torus, uv_sphere
 
 F64 = torch.float64
 

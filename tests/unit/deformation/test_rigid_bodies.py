@@ -15,13 +15,14 @@ from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import Adam, placed
 from meshdeform.geometry.intersections import cutting_pairs
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.shapes import box, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier, Rigidity
 from meshdeform.requests.document import DeformParams, Safeguard, resolve
 from tests.cases import each_case
 from tests.close import assert_close
+from training.shapes import box, torus
 
 F64 = torch.float64
 RIGID, SIMILARITY = Rigidity.RIGID, Rigidity.SIMILARITY

@@ -16,12 +16,13 @@ from meshdeform.deformation.stand_in import StandIn, stand_in_of
 from meshdeform.deformation.variables import placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.shapes import box, grid, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
+from training.shapes import box, grid, torus
 
 F64 = torch.float64
 TORUS = RestMesh.of(torus(0.4, 0.15, 120, 50))

@@ -13,7 +13,7 @@ from meshdeform.deformation.variables import Adam, JacobianField, Variables, pla
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import FaceNeighbours
-from meshdeform.geometry.shapes import box, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.requests.document import DeformParams, Safeguard, resolve
@@ -21,6 +21,7 @@ from tests.cases import each_case
 from tests.close import assert_close
 from tests.creased import creased
 from training.evaluation.ablations import VertexDisplacements
+from training.shapes import box
 
 MESH = icosphere(2)
 

@@ -18,9 +18,9 @@ import torch
 from torch import Tensor
 
 from meshdeform.deformation.loop import Deformation
-from meshdeform.geometry.appearance import Appearance, Paint, Texture, plain_appearance
+from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import icosphere, torus
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
@@ -32,9 +32,10 @@ from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize_compiled, rasterize_spans
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.testing import build_tiny_stable_diffusion
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.fakes import build_tiny_stable_diffusion, plain_appearance
+from training.shapes import torus
 
 MESHES = {
     "sphere": icosphere(3, 0.6),

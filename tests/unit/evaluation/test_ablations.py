@@ -11,8 +11,8 @@ from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.rendering.cameras import CameraRange
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from tests.fakes import FakePrior
 from training.evaluation.ablations import Ablation, SingleViews, ablated_params, deformation_of
 
 PARAMS = resolve(DeformParams.model_validate({"preset": "paper", "steps": 60, "learning_rate": 0.02}))

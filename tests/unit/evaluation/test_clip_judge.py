@@ -9,11 +9,11 @@ import pytest
 import torch
 
 from meshdeform.errors import ModelError, ParameterError
-from meshdeform.geometry.shapes import box
-from meshdeform.testing import build_tiny_stable_diffusion
+from tests.fakes import build_tiny_stable_diffusion
 from tests.unit.evaluation.tiny_clip import build_tiny_clip
 from training.evaluation.clip_judge import ClipJudge, refuse_the_guides_own
 from training.evaluation.relaxed import geodesic_sphere
+from training.shapes import box
 
 PROMPTS = ("a giraffe", "a dragon", "an octopus")
 

@@ -14,7 +14,7 @@ from meshdeform.errors import AssetFormatError, NumericalError, ParameterError, 
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh, connected_components, edges_of, face_areas, face_cross
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.shapes import box, grid, join
+from meshdeform.geometry.shapes import join
 from meshdeform.priors.builtin.grammar import parse
 from tests.cases import each_case
 from tests.unit.rendering.test_shading import encoded, textured
@@ -25,6 +25,7 @@ from training.evaluation.relaxed import capsule, geodesic_sphere, relaxed_surfac
 from training.evaluation.sources import SOURCES, mesh_sha256, source_mesh, source_texels
 from training.evaluation.suite import SUITES, find_suite
 from training.prior.held_out import is_held_out
+from training.shapes import box, grid
 
 
 def moved(mesh: TriangleMesh, matrix: list[list[float]] | torch.Tensor, by: float = 0.0) -> TriangleMesh:

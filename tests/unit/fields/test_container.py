@@ -16,14 +16,14 @@ from meshdeform.fields.cleaning import clean
 from meshdeform.fields.container import BITS, encode_base, write_field
 from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
 from meshdeform.fields.gluing import glue, topology
-from meshdeform.fields.network import FieldNetwork
+from meshdeform.fields.network import FieldNetwork, rounded, steps_of, whole
 from meshdeform.fields.patches import level_of
 from meshdeform.fields.reader import read_field
-from meshdeform.fields.rounding import rounded, steps_of, whole
 from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.fields.surface_sources import Surface, surface_of
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import grid, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
+from training.shapes import grid, torus
 
 
 def field_of(mesh: TriangleMesh) -> tuple[bytes, FieldNetwork]:

@@ -17,13 +17,13 @@ import pytest
 from scipy.spatial import cKDTree
 
 from meshdeform.fields.container import encode_base, write_field
-from meshdeform.fields.intrinsic import delaunay
-from meshdeform.fields.intrinsic_operators import HeatGeodesics, mass, spectrum
+from meshdeform.fields.intrinsic import HeatGeodesics, delaunay, mass, spectrum
 from meshdeform.fields.network import FieldNetwork
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.scalar_fields import learn_scalars
 from meshdeform.fields.scalar_sections import read_scalars
-from meshdeform.geometry.shapes import grid, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
+from training.shapes import grid, torus
 
 REFUSE = """
 const { readField } = await import(process.argv[1]);

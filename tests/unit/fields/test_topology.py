@@ -12,17 +12,16 @@ from scipy.spatial import ConvexHull, Delaunay
 from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
 from meshdeform.errors import AssetError, AssetTooLargeError
 from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.cleaning import CleanMesh, clean
+from meshdeform.fields.cleaning import CleanMesh, clean, relaxed
 from meshdeform.fields.gluing import glue, topology
-from meshdeform.fields.intrinsic import areas_of, delaunay, half_cotangents
-from meshdeform.fields.intrinsic_operators import HeatGeodesics, laplacian, mass, spectrum
+from meshdeform.fields.intrinsic import HeatGeodesics, areas_of, delaunay, half_cotangents, laplacian, mass, spectrum
 from meshdeform.fields.isosurface import isosurface
 from meshdeform.fields.measures import EIGENVALUES, Reference
 from meshdeform.fields.patches import divided, level_of
-from meshdeform.fields.relaxing import relaxed
 from meshdeform.fields.surface_sources import surface_of
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, grid, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
+from training.shapes import box, grid, torus
 
 
 def arrays(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:

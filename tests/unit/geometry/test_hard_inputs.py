@@ -20,12 +20,13 @@ from meshdeform.deformation.variables import Adam, JacobianField, Variables, pla
 from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces
 from meshdeform.geometry.mesh import TriangleMesh, connected_components
 from meshdeform.geometry.quality import FaceNeighbours
-from meshdeform.geometry.shapes import grid, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.document import Safeguard
-from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from tests.fakes import FakePrior
 from training.evaluation.ablations import VertexDisplacements
+from training.shapes import grid
 
 SIZE = 0.3
 

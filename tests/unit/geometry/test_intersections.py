@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, torus, uv_sphere
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
+from training.shapes import box, cylinder, grid, torus, uv_sphere
 
 
 def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:

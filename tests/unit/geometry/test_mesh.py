@@ -26,9 +26,10 @@ from meshdeform.geometry.mesh import (
     vertex_areas,
 )
 from meshdeform.geometry.scattered import interpolate
-from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from tests.close import assert_close
+from training.shapes import box, grid, torus, uv_sphere
 
 
 def tensor(rows: list[list[float]]) -> torch.Tensor:

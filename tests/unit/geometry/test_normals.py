@@ -9,10 +9,11 @@ from torch import Tensor
 
 from meshdeform.deformation.poisson import completed_jacobians
 from meshdeform.geometry.mesh import TriangleMesh, effective_face_areas, face_cross
-from meshdeform.geometry.shapes import box, icosphere, torus
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld
 from meshdeform.runs.surfaces import rebuild_turned_normals, transform_normals, transform_tangents
 from tests.cases import each_case
+from training.shapes import box, torus
 
 F64 = torch.float64
 

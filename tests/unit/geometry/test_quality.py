@@ -17,9 +17,10 @@ from meshdeform.assets.notices import coarse_share, coarseness_warnings
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import MeshQuality, face_stretch, measure, measure_texture_stretch, texel_corners
-from meshdeform.geometry.shapes import box, grid, icosphere, join, torus, uv_sphere
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from tests.creased import creased
+from training.shapes import box, grid, torus, uv_sphere
 
 
 def compare(mesh: TriangleMesh, verts: torch.Tensor) -> MeshQuality:

@@ -9,9 +9,10 @@ import torch
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_areas
-from meshdeform.geometry.shapes import box, cylinder, grid, icosphere, join, lathe, torus, uv_sphere
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from tests.close import assert_close
+from training.shapes import box, cylinder, grid, lathe, torus, uv_sphere
 
 
 def volume(mesh: TriangleMesh) -> float:

@@ -8,13 +8,13 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets.notices import looks_z_up
-from meshdeform.geometry.congruence import components_of, congruent_groups, is_of_revolution
+from meshdeform.geometry.congruence import closest_motion, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.procrustes import closest_motion
 from meshdeform.geometry.quality import measure_structure
-from meshdeform.geometry.shapes import box, icosphere, join, lathe, torus
+from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from training.evaluation.sources import SOURCES, source_mesh
+from training.shapes import box, lathe, torus
 
 Floats = NDArray[np.float64]
 

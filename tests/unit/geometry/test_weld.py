@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE
 from meshdeform.geometry.mesh import edges_of
-from meshdeform.geometry.shapes import box, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from tests.cases import each_case
+from training.shapes import box
 
 
 def split(mesh_verts: torch.Tensor, faces: torch.Tensor) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.rendering.cameras import Cameras
-from meshdeform.testing import FakePrior
+from tests.fakes import FakePrior
 
 
 class PicturesPrior(FakePrior):

@@ -10,9 +10,9 @@ from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation, rescaled
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.testing import FakePrior
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.fakes import FakePrior
 from tests.unit.guidance.pictures import PicturesPrior
 
 CAMERAS = fixed_cameras(0.0, 15.0)

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import SilhouetteError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, icosphere, lathe
-from meshdeform.guidance.beside import SilhouetteGuidance
-from meshdeform.guidance.silhouettes import SilhouetteTerm, SilhouetteView, picture_scales
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.guidance.silhouettes import SilhouetteGuidance, SilhouetteTerm, SilhouetteView, picture_scales
 from meshdeform.rendering.cameras import Frame, fixed_cameras
-from meshdeform.rendering.coverage import CoverageRenderer
+from meshdeform.rendering.rasterizer import CoverageRenderer
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.removed import grouped
+from training.shapes import box, lathe
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}
 

@@ -12,11 +12,10 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import AlignmentError, NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_fit
-from meshdeform.geometry.shapes import box, grid, icosphere, join, lathe
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.alignment import aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.landmarks import Landmark
-from meshdeform.guidance.points import PointTerm, diagonal_of, on_border
+from meshdeform.guidance.points import Landmark, PointTerm, diagonal_of, on_border
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
@@ -25,6 +24,7 @@ from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.removed import grouped
 from tests.cases import each_case
 from tests.close import assert_close
+from training.shapes import box, grid, lathe
 
 STYLE = RenderStyle(view_size=32, supersample=1, shading="normals")
 CONTEXT = StepContext(0, 10, fixed_cameras(20.0, 15.0), torch.Generator().manual_seed(0))

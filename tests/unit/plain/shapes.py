@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, join
+from meshdeform.geometry.shapes import join
 from tests.unit.assets.builders import Builder
+from training.shapes import box
 
 Floats = NDArray[np.float64]
 HIP = 1.0

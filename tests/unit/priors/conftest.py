@@ -10,6 +10,6 @@ import pytest
 @pytest.fixture(scope="session")
 def tiny_stable_diffusion(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a checkpoint that predicts epsilon."""
-    from meshdeform.testing import build_tiny_stable_diffusion
+    from tests.fakes import build_tiny_stable_diffusion
 
     return build_tiny_stable_diffusion(tmp_path_factory.mktemp("stable-diffusion"))

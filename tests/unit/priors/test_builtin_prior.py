@@ -21,13 +21,14 @@ from meshdeform.priors.builtin.network import (
 )
 from meshdeform.priors.builtin.prior import (
     NUM_TIMESTEPS,
+    SINGLE_STYLE,
+    STYLE,
     BuiltinPrior,
     add_noise,
     cosine_alphas_cumprod,
     loss_weight,
     noise_from_clean,
 )
-from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from meshdeform.requests.document import DeformParams, resolve

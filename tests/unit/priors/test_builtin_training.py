@@ -9,17 +9,17 @@ from meshdeform.errors import ModelError
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.style import SINGLE_STYLE, STYLE
+from meshdeform.priors.builtin.prior import SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures, single_views
-from meshdeform.priors.builtin.teaching.trainer import TrainConfig
-from meshdeform.priors.builtin.vocabulary import NOUNS, OPPOSITES, SECOND_EDITION, THIRD_EDITION
+from meshdeform.priors.builtin.teaching.teacher import TrainConfig
+from meshdeform.priors.builtin.vocabulary import NOUNS, OPPOSITES
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from tests.close import assert_close
 from training.prior import dataset, sample, train, warm_start
 from training.prior.dataset import PictureFolder, draw_prompt, draw_set
 from training.prior.families import FAMILIES, member
-from training.prior.held_out import held_out_pairs, is_held_out
+from training.prior.held_out import SECOND_EDITION, THIRD_EDITION, held_out_pairs, is_held_out
 from training.prior.train import PriorTrainer
 
 pytestmark = pytest.mark.training

@@ -1,7 +1,7 @@
 import gzip
 from pathlib import Path
 
-from meshdeform.priors.builtin import meaning
+from meshdeform.priors.builtin import grammar
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from release import nouns as cut
 from tests.cases import each_case
@@ -29,22 +29,22 @@ from tests.cases import each_case
     ],
 )
 def test_nouns_of_similar_meaning_are_found(word: str, noun: str) -> None:
-    assert noun in meaning.nearest(word, NOUNS)
+    assert noun in grammar.nearest(word, NOUNS)
 
 
 def test_what_is_no_thing_has_no_neighbour() -> None:
-    assert meaning.nearest("democracy", NOUNS) == []
-    assert not meaning.is_noun("qwertz")
-    assert meaning.is_noun("kettle")
+    assert grammar.nearest("democracy", NOUNS) == []
+    assert not grammar.is_noun("qwertz")
+    assert grammar.is_noun("kettle")
 
 
 def test_nouns_that_are_taught_later_are_found_too() -> None:
-    assert meaning.nearest("gnu", [*NOUNS, "antelope"])[0] == "antelope"
-    assert meaning.nearest("antelope", ["no-such-noun"]) == []
+    assert grammar.nearest("gnu", [*NOUNS, "antelope"])[0] == "antelope"
+    assert grammar.nearest("antelope", ["no-such-noun"]) == []
 
 
 def test_the_table_states_its_licence_and_is_small() -> None:
-    packed = (Path(meaning.__file__).parent / "nouns.txt.gz").read_bytes()
+    packed = (Path(grammar.__file__).parent / "nouns.txt.gz").read_bytes()
     text = gzip.decompress(packed).decode()
     assert "WordNet 3.0 Copyright 2006 by Princeton University" in text
     assert len(packed) < 200_000

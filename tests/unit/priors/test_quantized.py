@@ -17,7 +17,7 @@ from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.priors.builtin.prior import _dtype as builtin_dtype
 from meshdeform.priors.builtin.quantized import quantize, quantize_normed, round_weights
 from meshdeform.priors.builtin.teaching.teacher import fastest_precision
-from meshdeform.priors.native_precision import is_fast_in_bfloat16, is_fast_in_int8
+from meshdeform.priors.precision import is_fast_in_bfloat16, is_fast_in_int8
 from meshdeform.priors.stable_diffusion import _dtype
 from meshdeform.rendering.cameras import fixed_cameras
 from tests.cases import each_case

@@ -28,8 +28,8 @@ from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import start_run
 from meshdeform.settings import Settings
-from meshdeform.testing import build_tiny_stable_diffusion
 from tests.cases import each_case
+from tests.fakes import build_tiny_stable_diffusion
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.worker_world import working
 

@@ -33,9 +33,9 @@ from meshdeform.priors.builtin.teaching.lesson import attributes_of_folder, new_
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
 from meshdeform.priors.builtin.teaching.replay import shipped_pictures
 from meshdeform.priors.builtin.teaching.shapes import seen_turned, shape_of
-from meshdeform.priors.builtin.vocabulary import THIRD_EDITION
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, write_small_weights
+from training.prior.held_out import THIRD_EDITION
 from training.prior.rehearsal import rehearsal
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from meshdeform.geometry.appearance import Appearance, Paint, plain_appearance
+from meshdeform.geometry.appearance import Appearance, Paint
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.rendering.animation import FORMATS, morph_animation, turntable_animation
-from meshdeform.rendering.studio import Pose
+from meshdeform.rendering.studio import FORMATS, Pose, morph_animation, turntable_animation
 from tests.cases import each_case
+from tests.fakes import plain_appearance
 
 
 @pytest.fixture

@@ -13,16 +13,18 @@ from torch import Tensor
 
 from meshdeform.assets import load_asset
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.appearance import Appearance, Paint, plain_appearance
+from meshdeform.geometry.appearance import Appearance, Paint
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, grid, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 from meshdeform.rendering.studio import PaintedRenderer, PaintedStyle, Pose, preview_png
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.fakes import plain_appearance
 from tests.unit.assets.builders import Builder
 from training.evaluation.relaxed import geodesic_sphere
+from training.shapes import box, grid
 
 
 def test_a_square_that_faces_the_camera_has_the_colour_of_its_normal() -> None:

@@ -22,7 +22,7 @@ from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform import TextDeformRun
-from meshdeform.testing import FakePrior
+from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
 
 BALL = icosphere(3, 0.5)

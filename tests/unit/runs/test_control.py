@@ -21,8 +21,8 @@ from meshdeform.requests.selection import Selection, check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.control import Control, SelectableSurface, read_control
-from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
 
 BALL = icosphere(3)

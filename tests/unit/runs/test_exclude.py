@@ -12,15 +12,16 @@ from meshdeform.assets import Primitive, build_glb, load_asset
 from meshdeform.assets.document import Document, read_accessor
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import CheckpointError, ParameterError
-from meshdeform.geometry.shapes import grid, icosphere
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.strength import with_strength
-from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from tests.fakes import FakePrior
 from tests.unit.assets.builders import pack, unpack
+from training.shapes import grid
 
 BALL = icosphere(2)
 

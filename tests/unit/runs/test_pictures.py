@@ -23,8 +23,8 @@ from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
 from meshdeform.runs.text_report import rig_warnings
-from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from tests.fakes import FakePrior
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import arm
 

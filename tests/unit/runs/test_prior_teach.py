@@ -14,7 +14,7 @@ import pytest
 from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.lesson_archive import MAX_MESHES, inspect_lesson, open_lesson
 from meshdeform.errors import AssetError, CheckpointError, MeshdeformError, ModelError, ParameterError
-from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors.builtin.taught import known_words
 from meshdeform.priors.builtin.teaching.lesson import new_noun
 from meshdeform.requests.document import JobRequest
@@ -25,6 +25,7 @@ from meshdeform.runs.prior_teach_kind import PRIOR_TEACH, labelled
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, shorten_lessons, write_small_weights
+from training.shapes import box
 
 _SPHERE = icosphere(1)
 BALL = build_glb(_SPHERE.verts.numpy(), _SPHERE.faces.numpy())

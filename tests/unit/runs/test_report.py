@@ -9,11 +9,12 @@ import pytest
 import torch
 
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.shapes import box, icosphere
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.runs.base import RunLog, sha256_hex, versions
 from meshdeform.runs.text_report import measure_movement
 from tests.cases import each_case
 from tests.unit.runs.test_text_deform import glb, request, start
+from training.shapes import box
 
 
 def test_short_histories_are_kept_whole() -> None:

@@ -11,7 +11,7 @@ import torch
 from meshdeform.assets import load_asset
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import box, icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
@@ -21,9 +21,10 @@ from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.control import SelectableSurface, select_bodies
 from meshdeform.runs.inspection import inspect_parts
-from meshdeform.testing import FakePrior
 from tests.cases import each_case
+from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
+from training.shapes import box, torus
 
 
 def moved(mesh: TriangleMesh, scale: float, *by: float) -> TriangleMesh:

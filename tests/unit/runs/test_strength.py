@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.assets.subdivide import MAX_TRIANGLES
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.shapes import box, cylinder, icosphere, join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.choices import Easing
 from meshdeform.requests.document import MorphPath
 from meshdeform.runs.strength import AssetPath, edit_of, with_edit, with_strength, write_morph
@@ -21,6 +21,7 @@ from tests.unit.assets.builders import Builder, unpack
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_replace import accessor, position
 from tests.unit.assets.test_rig import TURN, arm
+from training.shapes import box, cylinder
 
 BAR = cylinder(0.25, 4.0, 16, 32)
 TWO = join(icosphere(2), BAR)

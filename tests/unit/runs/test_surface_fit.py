@@ -31,7 +31,7 @@ from meshdeform.fields.cleaning import clean
 from meshdeform.fields.learned_scalars import learned_scalars, places_on
 from meshdeform.fields.reader import read_field
 from meshdeform.fields.scalar_sections import read_scalars
-from meshdeform.geometry.shapes import icosphere, join, torus
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import check_request, kind_of, start_run
@@ -39,6 +39,7 @@ from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.worker_world import working
+from training.shapes import torus
 
 SMALL = {"base_faces": 100, "steps": 4, "batch_faces": 4, "octaves": 1, "width": 8, "depth": 1, "level": 1}
 

@@ -17,14 +17,15 @@ from meshdeform.deformation import stand_in
 from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, PromptError
 from meshdeform.geometry import intersections
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
-from meshdeform.geometry.shapes import box, icosphere, join, lathe
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, OutputOptions, resolve
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.testing import FakePrior
+from tests.fakes import FakePrior
 from tests.unit.assets.builders import unpack
+from training.shapes import box, lathe
 
 
 def glb(mesh: TriangleMesh, *, scale: float = 1.0, offset: float = 0.0) -> bytes:

@@ -19,22 +19,13 @@ _LONGEST = 40
 
 @dataclass(frozen=True)
 class NewNoun:
-    """A noun to teach.
+    """A noun to teach."""
 
-    Attributes
-    ----------
-    noun : str
-        Canonical: small letters; several words are joined by hyphens.
-    replaces : bool
-        Whether the weights know the noun already, so that its meaning is replaced.
-    words : Words
-        The words of the new weights. Parts of the noun are those that its meshes are labelled with.
-    """
-
-    noun: str
+    noun: str  # canonical: small letters; several words are joined by hyphens
     synonyms: tuple[str, ...]
-    replaces: bool
+    replaces: bool  # whether the weights know the noun already, so that its meaning is replaced
     words: Words
+    """The words of the new weights. Parts of the noun are those that its meshes are labelled with."""
 
     def with_parts(self, parts: Sequence[str]) -> NewNoun:
         """Return the noun with these named parts."""

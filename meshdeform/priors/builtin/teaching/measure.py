@@ -62,8 +62,6 @@ def retrieved(
     ----------
     pictures : PictureSet
         Their labels are not used, except the azimuths.
-    candidates : sequence of str
-        Nouns to choose from.
     """
     device = network.place.device
     levels = cosine_alphas_cumprod().to(device)

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt
-from meshdeform.priors.builtin.style import CAMERAS, SINGLE_STYLE, STYLE
+from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.priors.builtin.vocabulary import OPPOSITES
 from meshdeform.rendering.cameras import fixed_cameras, sample_orthogonal_cameras

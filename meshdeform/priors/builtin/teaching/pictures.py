@@ -31,44 +31,23 @@ _FEWEST_TO_HOLD_OUT = 3
 
 @dataclass(frozen=True)
 class LessonSize:
-    """How many pictures are drawn.
+    """How many pictures are drawn."""
 
-    Attributes
-    ----------
-    members : int
-        Least number of members of the new noun; at least `each` of every mesh.
-    grids : int
-        Grids of four views of a member, in addition to one single view.
-    """
-
-    members: int = 60
+    members: int = 60  # least number of members of the new noun; at least `each` of every mesh
     each: int = 4
-    grids: int = 3
+    grids: int = 3  # grids of four views of a member, in addition to one single view
 
 
 @dataclass(frozen=True)
 class LessonPictures:
-    """The pictures of a lesson.
+    """The pictures of a lesson."""
 
-    Attributes
-    ----------
-    training : PictureSet
-        Of the new noun and of the old ones.
-    held_new : PictureSet
-        Of the new noun: other members of the meshes, and of a mesh that the training does not see if there are three.
-    held_old : PictureSet
-        Of up to 30 old nouns, one member each that the training does not see.
-    held_mesh : str
-        Name of the mesh that is held out, or empty.
-    kept : PictureSet
-        Pictures of the new noun for the file.
-    """
-
-    training: PictureSet
+    training: PictureSet  # of the new noun and of the old ones
     held_new: PictureSet
-    held_old: PictureSet
-    held_mesh: str
-    kept: PictureSet
+    """Of the new noun: other members of the meshes, and of a mesh that the training does not see if there are three."""
+    held_old: PictureSet  # of up to 30 old nouns, one member each that the training does not see
+    held_mesh: str  # name of the mesh that is held out, or empty
+    kept: PictureSet  # pictures of the new noun for the file
 
 
 def draw_lesson(

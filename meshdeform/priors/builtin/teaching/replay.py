@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TypedDict
@@ -27,7 +27,7 @@ from meshdeform.priors.builtin.taught import REPLAY, words_of
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet
 
 REHEARSAL = WEIGHTS.with_name("rehearsal.zip")
-_LABELS = "labels.json"
+LABELS = "labels.json"
 
 
 class _Label(TypedDict):
@@ -57,7 +57,7 @@ def shipped_pictures(words: Words, path: Path = REHEARSAL) -> dict[str, Rehearsa
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            labels: dict[str, list[_Label]] = json.loads(archive.read(_LABELS))
+            labels: dict[str, list[_Label]] = json.loads(archive.read(LABELS))
             known = [noun for noun in labels if noun in words.nouns]
             return {noun: _rehearsal(archive.read(f"{noun}.webp"), labels[noun], words) for noun in known}
     except (OSError, zipfile.BadZipFile, KeyError, ValueError) as error:
@@ -79,25 +79,6 @@ def _rehearsal(picture: bytes, labels: Sequence[_Label], words: Words) -> Rehear
     )
     held = torch.tensor([label["held"] for label in labels])
     return Rehearsal(pictures.rows(torch.nonzero(~held)[:, 0]), pictures.rows(torch.nonzero(held)[:, 0]))
-
-
-def packed_rehearsal(nouns: Mapping[str, tuple[PictureSet, Sequence[str], Sequence[bool]]]) -> bytes:
-    """Return the file of `shipped_pictures` from each noun's pictures with their prompts and which are held out."""
-    content = io.BytesIO()
-    labels: dict[str, list[_Label]] = {}
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
-        for noun, (pictures, prompts, held) in nouns.items():
-            column = pictures.images.permute(0, 2, 3, 1).reshape(-1, IMAGE_SIZE, 3).numpy()
-            picture = io.BytesIO()
-            Image.fromarray(column).save(picture, "WEBP", lossless=True, quality=100, method=6)
-            archive.writestr(zipfile.ZipInfo(f"{noun}.webp"), picture.getvalue())
-            rows = zip(prompts, pictures.azimuth_deg.tolist(), pictures.single.tolist(), held, strict=True)
-            labels[noun] = [
-                {"prompt": prompt, "azimuth_deg": azimuth, "single": single, "held": out}
-                for prompt, azimuth, single, out in rows
-            ]
-        archive.writestr(zipfile.ZipInfo(_LABELS), json.dumps(labels))
-    return content.getvalue()
 
 
 def read_replay(path: Path) -> dict[str, PictureSet]:

@@ -13,7 +13,7 @@ from meshdeform.assets.lesson_archive import MIN_FACES
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, Attribute, ParsedPrompt
-from meshdeform.priors.builtin.style import CAMERAS, STYLE
+from meshdeform.priors.builtin.prior import CAMERAS, STYLE
 from meshdeform.priors.builtin.teaching.deformed import Part, deformed, normalised
 from meshdeform.priors.builtin.teaching.picture_set import drawn_from
 from meshdeform.rendering.cameras import fixed_cameras
@@ -34,21 +34,11 @@ _CLEARLY = 0.75
 
 @dataclass(frozen=True)
 class Shape:
-    """A mesh to learn from.
+    """A mesh to learn from."""
 
-    Attributes
-    ----------
-    name : str
-        Of its file.
-    part : Part
-        +Y up, facing +Z, centred, farthest vertex at distance 1.
-    attributes : tuple of Attribute
-        What it is labelled with.
-    """
-
-    name: str
-    part: Part
-    attributes: tuple[Attribute, ...] = ()
+    name: str  # of its file
+    part: Part  # +Y up, facing +Z, centred, farthest vertex at distance 1
+    attributes: tuple[Attribute, ...] = ()  # what it is labelled with
 
 
 def shape_of(mesh: TriangleMesh, name: str, *, front_deg: float = 0.0, attributes: Sequence[Attribute] = ()) -> Shape:

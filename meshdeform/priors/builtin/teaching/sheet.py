@@ -47,8 +47,6 @@ def sample(
         Number of evenly spaced evaluations of the network.
     single : bool
         Sample single views instead of grids.
-    words : Words
-        The words of the network.
     eta : float
         Share of the noise that is drawn anew after every step: 0 is deterministic, 1 is ancestral sampling.
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import edges_of
-from meshdeform.geometry.shapes import grid, icosphere, torus
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import (
     EMPTY_DEPTH,
@@ -22,6 +22,7 @@ from meshdeform.rendering.rasterizer import (
 )
 from tests.cases import each_case
 from tests.close import assert_close
+from training.shapes import grid, torus
 
 BACKENDS = [rasterize_compiled, rasterize_spans]
 

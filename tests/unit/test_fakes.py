@@ -12,8 +12,8 @@ from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras, sample_orthogonal_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
-from meshdeform.testing import FakePrior, build_tiny_stable_diffusion
 from tests.close import assert_close
+from tests.fakes import FakePrior, build_tiny_stable_diffusion
 
 CAMERAS = fixed_cameras(0.0, 0.0)
 

@@ -1,4 +1,4 @@
-"""Provide fakes for tests of Meshdeform and of programs built on it.
+"""Provide fakes for tests and benchmarks.
 
 `FakePrior` is a fast diffusion prior whose optimum is known. `build_tiny_stable_diffusion` writes a Stable Diffusion
 checkpoint of the real classes with random weights.
@@ -13,17 +13,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from meshdeform.geometry.appearance import Appearance, Paint
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
 if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras
-
-__all__ = ["FakePrior", "build_tiny_stable_diffusion"]
 
 
 class FakePrior:
@@ -199,3 +200,15 @@ def _write_byte_tokenizer(folder: Path) -> dict[str, int]:
     (folder / "vocab.json").write_text(json.dumps(vocabulary))
     (folder / "merges.txt").write_text("#version: 0.2\n")
     return vocabulary
+
+
+def plain_appearance(vertices: int, triangles: NDArray[np.int64]) -> Appearance:
+    """Return the look of neutral clay for a surface of `vertices` vertices and (T, 3) triangles."""
+    return Appearance(
+        np.arange(vertices),
+        triangles,
+        np.zeros((vertices, 2), np.float32),
+        np.ones((vertices, 4), np.float32),
+        np.zeros(len(triangles), np.int64),
+        (Paint(),),
+    )
