@@ -10,11 +10,22 @@ from types import TracebackType
 
 __all__ = ["FaultProxy"]
 
+
+def _page(status: str, kind: str, body: bytes) -> bytes:
+    head = f"HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\nConnection: close\r\n\r\n"
+    return head.encode() + body
+
+
+def _refusal(status: str, code: str) -> bytes:
+    return _page(status, "application/xml", f'<?xml version="1.0"?><Error><Code>{code}</Code></Error>'.encode())
+
+
 _ANSWERS = {
-    "error503": b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n",
+    "error503": _page("503 Service Unavailable", "text/plain", b""),
     # What a gateway says that has lost the way to its server.
-    "error404": b"HTTP/1.1 404 Not Found\r\nContent-Type: text/html\r\nContent-Length: 25\r\nConnection: close\r\n\r\n"
-    b"<html>No such page</html>",
+    "error404": _page("404 Not Found", "text/html", b"<html>No such page</html>"),
+    "error403": _refusal("403 Forbidden", "AccessDenied"),
+    "no_bucket": _refusal("404 Not Found", "NoSuchBucket"),
 }
 
 
@@ -57,6 +68,19 @@ class FaultProxy:
     def error404(self) -> None:
         """Answer every HTTP request with a page that says 404, and ask nobody."""
         self._switch("error404")
+
+    def error403(self) -> None:
+        """Answer every HTTP request as S3 does whose keys have been taken away, and ask nobody."""
+        self._switch("error403")
+
+    def no_bucket(self) -> None:
+        """Answer every HTTP request as S3 does without the bucket, and ask nobody."""
+        self._switch("no_bucket")
+
+    def lead_to(self, target_port: int) -> None:
+        """Pass everything on to another server from now on."""
+        self._target = target_port
+        self._switch("pass")
 
     def cut_after(self, count: int, *, upload: bool = False) -> None:
         """Pass `count` bytes of each connection, of the answers or (`upload`) of the requests, then end it."""

@@ -6,8 +6,10 @@ import contextlib
 import os
 import pwd
 import shutil
+import signal
 import socket
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -69,6 +71,12 @@ class RedisServer:
             self._child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=output)
         wait_for_port(self.port, self._child, log, self._host)
 
+    @property
+    def pid(self) -> int:
+        """The process id of the started server."""
+        assert self._child is not None
+        return self._child.pid
+
     def kill(self) -> None:
         """End it with SIGKILL."""
         if self._child is not None:
@@ -118,27 +126,32 @@ class PostgresServer:
     """A PostgreSQL cluster of its own that can be killed and started again; the superuser is `meshdeform`.
 
     Others may enter its folder: PostgreSQL does not run as root. All on the network of `host` are trusted. Unless it
-    is `durable` it does not sync, and loses what it has when the machine dies, not when it does.
+    is `durable` it does not sync, and loses what it has when the machine dies, not when it does. A `standby_of` another
+    one is a copy of it that follows it, once it is started, until it is promoted.
     """
 
     def __init__(
-        self, folder: Path, host: str = "127.0.0.1", *, durable: bool = False, options: dict[str, str] | None = None
+        self,
+        folder: Path,
+        host: str = "127.0.0.1",
+        *,
+        durable: bool = False,
+        options: dict[str, str] | None = None,
+        standby_of: PostgresServer | None = None,
     ) -> None:
         self._binaries, self._runas = _postgres_binaries(), _unprivileged()
         self._options = [word for name, value in (options or {}).items() for word in ("-c", f"{name}={value}")]
-        self._folder, self._data, self._host, self._durable = folder, folder / "data", host, durable
+        self.folder, self._data, self._host, self._durable = folder, folder / "data", host, durable
         self.port = free_port()
         self._child: subprocess.Popen[bytes] | None = None
         if self._runas:
             user = pwd.getpwnam(self._runas[2])
             os.chown(folder, user.pw_uid, user.pw_gid)
-        subprocess.run(
-            [*self._runas, self._binaries / "initdb", "-D", self._data, "-U", "meshdeform", "-A", "trust"]
-            + ["-E", "UTF8", "-N", "--locale=C"],
-            check=True,
-            cwd=folder,
-            stdout=subprocess.DEVNULL,
-        )
+        make: list[str | Path] = [self._binaries / "initdb", "-D", self._data, "-U", "meshdeform", "-A", "trust"]
+        make += ["-E", "UTF8", "-N", "--locale=C"]
+        if standby_of is not None:
+            make = [self._binaries / "pg_basebackup", "-R", "-c", "fast", "-D", self._data, "-d", standby_of.url]
+        subprocess.run([*self._runas, *make], check=True, cwd=folder, stdout=subprocess.DEVNULL)
         if host != "127.0.0.1":
             with (self._data / "pg_hba.conf").open("a") as rules:
                 rules.write("host all all samenet trust\n")
@@ -150,12 +163,12 @@ class PostgresServer:
 
     def start(self) -> None:
         """Start it and return when it answers."""
-        log = self._folder / "postgres.log"
-        command = [*self._runas, self._binaries / "postgres", "-D", self._data, "-k", self._folder]
+        log = self.folder / "postgres.log"
+        command = [*self._runas, self._binaries / "postgres", "-D", self._data, "-k", self.folder]
         command += ["-h", self._host, "-p", str(self.port), *self._options] + ([] if self._durable else ["-F"])
         with log.open("ab") as output:
             self._child = subprocess.Popen(
-                command, cwd=self._folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+                command, cwd=self.folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output
             )
         wait_for_port(self.port, self._child, log, self._host)
         self._wait_for_recovery(log)
@@ -172,17 +185,30 @@ class PostgresServer:
         # After a crash it accepts connections long before it has read its log, and refuses every session until then.
         command = [self._binaries / "pg_isready", "-q", "-t", "1", "-h", self._host, "-p", str(self.port)]
         deadline = time.monotonic() + DEADLINE_S
-        while subprocess.run(command, check=False, cwd=self._folder).returncode != 0:
+        while subprocess.run(command, check=False, cwd=self.folder).returncode != 0:
             if time.monotonic() > deadline or (self._child is not None and self._child.poll() is not None):
                 raise RuntimeError(f"PostgreSQL does not recover:\n{log.read_text(errors='replace')[-2000:]}")
             time.sleep(0.02)
 
-    def kill(self) -> None:
-        """End it without a checkpoint and without waiting for anybody, as a crash does."""
-        command = [*self._runas, self._binaries / "pg_ctl", "-D", self._data, "stop", "-m", "immediate", "-s"]
-        subprocess.run(command, check=False, cwd=self._folder)
+    def promote(self) -> None:
+        """Make a standby take writes."""
+        self._control("promote")
+
+    def stop(self) -> None:
+        """End it in order: every session is ended."""
+        self._control("stop", "-m", "fast")
         if self._child is not None:
             _stop(self._child)
+
+    def kill(self) -> None:
+        """End it without a checkpoint and without waiting for anybody, as a crash does."""
+        self._control("stop", "-m", "immediate")
+        if self._child is not None:
+            _stop(self._child)
+
+    def _control(self, *words: str) -> None:
+        command = [*self._runas, self._binaries / "pg_ctl", "-D", self._data, "-s", *words]
+        subprocess.run(command, check=False, cwd=self.folder)
 
 
 @contextlib.contextmanager
@@ -237,7 +263,61 @@ class PgBouncer:
             )
         wait_for_port(self.port, self._child, log)
 
+    def kill(self) -> None:
+        """End it with SIGKILL."""
+        if self._child is not None:
+            # `runuser`, where it is between, ends with its child.
+            below = subprocess.run(
+                ["ps", "-o", "pid=", "--ppid", str(self._child.pid)], check=False, capture_output=True
+            )
+            for pid in [int(word) for word in below.stdout.split()] or [self._child.pid]:
+                os.kill(pid, signal.SIGKILL)
+            self._child.wait()
+
     def stop(self) -> None:
         """End it."""
         if self._child is not None:
             _stop(self._child)
+
+
+@contextlib.contextmanager
+def small_disk(folder: Path, megabytes: int) -> Iterator[None]:
+    """Have a file system of that size on the folder."""
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={megabytes}m", "tmpfs", str(folder)]
+    if os.geteuid() != 0 or subprocess.run(mount, check=False, capture_output=True).returncode:
+        raise NotInstalledError("a small file system cannot be mounted here (it takes root)")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+@contextlib.contextmanager
+def kept_full(ballast: Path) -> Iterator[None]:
+    """Fill a disk, and again whenever something is deleted from it; then free it."""
+    _fill(ballast)
+    done = threading.Event()
+
+    def refill() -> None:
+        while not done.wait(0.001):
+            _fill(ballast)
+
+    filler = threading.Thread(target=refill)
+    filler.start()
+    try:
+        yield
+    finally:
+        done.set()
+        filler.join()
+        ballast.unlink()
+
+
+def _fill(path: Path) -> None:
+    """Write until nothing more goes in."""
+    with path.open("ab", buffering=0) as file:
+        for size in (65536, 512, 1):
+            try:
+                while True:
+                    file.write(b"\0" * size)
+            except OSError:
+                continue

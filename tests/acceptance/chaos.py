@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import psutil
 import redis
@@ -23,7 +23,8 @@ __all__ = ["Chaos"]
 class Chaos:
     """Faults of a deployment with an API and the named supervisors, one after the other, in a thread, for a block.
 
-    `pause_s` has the least and the greatest time between two; `faults` counts how often each struck.
+    `pause_s` has the least and the greatest time between two; `more` are other faults by their names, each of
+    which ends before it returns; `faults` counts how often each struck.
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class Chaos:
         *,
         postgres: PostgresServer | None = None,
         pause_s: tuple[float, float],
+        more: Mapping[str, Callable[[], None]] | None = None,
     ) -> None:
         self._cluster, self._random, self._pause_s = cluster, random.Random(seed), pause_s
         self._supervisors, self._postgres = supervisors, postgres
@@ -54,6 +56,7 @@ class Chaos:
         ]
         if postgres is not None:
             self._kinds.append(("PostgreSQL crashes", 1, self._crash_postgres))
+        self._kinds += [(name, 1, fault) for name, fault in (more or {}).items()]
 
     def __enter__(self) -> Chaos:
         self._thread.start()

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -14,6 +10,7 @@ import pytest
 from tests.acceptance.cluster import Cluster, running_redis, until
 from tests.fault_proxy import FaultProxy
 from tests.s3_server import S3Server
+from tests.servers import NotInstalledError, kept_full, small_disk
 
 pytestmark = pytest.mark.acceptance
 
@@ -82,26 +79,26 @@ def test_a_store_that_fails_for_a_while_delays_jobs_only(proxied: tuple[Cluster,
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
+def small(tmp_path: Path) -> Iterator[Path]:
     """A file system of two megabytes."""
     folder = tmp_path / "disk"
     folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(folder)]
-    if os.geteuid() != 0 or subprocess.run(mount, check=False, capture_output=True).returncode:
-        pytest.skip("a small file system cannot be mounted here (it takes root)")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
+    try:
+        with small_disk(folder, 2):
+            yield folder
+    except NotInstalledError as missing:
+        pytest.skip(str(missing))
 
 
-def test_a_full_disk_delays_jobs_only(tmp_path: Path, small_disk: Path) -> None:
+def test_a_full_disk_delays_jobs_only(tmp_path: Path, small: Path) -> None:
     with running_redis(tmp_path) as redis:
-        cluster = Cluster(tmp_path, redis, storage_url=str(small_disk))
+        cluster = Cluster(tmp_path, redis, storage_url=str(small))
         try:
             cluster.start_api()
             running = cluster.submit(600, every=30)
             cluster.start_worker()
             cluster.at_step(running, 20)
-            with _kept_full(small_disk / "ballast"):
+            with kept_full(small / "ballast"):
                 refused = cluster.post(STEPS)
                 assert refused.status_code == 503, refused.text
                 assert refused.json()["code"] == "unavailable"
@@ -113,34 +110,3 @@ def test_a_full_disk_delays_jobs_only(tmp_path: Path, small_disk: Path) -> None:
             cluster.check(posted.json()["id"], steps=STEPS)
         finally:
             cluster.clean_up()
-
-
-@contextmanager
-def _kept_full(ballast: Path) -> Iterator[None]:
-    """Fill a disk, and again whenever something is deleted from it; then free it."""
-    _fill(ballast)
-    done = threading.Event()
-
-    def refill() -> None:
-        while not done.wait(0.001):
-            _fill(ballast)
-
-    filler = threading.Thread(target=refill)
-    filler.start()
-    try:
-        yield
-    finally:
-        done.set()
-        filler.join()
-        ballast.unlink()
-
-
-def _fill(path: Path) -> None:
-    """Write until nothing more goes in."""
-    with path.open("ab", buffering=0) as file:
-        for size in (65536, 512, 1):
-            try:
-                while True:
-                    file.write(b"\0" * size)
-            except OSError:
-                continue
