@@ -201,6 +201,8 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
     def _run_next(self, message: str) -> None:
         try:
             self._run(job_of(message))
+        except UnavailableError as error:
+            _log.warning("message %s: nothing is claimed: %s", message, error.detail)
         except Exception:
             _log.exception("message %s", message)
 
