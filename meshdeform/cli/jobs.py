@@ -155,7 +155,7 @@ def jobs(
 
     meshdeform jobs --state running --search "duck vase"
 
-    meshdeform jobs --failed unavailable --retry
+    meshdeform jobs --failed internal --retry
     """
     if retry:
         if not failed or state is not None or label or search:

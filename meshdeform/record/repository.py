@@ -26,7 +26,7 @@ from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
-from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, Page
+from meshdeform.record.models import TERMINAL_STATES, Artifact, EventType, Job, JobState, NewJob, OriginMode, Page
 from meshdeform.record.schema import artifacts, discarded, job_files, job_texts, jobs, labels, secrets, webhooks
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
@@ -156,14 +156,27 @@ class JobRecord:
         more = len(found) > limit
         return Page(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
 
-    def continued(self, job_ids: Sequence[str], owner: str) -> set[str]:
-        """Return which of an owner's jobs another of the owner's jobs continues."""
-        if not job_ids:
+    def retried(self, failed: Sequence[Job], owner: str) -> set[str]:
+        """Return which of an owner's failed jobs a later job of the owner's retries.
+
+        The retry of a job without a checkpoint of its own has the origin that this job had.
+        """
+        if not failed:
             return set()
+        named = {job.id for job in failed} | {job.origin.job_id for job in failed if job.origin is not None}
         origin = jobs.c.origin["job_id"].as_string()
-        later = sa.and_(jobs.c.owner_id == owner, jobs.c.id > min(job_ids), jobs.c.origin.is_not(None))
+        oldest = min(job.id for job in failed)
+        query = sa.select(jobs.c.id, jobs.c.origin, jobs.c.request).where(jobs.c.owner_id == owner, jobs.c.id > oldest)
         with self._database.read() as connection:
-            return set(connection.scalars(sa.select(origin).where(later, origin.in_(job_ids))))
+            later = connection.execute(query.where(jobs.c.origin.is_not(None), origin.in_(named))).all()
+        retries = {each.origin["job_id"] for each in later if each.origin["mode"] == OriginMode.RETRY}
+
+        def inherited(job: Job) -> bool:
+            key = job.origin.key if job.origin is not None else ""
+            alike = (each for each in later if each.id > job.id and each.request == job.document)
+            return bool(key) and any(each.origin.get("key") == key for each in alike)
+
+        return {job.id for job in failed if job.id in retries or inherited(job)}
 
     def request_cancel(self, job_id: str, owner: str | None = None) -> Job:
         """Cancel a queued job at once; mark a running one as `canceling`. Repeating this is not an error.
@@ -176,7 +189,9 @@ class JobRecord:
             "state": sa.case((queued, JobState.CANCELED), else_=JobState.CANCELING),
             "finished_at": sa.case((queued, self._database.now()), else_=None),
             "phase": sa.case((queued, "done"), else_=jobs.c.phase),
-            "error": None,  # of a failure after which it was to be tried again
+            # Of a failure after which it was to be tried again.
+            "error": None,
+            "retry_at": None,
         }
         with changing(self._database) as change:
             if changed := change.update(open_, values, lambda row: EventType(row.state)):

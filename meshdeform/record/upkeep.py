@@ -15,7 +15,7 @@ from meshdeform.record.changes import Change, Row, changing
 from meshdeform.record.database import Database
 from meshdeform.record.leases import released
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
-from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads
+from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads, webhooks
 from meshdeform.record.turns import may_start
 
 _BATCH = 100
@@ -139,6 +139,9 @@ class Upkeep:
             "finished_at": self._database.now(),
             "phase": "done",
             "eta_s": None,
+            # Of a failure after which it was to be tried again.
+            "error": None,
+            "retry_at": None,
         }
 
         def end(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
@@ -157,6 +160,7 @@ class Upkeep:
         def forget(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
             ids = list(change.connection.scalars(sa.delete(jobs).where(held).returning(jobs.c.id)))
             change.connection.execute(sa.insert(discarded), [{"prefix": f"jobs/{job_id}/"} for job_id in ids])
+            change.connection.execute(sa.delete(webhooks).where(webhooks.c.job_id.in_(ids)))
             return ids
 
         return self._each(over, forget)

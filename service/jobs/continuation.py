@@ -71,7 +71,7 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
 def retry_failed(
     app: AppState, caller: Caller, error: str, *, created_after: datetime | None, cursor: str | None, limit: int
 ) -> RetriedJobs:
-    """Retry a page of the caller's jobs that failed with an error, but for those that another job continues already.
+    """Retry a page of the caller's jobs that failed with an error, but for those that were retried already.
 
     Where a limit of the caller's stops it, the cursor is that of the rest, if any was retried.
 
@@ -81,7 +81,7 @@ def retry_failed(
         The first was refused for the sake of a limit, or the record or the store does not answer.
     """
     page = app.record.list_jobs(None, cursor, limit, owner=caller.owner_id, created_after=created_after, error=error)
-    known = app.record.continued([job.id for job in page.jobs], caller.owner_id)
+    known = app.record.retried(page.jobs, caller.owner_id)
     outcomes: list[RetriedJob] = []
     for job in page.jobs:
         if job.id in known:

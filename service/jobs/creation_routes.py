@@ -237,7 +237,7 @@ def retry_failed_jobs(
     limit: Annotated[int, Query(description="Failed jobs per call, at most.", ge=1, le=100, examples=[50])] = 50,
     cursor: Cursor = None,
 ) -> Response:
-    """Jobs that another one continues already are left out, so that the call can be repeated.
+    """Jobs that were retried already are left out, so that the call can be repeated.
 
     Repeat it with `next_cursor` until that is null. A limit of unfinished jobs or stored bytes stops it in between; go
     on later.

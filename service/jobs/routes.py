@@ -74,7 +74,7 @@ _ERROR_CODE = {
     "description": "Only jobs that failed with this error (its `code`).",
     "max_length": 64,
     "pattern": "^[a-z_]+$",
-    "examples": ["unavailable"],
+    "examples": ["internal"],
 }
 ErrorCode = Annotated[str, Query(**_ERROR_CODE)]
 

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
-from meshdeform.errors import PromptError, UnavailableError
+from meshdeform.errors import PromptError, StoredFileError, UnavailableError
 from meshdeform.record.models import Job, JobError, JobState, NewJob, OriginMode, StoredFile
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
@@ -106,6 +106,25 @@ def test_jobs_that_failed_for_one_reason_are_listed_and_retried_once(api: Api, o
     assert done.exit_code == 0, done.output
     assert done.stdout.startswith(f"{other} -> job_")
     assert "1 retried, 0 refused." in done.stderr
+
+
+def test_a_retry_of_a_retry_counts_and_a_branch_does_not(api: Api) -> None:
+    away = JobError.of(StoredFileError("Damaged."))
+
+    def fail(job_id: str) -> str:
+        attempt = api.record.leases.claim(job_id, "worker", 60.0)
+        assert attempt is not None
+        api.record.leases.finish(job_id, attempt.attempt, JobState.FAILED, away)
+        return job_id
+
+    first = interrupted_job(api, steps=(100,), error=away)
+    second = fail(made_of(api, api.http.post(f"/v1/jobs/{first}/retry")).id)
+    third = made_of(api, api.http.post(f"/v1/jobs/{second}/retry")).id
+    branched = interrupted_job(api, steps=(100,), error=away)
+    made_of(api, api.http.post(f"/v1/jobs/{branched}/checkpoints/100/branch", json=BRANCH))
+    failed = [api.record.get(job_id) for job_id in (first, second, branched)]
+    assert api.record.retried(failed, "") == {first, second}
+    assert api.record.retried([api.record.get(fail(third))], "") == set()
 
 
 def test_a_retry_takes_the_last_checkpoint_that_is_whole(api: Api) -> None:

@@ -386,7 +386,7 @@ class Client:
         return self._connection.document(JobView, call)
 
     def retry_failed(self, error: str, *, created_after: datetime | None = None) -> list[RetriedJob]:
-        """Retry all jobs that failed with an error of this code, but for those that another job continues already.
+        """Retry all jobs that failed with an error of this code, but for those that were retried already.
 
         Returns what became of each, newest first. A limit of the caller's, such as that of unfinished jobs, ends the
         list early, or is raised if it stops the first.
