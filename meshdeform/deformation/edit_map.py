@@ -101,7 +101,7 @@ class EditMap:
             count = len(np.unique(pieces[used]))
             raise ParameterError(
                 f"{len(reaching)} of {count} pieces reach out of what the map deforms: {_between(low, high)}.",
-                advice="Have such pieces carried along in their shape: --outside rigid.",
+                advice="Have such pieces carried along in their shape: --outside rigid, or ?outside=rigid.",
             )
         moved = self._carry(rest).numpy()
         for piece in reaching:

@@ -47,7 +47,7 @@ from service.downloads.responses import (
 )
 from service.downloads.strengths import MAX_STRENGTH, STRENGTH_STEP
 from service.http.auth import PrincipalDep, ViewerDep
-from service.http.bodies import body_of, clean_filename
+from service.http.bodies import clean_filename, receive_file
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppState, AppStateDep
 
@@ -439,7 +439,9 @@ async def apply_job(
         folder = stack.enter_context(app.workspace.temporary_folder())
         job = await to_thread.run_sync(_succeeded, app, id, principal.owner_id)
         async with app.bodies.slot(principal.owner_id):
-            file = await _receive(request, folder / "asset", app.settings.max_upload_bytes)
+            most, file = app.settings.max_upload_bytes, folder / "asset"
+            too_large = AssetTooLargeError(f"The file has more than {most} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+            await receive_file(request, file, most, too_large)
         async with app.strengths.slot(principal.owner_id):
             made_file = await to_thread.run_sync(deformed_alike, app, job, file, clean_filename(filename), outside)
         return StreamingResponse(_streamed(made_file, stack.pop_all()), media_type="application/octet-stream")
@@ -450,17 +452,6 @@ def _succeeded(app: AppState, job_id: str, owner: str) -> Job:
     if job.state is not JobState.SUCCEEDED:
         _find(app, job_id, owner, "result.glb")
     return job
-
-
-async def _receive(request: Request, path: FilePath, max_bytes: int) -> FilePath:
-    received = 0
-    with path.open("wb") as file:
-        async for chunk in body_of(request):
-            received += len(chunk)
-            if received > max_bytes:
-                raise AssetTooLargeError(f"The file has more than {max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
-            file.write(chunk)
-    return path
 
 
 def _streamed(path: FilePath, held: ExitStack) -> Iterator[bytes]:

@@ -21,7 +21,7 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import ClientDisconnect
 
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MIN_BODY_RATE
-from meshdeform.errors import AssetTooLargeError, PromptError, RequestError, RequestTimeoutError
+from meshdeform.errors import AssetTooLargeError, MeshdeformError, PromptError, RequestError, RequestTimeoutError
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from meshdeform.runs import file_parts
 from service.http.errors import in_plain_words, parameter_error
@@ -71,6 +71,17 @@ async def body_of(request: Request) -> AsyncIterator[bytes]:
         if recent >= _LEAST_BYTES:
             recent, deadline = 0, anyio.current_time() + IDLE_S
         yield chunk
+
+
+async def receive_file(request: Request, path: Path, max_bytes: int, too_large: MeshdeformError) -> None:
+    """Write the body to a file, or raise `too_large` if it has more bytes than it may."""
+    received = 0
+    with path.open("wb") as file:
+        async for chunk in body_of(request):
+            received += len(chunk)
+            if received > max_bytes:
+                raise too_large
+            file.write(chunk)
 
 
 async def receive_document(request: Request, max_bytes: int = MAX_DOCUMENT_BYTES) -> bytes:

@@ -21,7 +21,7 @@ from meshdeform.requests.sketches import SKETCH_FAMILIES, Sketch, sketch_family
 from meshdeform.runs.sketch_process import guesses_of, shape_of
 from service.documentation.responses import CALLER_ERRORS, json_body
 from service.http.auth import PrincipalDep
-from service.http.bodies import body_of, parse_document, receive_document
+from service.http.bodies import parse_document, receive_document, receive_file
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppStateDep
 
@@ -129,7 +129,8 @@ async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalD
     async with app.bodies.slot(principal.owner_id):
         with app.workspace.temporary_folder() as folder:
             drawing = folder / "drawing"
-            await _receive(request, drawing)
+            too_large = DrawingError(f"The drawing's file is larger than {_MAX_BYTES:,} bytes.")
+            await receive_file(request, drawing, _MAX_BYTES, too_large)
             async with app.sketching.slot(principal.owner_id):
                 found = await to_thread.run_sync(_guessed, drawing, family or "")
     return Response(found.model_dump_json(), media_type="application/json")
@@ -157,17 +158,6 @@ async def make_sketch_mesh(request: Request, app: AppStateDep, principal: Princi
             data = await to_thread.run_sync(_shaped, sketch, folder)
     # As described: code generators know no other media type for bytes.
     return Response(data, media_type="application/octet-stream")
-
-
-async def _receive(request: Request, path: Path) -> None:
-    """Write the body to a file."""
-    received = 0
-    with path.open("wb") as file:
-        async for chunk in body_of(request):
-            received += len(chunk)
-            if received > _MAX_BYTES:
-                raise DrawingError(f"The drawing's file is larger than {_MAX_BYTES:,} bytes.")
-            file.write(chunk)
 
 
 def _guessed(drawing: Path, family: str) -> SketchGuesses:
