@@ -16,8 +16,8 @@ def page(text: str) -> str:
 
 def tables(kind: Kind) -> str:
     """Return the tables of the files that a kind reads and writes."""
-    reads = [f"| `{each.name}` | {'yes' if each.required else 'no'} | {each.summary} |" for each in kind.reads]
-    writes = [f"| `{each.name}` | `{each.media_type}` | {each.summary} |" for each in kind.artifacts]
-    lines = [f"The kind `{kind.name}`. {kind.summary} It reads:", "", "| part | required | |", "|---|---|---|", *reads]
-    lines += ["", "and writes:", "", "| artifact | media type | |", "|---|---|---|", *writes]
+    reads = [f"| `{each.name}`{' (required)' if each.required else ''} | {each.summary} |" for each in kind.reads]
+    writes = [f"| `{each.name}` | {each.summary} |" for each in kind.artifacts]
+    lines = [f"**`{kind.name}`.** {kind.summary}", "", "| it reads | |", "|---|---|", *reads]
+    lines += ["", "| it writes | |", "|---|---|", *writes]
     return "\n".join(lines) + "\n"
