@@ -2,8 +2,7 @@
 
 * docs/parameters.md, from the models of a request;
 * the files and artifacts in docs/http.md, from the kinds of job;
-* the table in docs/configuration.md, from the settings class;
-* the table in docs/troubleshooting.md, from the error classes.
+* the table in docs/configuration.md, from the settings class.
 
 The HTTP reference is made when the site is built (docs/generation/site.py).
 """
@@ -16,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # a script finds its own folder only
 
-from docs.generation import errors, kinds, parameters, settings  # noqa: E402
+from docs.generation import kinds, parameters, settings  # noqa: E402
 
 __all__ = ["pages"]
 
@@ -28,7 +27,6 @@ def pages() -> dict[Path, str]:
         folder / "parameters.md": parameters.page(),
         folder / "http.md": kinds.page((folder / "http.md").read_text(encoding="utf-8")),
         folder / "configuration.md": settings.page((folder / "configuration.md").read_text(encoding="utf-8")),
-        folder / "troubleshooting.md": errors.page((folder / "troubleshooting.md").read_text(encoding="utf-8")),
     }
 
 

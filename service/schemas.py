@@ -168,6 +168,40 @@ class FoundOrientation(BaseModel):
     notice: str | None = Field(description="What to do if no side was found.", examples=[None])
 
 
+class PartChange(BaseModel):
+    """An operation that suits a part."""
+
+    operation: str = Field(description="As in `changes` of the report.", examples=["long"])
+    more: str = Field(description='Its word for more: "legs longer by 30 %".', examples=["longer"])
+    less: str = Field(description="Its word for less.", examples=["shorter"])
+
+
+class FoundPart(BaseModel):
+    """A part of an asset that words can name."""
+
+    name: str = Field(description="What a prompt calls it.", examples=["legs"])
+    found_by: Literal["joints", "names", "components", "geometry"] = Field(
+        description="What it was found by.", examples=["joints"]
+    )
+    faces: list[int | list[int]] = Field(
+        description="Its triangles, as `faces` of a region has them.", examples=[[[0, 143], 150]]
+    )
+    changes: list[PartChange] = Field(description="What can be asked of it.")
+
+
+class FoundParts(BaseModel):
+    """The parts of an asset, or those that a prompt names and what it makes of the asset."""
+
+    parts: list[FoundPart] = Field(description="Those that everybody knows come first.")
+    result: str | None = Field(
+        description="The asset as a prompt that is a change makes it: a GLB in base64, without `output.subdivide`; its "
+        "rig stays where it is. Null without such a prompt.",
+        json_schema_extra={"contentEncoding": "base64"},
+        examples=[None],
+    )
+    warnings: list[str] = Field(description="What of it is less than was asked for, in sentences.", examples=[[]])
+
+
 class FileLimits(BaseModel):
     """Limits on a file."""
 

@@ -31,6 +31,7 @@ from service.workspace import Workspace
 _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
 _FRONTS_AT_ONCE, _FRONTS_PER_OWNER = 2, 1
+_NAMINGS_AT_ONCE, _NAMINGS_PER_OWNER = 2, 1
 _SKETCHES_AT_ONCE, _SKETCHES_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
 _STORE_HEALTH_S = 2.0
@@ -102,10 +103,15 @@ class AppState:
     record_health: Probe = field(default_factory=Probe)
     redis_health: Probe = field(default_factory=Probe)
     store_health: Probe = field(default_factory=lambda: Probe(_STORE_HEALTH_S))
-    # Searches of fronts, and readings of drawings and makings of shapes: each in a process of its own.
+    # Searches of fronts and parts, and readings of drawings and makings of shapes: each in a process of its own.
     orienting: FairSlots = field(
         default_factory=lambda: FairSlots(
             _FRONTS_AT_ONCE, _FRONTS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="fronts are being searched"
+        )
+    )
+    naming: FairSlots = field(
+        default_factory=lambda: FairSlots(
+            _NAMINGS_AT_ONCE, _NAMINGS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="parts are being found"
         )
     )
     sketching: FairSlots = field(

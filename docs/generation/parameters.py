@@ -61,10 +61,8 @@ _OF_SDS = {"guidance_rescale", "timestep_max", "timestep_max_end"}
 INTRODUCTION = """\
 # Parameters
 
-This page is generated from `meshdeform/requests/` by `python docs/generate.py`.
-
 A job is described by one JSON document: the part `request` of `POST /v1/jobs`. Every member is optional, except the
-prompt of a job that is guided by one. Unknown members are refused.
+prompt of a job that is guided by one. Unknown members are refused. (`python docs/generate.py` writes this page.)
 
 ```json
 {"kind": "text_deform", "prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}, "output": {"morph": true}}
@@ -123,12 +121,10 @@ FLAT_FORM = """\
 ## From the flat form
 
 Earlier editions had all parameters directly in `params`. Such a request is refused (`422`), and the answer names the
-new place of each member. The names and the values are the same. Jobs that an earlier edition stored are read, shown and
-run as before, and the API returns them in the new form. Options of the command line and columns of its batches keep
-their names.
+new place of each member. Jobs that an earlier edition stored are read, shown and run as before, and the API returns
+them in the new form. Options of the command line and columns of its batches keep their names.
+`"guidance": "target"` is `"guidance": {"kind": "target"}` now, and these have the same names and values in a group:
 
-| before | now | where the guidance is |
-|---|---|---|
 """
 
 PRESETS = """\
@@ -137,7 +133,8 @@ PRESETS = """\
 A preset provides the parameters that were left out, and the constants that no request has: those of the cameras
 (`elevation_...`, `fov_...`, `framing...`), `guidance_weight`, `guidance_rescale`, `timestep_max...` and `stiffness`.
 Its values depend on what guides the job: the builtin demonstration prior, a Stable Diffusion model, a target mesh, or
-pictures alone. `paper` has the published values; the builtin prior needs its own guidance scale.
+pictures alone. `paper` has the published values; the builtin prior needs its own guidance scale. Where `preview` and
+`balanced` differ, the value of `preview` comes first.
 """
 
 
@@ -161,8 +158,6 @@ def bounds(schema: dict[str, Any]) -> str:
 
 def default(field: FieldInfo) -> str:
     """Return a field's default in words."""
-    if field.is_required():
-        return "none, it is required"
     value: Any = field.get_default(call_default_factory=True) if field.default_factory is None else None
     if isinstance(value, BaseModel):
         return f"`{value.model_dump_json()}`"
@@ -171,19 +166,37 @@ def default(field: FieldInfo) -> str:
     return "empty" if value == "" else f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
 
+def facts(field: FieldInfo, schema: dict[str, Any]) -> str:
+    """Return the default and the bounds of a field, as far as its description does not say them."""
+    limits, value = bounds(schema), default(field)
+    told = "Default:" in (field.description or "") or value == "none"
+    start = "Required." if field.is_required() else "" if told else f"Default: {value}."
+    return " ".join(part for part in (start, f"Bounds: {limits}." if limits else "") if part)
+
+
 def section(model: type[BaseModel], *, prefix: str, without: tuple[str, ...] = ()) -> str:
     """Return a section for each field of a model."""
     schemas = model.model_json_schema()["properties"]
     parts = []
     for name, field in model.model_fields.items():
-        if name in without:
-            continue
-        limits = bounds(schemas[name])
-        # If the default is not a value, the description explains it.
-        facts = [] if "Default:" in (field.description or "") else [f"Default: {default(field)}."]
-        facts += [f"Bounds: {limits}."] if limits else []
-        parts.append(f"### {prefix}{name}\n\n{wrapped(field.description or '')}\n\n{' '.join(facts)}\n")
+        if name not in without:
+            told = facts(field, schemas[name])
+            parts.append(
+                f"### {prefix}{name}\n\n{wrapped(field.description or '')}\n" + (f"\n{told}\n" if told else "")
+            )
     return "\n".join(parts)
+
+
+def table(*models: tuple[str, type[BaseModel]], without: tuple[str, ...] = ()) -> str:
+    """Return a table of the fields of models, each with the beginning of its names."""
+    lines = ["| member | |", "|---|---|"]
+    for prefix, model in models:
+        schemas = model.model_json_schema()["properties"]
+        for name, field in model.model_fields.items():
+            if name not in without:
+                told = f"{field.description} {facts(field, schemas[name])}"
+                lines.append(f"| `{prefix}{name}` | {' '.join(told.split())} |")
+    return "\n".join(lines) + "\n"
 
 
 def shown(value: float | str) -> str:
@@ -198,21 +211,29 @@ def is_used(name: str, guidance: GuidanceKind) -> bool:
 
 
 def presets() -> str:
-    """Return the table of the values of each preset for each kind of guidance."""
-    columns = [(family, preset) for family in FAMILIES for preset in Preset]
-    resolved = [
-        resolve(DeformParams.model_validate({"preset": preset, "guidance": FAMILIES[family]}))
-        for family, preset in columns
+    """Return the table of the values of each preset for each kind of guidance, and what all have in common."""
+    columns = [
+        (family, presets) for family in FAMILIES for presets in ((Preset.PREVIEW, Preset.BALANCED), (Preset.PAPER,))
     ]
-    optional = [name for name in ResolvedParams.model_fields if name in FROM_PRESET | CONSTANTS]
-    lines = [
-        "| | " + " | ".join(f"{family}, `{preset}`" for family, preset in columns) + " |",
-        "|---" * (len(columns) + 1) + "|",
-    ]
-    for name in optional:
-        cells = [shown(getattr(values, name)) if is_used(name, values.guidance) else "" for values in resolved]
-        lines.append(f"| `{name}` | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    titles = (f"{family}{', `paper`' if len(presets) == 1 else ''}" for family, presets in columns)
+    lines = ["| | " + " | ".join(titles) + " |", "|---" * (len(columns) + 1) + "|"]
+    common = []
+    for name in (name for name in ResolvedParams.model_fields if name in FROM_PRESET | CONSTANTS):
+        cells = [cell(name, family, presets) for family, presets in columns]
+        if len(set(cells)) == 1:
+            common.append(f"`{name}` {cells[0]}")
+        else:
+            lines.append(f"| `{name}` | " + " | ".join(cells) + " |")
+    same = wrapped(f"All have {', '.join(common)}.")
+    return "\n".join(lines) + f"\n\n{same}\n"
+
+
+def cell(name: str, family: str, presets: tuple[Preset, ...]) -> str:
+    """Return the value of a parameter or constant in presets of a family; both, where they differ."""
+    made = [resolve(DeformParams.model_validate({"preset": each, "guidance": FAMILIES[family]})) for each in presets]
+    if not is_used(name, made[0].guidance):
+        return ""
+    return ", ".join(dict.fromkeys(shown(getattr(values, name)) for values in made))
 
 
 def guidances() -> str:
@@ -226,15 +247,11 @@ def guidances() -> str:
 
 
 def moves() -> str:
-    """Return the table of the parameters that are in a group now."""
-    lines = [
-        '| `"guidance": "target"` | `"guidance": {"kind": "target"}` | `target` |',
-        '| `"guidance": "silhouettes"` | `"guidance": {"kind": "silhouettes"}` | `silhouettes` |',
-    ]
-    for name, (group, kinds) in PLACES.items():
-        if group:
-            where = " or ".join(f"`{kind}`" for kind in kinds) or "any"
-            lines.append(f"| `params.{name}` | `params.{group}.{name}` | {where} |")
+    """Return which parameters are in which group now."""
+    groups = {
+        group: [name for name, (where, _) in PLACES.items() if where == group] for group in ("control", "guidance")
+    }
+    lines = [f"- `params.{group}`: " + ", ".join(f"`{name}`" for name in names) for group, names in groups.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -264,20 +281,23 @@ def page() -> str:
             section(Control, prefix="params.control."),
             "## A selection\n",
             SELECTION,
-            section(Selection, prefix=""),
-            section(JointWeight, prefix="joint."),
-            section(ColorRange, prefix="color."),
-            section(Box, prefix="box."),
-            section(Sphere, prefix="sphere."),
-            section(Capsule, prefix="capsule."),
+            table(
+                ("", Selection),
+                ("joint.", JointWeight),
+                ("color.", ColorRange),
+                ("box.", Box),
+                ("sphere.", Sphere),
+                ("capsule.", Capsule),
+            ),
             "## A rigid part\n",
             "The other members of an entry of `params.control.rigid`.\n",
-            section(RigidSelector, prefix="params.control.rigid[].", without=tuple(Selection.model_fields)),
+            table(("", RigidSelector), without=tuple(Selection.model_fields)),
             "## A region\n",
             "The other member of an entry of `params.control.regions`.\n",
-            section(Region, prefix="params.control.regions[].", without=tuple(Selection.model_fields)),
+            table(("", Region), without=tuple(Selection.model_fields)),
             "## A handle\n",
-            section(Handle, prefix="params.control.handles[]."),
+            "The members of an entry of `params.control.handles`.\n",
+            table(("", Handle)),
             "## output\n",
             section(OutputOptions, prefix="output."),
             FLAT_FORM + moves(),

@@ -1,8 +1,7 @@
-"""Generate the table in docs/configuration.md: every setting with its kind, default and bounds."""
+"""Generate the table in docs/configuration.md: every setting with its kind, bounds and default."""
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 from docs.generation.between import renewed
@@ -28,15 +27,10 @@ def table() -> str:
     """Return a table of all settings, in the order of the class."""
     schema = Settings.model_json_schema()["properties"]
     rows = [
-        f"| [MESHDEFORM_{name.upper()}](#{_anchor(name)}) | {_kind(schema[name])} | {_default(name)} | "
-        f"{_text(field.description or '')} |"
-        for name, field in Settings.model_fields.items()
+        f"| [MESHDEFORM_{name.upper()}](#meshdeform_{name}) | {_kind(schema[name])} | {_default(name)} |"
+        for name in Settings.model_fields
     ]
-    return "\n".join(["| setting | kind | default | |", "|---|---|---|---|", *rows]) + "\n"
-
-
-def _anchor(name: str) -> str:
-    return f"meshdeform_{name}"
+    return "\n".join(["| setting | kind | default |", "|---|---|---|", *rows]) + "\n"
 
 
 def _kind(schema: dict[str, Any]) -> str:
@@ -49,8 +43,3 @@ def _kind(schema: dict[str, Any]) -> str:
 def _default(name: str) -> str:
     value = Settings.model_fields[name].get_default(call_default_factory=True)
     return f"`{value}`" if value not in ("", []) else ""
-
-
-def _text(text: str) -> str:
-    # Link names of other settings to their sections.
-    return re.sub(r"MESHDEFORM_([A-Z_]+)", lambda found: f"[{found[0]}](#{_anchor(found[1].lower())})", text)

@@ -347,6 +347,36 @@ class FoundOrientation(_Open):
     notice: str | None = None
 
 
+class PartChange(_Open):
+    """An operation that suits a part, with the words for more and for less of it: "legs longer by 30 %"."""
+
+    operation: str
+    more: str
+    less: str
+
+
+class FoundPart(_Open):
+    """A part that words can name; its triangles are as `faces` of a region has them."""
+
+    name: str
+    found_by: str
+    faces: list[int | list[int]]
+    changes: list[PartChange] = Field(default_factory=list)
+
+
+class FoundParts(_Open):
+    """The parts of an asset, or those that a prompt names and what it makes of the asset, a GLB in base64."""
+
+    parts: list[FoundPart]
+    result: str | None = None
+    warnings: list[str] = Field(default_factory=list)
+
+    @property
+    def glb(self) -> bytes | None:
+        """What the prompt makes of the asset."""
+        return None if self.result is None else base64.b64decode(self.result)
+
+
 class UploadView(_Open):
     """A file uploaded separately, for use in jobs."""
 

@@ -69,6 +69,8 @@ class Body:
     names: Mapping[str, Flags]  # mapping of str to (V,) bool: the vertices of each node and material that has a name
     joints: Sequence[Joint]
     weights: sparse.csr_matrix  # sparse (V, J) float64: how much each vertex follows each joint
+    vertex_map: Index  # (N,) int64: the vertex of each row of the asset's surface, or -1
+    rows: Index  # (V,) int64: a row of each vertex
 
     def moved(self, points: Floats) -> Body:
         """Return the body with its vertices at other places."""
@@ -118,6 +120,40 @@ class Body:
     def components(self) -> Index:
         """The connected component of each vertex, (V,)."""
         return np.asarray(csgraph.connected_components(self.edges, directed=False)[1], np.int64)
+
+    def groups(self, flags: Flags) -> list[Index]:
+        """Return the rows of the connected pieces of some vertices; pieces that are nearly in touch count as one."""
+        key = np.packbits(flags).tobytes()
+        if key not in self._groups:
+            self._groups[key] = self._find_groups(np.flatnonzero(flags))
+        return self._groups[key]
+
+    @cached_property
+    def _groups(self) -> dict[bytes, list[Index]]:
+        return {}
+
+    def _find_groups(self, rows: Index) -> list[Index]:
+        _, labels = csgraph.connected_components(self.edges[rows][:, rows], directed=False)
+        pieces = [rows[labels == k] for k in range(labels.max() + 1)] if len(rows) else []
+        if not 1 < len(pieces) <= 64:
+            return pieces if len(pieces) <= 1 else [rows]
+        trees, reach = [cKDTree(self.points[piece]) for piece in pieces], 0.02 * self.diagonal
+        low, high = (np.array([bound(self.points[piece], axis=0) for piece in pieces]) for bound in (np.min, np.max))
+        near = np.tril((low[:, None] <= high + reach).all(2) & (low <= high[:, None] + reach).all(2), -1)
+        for i, j in np.argwhere(near):
+            near[i, j] = trees[i].query(self.points[pieces[j]], distance_upper_bound=reach)[0].min() < reach
+        _, owner = csgraph.connected_components(near, directed=False)
+        return [
+            np.concatenate([piece for piece, k in zip(pieces, owner, strict=True) if k == group])
+            for group in range(owner.max() + 1)
+        ]
+
+    def nearest(self, pieces: list[Index]) -> Index:
+        """Return the number of the piece nearest to each vertex, (V,)."""
+        if not pieces:
+            return np.zeros(len(self.points), np.int64)
+        owner = cKDTree(np.concatenate([self.points[piece] for piece in pieces])).query(self.points)[1]
+        return np.asarray(np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])[owner])
 
     def samples(self, count: int) -> tuple[Floats, Floats]:
         """Return places (count, 3) spread over the surface by area, and their unit normals; always the same."""
@@ -312,14 +348,34 @@ def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
     weights = sparse.diags(1 / np.where(total > 0, total, 1)) @ weights
     parents = {child: node for node, children in parts.children.items() for child in children}
     joints = [Joint(each["name"], _joint_above(each["index"], parents, numbers)) for each in parts.joints]
-    return Body(asset.posed().positions[rows], faces, _names(asset, vertex_map, count), joints, weights.tocsr())
+    return Body(
+        asset.posed().positions[rows],
+        faces,
+        _names(asset, vertex_map, count),
+        joints,
+        weights.tocsr(),
+        vertex_map,
+        rows,
+    )
 
 
-def loose_body(asset: Asset) -> Body:
-    """Return the body of an asset as a job would weld it, without torch."""
+def bind_moves(asset: Asset, body: Body, changed: Body) -> Floats:
+    """Return how far the vertices (V, 3) of the body of an asset move in the bind pose, for the pose to show another.
+
+    A joint that is scaled to nothing hides what follows it, which stays.
+    """
+    moved, linear = changed.points - body.points, asset.pose_maps()[body.rows, :, :3]
+    usable = np.abs(np.linalg.det(linear)) > 1e-12 * np.maximum(np.linalg.norm(linear, axis=(1, 2)), 1e-300) ** 3
+    taken_back = np.zeros_like(moved)
+    taken_back[usable] = np.linalg.solve(linear[usable], moved[usable, :, None])[..., 0]
+    return taken_back
+
+
+def loose_body(asset: Asset, *, backdrop: bool = False) -> Body:
+    """Return the body of an asset as a job would weld it, without torch; `backdrop`: with one that it has."""
     surface = asset.surface
     drawn = np.ones(len(surface.triangles), bool)
-    if asset.backdrop is not None and asset.backdrop.left:
+    if asset.backdrop is not None and asset.backdrop.left and not backdrop:
         drawn = ~asset.backdrop.triangles
     used = np.unique(surface.triangles[drawn])
     points = surface.positions[used]

@@ -105,20 +105,15 @@ def missing_part(body: Body, changes: Sequence[Change]) -> str | None:
     parts = Parts(body)
     try:
         for change in changes:
-            _calibrated(parts, change)
+            calibrated(parts, change)
     except PartMissingError as error:
         return str(error)
     return None
 
 
-def list_parts(body: Body) -> list[str]:
-    """Return what words can name on a body."""
-    return Parts(body).names()
-
-
 def _apply(body: Body, change: Change) -> tuple[Body, Done]:
     parts = Parts(body)
-    full = _calibrated(parts, change)
+    full = calibrated(parts, change)
     for parts.even, share in _ATTEMPTS:
         made = move(parts, change, _part_of_way(change, full, share))
         points = _settled(body, change, made)
@@ -136,8 +131,14 @@ def _part_of_way(change: Change, factor: float, share: float) -> float:
     return factor * share if change.operation in SHAPES else 1 + share * (factor - 1)
 
 
-def _calibrated(parts: Parts, change: Change) -> float:
-    """Return the factor with which a map gives what was asked for: bands take something away."""
+def calibrated(parts: Parts, change: Change) -> float:
+    """Return the factor with which a map gives what was asked for: bands take something away.
+
+    Raises
+    ------
+    PartMissingError
+        The part is not there, or cannot be told from the rest.
+    """
     factor, asked = change.factor, change.factor
     if change.operation in SHAPES or abs(asked - 1) < 0.02:
         return factor

@@ -15,10 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
-from scipy.sparse import csgraph
-from scipy.spatial import cKDTree
 
-from meshdeform.plain.body import UP, Body, Flags, Floats, Index, ease, step
+from meshdeform.plain.body import UP, Body, Floats, ease, step
 from meshdeform.plain.parts import Head, Legs, Limb, PartMissingError, Parts, attachment
 from meshdeform.plain.words import SHAPES, WHOLE, Change
 
@@ -66,12 +64,12 @@ def move(parts: Parts, change: Change, factor: float) -> Moved:
     }
     try:
         made = special[change.part](parts, change.operation, factor) if change.part in special else None
-        return made or _limb(parts.body, parts.named(change.part), change.operation, factor)
+        return made or _limb(parts.named(change.part), change.operation, factor)
     except PartMissingError:
         if change.part not in special:
             raise
         try:  # a node or a material may have the name of what is not found otherwise
-            return _limb(parts.body, parts.named(change.part), change.operation, factor)
+            return _limb(parts.named(change.part), change.operation, factor)
         except PartMissingError:
             pass
         raise
@@ -217,7 +215,7 @@ def _leg(parts: Parts, operation: str, factor: float) -> Moved:
         posts = legs
         if legs.found_by == "geometry" and legs.foot > body.ground + 0.1 * length:  # a base keeps its shape
             weight = legs.weight * step((body.points[:, UP] - legs.foot) / (0.1 * length))
-            posts = replace(legs, weight=weight, limb=_nearest_piece(body, _groups(body, weight > 0.5)))
+            posts = replace(legs, weight=weight, limb=body.nearest(body.groups(weight > 0.5)))
         for weight, line in _leg_lines(body, posts, degree=2):
             top = step((body.points[:, UP] - legs.hip + 0.15 * length) / (0.15 * length))
             grown = weight * (1 - top) * (factor - 1)
@@ -285,7 +283,7 @@ def _centre_line(
         if own.sum() > 2:
             middles.append(along[own].mean())
             values.append((across[own].max(0) + across[own].min(0)) / 2)
-    if len(middles) < 2:
+    if len(set(middles)) < 2:
         own = weight > 0.5
         mean = (across[own] if own.any() else across).mean(0)
         return lambda at: np.repeat(mean[None], len(at), 0)
@@ -309,7 +307,7 @@ def _head(parts: Parts, _operation: str, factor: float) -> Moved:
 def _spread(body: Body, weight: Floats) -> Callable[[Floats], float]:
     """Return what measures the size of a part, or the mean size of its pieces, by their inner vertices."""
     pieces = []
-    for piece in _groups(body, weight > 0.5):
+    for piece in body.groups(weight > 0.5):
         inner = piece[weight[piece] >= np.quantile(weight[piece], 0.6)]
         pieces.append(inner if len(inner) >= 4 else piece)
 
@@ -409,7 +407,7 @@ def _wheel(parts: Parts, operation: str, factor: float) -> Moved | None:
     body, part = parts.body, parts.wheel_parts()
     wheels = part.weight > 0.5
     points, lift = body.points.copy(), 0.0
-    for component in _groups(body, wheels):
+    for component in body.groups(wheels):
         own = body.points[component]
         middle = (own.max(0) + own.min(0)) / 2
         points[component] = middle + factor * (own - middle)
@@ -420,38 +418,8 @@ def _wheel(parts: Parts, operation: str, factor: float) -> Moved | None:
         )
     points[:, UP] += lift
     return Moved(
-        points, part.weight, lambda at: float(np.mean([np.ptp(at[c, UP]) for c in _groups(body, wheels)])), "components"
+        points, part.weight, lambda at: float(np.mean([np.ptp(at[c, UP]) for c in body.groups(wheels)])), "components"
     )
-
-
-def _groups(body: Body, flags: Flags) -> list[Index]:
-    """Return the rows of the connected pieces of some vertices; pieces that are nearly in touch count as one."""
-    rows = np.flatnonzero(flags)
-    _, labels = csgraph.connected_components(body.edges[rows][:, rows], directed=False)
-    pieces = [rows[labels == k] for k in range(labels.max() + 1)] if len(rows) else []
-    if not 1 < len(pieces) <= 64:
-        return pieces if len(pieces) <= 1 else [rows]
-    trees = [cKDTree(body.points[piece]) for piece in pieces]
-    boxes = [(body.points[piece].min(0), body.points[piece].max(0)) for piece in pieces]
-    near = np.zeros((len(pieces),) * 2, bool)
-    reach = 0.02 * body.diagonal
-    for i in range(len(pieces)):
-        for j in range(i):
-            if (boxes[i][0] <= boxes[j][1] + reach).all() and (boxes[j][0] <= boxes[i][1] + reach).all():
-                near[i, j] = trees[i].query(body.points[pieces[j]], distance_upper_bound=reach)[0].min() < reach
-    _, owner = csgraph.connected_components(near, directed=False)
-    return [
-        np.concatenate([piece for piece, k in zip(pieces, owner, strict=True) if k == group])
-        for group in range(owner.max() + 1)
-    ]
-
-
-def _nearest_piece(body: Body, pieces: list[Index]) -> Index:
-    """Return the number of the piece nearest to each vertex."""
-    if not pieces:
-        return np.zeros(len(body.points), np.int64)
-    owner = cKDTree(np.concatenate([body.points[piece] for piece in pieces])).query(body.points)[1]
-    return np.asarray(np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])[owner])
 
 
 def _slab(parts: Parts, operation: str, factor: float) -> Moved:
@@ -482,14 +450,12 @@ def _back(parts: Parts, operation: str, factor: float) -> Moved | None:
     return Moved(points, back.weight, lambda at: float(at[:, UP].max() - seat), "geometry")
 
 
-def _limb(body: Body, limb: Limb, operation: str, factor: float) -> Moved:
+def _limb(limb: Limb, operation: str, factor: float) -> Moved:
     """Return a named part changed about where it is attached; each of several pieces, such as ears, about its own."""
-    points = body.points.copy()
-    pieces = _groups(body, limb.weight > 0.5)
-    numbers = _nearest_piece(body, pieces)
-    for number in range(len(pieces)):
+    body, points = limb.body, limb.body.points.copy()
+    pieces, numbers, pivots = limb.pieces
+    for number, pivot in enumerate(pivots):
         weight = np.where(numbers == number, limb.weight, 0)
-        pivot = attachment(body, weight) if len(pieces) > 1 or limb.found_by == "joints" else limb.pivot
         arms = body.points - pivot
         if operation == "big":
             moved = arms

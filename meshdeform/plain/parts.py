@@ -8,7 +8,6 @@ Every finder returns weights with a band, and says how it found the part, or rai
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,9 +44,20 @@ class PartMissingError(Exception):
 class Limb:
     """Any part that was found by a name or as components."""
 
+    body: Body
     weight: Floats  # (V,) float64: how much each vertex belongs to it
     pivot: Floats  # (3,) float64: where it is attached; its middle if it hangs on nothing
     found_by: str  # `joints`, `names`, `components` or `geometry`
+
+    @cached_property
+    def pieces(self) -> tuple[list[Index], Index, list[Floats]]:
+        """The rows of its pieces, the number (V,) of the nearest one, and where (3,) each is attached."""
+        pieces = self.body.groups(self.weight > 0.5)
+        numbers = self.body.nearest(pieces)
+        if len(pieces) == 1 and self.found_by != "joints":
+            return pieces, numbers, [self.pivot]
+        own = (np.where(numbers == number, self.weight, 0) for number in range(len(pieces)))
+        return pieces, numbers, [attachment(self.body, weight) for weight in own]
 
 
 @dataclass(frozen=True)
@@ -107,27 +117,12 @@ class Parts:
 
     def __init__(self, body: Body) -> None:
         self.body, self.even = body, 0.0
+        self._named: dict[str, Limb] = {}
 
-    def names(self) -> list[str]:
-        """List what words can name: limbs that were found, then names of nodes, materials and joints."""
-        finders: dict[str, Callable[[], object]] = {
-            "legs": lambda: self.legs,
-            "head": lambda: self.head,
-            "neck": lambda: self.head,
-            "tail": lambda: self.tail,
-            "arms": lambda: self.arms,
-            "wheels": lambda: self._wheels_or_missing(),
-            "seat or top": lambda: self.slab,
-        }
-        found = []
-        for name, find in finders.items():
-            try:
-                find()
-            except PartMissingError:
-                continue
-            found.append(name)
-        named = [name for name in self.body.names if tokens(name) and self._is_part(self.body.names[name])]
-        return list(dict.fromkeys([*found, *(" ".join(tokens(name)) for name in named)]))
+    def own_names(self) -> list[str]:
+        """Return the names, as words, of nodes and materials that are parts and not all of it."""
+        named = (" ".join(tokens(name)) for name, flags in self.body.names.items() if self._is_part(flags))
+        return list(dict.fromkeys(filter(None, named)))
 
     def of_class(self, name: str) -> Floats | None:
         """Return how much each vertex (V,) follows the joints of a class, such as `leg`; None without such joints."""
@@ -412,7 +407,7 @@ class Parts:
         if own is None or own.max() <= 0.5:
             raise PartMissingError("No arms were found: arms are known by the joints of a skeleton.")
         weight = self.body.smooth(own, 2)
-        return Limb(weight, attachment(self.body, weight), "joints")
+        return Limb(self.body, weight, attachment(self.body, weight), "joints")
 
     @cached_property
     def wheels(self) -> Flags:
@@ -483,7 +478,7 @@ class Parts:
             raise PartMissingError("No back was found: nothing stands above the seat.")
         weight = (body.points[:, UP] > seat - 0.5 * body.solid.side).astype(float)
         above = body.points[weight > 0]
-        return Limb(weight, np.array([above[:, 0].mean(), seat, above[:, 2].mean()]), "geometry")
+        return Limb(body, weight, np.array([above[:, 0].mean(), seat, above[:, 2].mean()]), "geometry")
 
     def named(self, word: str) -> Limb:
         """Return the part that joints, nodes or materials with this name make.
@@ -493,6 +488,11 @@ class Parts:
         PartMissingError
             None has it, or all of the asset does.
         """
+        if word not in self._named:
+            self._named[word] = self._find_named(word)
+        return self._named[word]
+
+    def _find_named(self, word: str) -> Limb:
         body, wanted = self.body, set(word.split())
         chosen = [n for n, joint in enumerate(body.joints) if wanted <= set(tokens(joint.name))]
         if chosen:
@@ -502,7 +502,7 @@ class Parts:
                 weight = np.minimum(_share(body, np.array(chosen)), 1)
             if weight.max() > 0.5 and (weight < 0.5).any():
                 weight = body.smooth(weight, 2)
-                return Limb(weight, attachment(body, weight), "joints")
+                return Limb(body, weight, attachment(body, weight), "joints")
         flags = np.zeros(len(body.points), bool)
         for name, each in body.names.items():
             words = set(tokens(name))
@@ -516,7 +516,7 @@ class Parts:
         # Components that belong to it in whole are not blended with what they merely touch.
         whole = np.bincount(body.components, ~flags)[body.components] == 0
         weight = np.where(whole, 1.0, np.where(flags, np.maximum(weight, 0.5), weight))
-        return Limb(weight, attachment(body, flags.astype(float)), "names")
+        return Limb(body, weight, attachment(body, flags.astype(float)), "names")
 
     def _is_part(self, flags: Flags) -> bool:
         return bool(flags.any() and not flags.all())
@@ -530,7 +530,7 @@ class Parts:
             There are none.
         """
         flags = self._wheels_or_missing()
-        return Limb(flags.astype(float), self.body.points[flags].mean(0), "components")
+        return Limb(self.body, flags.astype(float), self.body.points[flags].mean(0), "components")
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,12 @@ WHOLE = "whole"
 SHAPES = frozenset({"tapered", "twisted", "leaning", "bent", "pinched"})
 """Operations whose factor is a strength, 1 as usual, and no ratio of lengths."""
 
+OF_PARTS = {
+    "long": ("longer", "shorter"), "big": ("bigger", "smaller"), "tall": ("taller", "shorter"),
+    "wide": ("wider", "narrower"), "fat": ("thicker", "thinner"),
+}  # fmt: skip
+"""The operations on parts, each with the words for more and for less of it."""
+
 _USUAL = {"tall": 1.4, "long": 1.4, "wide": 1.35, "fat": 1.5, "big": 1.45}
 _FATTER = 1.6
 """The same of a fat whole: less is hardly seen."""
@@ -107,47 +113,19 @@ _PART_OF = {
     }.items()
     for word in words.split()
 }
-_FILLERS = frozenset(
-    [
-        "a",
-        "an",
-        "the",
-        "its",
-        "it",
-        "it's",
-        "is",
-        "be",
-        "this",
-        "that",
-        "make",
-        "made",
-        "let",
-        "give",
-        "please",
-        "have",
-        "has",
-        "having",
-        "get",
-        "of",
-        "to",
-        "in",
-        "more",
-        "version",
-        "one",
-        "some",
-        "them",
-        "by",
-        "factor",
-        "look",
-        "looks",
-        "looking",
-        "into",
-        "become",
-        "and",
-        "as",
-        "with",
-    ]
-)
+_PLURALS = {
+    "foot": "feet", "branch": "branches", "leg": "legs", "arm": "arms", "hand": "hands", "ear": "ears", "wing": "wings",
+    "fin": "fins", "horn": "horns", "eye": "eyes", "wheel": "wheels", "door": "doors", "window": "windows",
+    "claw": "claws", "finger": "fingers", "shoulder": "shoulders", "hip": "hips",
+}  # fmt: skip
+PART_NAMES = {part: _PLURALS.get(part, part) for part in _PART_OF.values()}
+"""The parts that words name on any asset, in the singular, each as it is called where an asset has it."""
+_FILLERS = frozenset({
+    "a", "an", "the", "its", "it", "it's", "is", "be", "this", "that", "make", "made", "let", "give", "please",
+    "have", "has", "having", "get", "of", "to", "in", "more", "version", "one", "some", "them", "by", "factor",
+    "look", "looks", "looking", "into", "become", "and", "as", "with",
+})  # fmt: skip
+_LONG = frozenset(["leg", "arm", "neck", "tail", "ear", "horn", "nose", "finger", "wing", "fin", "handle", "stem"])
 _DETERMINERS = frozenset({"a", "an", "the", "its"})
 _SLIGHT = frozenset({"slightly", "bit", "somewhat"})
 _STRONG = frozenset({"much", "very", "way", "far", "lot", "really", "extremely"})
@@ -187,7 +165,7 @@ class Sentence:
     @property
     def known(self) -> bool:
         """Whether all its parts are words for parts, and none a name that only the file can know."""
-        return all(change.part in (WHOLE, *_PART_OF.values()) for change in self.changes)
+        return all(change.part in (WHOLE, *PART_NAMES) for change in self.changes)
 
 
 @dataclass
@@ -280,7 +258,7 @@ def read_changes(text: str, noun_of: Callable[[str], str | None] = lambda _: Non
     compared = any(clause.compared or clause.times for clause in clauses)
     if len(nouns) > 1 or not any(clause.adjectives for clause in clauses):
         return None
-    unknown = any(clause.part and clause.part not in _PART_OF.values() for clause in clauses)
+    unknown = any(clause.part and clause.part not in PART_NAMES for clause in clauses)
     if unknown and not compared:
         return None
     changes = _joined(clauses, text)
@@ -425,21 +403,7 @@ def _joined(clauses: list[_Clause], text: str) -> list[Change] | None:
 
 def _on(operation: str, part: str) -> str:
     """Return what an operation means on a part: "tall legs" are long ones, and a "wide head" is a big one."""
-    if part in (
-        "leg",
-        "arm",
-        "neck",
-        "tail",
-        "ear",
-        "horn",
-        "nose",
-        "finger",
-        "trunk",
-        "wing",
-        "fin",
-        "handle",
-        "stem",
-    ):
+    if part in _LONG:
         long = ("tall", "long", "big") if part in ("leg", "arm", "neck", "tail") else ("tall", "long")
         return "long" if operation in long else "fat" if operation == "wide" else operation
     if part in ("head", "hand", "foot", "eye", "wheel") and operation not in SHAPES:

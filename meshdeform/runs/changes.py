@@ -3,25 +3,30 @@
 A prompt without a noun is a change, and so is one that compares ("a fatter dog"). A description ("a fat dog") is one if
 the source was recognised as that noun, which only the run knows.
 
-`missing_part` asks a child process, since parts are found with numpy and scipy, which an API need not have.
+A child process is asked for parts, which are found with numpy and scipy: an API need not have these.
 """
 
 from __future__ import annotations
 
 import argparse
+import base64
 import json
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import DependencyError, ParameterError, PartNotFoundError, UnavailableError
-from meshdeform.plain.words import WHOLE, Sentence, read_changes
+from meshdeform.plain.words import OF_PARTS, WHOLE, Sentence, read_changes
 from meshdeform.priors.builtin.grammar import noun_of
-from meshdeform.requests.choices import GuidanceKind, is_builtin
-from meshdeform.requests.document import ResolvedParams
+from meshdeform.requests.choices import BackdropMode, GuidanceKind, is_builtin
+from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.questions import Question, answer
+
+if TYPE_CHECKING:
+    from meshdeform.assets import Asset
+    from meshdeform.plain.body import Body
 
 _SHOWN = 20
 _TIMEOUT_S = 60.0
@@ -73,6 +78,14 @@ def check_change(params: ResolvedParams) -> None:
             )
 
 
+def part_names(body: Body, params: ResolvedParams | None = None) -> list[str]:
+    """Return what the prompt of a job can name on a body; it has the builtin prior if nothing else is said."""
+    from meshdeform.plain.naming import find_parts
+
+    read = partial(asked_changes, params=params or resolve(DeformParams()))
+    return [part.name for part in find_parts(body, read)]
+
+
 def part_not_found(reason: str, parts: list[str]) -> PartNotFoundError:
     """Return the error about a part that is not there; `parts` are those that were found."""
     more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
@@ -94,36 +107,117 @@ def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams,
     sentence = asked_changes(prompt, params)
     if sentence is None or not is_change(sentence) or all(each.part == WHOLE for each in sentence.changes):
         return
-    task = {
-        "asset": str(asset.absolute()),
-        "filename": f"asset{Path(filename).suffix[:16]}",
-        "changes": [asdict(change) for change in sentence.changes],
-        "exclude": list(params.exclude),
-        "limits": asdict(limits),
-    }
+    changes = [asdict(change) for change in sentence.changes]
     try:
-        found = _QUESTION.ask([json.dumps(task)], asset.absolute().parent, _TIMEOUT_S)
+        found = _ask(asset, filename, params, limits, changes=changes)
     except (DependencyError, UnavailableError):
         return  # the run refuses it
     if found["missing"] is not None:
         raise part_not_found(found["missing"], found["parts"])
 
 
+def parts_of(asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits) -> dict[str, Any]:
+    """Return the parts of an asset that prompts can name, or those that a prompt names and what it makes of the asset.
+
+    Parameters
+    ----------
+    filename : str
+        Its name; the extension decides the format where the content does not.
+
+    Returns
+    -------
+    `parts`, each with its `name`, `found_by`, `faces` as regions have them, and `changes`: an `operation`, and words
+    for `more` and for `less` of it. `result` is a GLB in base64, or None if the prompt is no change, and `warnings`
+    say what of it is less than was asked for.
+
+    Raises
+    ------
+    PartNotFoundError
+        The prompt names a part that the asset lacks.
+    PromptError
+        It asks for opposite changes, or for too much.
+    ParameterError
+        Nothing is left to deform.
+    DependencyError, UnavailableError
+        A package is not installed here; it took too long or too much memory, or no process can be started.
+    """
+    asked_changes(prompt, params)  # what it refuses
+    found = _ask(asset, filename, params, limits, prompt=prompt)
+    missing = found.pop("missing")
+    if missing is not None:
+        raise part_not_found(missing, found["parts"])
+    return found
+
+
+def _ask(asset: Path, filename: str, params: ResolvedParams, limits: Limits, **more: Any) -> dict[str, Any]:
+    """Let the child answer; of the parameters it needs those that say what a prompt is and what is left out."""
+    task = {
+        "asset": str(asset.absolute()),
+        "filename": f"asset{Path(filename).suffix[:16]}",
+        "params": params.model_dump(mode="json"),
+        "limits": asdict(limits),
+        **more,
+    }
+    given = asset.absolute().with_name("parts.json")
+    given.write_text(json.dumps(task))
+    found: dict[str, Any] = _QUESTION.ask([str(given)], given.parent, _TIMEOUT_S)
+    return found
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Print a JSON verdict that says which part of a task an asset lacks."""
+    """Carry out the task in a file of JSON: print which part is missing, or all parts and what becomes of them."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("task", type=json.loads)
-    return answer(partial(_missing, parser.parse_args(arguments).task))
+    parser.add_argument("task", type=Path)
+    task = json.loads(parser.parse_args(arguments).task.read_text())
+    return answer(partial(_answer, task))
 
 
-def _missing(task: dict[str, Any]) -> dict[str, Any]:
+def _answer(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.assets import load_asset
     from meshdeform.plain.body import loose_body
-    from meshdeform.plain.change import list_parts, missing_part
+    from meshdeform.plain.change import missing_part
     from meshdeform.plain.words import Change
     from meshdeform.requests.selection import find_excluded
 
+    params = ResolvedParams.model_validate(task["params"])
     asset = load_asset(Path(task["asset"]).read_bytes(), task["filename"], Limits(**task["limits"]))
-    body = loose_body(asset.without(find_excluded(task["exclude"], asset.parts().nodes)))
+    asset = asset.without(find_excluded(params.exclude, asset.parts().nodes))
+    body = loose_body(asset, backdrop=params.backdrop is BackdropMode.DEFORM)
+    if "changes" not in task:
+        return _parts(asset, body, task["prompt"], params)
     missing = missing_part(body, [Change(**change) for change in task["changes"]])
-    return {"missing": missing, "parts": [] if missing is None else list_parts(body)}
+    return {"missing": missing, "parts": [] if missing is None else part_names(body, params)}
+
+
+def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dict[str, Any]:
+    from meshdeform.plain.body import bind_moves
+    from meshdeform.plain.change import apply_changes, meant
+    from meshdeform.plain.naming import find_parts
+    from meshdeform.plain.parts import PartMissingError
+
+    corners, read = body.vertex_map[asset.surface.triangles], partial(asked_changes, params=params)
+    sentence = read(prompt)
+    if prompt and (sentence is None or not is_change(sentence)):
+        return {"parts": [], "missing": None, "result": None, "warnings": []}
+    found: dict[str, Any] = {"missing": None, "result": None, "warnings": []}
+    if sentence is not None:
+        try:
+            changed, done = apply_changes(body, meant(body, sentence))
+        except PartMissingError as missing:
+            return {**found, "missing": str(missing), "parts": part_names(body, params)}
+        moved, used = asset.surface.positions.copy(), body.vertex_map >= 0
+        moved[used] += bind_moves(asset, body, changed)[body.vertex_map[used]]
+        found["result"] = base64.b64encode(asset.replace(moved, compact=True)).decode()
+        found["warnings"] = [warning for each in done for warning in each.warnings]
+    found["parts"] = [
+        {
+            "name": part.name,
+            "found_by": part.found_by,
+            "faces": part.faces(corners),
+            "changes": [
+                {"operation": each, "more": OF_PARTS[each][0], "less": OF_PARTS[each][1]} for each in part.operations
+            ],
+        }
+        for part in find_parts(body, read, sentence)
+    ]
+    return found

@@ -14,7 +14,7 @@ from meshdeform.deformation.mirror import find_partners
 from meshdeform.geometry.congruence import Component, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.body import body_of
-from meshdeform.plain.change import list_parts
+from meshdeform.runs.changes import part_names
 from meshdeform.runs.surfaces import welded_surface
 
 MAX_COMPARED = 200
@@ -53,7 +53,7 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
         "joints": parts.joints,
         "colors": bool(np.isfinite(asset.vertex_colors()).any()),
         "box": {name: bound.tolist() for name, bound in _box(welded).items()},
-        "parts": list_parts(body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())),
+        "parts": part_names(body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())),
         "symmetry": [name for axis, name in enumerate("xyz") if not find_partners(welded.mesh, axis).unmatched],
         "components": [
             {

@@ -10,18 +10,17 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.plain.body import Body, body_of
-from meshdeform.plain.change import Done, apply_changes, list_parts, meant
+from meshdeform.plain.body import bind_moves, body_of
+from meshdeform.plain.change import Done, apply_changes, meant
 from meshdeform.plain.parts import PartMissingError
 from meshdeform.plain.words import Sentence
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import RigMode
 from meshdeform.runs.base import ArtifactData, JobRun, RunLog
-from meshdeform.runs.changes import check_change, part_not_found
+from meshdeform.runs.changes import check_change, part_names, part_not_found
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import DeformedSurface, Shown, deformed_surface, read_result, vertex_jacobians
 from meshdeform.runs.text_report import AssetFacts, Outcome, change_report, provenance
@@ -51,20 +50,9 @@ def start_change(
         except PartMissingError as missing:
             if recognised is not None:
                 return None
-            raise part_not_found(str(missing), list_parts(body)) from missing
-        verts = _bind_places(facts, body, changed)
+            raise part_not_found(str(missing), part_names(body, facts.params)) from missing
+        verts = welded.mesh.verts + torch.from_numpy(bind_moves(facts.asset, body, changed))
     return PlainChangeRun(facts, verts, done, recognised, log)
-
-
-def _bind_places(facts: AssetFacts, body: Body, changed: Body) -> Tensor:
-    """Return the welded vertices (V, 3) in the bind pose, moved so that the pose shows the changed body."""
-    moved = changed.points - body.points
-    linear = facts.asset.pose_maps()[facts.welded.first_rows(), :, :3]
-    # A joint that is scaled to nothing hides what follows it: it stays.
-    usable = np.abs(np.linalg.det(linear)) > 1e-12 * np.maximum(np.linalg.norm(linear, axis=(1, 2)), 1e-300) ** 3
-    taken_back = np.zeros_like(moved)
-    taken_back[usable] = np.linalg.solve(linear[usable], moved[usable, :, None])[..., 0]
-    return facts.welded.mesh.verts + torch.from_numpy(taken_back)
 
 
 class PlainChangeRun(JobRun):

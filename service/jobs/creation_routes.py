@@ -44,10 +44,10 @@ from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
 from service.jobs.continuation import branch, retry, retry_failed
 from service.jobs.documents import BranchDocument, JobDocument
-from service.jobs.intake import accept_job, orient, validate
+from service.jobs.intake import accept_job, list_parts, orient, validate
 from service.jobs.routes import CreatedAfter, Cursor, ErrorCode, shown
 from service.jobs.sources import Submission, file_advice, missing_files, take_along
-from service.schemas import FoundOrientation, Validation
+from service.schemas import FoundOrientation, FoundParts, Validation
 from service.state import AppState, AppStateDep
 from service.webhooks.routes import checked_address
 
@@ -216,6 +216,34 @@ async def orient_job(
     """
     async with _submitted(request, app, principal.owner_id) as submission:
         found = await orient(app, principal.owner_id, submission)
+    return Response(found.model_dump_json(), media_type="application/json")
+
+
+@router.post(
+    ":parts",
+    operation_id="list_job_parts",
+    summary="List the parts of the asset that words can name",
+    responses={
+        200: {"model": FoundParts, "description": "The parts, or those of the prompt and what it makes of the asset."},
+        **problem_responses(
+            StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, DependencyError, *CALLER_ERRORS
+        ),
+    },
+    openapi_extra=_BODY,
+)
+async def list_job_parts(
+    request: Request,
+    app: AppStateDep,
+    principal: PrincipalDep,
+    x_request_id: _RequestId = None,  # noqa: ARG001 - read by the middleware
+) -> Response:
+    """Takes the bodies of `POST /v1/jobs`, which need no prompt, and stores nothing.
+
+    With a prompt that is a change in plain words, only the parts that it names, and the asset as it would become. It
+    takes a second, in a process of its own on the API's machine, which needs the extra `deform`.
+    """
+    async with _submitted(request, app, principal.owner_id) as submission:
+        found = await list_parts(app, principal.owner_id, submission)
     return Response(found.model_dump_json(), media_type="application/json")
 
 

@@ -1,13 +1,13 @@
 """Accept a job: check everything, store the files, record the job, and notify the workers, in this order.
 
-`validate` and `orient` check a job in the same way, and create none.
+`validate`, `orient` and `list_parts` check a job in the same way, and create none.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from meshdeform.requests.choices import WEIGHTS_PART
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import Kind
+from meshdeform.runs.changes import parts_of
 from meshdeform.runs.orientation_process import check_searchable, orientation_of
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
@@ -35,7 +36,7 @@ from service.http.bodies import ReceivedFile
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.estimates import estimate
 from service.jobs.sources import Submission
-from service.schemas import AssetFound, FoundOrientation, JobEstimate, PictureFound, Validation
+from service.schemas import AssetFound, FoundOrientation, FoundParts, JobEstimate, PictureFound, Validation
 from service.state import AppState
 
 if TYPE_CHECKING:
@@ -241,6 +242,33 @@ def _front(app: AppState, request: JobRequest, params: ResolvedParams, asset: Re
         timeout_s=_ORIENT_TIMEOUT_S,
     )
     return FoundOrientation(**found)
+
+
+async def list_parts(app: AppState, owner_id: str, submission: Submission) -> FoundParts:
+    """Check a job as `validate` does, but for its prompt, and find the parts of its asset in a child process.
+
+    Raises
+    ------
+    AssetError, RequestError, ModelError
+        The job would not be accepted, or has no parts.
+    DependencyError, UnavailableError
+        This server cannot find them, or cannot find them now.
+    """
+    prompt = submission.document.prompt
+    # The child reads the prompt; whatever it is, the rest is checked as that of a change that needs no part.
+    whole = submission.document.model_copy(update={"prompt": "taller"})
+    params, asset = await app.take_in(owner_id, _with_parts, app, owner_id, replace(submission, document=whole))
+    async with app.naming.slot(owner_id):
+        limits = app.assets.limits
+        found = await to_thread.run_sync(parts_of, asset.path, asset.filename, prompt, params, limits)
+    return FoundParts(**found)
+
+
+def _with_parts(app: AppState, owner_id: str, submission: Submission) -> tuple[ResolvedParams, ReceivedFile]:
+    params, files, _ = check_job(app, owner_id, submission)
+    if not isinstance(params, ResolvedParams):
+        raise ParameterError("Jobs of this kind have no parts.")
+    return params, files["asset"]
 
 
 def store_file(

@@ -160,6 +160,6 @@ def test_a_change_of_a_part_that_is_not_there_is_refused_before_the_job(api: Api
     assert answer("longer legs and a taller back").status_code == 200
     assert answer("twice as tall").json()["estimate"]["run_s"] < 3  # no steps
     problem = check_problem(answer("a longer tail"), 422, "part_not_found")
-    assert {"legs", "seat or top"} <= set(problem["parts"])
+    assert {"legs", "seat"} <= set(problem["parts"])
     check_problem(answer("tall and short"), 422, "prompt_invalid")
     check_problem(answer("a big blorb"), 422, "prompt_unknown_words")

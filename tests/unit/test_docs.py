@@ -172,12 +172,13 @@ def test_every_command_and_flag_is_documented(repository: Path) -> None:
         if found.hidden:  # it only says what has become of it
             continue
         text = documented[f"meshdeform {name}"]
+        told = text + documented["Options of many commands"]
         parts = [found, *getattr(found, "commands", {}).values()]
         for part in parts[1:]:
             assert f"`{name} {part.name}" in text, (name, part.name)
         shown = [parameter for part in parts for parameter in part.params if not getattr(parameter, "hidden", False)]
         flags = {option for parameter in shown for option in parameter.opts if option.startswith("--")}
-        assert {flag for flag in flags - {"--help"} if f"`{flag}" not in text} == set(), name
+        assert {flag for flag in flags - {"--help"} if f"`{flag}" not in told} == set(), name
 
 
 def test_every_json_request_that_is_shown_is_valid(repository: Path) -> None:

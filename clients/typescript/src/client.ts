@@ -4,7 +4,7 @@ import { type LabeledMesh, packMeshes } from "./meshes.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
-  type JobState, type Limits, type Models, type Orientation, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation,
+  type JobState, type Limits, type Models, type Orientation, type Parts, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
 
@@ -124,6 +124,12 @@ export class Client {
   async orient(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Orientation> {
     const body = await this.#body(asset, request, options);
     return this.#transport.json<Orientation>("v1/jobs:orient", { method: "POST", ...body, signal: options.signal });
+  }
+
+  /** List the parts of an asset that words can name; with a prompt that is a change, those that it names and what it makes. */
+  async parts(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Parts> {
+    const body = await this.#body(asset, request, options);
+    return this.#transport.json<Parts>("v1/jobs:parts", { method: "POST", ...body, signal: options.signal });
   }
 
   /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */

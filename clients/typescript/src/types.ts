@@ -20,6 +20,7 @@ export type SignedUrl = Schemas["SignedUrl"];
 export type Models = Schemas["ModelList"];
 export type Limits = Schemas["LimitList"];
 export type Orientation = Schemas["FoundOrientation"];
+export type Parts = Schemas["FoundParts"];
 export type SketchGuesses = Schemas["SketchGuesses"];
 export type SketchGuess = Schemas["SketchGuess"];
 /** A shape of a family, with its parameters by name. */

@@ -26,6 +26,7 @@ from meshdeform.client.documents import (
     CheckpointView,
     EventView,
     FoundOrientation,
+    FoundParts,
     JobList,
     JobView,
     Limits,
@@ -332,6 +333,31 @@ class AsyncClient:
         """
         sent = Files.of(asset, None, None, filename, upload, None)
         found, _ = await self._post(FoundOrientation, "/v1/jobs:orient", Order(prompt, params, output), sent)
+        return found
+
+    async def parts(
+        self,
+        asset: AssetLike | None = None,
+        prompt: str = "",
+        *,
+        params: Params | None = None,
+        filename: str | None = None,
+        upload: bool | None = None,
+    ) -> FoundParts:
+        """List the parts of an asset that words can name, each with its triangles and what can be asked of it.
+
+        With a prompt that is a change in plain words ("legs longer by 30 %"), only the parts that it names, and as
+        `glb` what it makes of the asset, without a job. Parameters and errors are those of `submit`.
+
+        Raises
+        ------
+        PartNotFoundError
+            The prompt names a part that the asset lacks.
+        DependencyError, UnavailableError
+            The service cannot find parts, or cannot find them now.
+        """
+        sent = Files.of(asset, None, None, filename, upload, None)
+        found, _ = await self._post(FoundParts, "/v1/jobs:parts", Order(prompt, params), sent)
         return found
 
     async def teach(

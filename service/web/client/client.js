@@ -73,6 +73,11 @@ export class Client {
         const body = await this.#body(asset, request, options);
         return this.#transport.json("v1/jobs:orient", { method: "POST", ...body, signal: options.signal });
     }
+    /** List the parts of an asset that words can name; with a prompt that is a change, those that it names and what it makes. */
+    async parts(asset, request, options = {}) {
+        const body = await this.#body(asset, request, options);
+        return this.#transport.json("v1/jobs:parts", { method: "POST", ...body, signal: options.signal });
+    }
     /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
     async guessSketch(drawing, options = {}) {
         const query = options.family ? `?family=${encodeURIComponent(options.family)}` : "";

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,15 +13,16 @@ from meshdeform.errors import ParameterError, PartNotFoundError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import join
 from meshdeform.plain.body import Body, loose_body
-from meshdeform.plain.change import Done, apply_changes, list_parts, meant
+from meshdeform.plain.change import Done, apply_changes, meant
+from meshdeform.plain.naming import find_parts
 from meshdeform.plain.parts import PartMissingError
-from meshdeform.plain.words import read_changes
+from meshdeform.plain.words import OF_PARTS, Sentence, read_changes
 from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.changes import check_parts
+from meshdeform.runs.changes import check_parts, part_names
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
 from tests.cases import each_case
@@ -67,7 +69,7 @@ def test_longer_legs_lift_the_body_and_keep_feet_and_everything_else(found_by: s
 @each_case("found_by", DOGS)
 def test_head_and_tail_grow_alone(found_by: str) -> None:
     body = body_of_glb(DOGS[found_by])
-    assert {"legs", "head", "neck", "tail"} <= set(list_parts(body))
+    assert {"legs", "head", "neck", "tail"} <= set(part_names(body))
     for text in ("a bigger head", "a longer tail"):
         after, (done,) = changed(body, text)
         assert done.flips == 0
@@ -133,6 +135,58 @@ def test_parts_of_a_chair() -> None:
     for text in ("a bigger head", "a longer tail"):
         with pytest.raises(PartMissingError):
             changed(body, text)
+
+
+def read(text: str) -> Sentence | None:
+    return read_changes(text, noun_of)
+
+
+SHOWN = {**DOGS, "chair": plain_glb(chair())}
+
+
+@each_case("shown", SHOWN)
+def test_every_sentence_that_is_offered_is_a_change_of_just_that_part(shown: str) -> None:
+    body = body_of_glb(SHOWN[shown])
+    found = {part.name: part for part in find_parts(body, read)}
+    assert set(found) - {"hips"} == {"legs", *(["seat", "back"] if shown == "chair" else ["head", "neck", "tail"])}
+    for part in found.values():
+        for operation in part.operations:
+            for word, factor in zip(OF_PARTS[operation], (1.3, 0.7), strict=True):
+                _, (done,) = changed(body, f"{part.name} {word} by 30 %")
+                assert (done.change.operation, done.found_by) == (operation, part.found_by)
+                assert done.change.factor == pytest.approx(factor)
+    assert [part.name for part in find_parts(body, read, read("a taller and longer leg"))] == ["legs"]
+
+
+def two_nodes(*names: str) -> bytes:
+    """A slab and a rod that do not touch, as nodes with these names and as many triangles as each has."""
+    builder = Builder()
+    for name, mesh in zip(names, (_box((-1, 0, -1), (1, 0.2, 1)), _box((0, 0.5, 0), (0.1, 1.5, 0.1))), strict=True):
+        faces = mesh.faces.numpy().astype(np.uint16)
+        builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name=name)
+    return builder.glb()
+
+
+def test_the_triangles_of_a_named_part_are_those_of_its_node() -> None:
+    asset = load_asset(two_nodes("Plinth.001", "AntennaLeft"))
+    body, nodes = loose_body(asset), asset.parts().node_of_triangle
+    found = {part.name: part.faces(body.vertex_map[asset.surface.triangles]) for part in find_parts(body, read)}
+    assert {name: found[name] for name in ("plinth", "antenna left")} == {
+        "plinth": [[0, int((nodes == 0).sum()) - 1]],
+        "antenna left": [[int((nodes == 0).sum()), len(nodes) - 1]],
+    }
+
+
+@each_case("name", ["Big", "TallTower", "of", "7", "Short_Long", "Puppy"])
+def test_a_name_that_a_sentence_would_read_as_something_else_is_no_part(name: str) -> None:
+    assert name.lower() not in part_names(body_of_glb(two_nodes("Plinth", name)))
+
+
+def test_a_backdrop_belongs_to_no_part() -> None:
+    body = body_of_glb(SHOWN["chair"])
+    (legs,) = find_parts(body, read, read("longer legs"))
+    rows = np.flatnonzero(legs.weight > 0.9)[:3]
+    assert legs.faces(np.array([rows, rows, [rows[0], rows[1], -1], rows])) == [[0, 1], 3]
 
 
 def test_several_changes_in_one_sentence_are_made_in_order() -> None:
@@ -210,7 +264,7 @@ def test_a_part_that_is_not_there_is_refused_with_those_that_are(tmp_path: objec
 def test_a_named_node_is_a_part() -> None:
     body = body_of_glb(DOGS["geometry"])
     flags = body.points[:, 2] < -1.1
-    named = Body(body.points, body.faces, {"Antenna_01": flags}, (), body.weights)
+    named = replace(body, names={"Antenna_01": flags})
     after, (done,) = changed(named, "bigger antenna")
     assert done.found_by == "names"
     wide = [np.ptp(each.points[flags], axis=0)[0] for each in (body, after)]
@@ -219,9 +273,7 @@ def test_a_named_node_is_a_part() -> None:
 
 def test_a_noun_that_is_the_name_of_a_part_means_that_part() -> None:
     body = body_of_glb(DOGS["geometry"])
-    hat = Body(
-        body.points, body.faces, {"Helmet": body.points[:, 1] > 2.5, "Dog": body.points[:, 1] > -1}, (), body.weights
-    )
+    hat = replace(body, names={"Helmet": body.points[:, 1] > 2.5, "Dog": body.points[:, 1] > -1})
     for text, part in (("a bigger helmet", "helmet"), ("a bigger dog", "whole"), ("a big helmet", "whole")):
         sentence = read_changes(text, noun_of)
         assert sentence is not None

