@@ -159,7 +159,10 @@ def wrapped(text: str) -> str:
 def bounds(schema: dict[str, Any]) -> str:
     """Return the bounds in a member's JSON schema, in words."""
     stated = schema | next((kind for kind in schema.get("anyOf", []) if kind.get("type") != "null"), {})
-    return ", ".join(f"{words} {stated[name]:,}" for name, words in _BOUNDS.items() if name in stated)
+    both = {"minimum", "maximum"} <= stated.keys()
+    range_ = [f"{stated['minimum']:,} to {stated['maximum']:,}"] if both else []
+    names = [name for name in _BOUNDS if name in stated and not (both and name in ("minimum", "maximum"))]
+    return ", ".join(range_ + [f"{_BOUNDS[name]} {stated[name]:,}" for name in names])
 
 
 def default(field: FieldInfo) -> str:
