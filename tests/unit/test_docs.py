@@ -85,12 +85,18 @@ def commands() -> dict[str, Any]:
 
 
 @each_case("name", Settings.model_fields)
-def test_every_setting_has_a_section_with_its_default(name: str, repository: Path) -> None:
+def test_every_setting_has_a_section_with_its_default_and_bounds(name: str, repository: Path) -> None:
     text = sections(repository / "docs/configuration.md")[f"MESHDEFORM_{name.upper()}"]
     default = Settings.model_fields[name].get_default(call_default_factory=True)
     assert text.lstrip().startswith("Default: ")
     if default not in ("", []):
         assert f"Default: `{default}`" in text
+    # That nothing is less than 0 needs no words.
+    limits = Settings.model_json_schema()["properties"][name]
+    least, most = limits.get("minimum", 0), limits.get("maximum")
+    first = text.strip().partition("\n\n")[0]
+    assert least == 0 or f"at least {least:,g}" in first
+    assert most is None or f"at most {most:,g}" in first
 
 
 def test_no_section_documents_a_setting_that_is_gone(repository: Path) -> None:
