@@ -1,8 +1,7 @@
 """Writes what of the documentation is made from the code: `python docs/generate.py`. A test compares.
 
 * docs/parameters.md, from the models of a request;
-* the files and artifacts in docs/http.md, from the kinds of job;
-* the table in docs/configuration.md, from the settings class.
+* the files and artifacts in docs/http.md, from the kinds of job.
 
 The HTTP reference is made when the site is built (docs/generation/site.py).
 """
@@ -15,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # a script finds its own folder only
 
-from docs.generation import kinds, parameters, settings  # noqa: E402
+from docs.generation import kinds, parameters  # noqa: E402
 
 __all__ = ["pages"]
 
@@ -26,7 +25,6 @@ def pages() -> dict[Path, str]:
     return {
         folder / "parameters.md": parameters.page(),
         folder / "http.md": kinds.page((folder / "http.md").read_text(encoding="utf-8")),
-        folder / "configuration.md": settings.page((folder / "configuration.md").read_text(encoding="utf-8")),
     }
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import re
+from collections.abc import Iterable
+
 from docs.generation.between import renewed
 from meshdeform.runs import kinds
 from meshdeform.runs.base import Kind
@@ -16,8 +20,25 @@ def page(text: str) -> str:
 
 def tables(kind: Kind) -> str:
     """Return the tables of the files that a kind reads and writes."""
-    reads = [f"| `{each.name}`{' (required)' if each.required else ''} | {each.summary} |" for each in kind.reads]
-    writes = [f"| `{each.name}` | {each.summary} |" for each in kind.artifacts]
+    reads = _rows((each.name, f"{'Required. ' if each.required else ''}{each.summary}") for each in kind.reads)
+    writes = _rows((each.name, each.summary) for each in kind.artifacts)
     lines = [f"**`{kind.name}`.** {kind.summary}", "", "| it reads | |", "|---|---|", *reads]
     lines += ["", "| it writes | |", "|---|---|", *writes]
     return "\n".join(lines) + "\n"
+
+
+def _rows(files: Iterable[tuple[str, str]]) -> list[str]:
+    """Return a row for each file; one for those that differ in a number alone, such as `level_1.glb`."""
+    rows = []
+    for _, group in itertools.groupby(files, key=lambda each: re.sub(r"\d+", "N", " ".join(each))):
+        (name, summary), *others = group
+        if others:
+            last, told = others[-1]
+            name, numbers = f"{name}` to `{last}", iter(re.findall(r"\d+", told))
+            summary = re.sub(r"\d+", lambda found: _span(found[0], next(numbers)), summary)  # noqa: B023
+        rows.append(f"| `{name}` | {summary} |")
+    return rows
+
+
+def _span(first: str, last: str) -> str:
+    return first if first == last else f"{first} to {last}"

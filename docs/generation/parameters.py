@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from typing import Any
 
@@ -145,6 +146,11 @@ shape if all its corners are.
 """
 
 
+def meaning(field: FieldInfo) -> str:
+    """Return a field's description without the values that the table of presets has."""
+    return re.sub(r" Default: the preset's\. Paper: \S+\.$", "", field.description or "")
+
+
 def wrapped(text: str) -> str:
     """Wrap a text to lines of at most 118 characters."""
     return textwrap.fill(text, 118, break_on_hyphens=False, break_long_words=False)
@@ -153,7 +159,10 @@ def wrapped(text: str) -> str:
 def bounds(schema: dict[str, Any]) -> str:
     """Return the bounds in a member's JSON schema, in words."""
     stated = schema | next((kind for kind in schema.get("anyOf", []) if kind.get("type") != "null"), {})
-    return ", ".join(f"{words} {stated[name]:,}" for name, words in _BOUNDS.items() if name in stated)
+    both = {"minimum", "maximum"} <= stated.keys()
+    range_ = [f"{stated['minimum']:,} to {stated['maximum']:,}"] if both else []
+    names = [name for name in _BOUNDS if name in stated and not (both and name in ("minimum", "maximum"))]
+    return ", ".join(range_ + [f"{_BOUNDS[name]} {stated[name]:,}" for name in names])
 
 
 def default(field: FieldInfo) -> str:
@@ -181,9 +190,7 @@ def section(model: type[BaseModel], *, prefix: str, without: tuple[str, ...] = (
     for name, field in model.model_fields.items():
         if name not in without:
             told = facts(field, schemas[name])
-            parts.append(
-                f"### {prefix}{name}\n\n{wrapped(field.description or '')}\n" + (f"\n{told}\n" if told else "")
-            )
+            parts.append(f"### {prefix}{name}\n\n{wrapped(meaning(field))}\n" + (f"\n{told}\n" if told else ""))
     return "\n".join(parts)
 
 

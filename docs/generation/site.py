@@ -35,11 +35,14 @@ def on_files(files: Any, *, config: Any, **_: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
-    """Insert the changelog, which is outside the docs folder, into its page."""
-    if page.file.src_uri != "changes.md":
-        return markdown
-    changelog = (Path(page.file.abs_src_path).parents[1] / "CHANGELOG.md").read_text(encoding="utf-8")
-    return changelog.replace("](docs/", "](") + markdown.partition("\n")[2]
+    """Insert the changelog and the README of the TypeScript client, which are outside the docs folder."""
+    if page.file.src_uri == "changes.md":
+        changelog = (_ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+        return changelog.replace("](docs/", "](") + markdown.partition("\n")[2]
+    if page.file.src_uri == "typescript.md":
+        readme = (_ROOT / "clients/typescript/README.md").read_text(encoding="utf-8")
+        return markdown[: markdown.rindex("[The package's README]")] + readme[readme.index("```ts") :]
+    return markdown
 
 
 def on_post_build(*, config: Any, **_: Any) -> None:

@@ -36,8 +36,8 @@ def test_the_client_works_in_a_page(page: Page, service: Service, repository: Pa
     assert (found["last"], found["magic"], found["state"]) == ("succeeded", "glTF", "complete")
     assert service.job(found["job"])["state"] == "succeeded"
 
-    # What its page shows first, in a few steps.
-    shown = re.findall(r"^```ts\n(.*?)^```", (repository / "docs/typescript.md").read_text(), re.M | re.S)[0]
+    # What its README shows first, in a few steps.
+    shown = re.findall(r"^```ts\n(.*?)^```", (repository / "clients/typescript/README.md").read_text(), re.M | re.S)[0]
     for old, new in (
         ('import { Client } from "meshdeform";', 'const { Client } = await import("/web/client/index.js");'),
         ('{ baseUrl: "https://meshdeform.example", apiKey: "..." }', json.dumps({"baseUrl": base})),

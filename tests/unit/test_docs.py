@@ -85,12 +85,18 @@ def commands() -> dict[str, Any]:
 
 
 @each_case("name", Settings.model_fields)
-def test_every_setting_has_a_section_with_its_default(name: str, repository: Path) -> None:
+def test_every_setting_has_a_section_with_its_default_and_bounds(name: str, repository: Path) -> None:
     text = sections(repository / "docs/configuration.md")[f"MESHDEFORM_{name.upper()}"]
     default = Settings.model_fields[name].get_default(call_default_factory=True)
     assert text.lstrip().startswith("Default: ")
     if default not in ("", []):
         assert f"Default: `{default}`" in text
+    # That nothing is less than 0 needs no words.
+    limits = Settings.model_json_schema()["properties"][name]
+    least, most = limits.get("minimum", 0), limits.get("maximum")
+    first = text.strip().partition("\n\n")[0]
+    assert least == 0 or f"at least {least:,g}" in first
+    assert most is None or f"at most {most:,g}" in first
 
 
 def test_no_section_documents_a_setting_that_is_gone(repository: Path) -> None:
@@ -172,12 +178,13 @@ def test_every_command_and_flag_is_documented(repository: Path) -> None:
         if found.hidden:  # it only says what has become of it
             continue
         text = documented[f"meshdeform {name}"]
+        told = text + documented["Options of many commands"]
         parts = [found, *getattr(found, "commands", {}).values()]
         for part in parts[1:]:
             assert f"`{name} {part.name}" in text, (name, part.name)
         shown = [parameter for part in parts for parameter in part.params if not getattr(parameter, "hidden", False)]
         flags = {option for parameter in shown for option in parameter.opts if option.startswith("--")}
-        assert {flag for flag in flags - {"--help"} if f"`{flag}" not in text} == set(), name
+        assert {flag for flag in flags - {"--help"} if f"`{flag}" not in told} == set(), name
 
 
 def test_every_json_request_that_is_shown_is_valid(repository: Path) -> None:

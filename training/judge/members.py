@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -29,23 +29,10 @@ from meshdeform.judge.scoring import VIEW_SIZE, draw_views, encoded, judging_cam
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt
 from meshdeform.priors.builtin.teaching.picture_set import drawn_from
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
+from training.collections.members import RealShapes
 from training.judge import shapes
-from training.prior.families import Part, member
+from training.prior.families import FAMILIES, Part, member
 from training.prior.families.parts import box, ellipsoid, join, limb, normalised
-
-__all__ = [
-    "CALIBRATION",
-    "HELD_OUT",
-    "NOTHING",
-    "TRAINING",
-    "ViewSet",
-    "draw_member",
-    "draw_nothing",
-    "draw_other",
-    "faceted",
-    "roughened",
-    "seeded",
-]
 
 _log = logging.getLogger(__name__)
 
@@ -81,6 +68,12 @@ def draw_other(noun: str, rng: np.random.Generator) -> tuple[ParsedPrompt, Part]
     """
     prompt = drawn_from(noun, [Attribute("whole", word) for word in ADJECTIVES], _OTHERS_COUNT_ODDS, rng)
     return prompt, shapes.drawn(noun, prompt.attributes, rng)
+
+
+def draw_real(noun: str, rng: np.random.Generator, real: RealShapes) -> tuple[ParsedPrompt, Part]:
+    """Draw a noun from collections with up to two attributes of the whole; return its prompt and the mesh."""
+    prompt = drawn_from(noun, [Attribute("whole", word) for word in ADJECTIVES], _OTHERS_COUNT_ODDS, rng)
+    return prompt, real.draw(noun, prompt.attributes, rng)
 
 
 def draw_nothing(rng: np.random.Generator) -> Part:
@@ -168,17 +161,21 @@ class ViewSet:
         return cls(*(torch.cat([getattr(each, field.name) for each in sets]) for field in fields(cls)))
 
     @classmethod
-    def drawn(cls, split: int, kind: str, members: int, *, first: int = 0, rough: bool = True) -> ViewSet:
-        """Draw `members` of a kind, from number `first` on: a noun (its family), "other " and a noun, or "nothing".
+    def drawn(
+        cls, split: int, kind: str, members: int, *, first: int = 0, rough: bool = True, real: RealShapes | None = None
+    ) -> ViewSet:
+        """Draw `members` of a kind, from number `first` on.
+
+        A kind is a noun (its family), "other " and a noun (the judge's own code), "real " and a noun, or "nothing".
 
         The training range is rendered from four random cameras, the others from the judge's eight cameras.
         """
-        other, noun = kind.startswith("other "), kind.removeprefix("other ")
+        other, noun = kind.startswith(("other ", "real ")), kind.split()[-1]
         number_of = {name: number for number, name in enumerate(NOUNS)}
         images = torch.empty(members, 4 if split == TRAINING else 8, VIEW_SIZE, VIEW_SIZE, dtype=torch.uint8)
         attributes = torch.zeros(members, len(ATTRIBUTES), dtype=torch.uint8)
         for row in range(members):
-            prompt, shape, rng = _drawn_shape(split, kind, first + row)
+            prompt, shape, rng = _drawn_shape(split, kind, first + row, real)
             if prompt is not None:
                 attributes[row] = encoded([prompt]).attributes[0].to(torch.uint8)
             if rough:
@@ -192,13 +189,12 @@ class ViewSet:
         return cls(images, nouns, attributes, torch.full((members,), other))
 
     @classmethod
-    def of_all(cls, split: int, nouns: Sequence[str], members: int, others: int, nothings: int = 0) -> ViewSet:
-        """Draw `members` of the nouns' families, `others` by the judge's own code, and shapes that are no noun."""
-        counts = _counts(nouns, members, others, nothings)
-        return cls.joined([cls.drawn(split, kind, count) for kind, count in counts.items()])
+    def of_all(cls, split: int, counts: Mapping[str, int], real: RealShapes | None = None) -> ViewSet:
+        """Draw so many of each kind (`counts_of`)."""
+        return cls.joined([cls.drawn(split, kind, count, real=real) for kind, count in counts.items()])
 
     @classmethod
-    def cached(cls, folder: Path, nouns: Sequence[str], members: int, others: int, nothings: int = 0) -> ViewSet:
+    def cached(cls, folder: Path, counts: Mapping[str, int], real: RealShapes | None = None) -> ViewSet:
         """Read training views from a folder with a file for each kind; draw what is missing or was drawn otherwise.
 
         A kind is drawn anew if its first members differ from those of its file, and its file is continued if it has
@@ -206,17 +202,18 @@ class ViewSet:
         """
         folder.mkdir(parents=True, exist_ok=True)
         sets = []
-        for kind, count in _counts(nouns, members, others, nothings).items():
-            path, recipe = folder / f"{kind.replace(' ', '.')}.safetensors", _recipe(kind)
+        for kind, count in counts.items():
+            path, recipe = folder / f"{kind.replace(' ', '.')}.safetensors", _recipe(kind, real)
             held = cls(**load_file(path)) if _stored_recipe(path) == recipe else cls.drawn(TRAINING, kind, 0)
             if len(held) < count:
-                held = cls.joined([held, cls.drawn(TRAINING, kind, count - len(held), first=len(held))])
+                more = cls.drawn(TRAINING, kind, count - len(held), first=len(held), real=real)
+                held = cls.joined([held, more])
                 part = path.with_suffix(".part")
                 save_file({field.name: getattr(held, field.name) for field in fields(cls)}, part, recipe)
                 part.replace(path)
                 _log.info("drew %s, %d in all", kind, count)
             # Numbers of nouns are those of today's vocabulary.
-            number = -1 if kind == NOTHING else list(NOUNS).index(kind.removeprefix("other "))
+            number = -1 if kind == NOTHING else list(NOUNS).index(kind.split()[-1])
             sets.append(replace(held.rows(torch.arange(count)), noun=torch.full((count,), number)))
         return cls.joined(sets)
 
@@ -227,28 +224,40 @@ _TOLD_MEMBERS = 2
 """Members whose shapes are part of a recipe: enough to notice that a family was changed."""
 
 
-def _counts(nouns: Sequence[str], members: int, others: int, nothings: int) -> dict[str, int]:
-    counts = dict.fromkeys(nouns, members) | {f"other {noun}": others for noun in nouns} | {NOTHING: nothings}
-    return {kind: count for kind, count in counts.items() if count}
+def counts_of(
+    nouns: Sequence[str], members: int, others: int, nothings: int = 0, real: RealShapes | None = None
+) -> dict[str, int]:
+    """Return how many of each kind to draw: as many real members as others by code; of nouns without a family, both."""
+    counts = {noun: members for noun in nouns if noun in FAMILIES}
+    counts |= {f"other {noun}": others for noun in nouns if noun in FAMILIES}
+    if real is not None:
+        counts |= {f"real {noun}": others + members * (noun not in FAMILIES) for noun in nouns if noun in real}
+    return {kind: count for kind, count in {**counts, NOTHING: nothings}.items() if count}
 
 
-def _drawn_shape(split: int, kind: str, number: int) -> tuple[ParsedPrompt | None, Part, np.random.Generator]:
+def _drawn_shape(
+    split: int, kind: str, number: int, real: RealShapes | None
+) -> tuple[ParsedPrompt | None, Part, np.random.Generator]:
     """Draw a shape of a kind; return its prompt, None if it is no noun, and the generator that draws the rest."""
-    rng = seeded(split, kind, number)
+    rng, (*source, noun) = seeded(split, kind, number), kind.split()
     if kind == NOTHING:
         return None, draw_nothing(rng), rng
-    draw = draw_other if kind.startswith("other ") else draw_member
-    return *draw(kind.removeprefix("other "), rng), rng
+    if source == ["real"]:
+        assert real is not None
+        return *draw_real(noun, rng, real), rng
+    return *(draw_other if source else draw_member)(noun, rng), rng
 
 
-def _recipe(kind: str) -> dict[str, str]:
+def _recipe(kind: str, real: RealShapes | None) -> dict[str, str]:
     """Return what the training views of a kind depend on."""
     digest = hashlib.sha256()
     for number in range(_TOLD_MEMBERS):
-        prompt, shape, _ = _drawn_shape(TRAINING, kind, number)
+        prompt, shape, _ = _drawn_shape(TRAINING, kind, number, real)
         digest.update(str(prompt).encode())
         digest.update(np.round(shape.verts, 6).tobytes())
         digest.update(np.asarray(shape.faces, dtype=np.int64).tobytes())
+    if kind.startswith("real ") and real is not None:
+        digest.update(real.digest(kind.split()[-1]).encode())
     return {"kind": kind, "attributes": str(len(ATTRIBUTES)), "shapes": digest.hexdigest()}
 
 

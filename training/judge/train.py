@@ -28,8 +28,10 @@ from torch.nn import functional
 
 from meshdeform.judge.scoring import WEIGHTS, JudgeNetwork, Prompts, vocabulary_hash
 from meshdeform.priors.builtin.vocabulary import NOUNS
+from training.collections.members import RealShapes
+from training.collections.sources import JUDGE
 from training.judge.augment import augmented
-from training.judge.members import CALIBRATION, ViewSet
+from training.judge.members import CALIBRATION, ViewSet, counts_of
 
 __all__ = ["TrainConfig", "Trainer", "calibrate", "write_judge"]
 
@@ -198,6 +200,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--members", type=int, default=170, help="members of each family")
     parser.add_argument("--others", type=int, default=80, help="members of each noun by the judge's own code")
     parser.add_argument("--nothings", type=int, default=500, help="shapes that are no noun")
+    parser.add_argument("--collections", type=Path, help="what training.collections.scan wrote")
     parser.add_argument("--calibration", type=int, default=3, help="further members of each kind, for calibration")
     parser.add_argument("--initial", type=Path, help="weights to start from, possibly for another vocabulary")
     parser.add_argument("--seed", type=int, default=0, help="seed of the training; the seeds of the members are fixed")
@@ -227,7 +230,9 @@ def main() -> None:
     arguments = _arguments()
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
-    data = ViewSet.cached(arguments.cache, arguments.nouns, arguments.members, arguments.others, arguments.nothings)
+    real = RealShapes(arguments.collections, JUDGE) if arguments.collections else None
+    counts = counts_of(arguments.nouns, arguments.members, arguments.others, arguments.nothings, real)
+    data = ViewSet.cached(arguments.cache, counts, real)
     trainer = Trainer(data, TrainConfig(steps=arguments.steps, seed=arguments.seed))
     if arguments.initial:
         _start_from(trainer, arguments.initial)
@@ -242,9 +247,8 @@ def main() -> None:
     network = trainer.averaged()
     # As in training, one shape that is no noun per sixty others.
     nothings = len(arguments.nouns) * arguments.calibration // 30
-    calibrate(
-        network, ViewSet.of_all(CALIBRATION, arguments.nouns, arguments.calibration, arguments.calibration, nothings)
-    )
+    each = arguments.calibration
+    calibrate(network, ViewSet.of_all(CALIBRATION, counts_of(arguments.nouns, each, each, nothings, real), real))
     provenance = {"steps": trainer.done, "seed": arguments.seed, "members": arguments.members,
                   "others": arguments.others, "meshes": len(data)}  # fmt: skip
     write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})

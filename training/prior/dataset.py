@@ -22,7 +22,8 @@ from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
 from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, drawn_from, pictures, single_views
-from training.prior.families import member
+from training.collections.members import RealShapes
+from training.prior.families import FAMILIES, member
 from training.prior.held_out import attributes_of, is_held_out
 
 __all__ = ["SINGLES_EACH", "PictureFolder", "draw_prompt", "draw_set"]
@@ -33,23 +34,26 @@ _ATTRIBUTE_COUNT_ODDS = (0.45, 0.42, 0.13)
 """Odds of none, one and two attributes."""
 SINGLES_EACH = 1
 """Single views of every member, in addition to its grids."""
+_REAL_EVERY = 3
+"""Every third member of a noun with a family is of a collection, where one has the noun; of other nouns all are."""
 
 
-def draw_prompt(noun: str, rng: np.random.Generator, *, held_out: bool = False) -> ParsedPrompt:
+def draw_prompt(noun: str, rng: np.random.Generator, *, held_out: bool = False, whole: bool = False) -> ParsedPrompt:
     """Draw a prompt about a noun: mostly plain, sometimes with one attribute, rarely with two compatible ones.
 
-    Attributes that are held out for this noun are drawn only if `held_out` is true.
+    Attributes that are held out for this noun are drawn only if `held_out` is true; those of parts only unless `whole`.
     """
     known = [attribute for attribute in attributes_of(noun) if held_out or not is_held_out(noun, attribute)]
+    known = [attribute for attribute in known if not whole or attribute.part == "whole"]
     return drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
 
 
-def draw_set(noun: str, members: int, pictures_each: int, seed: int) -> PictureSet:
-    """Draw members of a family, and of every member `pictures_each` grids and `SINGLES_EACH` single views."""
+def draw_set(noun: str, members: int, pictures_each: int, seed: int, real: RealShapes | None = None) -> PictureSet:
+    """Draw members of a noun, and of every member `pictures_each` grids and `SINGLES_EACH` single views."""
     each = pictures_each + SINGLES_EACH
     images, azimuths, tokens = [], [], []
     for number in range(members):
-        prompt, shape, generator = _drawn_member(noun, number, seed)
+        prompt, shape, generator = _drawn_member(noun, number, seed, real)
         for drawn, angles in (
             pictures(shape, pictures_each, generator),
             single_views(shape, SINGLES_EACH, generator),
@@ -61,20 +65,31 @@ def draw_set(noun: str, members: int, pictures_each: int, seed: int) -> PictureS
     return PictureSet(torch.cat(images), torch.tensor(tokens), torch.cat(azimuths), single)
 
 
-def _drawn_member(noun: str, number: int, seed: int) -> tuple[ParsedPrompt, Part, torch.Generator]:
+def _drawn_member(
+    noun: str, number: int, seed: int, real: RealShapes | None
+) -> tuple[ParsedPrompt, Part, torch.Generator]:
     """Draw a member, seeded by (seed, noun, number), and the generator of its cameras.
 
     A set thus depends neither on the order in which it is drawn nor on the other nouns of the vocabulary.
     """
-    prompt, rng = _drawn_prompt(noun, number, seed)
-    shape = member(noun, prompt.attributes, rng)
+    prompt, rng = _drawn_prompt(noun, number, seed, real)
+    if real is not None and _is_real(noun, number, real):
+        shape = real.draw(noun, prompt.attributes, rng)
+    else:
+        shape = member(noun, prompt.attributes, rng)
     return prompt, shape, torch.Generator().manual_seed(int(rng.integers(2**62)))
 
 
-def _drawn_prompt(noun: str, number: int, seed: int) -> tuple[ParsedPrompt, np.random.Generator]:
+def _is_real(noun: str, number: int, real: RealShapes | None) -> bool:
+    return real is not None and noun in real and (noun not in FAMILIES or number % _REAL_EVERY == 0)
+
+
+def _drawn_prompt(
+    noun: str, number: int, seed: int, real: RealShapes | None
+) -> tuple[ParsedPrompt, np.random.Generator]:
     """Draw the prompt of a member, and return the generator that draws the rest of it."""
     rng = np.random.default_rng([seed, int.from_bytes(hashlib.sha256(noun.encode()).digest()[:8]), number])
-    return draw_prompt(noun, rng), rng
+    return draw_prompt(noun, rng, whole=_is_real(noun, number, real)), rng
 
 
 class PictureFolder:
@@ -114,6 +129,7 @@ class PictureFolder:
         pictures_each: int,
         seed: int,
         odds: Mapping[str, float] | None = None,
+        real: RealShapes | None = None,
     ) -> PictureFolder:
         """Read the pictures of some nouns from a folder; draw and write what is missing or was drawn otherwise.
 
@@ -123,15 +139,15 @@ class PictureFolder:
         sets = {}
         for noun in nouns:
             path = folder / f"{noun}.safetensors"
-            recipe = _recipe(noun, members, pictures_each, seed)
+            recipe = _recipe(noun, members, pictures_each, seed, real)
             if _stored_recipe(path) != recipe:
-                drawn = draw_set(noun, members, pictures_each, seed)
+                drawn = draw_set(noun, members, pictures_each, seed, real)
                 part = path.with_suffix(".part")
                 kept = {name: getattr(drawn, name) for name in _KEPT}
                 save_file(kept, part, recipe)
                 part.replace(path)
                 _log.info("drew %d pictures of %s", len(drawn), noun)
-            prompts = [_drawn_prompt(noun, number, seed)[0] for number in range(members)]
+            prompts = [_drawn_prompt(noun, number, seed, real)[0] for number in range(members)]
             tokens = torch.tensor([tokenise(prompt) for prompt in prompts])
             sets[noun] = PictureSet(tokens=tokens.repeat_interleave(pictures_each + SINGLES_EACH, 0), **load_file(path))
         return cls(sets, odds)
@@ -143,12 +159,12 @@ _TOLD_MEMBERS = 8
 """Members whose shapes are part of a recipe: enough to notice that a family was changed."""
 
 
-def _recipe(noun: str, members: int, pictures_each: int, seed: int) -> dict[str, str]:
+def _recipe(noun: str, members: int, pictures_each: int, seed: int, real: RealShapes | None) -> dict[str, str]:
     """Return what the pictures of a noun depend on."""
-    prompts = [_drawn_prompt(noun, number, seed)[0] for number in range(members)]
+    prompts = [_drawn_prompt(noun, number, seed, real)[0] for number in range(members)]
     digest = hashlib.sha256(repr((CAMERAS, STYLE, SINGLE_STYLE)).encode())
     for number in range(min(members, _TOLD_MEMBERS)):
-        prompt, shape, _ = _drawn_member(noun, number, seed)
+        prompt, shape, _ = _drawn_member(noun, number, seed, real)
         digest.update(str(prompt).encode())
         digest.update(np.round(shape.verts, 6).tobytes())
         digest.update(np.asarray(shape.faces, dtype=np.int64).tobytes())
@@ -160,6 +176,7 @@ def _recipe(noun: str, members: int, pictures_each: int, seed: int) -> dict[str,
         "singles": str(SINGLES_EACH),
         "seed": str(seed),
         "family": digest.hexdigest(),
+        "real": real.digest(noun) if real is not None and noun in real else "",
     }
 
 

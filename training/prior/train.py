@@ -18,9 +18,11 @@ import torch
 
 from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, write_weights
 from meshdeform.priors.builtin.teaching.teacher import Pictures, TrainConfig, Trainer
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.support.memory import keep_freed_memory
+from training.collections.members import RealShapes
+from training.collections.sources import PRIOR
 from training.prior.dataset import PictureFolder
-from training.prior.families import FAMILIES
 from training.prior.warm_start import warm_start
 
 __all__ = ["PriorTrainer", "main"]
@@ -95,7 +97,7 @@ def _arguments() -> argparse.Namespace:
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--steps", type=int, help="optimiser steps (default: 10000)")
     length.add_argument("--minutes", type=float, help="choose the steps so that the run takes about this long")
-    parser.add_argument("--nouns", nargs="+", choices=list(FAMILIES), metavar="NOUN", help="default: all of them")
+    parser.add_argument("--nouns", nargs="+", choices=list(NOUNS), metavar="NOUN", help="default: all of them")
     parser.add_argument(
         "--odds",
         nargs="+",
@@ -104,7 +106,8 @@ def _arguments() -> argparse.Namespace:
         metavar="NOUN=ODDS",
         help="how often a noun is shown, relative to the others (default: 1)",
     )
-    parser.add_argument("--members", type=int, default=150, help="members of each family")
+    parser.add_argument("--members", type=int, default=150, help="members of each noun")
+    parser.add_argument("--collections", type=Path, help="what training.collections.scan wrote")
     parser.add_argument("--pictures", type=int, default=4, help="grids of each member, in addition to a single view")
     parser.add_argument("--batch", type=int, help="default: 24 on a CPU, 128 on a GPU")
     parser.add_argument(
@@ -131,7 +134,7 @@ def _odds(text: str) -> tuple[str, float]:
     """Read NOUN=ODDS."""
     noun, _, odds = text.partition("=")
     try:
-        if noun in FAMILIES and 0 <= float(odds) < math.inf:
+        if noun in NOUNS and 0 <= float(odds) < math.inf:
             return noun, float(odds)
     except ValueError:
         pass
@@ -144,9 +147,15 @@ def main() -> None:
     arguments = _arguments()
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
-    nouns = arguments.nouns or list(FAMILIES)
+    nouns = arguments.nouns or list(NOUNS)
     data = PictureFolder.cached(
-        arguments.cache, nouns, arguments.members, arguments.pictures, arguments.seed, dict(arguments.odds)
+        arguments.cache,
+        nouns,
+        arguments.members,
+        arguments.pictures,
+        arguments.seed,
+        dict(arguments.odds),
+        RealShapes(arguments.collections, PRIOR) if arguments.collections else None,
     )
     batch = arguments.batch or (24 if arguments.device == "cpu" else 128)
     trainer = PriorTrainer(

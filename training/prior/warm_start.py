@@ -15,10 +15,9 @@ from torch import Tensor
 
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
-from meshdeform.priors.builtin.network import PriorNetwork, read_tensors, vocabulary_hash
+from meshdeform.priors.builtin.network import PriorNetwork, read_tensors
 from meshdeform.priors.builtin.teaching.teacher import new_rows
 from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
-from training.prior.held_out import SECOND_EDITION, THIRD_EDITION
 
 __all__ = ["warm_start"]
 
@@ -32,8 +31,7 @@ def warm_start(network: PriorNetwork, path: Path, generator: torch.Generator) ->
     ----------
     network : PriorNetwork
     path : pathlib.Path
-        A file written by `train.py`, of this or another edition. Its metadata lists its words; a file of the first
-        edition, which does not, is recognised by its hash.
+        A file written by `train.py`, of this or another edition, whose metadata lists its words.
     generator : torch.Generator on the CPU
         For the noise on new words.
 
@@ -66,11 +64,8 @@ def warm_start(network: PriorNetwork, path: Path, generator: torch.Generator) ->
 
 def _words_of(path: Path, metadata: dict[str, str]) -> list[str]:
     """Return the vocabulary of a file, in the order of its token numbers."""
-    first = [word for word in VOCABULARY if word not in SECOND_EDITION | THIRD_EDITION]
     if "words" in metadata:
         return metadata["words"].split()
-    if metadata.get("vocabulary") == vocabulary_hash(first):
-        return first
     raise ModelError(f"The weights in {path} do not name their vocabulary.", advice="Train from scratch.")
 
 

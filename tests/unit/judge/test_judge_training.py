@@ -19,6 +19,7 @@ from training.judge.members import (
     NOTHING,
     TRAINING,
     ViewSet,
+    counts_of,
     draw_member,
     draw_nothing,
     draw_other,
@@ -103,11 +104,11 @@ def test_a_set_says_what_it_shows(small: ViewSet) -> None:
 
 
 def test_a_set_comes_back_from_its_cache_and_only_what_is_missing_is_drawn(tmp_path: Path) -> None:
-    drawn = ViewSet.cached(tmp_path, ["vase"], 2, 1, 3)
+    drawn = ViewSet.cached(tmp_path, counts_of(["vase"], 2, 1, 3))
     assert torch.equal(drawn.images[-3:], ViewSet.drawn(TRAINING, NOTHING, 3).images)
     written = {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert set(written) == {"vase.safetensors", "other.vase.safetensors", "nothing.safetensors"}
-    more = ViewSet.cached(tmp_path, ["vase", "pear"], 2, 1, 4)
+    more = ViewSet.cached(tmp_path, counts_of(["vase", "pear"], 2, 1, 4))
     assert torch.equal(more.images[:2], drawn.images[:2])
     assert more.noun.tolist() == [KIND[noun] for noun in ("vase", "vase", "pear", "pear", "vase", "pear")] + [-1] * 4
     assert torch.equal(more.images[-4:-1], drawn.images[-3:])

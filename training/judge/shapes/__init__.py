@@ -56,8 +56,10 @@ _MODULES = (
 )
 _NAMED = {name: getattr(module, name) for module in _MODULES for name in module.__all__}
 
-SHAPES: dict[str, Callable[[np.random.Generator], list[Solid]]] = {noun: _NAMED[noun] for noun in NOUNS}
-"""The shapes of each noun; the keys are those of `grammar.NOUNS`."""
+SHAPES: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
+    noun: _NAMED[noun] for noun in NOUNS if noun in _NAMED
+}
+"""The shapes of each noun that the judge has code for; of others it sees members of collections."""
 
 
 def drawn(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> Part:

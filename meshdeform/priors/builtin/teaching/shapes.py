@@ -69,7 +69,7 @@ def shape_of(mesh: TriangleMesh, name: str, *, front_deg: float = 0.0, attribute
     cos, sin = np.cos(turn), np.sin(turn)
     about_y = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
     shape = Shape(name, normalised(Part(mesh.verts.numpy() @ about_y.T, mesh.faces.numpy())), tuple(attributes))
-    shares = (_views(shape.part) > 0).any(-1).mean((1, 2))
+    shares = (four_views(shape.part) > 0).any(-1).mean((1, 2))
     if shares.min() < _SMALLEST_SHARE:
         raise AssetEmptyError(
             f"{name} covers {shares.min():.2%} of a picture from its thinnest side: nearly nothing but background.",
@@ -78,7 +78,7 @@ def shape_of(mesh: TriangleMesh, name: str, *, front_deg: float = 0.0, attribute
     return shape
 
 
-def _views(part: Part) -> NDArray[np.float32]:
+def four_views(part: Part) -> NDArray[np.float32]:
     """Render four views a quarter turn apart (4, S, S, 3), of the middle elevation."""
     verts = torch.from_numpy(part.verts)
     renderer = Renderer(torch.from_numpy(part.faces), len(verts), STYLE)
@@ -111,7 +111,7 @@ def seen_turned(shapes: Sequence[Shape]) -> dict[str, int]:
     """
     if len(shapes) < 3:
         return {}
-    views = np.stack([_views(shape.part) for shape in shapes])
+    views = np.stack([four_views(shape.part) for shape in shapes])
     total = views.sum(0)
     found = {}
     for number, shape in enumerate(shapes):

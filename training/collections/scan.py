@@ -1,0 +1,260 @@
+"""Write down which files of collections show what: `python -m training.collections.scan FOLDER -o OUT`.
+
+OUT gets `members.json` (path, noun, author, pack, who learns from it, azimuth of the front, what was left out and why)
+and `shapes/`, the meshes as the training draws them. Files that show the same shape are counted once, and so are copies
+of assets that results are measured on (`--leave-out`): shapes are compared, not names.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets import Limits, load_asset
+from meshdeform.assets.bundle import read_with_files
+from meshdeform.errors import MeshdeformError
+from meshdeform.geometry.weld import weld
+from meshdeform.priors.builtin.teaching.deformed import Part, normalised
+from meshdeform.priors.builtin.teaching.shapes import Shape, four_views, shape_of
+from meshdeform.support.files import write_files
+from training.collections.nouns import noun_of
+from training.collections.sources import PRIOR, collection_of, pack_of, split_of
+from training.prior.families import FAMILIES, member
+
+_SUFFIXES = frozenset({".glb", ".gltf"})
+_BINS, _PAIRS = 64, 200_000
+_SAME_DISTANCES, _SAME_VIEWS = 0.025, 0.02
+"""Copies differ at most by this share of their histograms of distances, and by this mean of their views."""
+_TEMPLATES, _CLEARLY = 6, 0.75
+_FEWEST_NOUNS, _LONG = 3, 1.7
+_SEEDLINGS = "crops_pack"
+"""The pack that has plants as they grow under the names of their fruit."""
+_View = NDArray[np.float32]
+
+
+@dataclass
+class Found:
+    """A file that shows a noun."""
+
+    path: str
+    noun: str
+    author: str
+    pack: str
+    shape: str  # name of its mesh below `shapes/`
+    split: str = PRIOR
+    front_deg: int = 0
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A shape, the histogram (64,) of distances between its points, and its views (4, S, S, 3)."""
+
+    part: Part
+    distances: NDArray[np.float64]
+    views: _View
+
+    @classmethod
+    def of(cls, part: Part) -> Drawn:
+        """Measure a shape."""
+        return cls(part, distances(part), four_views(part))
+
+
+Seen = tuple[Found, Drawn]
+
+
+def candidates(folder: Path) -> Iterator[tuple[Found, Path]]:
+    """Give the files of known collections whose names are nouns."""
+    for path in sorted(folder.rglob("*")):
+        inner = path.relative_to(folder).as_posix()
+        collection, noun = collection_of(inner), noun_of(shown_name(path))
+        if collection is None or noun is None or path.suffix.lower() not in _SUFFIXES or _SEEDLINGS in inner:
+            continue
+        shape = hashlib.sha256(inner.encode()).hexdigest()[:16]
+        yield Found(inner, noun, collection.author, pack_of(inner), shape), path
+
+
+def shown_name(path: Path) -> str:
+    """Return the name that says what a file shows; that of its folder if every file is called `model`."""
+    return path.parent.name if path.stem == "model" else path.stem
+
+
+def read_shape(path: Path) -> Shape:
+    """Read a file as the training draws it.
+
+    Raises
+    ------
+    MeshdeformError
+        It cannot be read, or nothing of it can be seen.
+    """
+    limits = Limits()
+    surface = load_asset(read_with_files(path, limits), path.name, limits).surface
+    return shape_of(weld(surface.positions, surface.triangles).mesh, path.name)
+
+
+def distances(part: Part) -> NDArray[np.float64]:
+    """Return the histogram (64,) of distances between random points of a surface, which no rotation or size changes."""
+    rng = np.random.default_rng(0)
+    corners = part.verts[part.faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    faces = rng.choice(len(areas), 2 * _PAIRS, p=areas / areas.sum())
+    share = np.sqrt(rng.random(2 * _PAIRS)), rng.random(2 * _PAIRS)
+    a, b, c = corners[faces].transpose(1, 0, 2)
+    points = a + share[0][:, None] * ((b - a) + share[1][:, None] * (c - b))
+    apart = np.linalg.norm(points[:_PAIRS] - points[_PAIRS:], axis=1)
+    histogram, _ = np.histogram(apart / apart.mean(), _BINS, (0.0, 3.0))
+    return np.asarray(histogram / _PAIRS)
+
+
+def same(one: Drawn, other: Drawn) -> bool:
+    """Return whether two shapes are copies, turned by quarter turns about the upright axis and scaled."""
+    if np.abs(one.distances - other.distances).sum() / 2 > _SAME_DISTANCES:
+        return False
+    return min(float(np.abs(np.roll(one.views, -k, 0) - other.views).mean()) for k in range(4)) < _SAME_VIEWS
+
+
+def turns(shown: _View, template: _View) -> tuple[int, NDArray[np.float64]]:
+    """Return the quarter turn at which views (4, S, S, 3) resemble a template most, and the errors (4,) of each."""
+    errors = np.array([np.square(np.roll(shown, -k, 0) - template).mean() for k in range(4)], dtype=np.float64)
+    return int(errors.argmin()), errors
+
+
+def _generated(noun: str) -> _View:
+    """Return the mean of the views of a family's plain members."""
+    drawn = [member(noun, (), np.random.default_rng([5, number])) for number in range(_TEMPLATES)]
+    return np.asarray(np.mean([four_views(normalised(each)) for each in drawn], axis=0), dtype=np.float32)
+
+
+def set_fronts(members: Sequence[Seen]) -> None:
+    """Set the front of each file: its pack's habit, learnt from nouns with a family, or its own if clear."""
+    templates = {noun: _generated(noun) for noun in {found.noun for found, _ in members} & set(FAMILIES)}
+    votes = defaultdict[str, dict[str, Counter[int]]](lambda: defaultdict(Counter))
+    clear = {}
+    for found, drawn in members:
+        if found.noun in templates:
+            turn, errors = turns(drawn.views, templates[found.noun])
+            best, second = np.sort(errors)[:2]
+            if best < _CLEARLY * second:
+                clear[found.path] = turn
+                votes[found.pack][found.noun][turn] += 1
+    for found, _ in members:
+        found.front_deg = 90 * clear.get(found.path, _habit(votes[found.pack].values()))
+
+
+def _habit(votes: Iterable[Counter[int]]) -> int:
+    """Return the turn that most nouns of a pack agree on: each has one vote; 0, as glTF says, if they disagree."""
+    agreed = Counter(own.most_common(1)[0][0] for own in votes)
+    turn, count = max(agreed.items(), key=lambda entry: entry[1], default=(0, 0))
+    return turn if count >= _FEWEST_NOUNS and 3 * count >= 2 * agreed.total() else 0
+
+
+def align_groups(members: Sequence[Seen]) -> None:
+    """Turn the members of a noun without a family alike, each pack as the others, where that is clear."""
+    groups = defaultdict[str, defaultdict[str, list[Seen]]](lambda: defaultdict(list))
+    for each in members:
+        if each[0].noun not in FAMILIES:
+            groups[each[0].noun][each[0].pack].append(each)
+    for packs in groups.values():
+        largest, *others = sorted(packs.values(), key=len, reverse=True)
+        for own in others:
+            turn, errors = turns(_mean_view(own), _mean_view(largest))
+            for found, _ in own if errors[turn] < _CLEARLY * errors[0] else []:
+                found.front_deg = (found.front_deg + 90 * turn) % 360
+            largest = [*largest, *own]
+
+
+def _mean_view(members: Sequence[Seen]) -> _View:
+    shown = [np.roll(drawn.views, -found.front_deg // 90, 0) for found, drawn in members]
+    return np.asarray(np.mean(shown, axis=0), dtype=np.float32)
+
+
+def standing_alike(members: Sequence[Seen]) -> list[Seen]:
+    """Return the members without long ones that lie where most of their noun stand, or stand where most lie."""
+    votes = defaultdict[str, Counter[bool]](Counter)
+    stands = {found.path: _stands(drawn.part) for found, drawn in members}
+    for found, _ in members:
+        if (standing := stands[found.path]) is not None:
+            votes[found.noun][standing] += 1
+    habit = {noun: own.most_common(1)[0][0] for noun, own in votes.items()}
+    return [each for each in members if stands[each[0].path] in (None, habit.get(each[0].noun))]
+
+
+def _stands(part: Part) -> bool | None:
+    """Return whether a long shape stands; None if it is not long."""
+    extent = np.ptp(part.verts, axis=0)
+    _, second, longest = np.sort(extent)
+    return bool(extent.argmax() == 1) if longest > _LONG * second else None
+
+
+def unlike(members: Sequence[Seen], known: Sequence[Drawn]) -> list[Seen]:
+    """Return the first of each shape of a noun, without those that are known from elsewhere."""
+    kept: list[Seen] = []
+    for found, drawn in members:
+        peers = [other for each, other in kept if each.noun == found.noun]
+        if not any(same(drawn, other) for other in (*peers, *known)):
+            kept.append((found, drawn))
+    return kept
+
+
+def scan(folder: Path, output: Path, leave_out: Sequence[Path]) -> dict[str, Any]:
+    """Scan a folder of collections; write and return the index."""
+    (output / "shapes").mkdir(parents=True, exist_ok=True)
+    members, refused = list[Seen](), dict[str, str]()
+    for found, path in candidates(folder):
+        try:
+            members.append((found, Drawn.of(read_shape(path).part)))
+        except MeshdeformError as error:
+            refused[found.path] = error.detail
+    kept = standing_alike(unlike(members, [Drawn.of(read_shape(path).part) for path in leave_out]))
+    set_fronts(kept)
+    align_groups(kept)
+    for noun in {found.noun for found, _ in kept}:
+        own = [found for found, _ in kept if found.noun == noun]
+        split = split_of([(found.path, found.author, found.pack) for found in own])
+        for found in own:
+            found.split = split[found.path]
+    for found, drawn in kept:
+        verts, faces = drawn.part.verts.astype(np.float32), drawn.part.faces.astype(np.int32)
+        np.savez(output / "shapes" / f"{found.shape}.npz", verts=verts, faces=faces, views=drawn.views)
+    paths = {found.path for found, _ in kept}
+    index = {
+        "members": [asdict(found) for found, _ in kept],
+        "left_out": sorted(found.path for found, _ in members if found.path not in paths),
+        "refused": refused,
+    }
+    write_files({output / "members.json": (json.dumps(index, indent=1) + "\n").encode()})
+    return index
+
+
+def main() -> None:
+    """Scan, and print the nouns with their members by who learns from them."""
+    parser = argparse.ArgumentParser(prog="python -m training.collections.scan", description=main.__doc__)
+    parser.add_argument("folder", type=Path, help="folder with the folders of all collections")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--leave-out", type=Path, nargs="*", default=[], help="assets that results are measured on")
+    arguments = parser.parse_args()
+    index = scan(arguments.folder, arguments.output, arguments.leave_out)
+    print(counts(index["members"]))
+
+
+def counts(members: Sequence[dict[str, str]]) -> str:
+    """Return a table of nouns: members of the prior, of the judge, held out, authors and packs."""
+    lines = ["noun | prior | judge | held out | authors | packs"]
+    for noun in sorted({each["noun"] for each in members}):
+        own = [each for each in members if each["noun"] == noun]
+        split = Counter(each["split"] for each in own)
+        row = [noun, split["prior"], split["judge"], split["held out"]]
+        lines.append(" | ".join(map(str, [*row, len({e["author"] for e in own}), len({e["pack"] for e in own})])))
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
