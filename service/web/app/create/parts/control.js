@@ -60,7 +60,6 @@ export class PartsControl {
     this.row = row;
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
     this.element = h("div", { class: "parts", hidden: true }, this.chips, this.words, row, this.note);
-    view.touch((face) => this._touched(face));
   }
 
   /**
@@ -94,6 +93,7 @@ export class PartsControl {
     const found = await this._answer("");
     if (!found) return;
     this.parts = found.parts;
+    if (this.parts.length) this.view.touch((face) => this._touched(face));
     this._choose(null);
   }
 
@@ -200,8 +200,7 @@ export class PartsControl {
   _draw() {
     const { part, change } = this;
     this.element.hidden = !this.parts.length;
-    const chosen = this.parts.findIndex((each) => each === part);
-    const all = this.all || chosen >= SHOWN ? this.parts : this.parts.slice(0, SHOWN);
+    const all = this.parts.filter((each, at) => this.all || at < SHOWN || each === part);
     const more = this.parts.length - all.length;
     refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null]);
     this.words.setAttribute("aria-label", `What becomes of the ${part?.name}`);
