@@ -31,6 +31,7 @@ NEEDED = (
     "meshdeform/priors/builtin/weights/*.safetensors",
     "meshdeform/priors/builtin/weights/rehearsal.zip",
     "meshdeform/priors/builtin/nouns.txt.gz",
+    "meshdeform/priors/builtin/translations.txt",
     "meshdeform/judge/weights/*",
     "meshdeform/record/migrations/versions/*.py",
     "service/web/index.html",

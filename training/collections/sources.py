@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from dataclasses import dataclass
 
 PRIOR, JUDGE, HELD_OUT = "prior", "judge", "held out"
 """Who may see a member: the prior's training, the judge's, or nobody before the measurement."""
 _HELD_SHARE = 0.1
+_JUDGES = {"Tim Steer", "Mesh2Motion", "Kay Lousberg"}
+"""Authors whom the prior never sees."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,8 @@ COLLECTIONS = (
     Collection("Kenney-CCO+Kenney-CCO.glb", "Kenney", "kenney.nl: every asset is CC0 1.0"),
     Collection("KenneyNL+Starter-Kit", "Kenney", "README of the kits: models are CC0 1.0"),
     Collection("pmndrs+market-assets", "Kenney", "market.pmnd.rs: models are CC0 1.0; those by Kenney alone"),
+    Collection("M3-org+base-meshes", "Tim Steer", "thebasemesh.com: every mesh is CC0 1.0"),
+    Collection("Mesh2Motion+mesh2motion-app", "Mesh2Motion", "LICENSE-CC0.MD: models are CC0 1.0"),
     Collection("KayKit-Game-Assets+", "Kay Lousberg", "LICENSE.txt of the packs: CC0 1.0"),
 )
 """FBX files were converted by `assimp export`; packs for patrons alone are left out."""
@@ -50,32 +55,31 @@ _INNER = frozenset({"public", "glb", "fbx", "models", "fbx format", "files", "ad
 _FLAT = frozenset({"pmndrs+market-assets"})
 
 
-def split_of(noun_members: list[tuple[str, str, str]]) -> dict[str, str]:
+def split_of(members: list[tuple[str, str, str]]) -> dict[str, str]:
     """Say who may learn from each member of a noun.
 
-    The judge gets one author's, where others remain for the prior: Kay Lousberg's before others, else the author with
-    fewest. A noun of one author is split by pack in the same way. A tenth of the rest is held out, by a hash.
+    The judge gets the authors of `_JUDGES`, whom the prior never sees. Where none of them has the noun, it gets the
+    author with fewest members, or the smallest pack of a single author, if others remain. A tenth of the prior's is
+    held out.
 
     Parameters
     ----------
-    noun_members : list of (path, author, pack)
+    members : list of (path, author, pack)
 
     Returns
     -------
     dict of path to "prior", "judge" or "held out"
     """
-    judges = _fewest(noun_members, 1) or _fewest(noun_members, 2)
+    judged = _JUDGES & {author for _, author, _ in members} or _fewest(members, 1) or _fewest(members, 2)
     result = {}
-    for member in noun_members:
+    for member in members:
         digest = int.from_bytes(hashlib.sha256(member[0].encode()).digest()[:4])
         rest = HELD_OUT if digest < _HELD_SHARE * 2**32 else PRIOR
-        result[member[0]] = JUDGE if judges and judges in member else rest
+        result[member[0]] = JUDGE if judged & {*member[1:]} else rest
     return result
 
 
-def _fewest(members: list[tuple[str, str, str]], column: int) -> str:
-    """Return the author (column 1) or pack (2) whose members the judge gets; nothing if there is no other."""
-    counts = {name: sum(member[column] == name for member in members) for name in sorted({m[column] for m in members})}
-    if len(counts) < 2:
-        return ""
-    return "Kay Lousberg" if "Kay Lousberg" in counts else min(counts, key=lambda name: counts[name])
+def _fewest(members: list[tuple[str, str, str]], column: int) -> set[str]:
+    """Return the author (column 1) or pack (2) that has fewest members; nothing if there is no other."""
+    counts = Counter(member[column] for member in members)
+    return {min(sorted(counts), key=lambda name: counts[name])} if len(counts) > 1 else set()

@@ -23,7 +23,10 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge.scoring import WEIGHTS, Judge, JudgeNetwork, encoded, read_judge
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, ParsedPrompt
 from meshdeform.priors.builtin.vocabulary import NOUNS
+from training.collections import sources as collections
+from training.collections.members import RealShapes
 from training.judge.members import HELD_OUT, ViewSet
+from training.prior.families import FAMILIES
 from training.shapes import box, cylinder, torus
 
 __all__ = ["SHAPES", "main", "prompts_of", "variants"]
@@ -35,6 +38,9 @@ SHAPES: dict[str, TriangleMesh] = {
     "torus": torus(),
 }
 """Shapes that are no noun of the vocabulary."""
+
+_SOURCES = {"of the families": "", "by the judge's own code": "other ", "of collections": "real "}
+"""Where members come from, with what names of kinds begin with."""
 
 
 def prompts_of(data: ViewSet) -> list[ParsedPrompt]:
@@ -148,6 +154,7 @@ def main() -> None:
     )
     parser.add_argument("--members", type=int, default=8, help="held-out members of each noun and source")
     parser.add_argument("--weights", type=Path, default=WEIGHTS)
+    parser.add_argument("--collections", type=Path, help="what training.collections.scan wrote: held-out members of it")
     parser.add_argument("--threads", type=int, help="CPU threads")
     arguments = parser.parse_args()
     if arguments.threads:
@@ -156,10 +163,15 @@ def main() -> None:
     parameters = sum(parameter.numel() for parameter in network.parameters())
     print(f"{parameters} parameters, {arguments.weights.stat().st_size} bytes, {metadata['steps']} steps")
     print(f"sharpness: nouns {float(network.noun_sharpness):.2f}, prompts {float(network.prompt_sharpness):.2f}")
+    real = RealShapes(arguments.collections, collections.HELD_OUT) if arguments.collections else None
     for name, rough in (("as built", False), ("roughened", True)):
-        for source, prefix in (("of the families", ""), ("by the judge's own code", "other ")):
-            drawn = [ViewSet.drawn(HELD_OUT, prefix + noun, arguments.members, rough=rough) for noun in NOUNS]
-            _report(f"{name}, {source}", network, ViewSet.joined(drawn))
+        for source, prefix in _SOURCES.items():
+            nouns = [noun for noun in NOUNS if noun in ((real or ()) if prefix == "real " else FAMILIES)]
+            drawn = [
+                ViewSet.drawn(HELD_OUT, prefix + noun, arguments.members, rough=rough, real=real) for noun in nouns
+            ]
+            if drawn:
+                _report(f"{name}, {source}", network, ViewSet.joined(drawn))
     judge = Judge(arguments.weights)
     plain = [str(ParsedPrompt(noun)) for noun in NOUNS]
     print("\nshapes that are no noun: the three likeliest nouns; the likeliest of the prompts without attributes")

@@ -227,11 +227,11 @@ _TOLD_MEMBERS = 2
 def counts_of(
     nouns: Sequence[str], members: int, others: int, nothings: int = 0, real: RealShapes | None = None
 ) -> dict[str, int]:
-    """Return how many of each kind to draw: as many real members as others by code; of nouns without a family, both."""
+    """Return how many of each kind to draw: as many real members as of the family, or as of both if there is none."""
     counts = {noun: members for noun in nouns if noun in FAMILIES}
     counts |= {f"other {noun}": others for noun in nouns if noun in FAMILIES}
     if real is not None:
-        counts |= {f"real {noun}": others + members * (noun not in FAMILIES) for noun in nouns if noun in real}
+        counts |= {f"real {noun}": members + others * (noun not in FAMILIES) for noun in nouns if noun in real}
     return {kind: count for kind, count in {**counts, NOTHING: nothings}.items() if count}
 
 

@@ -38,6 +38,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from meshdeform.errors import PromptError, VocabularyError
+from meshdeform.priors.builtin.translation import translated
 from meshdeform.priors.builtin.vocabulary import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
@@ -508,7 +509,14 @@ def _split(prompt: str, known: Words) -> list[str]:
     for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", text):
         pieces = [word] if noun_of(word, known) else word.split("-")
         found += pieces if all(is_known(piece, known) for piece in pieces) else [word]
-    return found
+    return _in_english(found, known)
+
+
+def _in_english(words: list[str], known: Words) -> list[str]:
+    """Translate a prompt that has words which are not English: "ein Boot" is a boat, and "a boot" or "bank" are not."""
+    if all(is_known(word, known) or _is_word(word) for word in words):
+        return words
+    return translated(words, lambda word: word not in FILLERS and is_known(word, known), is_adjective)
 
 
 def _assemble(reading: _Reading) -> ParsedPrompt:

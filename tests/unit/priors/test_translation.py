@@ -1,0 +1,56 @@
+"""Prompts in German and Spanish."""
+
+from __future__ import annotations
+
+import pytest
+
+from meshdeform.errors import VocabularyError
+from meshdeform.priors.builtin import translation
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
+from tests.cases import each_case
+
+
+@each_case(
+    ("prompt", "meaning"),
+    [
+        ("ein dicker Hund", "a fat dog"),
+        ("Giraffen mit langem Hals", "a giraffe with a long neck"),
+        ("ein hohes, schmales Haus", "a tall thin house"),
+        ("ein Boot", "a boat"),  # in English a boot
+        ("ein Vogel mit großen Flügeln", "a bird with big wings"),
+        ("ein Kamel mit kleinen Höckern", "a camel with small humps"),
+        ("un perro gordo", "a fat dog"),
+        ("una jirafa con patas cortas y cuello largo", "a giraffe with short legs and a long neck"),
+        ("un avion con alas grandes", "an airplane with big wings"),  # without its accent
+        ("un árbol alto y delgado", "a tall thin tree"),
+        ("un barco largo", "a long boat"),
+    ],
+)
+def test_a_prompt_means_what_it_means_in_its_language(prompt: str, meaning: str) -> None:
+    assert str(parse(prompt)) == meaning
+
+
+@each_case("prompt", ["a bank", "bank", "a bote", "the pato"])
+def test_a_word_is_not_translated_in_an_english_sentence_or_if_english_has_it(prompt: str) -> None:
+    with pytest.raises(VocabularyError):
+        parse(prompt)
+
+
+def test_what_no_language_understands_is_refused_as_it_was_written() -> None:
+    with pytest.raises(VocabularyError) as refused:
+        parse("ein blauer Hund")
+    assert refused.value.extra["unknown"] == ["ein", "blauer", "hund"]
+
+
+def test_every_noun_adjective_and_part_has_a_translation() -> None:
+    german, spanish = translation._languages()
+    own = {*NOUNS, *ADJECTIVES, *PARTS} - {"gun"}
+    assert own <= {*german.values()}
+    assert own <= {*spanish.values()}
+
+
+def test_of_a_word_that_no_noun_is_the_meaning_is_known_all_the_same() -> None:
+    with pytest.raises(VocabularyError) as refused:
+        parse("ein Brunnen")
+    assert refused.value.extra["unknown"] == ["well"]
