@@ -5,7 +5,7 @@ A part is listed only if sentences with its name are read as changes of just tha
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,7 +70,18 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], asked: Senten
             found[part] = each
     if "seat" in found and "back" not in found and "top" not in found:
         found["seat"] = replace(found["seat"], name="top")
-    return list(found.values())
+    return [each for part, each in found.items() if asked is not None or _is_evident(parts, part, found)]
+
+
+def _is_evident(parts: Parts, part: str, found: Mapping[str, NamedPart]) -> bool:
+    """Return whether a part is what its name says: a ball has a lower end that is no leg, and no tail.
+
+    Legs are several, or one below a table; a tail is that of something that has a front, and legs or a head.
+    """
+    if found[part].found_by != "geometry" or part not in ("leg", "seat", "top", "back", "tail"):
+        return True
+    stands = "leg" in found and (parts.legs.count > 1 or ("seat" in found and "back" not in found))
+    return stands if part != "tail" else not parts.body.either and (stands or "head" in found)
 
 
 def _same(one: NamedPart, other: NamedPart) -> bool:

@@ -8,8 +8,10 @@ Every finder returns weights with a band, and says how it found the part, or rai
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from scipy import ndimage
@@ -33,11 +35,31 @@ _CLASSES = {
 }
 _SIDES = frozenset({"back", "front", "left", "right", "top", "bottom"})
 _MOSTLY = 0.6
+_Found = TypeVar("_Found")
 _HELPERS = frozenset({"ik", "pole", "target", "control", "ctrl"})
 
 
 class PartMissingError(Exception):
     """A part that a word names is not there; the message says why."""
+
+
+class _once(Generic[_Found]):  # noqa: N801 - like `cached_property`
+    """A property that is looked for once: what is not there is missing each time for the same reason."""
+
+    def __init__(self, find: Callable[[Any], _Found]) -> None:
+        self._find, self.__doc__ = find, find.__doc__
+
+    def __get__(self, parts: Any, _owner: type) -> _Found:
+        if self._find not in parts.kept:
+            try:
+                parts.kept[self._find] = self._find(parts)
+            except PartMissingError as missing:
+                parts.kept[self._find] = missing
+        found = parts.kept[self._find]
+        if isinstance(found, PartMissingError):
+            raise found.with_traceback(None)
+        kept: _Found = found
+        return kept
 
 
 @dataclass(frozen=True)
@@ -117,6 +139,7 @@ class Parts:
 
     def __init__(self, body: Body) -> None:
         self.body, self.even = body, 0.0
+        self.kept: dict[Callable[[Any], Any], Any] = {}
         self._named: dict[str, Limb] = {}
 
     def own_names(self) -> list[str]:
@@ -156,7 +179,7 @@ class Parts:
 
     # ---------------------------------------------------------------- legs
 
-    @cached_property
+    @_once
     def legs(self) -> Legs:
         """The legs.
 
@@ -233,13 +256,13 @@ class Parts:
         near = cKDTree(body.solid.centres[within]).query(body.points)[1]
         return np.asarray(stand.labels[within][near], np.int64)
 
-    @cached_property
+    @_once
     def _stand(self) -> _Stand:
         return _find_stand(self.body)
 
     # ---------------------------------------------------------------- head, neck, tail
 
-    @cached_property
+    @_once
     def head(self) -> Head:
         """The head.
 
@@ -332,7 +355,7 @@ class Parts:
         except PartMissingError:
             return False
 
-    @cached_property
+    @_once
     def tail(self) -> Tail:
         """The tail.
 
@@ -394,7 +417,7 @@ class Parts:
 
     # ---------------------------------------------------------------- others
 
-    @cached_property
+    @_once
     def arms(self) -> Limb:
         """The arms of a skeleton.
 
@@ -437,7 +460,7 @@ class Parts:
             raise PartMissingError("No wheels were found.")
         return self.wheels
 
-    @cached_property
+    @_once
     def slab(self) -> tuple[float, float]:
         """The heights between which the widest slab above legs lies: a seat, or the top of a table.
 

@@ -39,6 +39,7 @@ export class MeshViewer extends EventTarget {
   /** @type {Heatmap | null} */ #heatmap = null;
   /** @type {Wireframe | null} */ #wireframe = null;
   /** @type {FrontArrow | null} */ #front = null;
+  #framed = new Box3(); // what the camera was last placed for
   #converted = false;
   #grounded = true; // the ground lies under the shape that is shown
   #disposed = false;
@@ -98,6 +99,7 @@ export class MeshViewer extends EventTarget {
     this.#wireframe?.attach(root);
     const kept = keepCamera && this.rig.touched;
     this.#frame();
+    this.#framed.copy(this.ownBox);
     if (!kept) this.rig.reset();
     this.dispatchEvent(new Event("ready"));
     return this.info;
@@ -123,9 +125,10 @@ export class MeshViewer extends EventTarget {
   /**
    * Add the result of a deformation of what is loaded; `setMorph` and `setHeatmap` work from then on.
    * @param {ArrayBuffer} buffer a GLB with the same meshes, vertices and faces
+   * @param {{ keepCamera?: boolean }} options `keepCamera`: as long as all of it is in the picture
    * @throws {TopologyError} it has others; what was shown stays
    */
-  async setDeformed(buffer) {
+  async setDeformed(buffer, { keepCamera = false } = {}) {
     const turn = this.#turn;
     const source = this.#root;
     if (!source) throw new Error("Load the source before its result.");
@@ -142,7 +145,7 @@ export class MeshViewer extends EventTarget {
       this.#wireframe?.refresh();
       this.setMorph(morph);
       this.#frame();
-      if (!this.rig.touched) this.resetView();
+      if (!this.rig.touched && !(keepCamera && this.#framed.containsBox(this.ownBox))) this.resetView();
       this.setHeatmap(heat);
     } finally {
       disposeAsset(root);
@@ -217,6 +220,7 @@ export class MeshViewer extends EventTarget {
 
   /** Frame everything again. */
   resetView() {
+    this.#framed.copy(this.ownBox);
     this.rig.reset();
     this.dispatchEvent(new Event("camerareset"));
   }

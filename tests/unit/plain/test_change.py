@@ -11,7 +11,7 @@ import pytest
 from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import ParameterError, PartNotFoundError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.plain.body import Body, loose_body
 from meshdeform.plain.change import Done, apply_changes, meant
 from meshdeform.plain.naming import find_parts
@@ -175,6 +175,11 @@ def test_the_triangles_of_a_named_part_are_those_of_its_node() -> None:
         "plinth": [[0, int((nodes == 0).sum()) - 1]],
         "antenna left": [[int((nodes == 0).sum()), len(nodes) - 1]],
     }
+
+
+def test_the_ends_of_a_ball_and_of_a_box_are_no_legs_and_no_tail() -> None:
+    for mesh in (icosphere(3), _box((-1, 0, -2), (1, 1, 2))):
+        assert part_names(body_of_glb(plain_glb(mesh))) == []
 
 
 @each_case("name", ["Big", "TallTower", "of", "7", "Short_Long", "Puppy"])

@@ -26,6 +26,9 @@ export class AssetPanel {
     this.onChange = onChange;
     /** @type {Asset | null} */
     this.asset = null;
+    /** That with triangles in the view. @type {Asset | null} */
+    this.shown = null;
+    this.onShown = () => {};
     /** How often an asset was chosen: one that is still on its way when another is chosen is dropped. */
     this.choices = 0;
     /** Takes pictures, and what is dropped on its place; null where nobody does. @type {((files: File[]) => void) | null} */
@@ -129,6 +132,8 @@ export class AssetPanel {
     const found = drawn ? await this.box.load(await asset.bytes(), asset.format) : await this._undrawn();
     if (this.scope.over || this.asset !== asset) return;
     if (found) this.describe(found.triangles, found.vertices);
+    this.shown = found ? asset : null;
+    this.onShown();
     announce(`${asset.name} loaded`);
   }
 

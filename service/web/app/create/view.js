@@ -20,6 +20,7 @@ import { GuidePanel } from "./guide/panel.js";
 import { FrontControl } from "./front-control.js";
 import { threadOf } from "../job/versions.js";
 import { originOf } from "./origins.js";
+import { PartsControl } from "./parts/control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
 
@@ -59,8 +60,11 @@ export class CreateView {
     );
     this.control = new ControlPanel(this.assets.box, () => this._changed());
     this.assets.addBelow(this.control.toolbar);
-    this.assets.addBelow(this.front.element);
     this.prompt = new PromptField(() => this._changed());
+    this.parts = new PartsControl(this.assets.box, this.control.view, scope, (prompt, signal) => this._parts(prompt, signal), (prompt) => this.prompt.set(prompt));
+    this.assets.onShown = () => this._suitParts();
+    this.assets.addBelow(this.parts.element);
+    this.assets.addBelow(this.front.element);
     this.guide = new GuidePanel(this.assets, this.control.view, scope, () => this._changed());
     this.assets.guide = (files) => this.guide.take(files);
     this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
@@ -204,6 +208,7 @@ export class CreateView {
     this.front.show(this.settings.value("orientation"));
     const { asset } = this.assets;
     if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
+    this._suitParts();
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
     if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
@@ -221,6 +226,21 @@ export class CreateView {
     if (!asset || !wish.prompt) throw new Error("Choose an asset and enter a prompt first.");
     const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
     return client.orient(...(await asset.submission(document, {}, signal)));
+  }
+
+  /** Let the parts be those of the asset, as a prompt for the chosen model can name them. */
+  _suitParts() {
+    const { asset, shown } = this.assets;
+    const { model, kept } = this.settings.wish("");
+    const of = asset && asset === shown && !this.guide.target ? JSON.stringify([this.assets.choices, asset.name, asset.size, model, kept.params]) : "";
+    this.parts.suit(of, this.prompt.value);
+  }
+
+  /** @param {string} prompt @param {AbortSignal} signal @returns {Promise<any>} The parts of the asset, or those of the prompt and what it makes. */
+  async _parts(prompt, signal) {
+    const asset = /** @type {Asset} */ (this.assets.asset);
+    const document = documents({ ...this.settings.wish(prompt), advanced: {}, variations: 1 }, null, "", this.settings.offered)[0];
+    return client.parts(...(await asset.submission(document, {}, signal)));
   }
 
   /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */

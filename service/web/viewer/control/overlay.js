@@ -31,6 +31,7 @@ export class Overlay {
     scene.add(this.group);
     this.kept = this.#own(tint(KEPT, 0.55));
     this.pulled = this.#own(tint(PULLED, 0.5));
+    this.part = this.#own(tint(TOOL, 0.5));
     this.box = this.#own(new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: TOOL, toneMapped: false })));
     this.brush = this.#own(new LineLoop(circle(), new LineBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false })));
     this.lines = this.#own(new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false })));
@@ -40,7 +41,7 @@ export class Overlay {
     /** @type {Mesh[]} */
     this.balls = [];
     this.diagonal = 1;
-    for (const one of [this.kept, this.pulled, this.box, this.brush, this.lines]) one.visible = false;
+    for (const one of [this.kept, this.pulled, this.part, this.box, this.brush, this.lines]) one.visible = false;
   }
 
   /**
@@ -57,7 +58,7 @@ export class Overlay {
 
   /** @param {import("./surface.js").NumberedSurface | null} surface */
   setSurface(surface) {
-    for (const mesh of [this.kept, this.pulled]) {
+    for (const mesh of [this.kept, this.pulled, this.part]) {
       mesh.geometry.dispose();
       mesh.geometry = new BufferGeometry();
       mesh.visible = false;
@@ -76,6 +77,11 @@ export class Overlay {
   /** @param {Uint8Array} flags (F) faces that a prompt with a region pulls at @param {Uint32Array} corners (3F) */
   setPulled(flags, corners) {
     this.#show(this.pulled, flags, corners);
+  }
+
+  /** @param {Uint8Array} flags (F) faces of a part that is pointed at @param {Uint32Array} corners (3F) */
+  setPart(flags, corners) {
+    this.#show(this.part, flags, corners);
   }
 
   /** @param {Mesh} mesh @param {Uint8Array} flags (F) @param {Uint32Array} corners (3F) */

@@ -23,6 +23,7 @@ import { Neighbours } from "./selecting.js";
  * @property {(handle: number, to: Place) => void} moved
  * @property {(handle: number) => void} chosen
  * @property {(place: Place) => void} pointed where a point was clicked
+ * @property {(face: number) => void} touched which triangle was clicked with no tool in hand
  * @property {() => void} begun a pointer took hold of something
  * @property {() => void} done the pointer let go of what it changed
  * @property {() => void} dropped what has changed since `begun` was not meant
@@ -37,7 +38,7 @@ const STILL = 12; // pixels that a click may move
 
 const nothing = () => {};
 /** @type {Listeners} */
-const DEAF = { painted: nothing, boxed: nothing, picked: nothing, held: () => 0, moved: nothing, chosen: nothing, pointed: nothing, begun: nothing, done: nothing, dropped: nothing };
+const DEAF = { painted: nothing, boxed: nothing, picked: nothing, held: () => 0, moved: nothing, chosen: nothing, pointed: nothing, touched: nothing, begun: nothing, done: nothing, dropped: nothing };
 
 export class ControlTools {
   /** @param {import("../viewer.js").MeshViewer} viewer @param {Partial<Listeners>} listeners those of the tools that are used */
@@ -118,6 +119,12 @@ export class ControlTools {
     this.viewer.invalidate();
   }
 
+  /** @param {Uint8Array} flags (F) faces of a part that is pointed at */
+  showPart(flags) {
+    if (this.surface) this.overlay.setPart(flags, this.surface.corners);
+    this.viewer.invalidate();
+  }
+
   /** @param {Box | null} box that is edited @param {Marks[]} handles @param {number} chosen of the handles; -1: none @param {Place[]} points more */
   showMarks(box, handles, chosen, points = []) {
     this.box = box;
@@ -188,7 +195,8 @@ export class ControlTools {
     if (!event.isTrusted) return; // `#handOver` sent it
     const others = [...this.fingers.values()];
     if (event.pointerType === "touch") this.fingers.set(event.pointerId, event);
-    if (this.tool === "turn" || event.button !== 0) return;
+    if (event.button !== 0) return;
+    if (this.tool === "turn") return void (others.length || this.#touch(event));
     if (event.pointerType === "touch" && others.length) return this.#handOver(others);
     this.listeners.begun();
     const drag = { paint: () => this.#paint(event), box: () => this.#dragSide(event), part: () => this.#pick(event), handle: () => this.#dragHandle(event), point: () => this.#point(event) }[this.tool]();
@@ -293,6 +301,16 @@ export class ControlTools {
   #point(event) {
     const hit = this.#hit(event);
     return hit && { click: () => this.listeners.pointed(hit.place) };
+  }
+
+  /** Turning the view goes on meanwhile. @param {PointerEvent} event */
+  #touch(event) {
+    const mine = (/** @type {PointerEvent} */ ended) => {
+      const still = ended.pointerId === event.pointerId && Math.hypot(ended.clientX - event.clientX, ended.clientY - event.clientY) <= STILL;
+      const hit = still && !this.fingers.size ? this.#hit(ended) : null;
+      if (hit) this.listeners.touched(hit.face);
+    };
+    addEventListener("pointerup", mine, { once: true, signal: this.stop.signal });
   }
 
   /** @param {PointerEvent} event @returns {Drag | null} */

@@ -27,6 +27,8 @@ export class ControlView {
     this.extra = [];
     /** Who is told where the asset is clicked. @type {((place: number[]) => void) | null} */
     this.pointing = null;
+    /** Who is told which triangle is clicked while no tool is in hand. @type {((face: number) => void) | null} */
+    this.touched = null;
     /** @type {() => void} */
     this.stopped = () => {};
     box.ready.then(() => this._open());
@@ -90,6 +92,7 @@ export class ControlView {
       begun: () => this.panel.begun(),
       done: () => this.pointing || this.panel.changed(),
       dropped: () => this.pointing || this.panel.dropped(),
+      touched: (face) => this.touched?.(face),
       pointed: (place) => this.pointing?.(rounded(place, this.size)),
     });
     this.tools.brush = this._brush;
@@ -131,7 +134,7 @@ export class ControlView {
 
   _wanted() {
     const { regions, handles } = this.panel.control;
-    return this.panel.tool !== "turn" || this.pointing !== null || regions.length + handles.length + this.extra.length > 0;
+    return this.panel.tool !== "turn" || this.pointing !== null || this.touched !== null || regions.length + handles.length + this.extra.length > 0;
   }
 
   /** @param {import("../../../viewer/control/tools.js").Tool} tool */
@@ -155,6 +158,26 @@ export class ControlView {
     this.stopped = stopped;
     if (this.tools) this.tools.use(listener ? "point" : this.panel.tool);
     else if (listener) this._begin();
+  }
+
+  /** Say which triangle is clicked while no tool is in hand. @param {(face: number) => void} listener */
+  touch(listener) {
+    this.touched = listener;
+    if (this.possible) this._begin();
+  }
+
+  /** Mark triangles. @param {(number | number[])[] | null} faces As a region has them. */
+  showPart(faces) {
+    if (this.tools && this.surface) this.tools.showPart(this.library.selectedFaces({ faces: faces ?? [] }, this.surface, this.named));
+  }
+
+  /** Take the triangles for where they are seen now: the view shows the asset changed, or as it is again. */
+  reshape() {
+    const root = this.box.viewer?.root;
+    if (!this.tools || !this.surface || !root) return;
+    this.surface.shown = this.library.numberedSurface(root, this.excluded)?.shown ?? this.surface.shown;
+    this.tools.setSurface(this.surface);
+    this.draw();
   }
 
   /** @returns {number} length of the asset's diagonal */

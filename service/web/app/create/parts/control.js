@@ -1,0 +1,244 @@
+// @ts-check
+/** The parts of the asset, to point at: words and a slider change one of them, and the view shows at once what becomes of it. */
+import { announce } from "../../announce.js";
+import { isAbort, MeshdeformError } from "../../client.js";
+import { fill, h, say } from "../../dom.js";
+import { debounced } from "../../scope.js";
+import { slider } from "../../job/stage-controls.js";
+import { LEAST, MOST, partAt, sentenceOf, withWanted } from "./sentence.js";
+
+/** @typedef {import("./sentence.js").Part} Part */
+/** @typedef {import("./sentence.js").Change} Change */
+/** @typedef {{parts: Part[], result: string | null, warnings: string[]}} Found */
+
+const SHOWN = 8;
+const STEP = 5;
+const USUAL = 30; // percent that a word asks for
+
+export class PartsControl {
+  /**
+   * @param {import("../../viewer-box.js").ViewerBox} box
+   * @param {import("../control/view.js").ControlView} view
+   * @param {import("../../scope.js").Scope} scope
+   * @param {(prompt: string, signal: AbortSignal) => Promise<Found>} ask The server, about the asset in the form.
+   * @param {(prompt: string) => void} write The prompt.
+   */
+  constructor(box, view, scope, ask, write) {
+    this.box = box;
+    this.view = view;
+    this.ask = ask;
+    this.write = write;
+    /** What the parts were asked for: the asset, and what else they depend on. */
+    this.of = "";
+    /** Whether this server can find parts: that of a stack may have no scipy. */
+    this.able = true;
+    /** @type {Part[]} */
+    this.parts = [];
+    /** @type {Part | null} */
+    this.part = null;
+    /** @type {Change | null} */
+    this.change = null;
+    /** @type {import("./sentence.js").Wanted[]} */
+    this.wanted = [];
+    /** The prompt as it was written here; another one is the user's own. */
+    this.written = "";
+    /** What the view shows instead of the asset. @type {import("./sentence.js").Wanted[]} */
+    this.shown = [];
+    /** Whether all parts are listed. */
+    this.all = false;
+    this.asking = new AbortController();
+    scope.add(() => this.asking.abort());
+    this.find = debounced(() => this._find(), 400, scope);
+    this.preview = debounced(() => this._preview(), 200, scope);
+    this.chips = h("div", { class: "chips", role: "group", "aria-label": "Parts" });
+    this.words = h("div", { class: "chips", role: "group" });
+    const { input, value, row } = slider("part-slider", "Amount", MOST, () => this._slide(Number(input.value)));
+    input.min = String(LEAST);
+    input.step = String(STEP);
+    this.input = input;
+    this.output = value;
+    this.row = row;
+    this.note = h("p", { class: "small muted", role: "status", hidden: true });
+    this.element = h("div", { class: "parts", hidden: true }, this.chips, this.words, row, this.note);
+  }
+
+  /**
+   * Look again, if what the parts depend on is other than before.
+   * @param {string} of Empty: there is nothing to find.
+   * @param {string} prompt As it is in the form.
+   */
+  suit(of, prompt) {
+    if (of !== this.of) {
+      this.of = of;
+      this._forget();
+      if (of && this.able) this.find();
+    }
+    if (prompt === this.written) return;
+    this.written = prompt;
+    this.wanted = [];
+    this._unshow();
+    this._draw();
+  }
+
+  _forget() {
+    this.asking.abort();
+    this.parts = [];
+    this.wanted = [];
+    this.all = false;
+    this._unshow();
+    this._choose(null);
+  }
+
+  async _find() {
+    const found = await this._answer("");
+    if (!found) return;
+    this.parts = found.parts;
+    if (this.parts.length) this.view.touch((face) => this._touched(face));
+    this._choose(null);
+  }
+
+  /** @param {string} prompt @returns {Promise<Found | null>} Null where there is none, or it is asked for no more. */
+  async _answer(prompt) {
+    this.asking.abort();
+    const asked = (this.asking = new AbortController());
+    try {
+      const found = await this.ask(prompt, asked.signal);
+      return asked.signal.aborted ? null : found;
+    } catch (error) {
+      if (asked.signal.aborted || isAbort(error)) return null;
+      if (error instanceof MeshdeformError && error.code === "dependency_missing") this.able = false;
+      else if (prompt) {
+        this._unshow();
+        say(this.note, error instanceof Error ? error.message : String(error));
+      }
+      return null;
+    }
+  }
+
+  /** @param {Part | null} part */
+  _choose(part) {
+    this.part = part;
+    this.change = part?.changes[0] ?? null;
+    const before = this.wanted.findLast((each) => each.part === part?.name);
+    if (before) this.change = before.change;
+    this.view.showPart(part?.faces ?? null);
+    this._draw();
+  }
+
+  /** @param {number} face That was clicked. */
+  _touched(face) {
+    if (!this.parts.length) return;
+    const part = partAt(this.parts, face);
+    announce(part ? `${part.name} chosen` : "No part that words can name");
+    this._choose(part);
+  }
+
+  /** @param {Change} change @param {number} percent */
+  _ask(change, percent) {
+    if (!this.part) return;
+    this.change = change;
+    this.wanted = withWanted(this.wanted, { part: this.part.name, change, percent });
+    this.written = sentenceOf(this.wanted);
+    this.write(this.written);
+    this._draw();
+    if (this.wanted.length) this.preview();
+    else this._unshow();
+  }
+
+  /** @param {number} percent */
+  _slide(percent) {
+    if (!this.change) return;
+    this._ask(this.change, percent);
+    // Until the server has answered: the way from the source to what it made last is nearly straight.
+    const [shown, ...more] = this.shown;
+    const same = shown && !more.length && this.wanted.length === 1 && shown.part === this.part?.name && shown.change === this.change;
+    if (same && shown.percent * percent > 0) this.box.viewer?.setMorph(percent / shown.percent);
+  }
+
+  /** Percent that is asked of an operation on the chosen part. @param {Change | null} change */
+  _percent(change) {
+    return this.wanted.find((each) => each.part === this.part?.name && each.change.operation === change?.operation)?.percent ?? 0;
+  }
+
+  async _preview() {
+    const wanted = this.wanted;
+    if (!wanted.length) return;
+    const found = await this._answer(sentenceOf(wanted));
+    const { viewer } = this.box;
+    if (!found?.result || !viewer?.ready || wanted !== this.wanted) return;
+    const glb = Uint8Array.from(atob(found.result), (letter) => letter.charCodeAt(0));
+    try {
+      await viewer.setDeformed(glb.buffer, { keepCamera: true });
+    } catch (error) {
+      if (!isAbort(error)) say(this.note, "The view cannot show this file changed. The job changes it all the same.");
+      return;
+    }
+    if (wanted !== this.wanted) return this._unshow();
+    this.shown = wanted;
+    viewer.setMorph(1);
+    this._see("Preview");
+    say(this.note, found.warnings.join(" "));
+  }
+
+  /** Show the asset as it is. */
+  _unshow() {
+    this.asking.abort();
+    say(this.note, "");
+    if (!this.shown.length) return;
+    this.shown = [];
+    this.box.viewer?.clearDeformed();
+    this._see("");
+  }
+
+  /** @param {string} tag What the view shows, if it is not the asset. */
+  _see(tag) {
+    say(this.box.tag, tag);
+    this.view.reshape();
+    this.view.showPart(tag ? null : (this.part?.faces ?? null));
+  }
+
+  _draw() {
+    const { part, change } = this;
+    this.element.hidden = !this.parts.length;
+    const all = this.parts.filter((each, at) => this.all || at < SHOWN || each === part);
+    const more = this.parts.length - all.length;
+    refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null]);
+    this.words.setAttribute("aria-label", `What becomes of the ${part?.name}`);
+    refill(this.words, (part?.changes ?? []).flatMap((each) => [this._word(each, 1), this._word(each, -1)]));
+    this.words.hidden = this.row.hidden = !change;
+    if (!change || !part) return;
+    const percent = this._percent(change);
+    this.input.value = String(percent);
+    this.output.textContent = percent ? `${percent > 0 ? "+" : "−"}${Math.abs(percent)} %` : "as it is";
+    const words = percent ? `${part.name} ${percent < 0 ? change.less : change.more} by ${Math.abs(percent)} percent` : `${part.name} as it is`;
+    this.input.setAttribute("aria-valuetext", words);
+  }
+
+  _more() {
+    this.all = true;
+    this._draw();
+    /** @type {HTMLElement | undefined} */ (this.chips.children[SHOWN])?.focus();
+  }
+
+  /** @param {Part} part */
+  _chip(part) {
+    const glance = () => this.view.showPart(part.faces);
+    const leave = () => this.view.showPart(this.shown.length ? null : (this.part?.faces ?? null));
+    const on = { click: () => this._choose(part === this.part ? null : part), pointerenter: glance, pointerleave: leave, focus: glance, blur: leave };
+    return h("button", { type: "button", class: "chip", "aria-pressed": String(part === this.part), on }, part.name);
+  }
+
+  /** @param {Change} change @param {1 | -1} sign */
+  _word(change, sign) {
+    const pressed = change.operation === this.change?.operation && this._percent(change) * sign > 0;
+    const on = { click: () => this._ask(change, pressed ? 0 : sign * USUAL) };
+    return h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(pressed), on }, sign > 0 ? change.more : change.less);
+  }
+}
+
+/** Fill a list of buttons anew; the one with the focus keeps it. @param {HTMLElement} list @param {(HTMLElement | null)[]} buttons */
+function refill(list, buttons) {
+  const at = [...list.children].indexOf(/** @type {Element} */ (document.activeElement));
+  fill(list, buttons);
+  if (at >= 0) /** @type {HTMLElement | undefined} */ (list.children[at])?.focus();
+}
