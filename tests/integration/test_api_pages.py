@@ -130,15 +130,29 @@ def test_the_page_is_asked_for_again_and_costs_nothing_then(http: httpx.Client) 
         assert head.headers["etag"] == first.headers["etag"]
 
 
+def test_files_of_the_page_are_kept_until_one_changes(http: httpx.Client, repository: Path) -> None:
+    files = re.findall(r'="(web/[^"]+)"', http.get("/").text)
+    edition = files[0].split("/")[1]
+    assert re.fullmatch("~[0-9a-f]{16}", edition)
+    for name in files:
+        assert name.startswith(f"web/{edition}/")
+        answer = http.get(f"/{name}")
+        assert answer.content == (repository / "service" / name.replace(f"{edition}/", "")).read_bytes()
+        assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"
+        assert answer.headers["content-security-policy"] == PAGE_HEADERS["Content-Security-Policy"]
+    for other in ("web", "web/~0123456789abcdef"):
+        assert http.get(f"/{other}/app/main.js").headers["cache-control"] == "no-cache"
+
+
 def test_text_comes_compressed_where_that_is_understood(http: httpx.Client, repository: Path) -> None:
     content = (repository / "service" / "web" / "index.html").read_bytes()
-    with http.stream("GET", "/", headers={"Accept-Encoding": "br;q=1, gzip;q=0.5"}) as answer:
+    with http.stream("GET", "/web/index.html", headers={"Accept-Encoding": "br;q=1, gzip;q=0.5"}) as answer:
         assert answer.headers["content-encoding"] == "gzip"
         raw = b"".join(answer.iter_raw())
     assert len(raw) < len(content)
     assert zlib.decompress(raw, 31) == gzip.decompress(raw) == content
     for other in ("identity", "br", ""):
-        plain = http.get("/", headers={"Accept-Encoding": other})
+        plain = http.get("/web/index.html", headers={"Accept-Encoding": other})
         assert "content-encoding" not in plain.headers
     # One tag for both forms: so it names the file and not the bytes.
     assert plain.headers["etag"] == answer.headers["etag"]
