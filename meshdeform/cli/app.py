@@ -146,8 +146,7 @@ for _panel, _commands in {
     _SERVICE: (serve, api, worker),
 }.items():
     for _each in _commands:
-        _forms = getattr(_each, "forms", ())
-        app.command(cls=form_command(*_forms) if _forms else None, rich_help_panel=_panel)(_each)
+        app.command(cls=form_command(*getattr(_each, "forms", ())), rich_help_panel=_panel)(_each)
 for _name in _GONE:
     app.command(_name, hidden=True, context_settings=_ANYTHING)(gone)
 app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)

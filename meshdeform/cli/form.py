@@ -151,7 +151,11 @@ class _FormCommand(TyperCommand):
         if self._leaves is None:
             taken = {text for option in own for text in (*option.opts, *option.secondary_opts)}
             self._leaves = [leaf for form in self.FORMS for leaf in _leaves_of(form, taken)]
-        return [*own[:-1], *(leaf.option for leaf in self._leaves), *own[-1:]]
+        params = [*own[:-1], *(leaf.option for leaf in self._leaves), *own[-1:]]
+        for param in params:
+            if getattr(param, "is_flag", False):
+                param.metavar = ""  # help would say "<bool>" of what takes no value
+        return params
 
     def invoke(self, ctx: Any) -> Any:
         forms: dict[str, dict[str, Any]] = {}

@@ -187,7 +187,7 @@ class BatchView:
 
 
 def _facts(loss: float, eta_s: float | None) -> str:
-    shown = "" if math.isnan(loss) else f"loss {loss:.4f}"
+    shown = "" if math.isnan(loss) else f"loss {loss:.4g}"
     return f"{shown}  {duration(eta_s)} left".strip() if eta_s is not None else shown
 
 

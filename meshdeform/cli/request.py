@@ -104,7 +104,7 @@ def make_request(
     from pydantic import ValidationError
 
     from meshdeform.requests.document import JobRequest
-    from meshdeform.requests.removed import instead, plain_place
+    from meshdeform.requests.unknown import in_plain_words
     from meshdeform.runs import kinds
 
     kinds()  # the kinds register their parameters
@@ -118,13 +118,12 @@ def make_request(
     try:
         return JobRequest.model_validate(document)
     except ValidationError as error:
-        found = [
-            {"loc": plain_place(each["loc"]), "msg": instead(each["loc"]) or each["msg"], "type": each["type"]}
-            for each in error.errors()
-        ]
-        sentences = [f"{'.'.join(str(part) for part in e['loc'])}: {e['msg']}" for e in found]
+        plain = in_plain_words(error.errors(), JobRequest)
+        found = [{name: each[name] for name in ("loc", "msg", "type")} for each in plain]
+        sentences = [f"{'.'.join(map(str, e['loc']))}: {e['msg'].rstrip('.')}" for e in found]
+        said = "; ".join(sentences)
         raise ParameterError(
-            f"The request is not valid: {'; '.join(sentences)}.",
+            f"The request is not valid: {said}{'' if said.endswith('?') else '.'}",
             advice="docs/parameters.md has every parameter with its bounds, docs/http.md those of other kinds.",
             errors=found,
         ) from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import hashlib
-import json
 import re
 from collections.abc import AsyncIterator, Mapping
 from contextlib import suppress
@@ -23,8 +22,9 @@ from starlette.requests import ClientDisconnect
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MIN_BODY_RATE
 from meshdeform.errors import AssetTooLargeError, MeshdeformError, PromptError, RequestError, RequestTimeoutError
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
+from meshdeform.requests.unknown import in_plain_words
 from meshdeform.runs import file_parts
-from service.http.errors import in_plain_words, parameter_error
+from service.http.errors import parameter_error
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
@@ -114,7 +114,7 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
             raise RequestError(f"{name} is not valid JSON: {reason}.") from error
         if any(finding["loc"] == ("prompt",) and finding["type"] == "string_too_long" for finding in findings):
             raise PromptError(f"The prompt is longer than {MAX_PROMPT_LENGTH} characters.") from error
-        raise parameter_error(in_plain_words(findings, model, json.loads(document))) from error
+        raise parameter_error(in_plain_words(findings, model)) from error
 
 
 DOCUMENT = "request"

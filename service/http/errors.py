@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import errno
 import logging
-from collections.abc import Collection, Iterator, Sequence
-from difflib import get_close_matches
-from typing import Any, get_args
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from fastapi import Depends, FastAPI, Request
 from fastapi.dependencies.models import Dependant
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
-from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
@@ -30,16 +28,12 @@ from meshdeform.errors import (
     UnauthorizedError,
     UnavailableError,
 )
-from meshdeform.requests.choices import GuidanceKind
-from meshdeform.requests.parameters import GUIDANCES
-from meshdeform.requests.removed import instead, plain_place
+from meshdeform.requests.unknown import did_you_mean
 from service.http.middleware import request_id
 
 PROBLEM_TYPE = "application/problem+json"
 
 _METHODS = ("DELETE", "GET", "HEAD", "PATCH", "POST", "PUT")
-
-_CLOSE = 0.6
 
 _BUSY_S = 5  # Retry-After where the wait cannot be computed
 
@@ -69,48 +63,6 @@ def parameter_error(errors: Sequence[Any]) -> ParameterError:
 
 def _message(error: Any) -> str:
     return "there is no such member." if error["msg"].startswith("Extra inputs") else str(error["msg"])
-
-
-def did_you_mean(name: str, known: Collection[str], given: Collection[str] = (), what: str = "member") -> str:
-    """Return what is wrong with an unknown name, and the known name that it resembles or else all of them.
-
-    A suggested name that is not among those given is called missing. `what` says what the name is of.
-    """
-    sentence = f"there is no such {what}."
-    if found := get_close_matches(name.lower(), sorted(known), 1, _CLOSE):
-        missing = "" if found[0] in given else ", which is missing"
-        return f"{sentence} Did you mean {found[0]!r}{missing}?"
-    return f"{sentence} There are: {', '.join(sorted(known)) or 'none'}."
-
-
-def in_plain_words(findings: Sequence[Any], model: type[BaseModel], document: Any) -> list[dict[str, Any]]:
-    """Return pydantic's findings about a document, with what to use in place of each unknown member."""
-    return [
-        {
-            **found,
-            "loc": plain_place(found["loc"]),
-            **({"msg": _unknown(found["loc"], model, document)} if found["type"] == "extra_forbidden" else {}),
-        }
-        for found in findings
-    ]
-
-
-def _unknown(place: Sequence[Any], model: type[BaseModel], document: Any) -> str:
-    if elsewhere := instead(place):
-        return elsewhere
-    inner: type[BaseModel] | None = model
-    for step in place[:-1]:
-        inner = GUIDANCES[step] if step in list(GuidanceKind) else _model_of(inner, step) if inner is not None else None
-        document = document.get(step, document) if isinstance(document, dict) else None
-    given = document if isinstance(document, dict) else {}
-    return did_you_mean(str(place[-1]), inner.model_fields if inner is not None else (), given)
-
-
-def _model_of(model: type[BaseModel], name: Any) -> type[BaseModel] | None:
-    """Return the model of a member, or None if it has none."""
-    field = model.model_fields.get(name)
-    choices = [field.annotation, *get_args(field.annotation)] if field is not None else []
-    return next((each for each in choices if isinstance(each, type) and issubclass(each, BaseModel)), None)
 
 
 def problem_responses(*errors: type[MeshdeformError]) -> dict[int | str, dict[str, Any]]:
@@ -231,7 +183,7 @@ async def _known_query(request: Request) -> None:
     errors = [
         {
             "loc": ["query", name[:_SHOWN]],
-            "msg": did_you_mean(name[:_SHOWN], known, known, "parameter"),
+            "msg": did_you_mean(name[:_SHOWN], known, "parameter"),
             "type": "extra_forbidden",
         }
         for name in list(request.query_params)[:_SHOWN]

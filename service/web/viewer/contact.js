@@ -71,7 +71,8 @@ export class ContactShadow {
     const reach = REACH * half;
     this.floor.position.set(x, box.min.y - 0.004 * half, z);
     this.floor.scale.set(reach, reach, 1);
-    Object.assign(this.camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0, far: Math.min(0.6 * height, half) });
+    // From below the picture is upside down.
+    Object.assign(this.camera, { left: -reach, right: reach, top: -reach, bottom: reach, near: 0, far: Math.min(0.6 * height, half) });
     this.camera.position.copy(this.floor.position);
     this.camera.lookAt(x, box.max.y + height, z);
     this.camera.updateProjectionMatrix();

@@ -69,6 +69,7 @@ def test_every_command_has_help() -> None:
         result = CliRunner().invoke(app, [*command, "--help"])
         assert result.exit_code == 0
         assert "Usage" in result.output
+        assert "bool" not in result.output or not command, "flags take no value"
 
 
 def test_version() -> None:

@@ -58,7 +58,7 @@ def test_lines_are_bounded_and_have_no_control_characters(
             view.step(step, 1000, 1.0 / step, eta_s=(1000 - step) * 0.02)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "loading"
-    assert lines[-1] == "step 1000/1000  loss 0.0010"
+    assert lines[-1] == "step 1000/1000  loss 0.001"
     assert 4 <= len(lines) <= 6
     assert lines[1].endswith("15 s left")
     assert all(line.isprintable() for line in lines)
