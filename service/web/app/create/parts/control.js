@@ -11,7 +11,7 @@ import { LEAST, MOST, partAt, sentenceOf, withWanted } from "./sentence.js";
 /** @typedef {import("./sentence.js").Change} Change */
 /** @typedef {{parts: Part[], result: string | null, warnings: string[]}} Found */
 
-const SHOWN = 8;
+const SHOWN = 8; // or one more, instead of a button for it
 const STEP = 5;
 const USUAL = 30; // percent that a word asks for
 
@@ -200,7 +200,7 @@ export class PartsControl {
   _draw() {
     const { part, change } = this;
     this.element.hidden = !this.parts.length;
-    const all = this.parts.filter((each, at) => this.all || at < SHOWN || each === part);
+    const all = this.parts.filter((each, at) => this.all || at < SHOWN || each === part || this.parts.length === SHOWN + 1);
     const more = this.parts.length - all.length;
     refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null]);
     this.words.setAttribute("aria-label", `What becomes of the ${part?.name}`);
