@@ -178,11 +178,7 @@ def _entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipI
             f"The ZIP has {len(entries)} entries; the limit is {limits.max_archive_files}.",
             advice="Pack only the asset and the files that it needs.",
         )
-    total = sum(entry.file_size for entry in entries)
-    if total > limits.max_bytes:
-        raise AssetTooLargeError(
-            f"The ZIP unpacks to {total} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
-        )
+    limits.check_bytes(sum(entry.file_size for entry in entries), "The ZIP unpacks to")
     found: dict[str, zipfile.ZipInfo] = {}
     for entry in entries:
         name = _decoded(entry).replace("\\", "/")

@@ -43,7 +43,7 @@ from meshdeform.assets.writer import (
     write_targets,
     write_vertex_values,
 )
-from meshdeform.errors import AssetFormatError, AssetTooLargeError
+from meshdeform.errors import AssetFormatError
 
 if TYPE_CHECKING:
     from meshdeform.assets.rig import JointMove
@@ -417,10 +417,7 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
         The asset cannot be used; the subclass and message say why and what to do.
     """
     limits = limits or Limits()
-    if len(data) > limits.max_bytes:
-        raise AssetTooLargeError(
-            f"The file has {len(data)} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
-        )
+    limits.check_bytes(len(data))
     kind = asset_format(data, filename)
     notices: tuple[str, ...] = ()
     if kind == "zip":

@@ -237,8 +237,7 @@ def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]
     from meshdeform.assets.surface_files import read_surface_file, summary_of
 
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    if path.stat().st_size > limits.max_bytes:
-        raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    limits.check_bytes(path.stat().st_size)
     found = read_surface_file(path.read_bytes(), filename, limits)
     assert found is not None
     return asdict(summary_of(found, filename))
@@ -253,8 +252,7 @@ def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
 
 def _read_scalars(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    if path.stat().st_size > limits.max_bytes:
-        raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    limits.check_bytes(path.stat().st_size)
     from meshdeform.assets.scalar_files import read_scalar_file, summary_of_scalars
 
     return asdict(summary_of_scalars(read_scalar_file(path.read_bytes())))
@@ -269,8 +267,7 @@ def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, An
 
 def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    if path.stat().st_size > limits.max_bytes:
-        raise AssetTooLargeError(f"The file is larger than {limits.max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    limits.check_bytes(path.stat().st_size)
     from meshdeform.assets.family_file import read_family
 
     family = read_family(path.read_bytes(), limits)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.surface import Surface
-from meshdeform.errors import AssetError, AssetFormatError, AssetNotFiniteError, AssetTooLargeError, AssetTruncatedError
+from meshdeform.errors import AssetError, AssetFormatError, AssetNotFiniteError, AssetTruncatedError
 
 FAMILY_FORMAT = "meshdeform-family-2"
 _ANY_VERSION = "meshdeform-family-"
@@ -91,10 +91,7 @@ def read_family(data: bytes, limits: Limits | None = None) -> FamilyFile:
         It is damaged, too large, of another version, or no family; the message says what to do.
     """
     limits = limits or Limits()
-    if len(data) > limits.max_bytes:
-        raise AssetTooLargeError(
-            f"The file has {len(data)} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
-        )
+    limits.check_bytes(len(data))
     metadata, arrays = _load(data)
     try:
         names, parts, digests = (_strings(metadata, name) for name in ("names", "parts", "digests"))

@@ -153,11 +153,7 @@ def check_storage(
                 f"accessors[{i}] declares {root['accessors'][i]['count']} elements without data; "
                 f"the limit is {limits.max_bare_elements}."
             )
-    if decoded > limits.max_bytes:
-        raise AssetTooLargeError(
-            f"The compressed parts decode to {decoded} bytes; the limit is {limits.max_bytes} "
-            "(MESHDEFORM_MAX_UPLOAD_BYTES)."
-        )
+    limits.check_bytes(decoded, "The compressed parts decode to")
 
 
 def _refuse_external(uri: str | None, where: str) -> None:
@@ -561,10 +557,7 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
         The asset cannot be used; the subclass and message say why and what to do.
     """
     limits = limits or Limits()
-    if len(data) > limits.max_bytes:
-        raise AssetTooLargeError(
-            f"The file has {len(data)} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
-        )
+    limits.check_bytes(len(data))
     kind = asset_format(data, filename)
     if kind == "zip":
         inspect_archive(data, limits)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from meshdeform.errors import AssetTooLargeError
+
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
@@ -42,6 +44,14 @@ class Limits:
     def max_vertices(self) -> int:
         """Vertices to deform, over all instances: four per triangle, to allow for some that no triangle uses."""
         return 4 * self.max_triangles
+
+    def check_bytes(self, size: int, has: str = "The file has") -> None:
+        """Raise AssetTooLargeError for more than `max_bytes`; `has` says what has them."""
+        if size > self.max_bytes:
+            most = f"{self.max_bytes:,} bytes" if self.max_bytes < 2**20 else f"{self.max_bytes / 2**20:.4g} MiB"
+            advice = "Simplify the mesh. Whoever runs the service can raise MESHDEFORM_MAX_UPLOAD_BYTES."
+            message = f"{has} more than {most}, which is the limit."
+            raise AssetTooLargeError(message, advice=advice, limit=self.max_bytes)
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Self:

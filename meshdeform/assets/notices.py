@@ -153,8 +153,8 @@ def coarseness_warnings(positions: NDArray[np.float64], triangles: NDArray[np.in
         return ()
     return (
         f"{share:.0%} of the surface is in triangles with edges longer than a third of the asset. Triangles stay "
-        "flat, so these surfaces cannot bend. Set output.subdivide, which splits edges longer than a tenth of the "
-        "asset, or subdivide them in a modelling program.",
+        "flat, so these surfaces cannot bend. Let edges longer than a tenth of the asset be split (output.subdivide), "
+        "or subdivide them in a modelling program.",
     )
 
 

@@ -96,10 +96,7 @@ def read_surface_file(
     kind = surface_format(data[:65_536], filename)
     if kind is None:
         return None
-    if len(data) > limits.max_bytes:
-        raise AssetTooLargeError(
-            f"The file has {len(data)} bytes; the limit is {limits.max_bytes} (MESHDEFORM_MAX_UPLOAD_BYTES)."
-        )
+    limits.check_bytes(len(data))
     if kind == "points":
         return _points(*(_ply(data) if data.startswith(b"ply") else _xyz(data)))
     return _grid(data) if kind == "grid" else _network(data)

@@ -25,6 +25,7 @@ from anyio import to_thread
 
 from meshdeform import __version__
 from meshdeform.api.limits import MAX_FETCH_S
+from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetNotFetchedError,
     AssetTooLargeError,
@@ -141,11 +142,7 @@ def fetch(
         detail = f"The {job.state} job {job.id} has no such artifact."
         raise ParameterError.at(_inside(place, "artifact"), detail, f"It has: {', '.join(artifacts) or 'none'}.")
     artifact = artifacts[reference.artifact]
-    if artifact.size > app.settings.max_upload_bytes:
-        raise AssetTooLargeError(
-            f"The artifact has {artifact.size} bytes; the limit is {app.settings.max_upload_bytes} "
-            "(MESHDEFORM_MAX_UPLOAD_BYTES)."
-        )
+    Limits.from_settings(app.settings).check_bytes(artifact.size, "The artifact has")
     with _reported_at(_inside(place, "job_id"), f"There is no job {reference.job_id}."):
         app.store.fetch(artifact.key, path, sha256=artifact.sha256)
     return ReceivedFile(path, artifact.name, artifact.size, artifact.sha256)

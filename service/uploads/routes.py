@@ -8,6 +8,7 @@ import sqlalchemy as sa
 from anyio import to_thread
 from fastapi import APIRouter, Header, Path, Request, Response
 
+from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetTooLargeError,
     ChecksumError,
@@ -223,13 +224,7 @@ def head_content(request: Request, app: AppStateDep, id: _UploadId) -> Response:
 
 
 def _create(app: AppState, caller: Caller, document: UploadDocument) -> Answer:
-    limit = app.settings.max_upload_bytes
-    if document.size > limit:
-        raise AssetTooLargeError(
-            f"The file has {document.size} bytes; the limit is {limit}.",
-            advice="Simplify the mesh, or raise MESHDEFORM_MAX_UPLOAD_BYTES.",
-            limit=limit,
-        )
+    Limits.from_settings(app.settings).check_bytes(document.size)
 
     # Created before the transaction begins, since SQLite allows only one writer.
     app.record.secret("signed-urls")

@@ -216,6 +216,7 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
 @pytest.mark.without_pictures
 def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fitted: str, axe: str) -> None:
     page.goto(f"/#/jobs/{fitted}")
+    expect(page.get_by_text("Distance from your file")).to_be_visible()
     facts = page.locator(".field-facts")
     expect(page.locator(".field-stage .viewer-tag")).to_have_text("Level 4 · 25,600 triangles")
     page.get_by_label("Level", exact=True).fill("1")

@@ -40,6 +40,13 @@ test("whether to keep the asset, how much of it is left, and what a skin looks l
   assert.deepEqual(findings({ verdict: { value: "keep_result", reasons: [] } }), []);
 });
 
+test("how well a target is met, and the source of a surface fit", () => {
+  const said = (/** @type {any} */ report) => findings(report).map(({ tone, text }) => [tone, text]);
+  assert.deepEqual(said({ fit: { within: 0.991 } }), [["good", "Fits the target: 99%"]]);
+  assert.deepEqual(said({ fit: { within: 0.72 } }), [["plain", "Fits the target: 72%"]]);
+  assert.deepEqual(said({ levels: [{ distance: { mean: 0.02 } }, { distance: { mean: 0.0012 } }] }), [["plain", "Distance from your file 0.12%"]]);
+});
+
 test("what a result looks like, and whether that was asked for", () => {
   const judged = { noun: "rabbit", probability: 0.834, nouns: 122, next: { noun: "octopus", probability: 0.06 }, matches: true };
   const [good] = findings({ likeness: judged });

@@ -54,7 +54,7 @@ export function findings(report) {
   const quality = shownQuality(report);
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [...verdict(report?.verdict), ...likeness(report?.likeness), ...stillYours(quality), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
+  const found = [...verdict(report?.verdict), ...likeness(report?.likeness), ...stillYours(quality), ...fitted(report), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
     const others = report.warnings.map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
     found.push(...others.map((/** @type {string} */ text) => warn(text.startsWith(STALLED) ? "Hardly moved" : "The source", text)));
@@ -124,6 +124,19 @@ function verdict(judged) {
 function stillYours(quality) {
   const share = number(quality.kept_share);
   return share === null ? [] : [plain(`Still your asset: ${percent(share)}`, "The share of the surface that kept its shape, if not its size.")];
+}
+
+/** How well a target, or the source of a surface fit, is met. @param {any} report @returns {Finding[]} */
+function fitted(report) {
+  const within = number(report?.fit?.within);
+  const far = number(report?.levels?.at?.(-1)?.distance?.mean);
+  const found = [];
+  if (within !== null) {
+    const note = "The share of the target that is within 1% of its diagonal of the result.";
+    found.push((within >= 0.95 ? good : plain)(`Fits the target: ${percent(within)}`, note));
+  }
+  if (far !== null) found.push(plain(`Distance from your file ${figure(100 * far)}%`, "The mean at the finest level, of the diagonal."));
+  return found;
 }
 
 /**

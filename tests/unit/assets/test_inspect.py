@@ -103,8 +103,11 @@ def test_triangles_of_all_instances_have_a_limit() -> None:
 def test_limits_come_from_the_settings() -> None:
     limits = Limits.from_settings(Settings(max_upload_bytes=5000, max_triangles=7, max_json_bytes=2048))
     assert (limits.max_bytes, limits.max_triangles, limits.max_json_bytes) == (5000, 7, 2048)
-    with pytest.raises(AssetTooLargeError, match="MESHDEFORM_MAX_UPLOAD_BYTES"):
+    with pytest.raises(AssetTooLargeError, match="more than 5,000 bytes") as refused:
         inspect_asset(bytes(6000), limits=limits)
+    assert "MESHDEFORM_MAX_UPLOAD_BYTES" in refused.value.advice_text
+    with pytest.raises(AssetTooLargeError, match="The ZIP unpacks to more than 100 MiB, which is the limit"):
+        Limits().check_bytes(2**27, "The ZIP unpacks to")
 
 
 def broken(change: Any) -> bytes:

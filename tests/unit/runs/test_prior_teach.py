@@ -120,7 +120,7 @@ _BOMB = packed(big_glb=b"0" * 2_000_000)
         (packed(a_glb=b"glTF"), r"a.glb: "),
         (packed(**{f"m{number}_obj": CUBE for number in range(MAX_MESHES + 1)}), "holds 201 meshes; .* at most 200"),
         (packed(**{"..__evil_glb": BALL}), "names a file outside itself"),
-        (_BOMB, "unpacks to 2000000 bytes"),
+        (_BOMB, "unpacks to more than"),
         (_BOMB[:60], "cannot be read"),
     ],
     ids=["no mesh", "empty", "one face", "broken", "too many", "outside", "bomb", "cut"],

@@ -371,7 +371,7 @@ function sizesTable(table, report, field) {
   const rows = [["This field", counted(field.faces, "triangle"), bytes(field.bytes), field.time]];
   for (const [what, { faces, bits, draco, meshopt }] of [["input", packed.input], [top, packed.top_level]])
     for (const [name, found] of [["Draco", draco], ["meshopt", meshopt]])
-      rows.push([`${name}, ${what}, ${bits} bits`, counted(faces, "triangle"), found ? bytes(found.bytes) : "not installed", found ? `${found.unpack_ms.toFixed(1)} ms where the job ran` : ""]);
+      rows.push([`${name}, ${what}, ${bits} bits`, counted(faces, "triangle"), found ? bytes(found.bytes) : "not measured", found ? `${found.unpack_ms.toFixed(1)} ms where the job ran` : ""]);
   const cell = (/** @type {string} */ text, /** @type {number} */ i) => h(i ? "td" : "th", i ? null : { scope: "row" }, text);
   fill(
     table,

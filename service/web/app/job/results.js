@@ -94,7 +94,7 @@ export function filesPanel(job, artifacts, scope) {
       "ul",
       { class: "files" },
       sorted.map((found) =>
-        row(found.name, artifactName(job, found.name), PICTURES[job.kind]?.[found.name] ?? FILES[found.name] ?? found.content_type, found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
+        row(found.name, artifactName(job, found.name), PICTURES[job.kind]?.[found.name] ?? FILES[found.name] ?? (found.content_type === "model/gltf-binary" ? "A mesh" : found.content_type), found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
       ),
       mayMake ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
       row(job.asset.filename, job.asset.filename, `The ${job.kind === "family_fit" ? "collection" : "asset"} as ${shared ? "it was sent" : "you sent it"}`, job.asset.size, `v1/jobs/${job.id}/asset`, false),

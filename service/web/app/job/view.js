@@ -183,7 +183,7 @@ export class JobView {
       this.report = names.includes("report.json") ? await client.json(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
       if (this.scope.over) return;
       if (this.results) {
-        fill(this.results, this.report?.quality ? qualityPanel(this.report) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
+        fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
       this.stage?.front(this.report?.orientation);
       if (this.report && this.stage instanceof FieldStage) this.stage.compare(this.report);
