@@ -60,12 +60,12 @@ def _operation(title: str, operation: dict[str, Any], document: dict[str, Any]) 
             f"| `{name}` | {place} | {_kind(schema)} | {'required. ' if required else ''}{_cell(text)} |"
             for name, place, schema, text, required in rows
         ]
-        parts.append("\n".join(["| parameter | in | kind | |", "|---|---|---|---|", *lines]) + "\n")
+        parts.append("\n".join(["| parameter | in | kind | meaning |", "|---|---|---|---|", *lines]) + "\n")
     lines = [
         f"| {status} | {_body(answer)} | {_cell(answer.get('description', ''))} |"
         for status, answer in ((key, _found(value, document)) for key, value in sorted(operation["responses"].items()))
     ]
-    parts.append("\n".join(["| answer | body | |", "|---|---|---|", *lines]) + "\n")
+    parts.append("\n".join(["| answer | body | meaning |", "|---|---|---|", *lines]) + "\n")
     return "\n".join(parts)
 
 
@@ -86,7 +86,7 @@ def _document(name: str, schema: dict[str, Any]) -> str:
         for member, found in schema.get("properties", {}).items()
     ]
     if rows:
-        parts.append("\n".join(["| member | kind | | example |", "|---|---|---|---|", *rows]) + "\n")
+        parts.append("\n".join(["| member | kind | meaning | example |", "|---|---|---|---|", *rows]) + "\n")
     return "\n".join(parts)
 
 

@@ -123,12 +123,19 @@ def _family_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f"Classes    {summary['classes']['nearest_neighbour']:.1%} have a nearest neighbour of their class"
 
 
+_APART = 0.01
+"""From this share of a shape's diagonal on, a gap between its parts is seen."""
+
+
 def _shape_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     yield f"Folder     {summary['folder']}"
     yield f"Files      {', '.join(summary['files'])}"
     for shape in summary["shapes"]:
         parts = ", ".join(f"{each['part']} of {each['member']}" for each in shape["parts"])
-        yield f"{shape['name']}  {parts}; more plausible than {shape['plausibility']:.0%} of the members"
+        loose, gap = shape["loose"], max((each["gap"] for each in shape["parts"]), default=0)
+        apart = [f"loose: {', '.join(loose)}"] * bool(loose) + [f"parts up to {gap:.1%} apart"] * (gap > _APART)
+        said = [parts, *apart, f"more plausible than {shape['plausibility']:.0%} of the members"]
+        yield f"{shape['name']}  {'; '.join(said)}"
     for each in summary["nearest_members"] or ():
         yield f"{each['distance']:9.3f}  {each['name']}"
 

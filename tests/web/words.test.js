@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { findings, skipped } from "../../service/web/app/quality.js";
+import { findings, shapeWords, skipped } from "../../service/web/app/quality.js";
 import { allPoints, curveWords, reportPoints, seriesNames, smoothed, ticks } from "../../service/web/app/series.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
 import { adjectives, catalogue, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
@@ -45,6 +45,12 @@ test("how well a target is met, and the source of a surface fit", () => {
   assert.deepEqual(said({ fit: { within: 0.991 } }), [["good", "Fits the target: 99%"]]);
   assert.deepEqual(said({ fit: { within: 0.72 } }), [["plain", "Fits the target: 72%"]]);
   assert.deepEqual(said({ levels: [{ distance: { mean: 0.02 } }, { distance: { mean: 0.0012 } }] }), [["plain", "Distance from your file 0.12%"]]);
+});
+
+test("a shape of a family whose parts hang apart is not only praised", () => {
+  const parts = [{ gap: 0.002 }, { gap: 0.0449 }];
+  assert.equal(shapeWords({ plausibility: 1, loose: [], parts: [parts[0]] }), "more plausible than 100% of the members");
+  assert.equal(shapeWords({ plausibility: 1, loose: ["arm"], parts }), "loose: arm; parts up to 4% apart; more plausible than 100% of the members");
 });
 
 test("what a result looks like, and whether that was asked for", () => {

@@ -139,6 +139,16 @@ function fitted(report) {
   return found;
 }
 
+/** What of a new shape of a family hangs apart, and how plausible it is to the model, which sees no gaps. @param {any} shape */
+export function shapeWords({ plausibility, loose = [], parts = [] }) {
+  const gap = Math.max(0, ...parts.map((/** @type {any} */ part) => number(part.gap) ?? 0));
+  return [
+    loose.length ? `loose: ${loose.join(", ")}` : "",
+    gap > 0.01 ? `parts up to ${percent(gap)} apart` : "",
+    `more plausible than ${percent(plausibility)} of the members`,
+  ].filter(Boolean).join("; ");
+}
+
 /**
  * What the result looks like to a judge that knows the nouns of the built-in model.
  * @param {any} judged

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import typer
 
-from meshdeform.cli.report_lines import orientation_line, prompt_lines, source_line, stretch_line
+from meshdeform.cli.report_lines import _shape_lines, orientation_line, prompt_lines, source_line, stretch_line
 from meshdeform.cli.request import read_prompt
 from meshdeform.deformation.orientation import Orientation, OrientationSource
 from meshdeform.requests.document import DeformParams
@@ -85,4 +85,15 @@ def test_each_prompt_gets_a_line() -> None:
         f"a bell: {looks}",
         f"an old bell (in its region): {looks}",
         f"a bell (in its region, under 1% before): {looks}",
+    ]
+
+
+def test_a_shape_whose_parts_hang_apart_is_not_only_praised() -> None:
+    parts = [{"part": "seat", "member": "a", "gap": 0.002}, {"part": "lid", "member": "b", "gap": 0.0449}]
+    shape = {"name": "0.glb", "parts": parts, "loose": ["arm"], "plausibility": 1.0}
+    whole = {**shape, "parts": parts[:1], "loose": []}
+    summary = {"folder": "x", "files": [], "shapes": [shape, whole], "nearest_members": None}
+    assert list(_shape_lines(summary))[2:] == [
+        "0.glb  seat of a, lid of b; loose: arm; parts up to 4.5% apart; more plausible than 100% of the members",
+        "0.glb  seat of a; more plausible than 100% of the members",
     ]

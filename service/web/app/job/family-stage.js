@@ -5,6 +5,7 @@ import { button, fill, h } from "../dom.js";
 import { percent } from "../format.js";
 import { stemOf } from "../names.js";
 import { orToast } from "../problem-box.js";
+import { shapeWords } from "../quality.js";
 import { filesOf } from "../../viewer/zip.js";
 import { ViewerBox } from "../viewer-box.js";
 import { handOnButtons, saveBytes } from "./files.js";
@@ -92,7 +93,7 @@ export class FamilyStage extends PictureStage {
   _label(number) {
     const { mode, members } = this.job.params;
     if (mode === "interpolate") return `${percent(number / (this.files.size - 1))} from ${members[0]} to ${members[1]}`;
-    return `more plausible than ${percent(this.report.shapes[number].plausibility)} of the members`;
+    return shapeWords(this.report.shapes[number]);
   }
 
   /** The shape that is shown. */
