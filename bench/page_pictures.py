@@ -64,6 +64,7 @@ def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: s
         page.get_by_text(press, exact=True).click()
         page.locator(".legend").wait_for()
         page.evaluate("() => Promise.all(document.getAnimations().map((each) => each.finished))")
+        page.evaluate("() => scrollTo(0, 0)")  # the click may have scrolled
     page.screenshot(path=path)
     context.close()
     assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
