@@ -73,6 +73,9 @@ export class Wall {
   turn(degrees) {
     const turned = new Quaternion().setFromAxisAngle(new Vector3(0, 1, 0), (degrees * Math.PI) / 180);
     for (const { node } of this.shapes) node.quaternion.copy(turned);
+    // What is framed holds the outer shapes however they were turned.
+    this.viewer.ownBox.union(new Box3().setFromObject(/** @type {import("three").Object3D} */ (this.viewer.root)));
+    this.viewer.rig.setBox(this.viewer.ownBox);
     this.viewer.stage.refreshShadow();
     this.mark(this.point);
     this.#outline();
