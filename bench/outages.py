@@ -1,8 +1,8 @@
 """Take each dependency away from a running deployment: ``python -m bench.outages [--only WORDS]``.
 
     python -m bench.outages --seconds 20 --jobs 20     every fault of the table, for so long, beside so many jobs
-    python -m bench.outages --chaos 10000              so many jobs under random kills and outages of the same table
-    python -m bench.outages --chaos 200 --real         the same with the real run: a sphere, two steps, a preview
+    python -m bench.outages --chaos 10000 --pause 3 25      so many jobs under random kills and outages of the table
+    python -m bench.outages --chaos 200 --real --pause 5 20   the same with the real run: a sphere, two steps
 
 Plain processes: two APIs, two workers with the default lease of 30 s (`--chaos`: 5 s), PostgreSQL behind PgBouncer,
 Redis, and an S3 server behind a proxy that fails on demand; what is not installed is left out, and said. Jobs are
@@ -404,8 +404,8 @@ def readiness(cluster: Deployment, seconds: float) -> float:
     return slowest
 
 
-def chaos(outages: Outages, count: int, seed: int) -> bool:
-    """Run so many jobs under random faults; print what happened, and return whether all is well."""
+def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float]) -> bool:
+    """Run so many jobs under random faults, so far apart; print what happened, and return whether all is well."""
     cluster, choose, jobs = outages.cluster, random.Random(seed), Jobs(outages.cluster, "chaos")
     if cluster.real:
         cluster.check(jobs.post(count, 0))  # the undisturbed one
@@ -417,7 +417,7 @@ def chaos(outages: Outages, count: int, seed: int) -> bool:
     more = {
         name: lambda fault=fault: briefly(fault) for name, fault in outages.faults.items() if not outages.why_not(name)
     }
-    pause_s, waiting, start = ((5.0, 20.0) if cluster.real else (0.5, 4.0)), list[str](), time.monotonic()
+    waiting, start = list[str](), time.monotonic()
     with Chaos(cluster, seed, WORKERS, pause_s=pause_s, more=more) as faults:
         for number in range(count):
             while len(waiting) >= BACKLOG:
@@ -447,6 +447,9 @@ def main() -> None:
         "--chaos", type=int, default=0, metavar="N", help="N jobs under random faults, in place of the table"
     )
     parser.add_argument("--real", action="store_true", help="with --chaos: the real run in place of a sum")
+    parser.add_argument(
+        "--pause", type=float, nargs=2, default=(0.5, 4.0), metavar=("LEAST", "MOST"), help="seconds between two faults"
+    )
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # ends what was started
@@ -459,7 +462,7 @@ def main() -> None:
             print(f"without {part}: {reason}")
         if options.chaos:
             print("The clock is not set here: tests/integration/test_reconciler.py sets the record's.")
-            well = chaos(outages, options.chaos, options.seed)
+            well = chaos(outages, options.chaos, options.seed, tuple(options.pause))
         else:
             print(
                 "| fault | jobs | ended | lost | twice | attempts > 1 | all ended after | slowest /readyz |\n|---|"
