@@ -214,8 +214,9 @@ export class CreateView {
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
     this.settings.suit(this.guide.target ? "target" : this.guide.isEmpty || this.prompt.value || this.control.further.any ? "sds" : "silhouettes");
     this.front.offer(this.settings.offers("orientation"));
-    const { variationCount } = this.settings;
-    this.form.rename(variationCount > 1 ? `Deform, ${variationCount} variations` : "Deform");
+    const { variationCount, variations } = this.settings;
+    const named = variationCount > 1 && Number(variations.input.value) === variationCount; // none that the field refuses
+    this.form.rename(named ? `Deform, ${variationCount} variations` : "Deform");
     this.check();
   }
 
