@@ -124,6 +124,7 @@ class JobEstimate(BaseModel):
         None, ge=0.0, description="Seconds from then until it finishes; null if unknown.", examples=[90.0]
     )
     basis: str = Field(description="What the estimate is based on.", examples=["20 jobs of this kind and model"])
+    steps: int = Field(0, ge=0, description="Its steps; 0 of a change in plain words.", examples=[200])
 
 
 class Validation(BaseModel):

@@ -227,6 +227,7 @@ class JobEstimate(_Open):
     queue_s: float | None = None
     run_s: float | None = None
     basis: str = ""
+    steps: int = 0
 
 
 class Validation(_Open):

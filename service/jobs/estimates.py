@@ -36,12 +36,13 @@ class Estimate:
     """The expected duration of a job, and the data that says so.
 
     `queue_s` are the seconds until a worker takes the job, None if unknown; `run_s` those from then to its end, None if
-    no similar job has succeeded and none was measured beforehand.
+    no similar job has succeeded and none was measured beforehand. `steps` is 0 of a change in plain words.
     """
 
     queue_s: float | None
     run_s: float | None
     basis: str
+    steps: int
 
 
 def estimate(
@@ -67,7 +68,7 @@ def estimate(
         history = _History(connection, default_model)
         pace, basis = history.pace(request.kind, request.workload)
         if pace is None:
-            return Estimate(None, None, basis)
+            return Estimate(None, None, basis, steps)
         run_s = costs_of(request.workload).seconds(faces, parts, safeguard).times(pace).of(steps)
 
         def seconds_left(row: _Row) -> float:
@@ -77,9 +78,9 @@ def estimate(
         ahead = _Ahead.of(connection, request.priority, owner_id, seconds_left)
     workers = leases.alive(queue)
     if workers == 0:
-        return Estimate(None, run_s, f"{basis}; no worker is alive")
+        return Estimate(None, run_s, f"{basis}; no worker is alive", steps)
     basis = f"{basis}; {workers} worker{'s' * (workers > 1)} alive"
-    return Estimate(ahead.seconds_until_free(workers), run_s, basis)
+    return Estimate(ahead.seconds_until_free(workers), run_s, basis, steps)
 
 
 class _History:

@@ -64,6 +64,7 @@ def test_a_part_is_pointed_at_changed_and_seen_at_once(page: Page, service: Serv
     expect(chip(page, "longer")).to_have_attribute("aria-pressed", "true")
     assert barriers(page, axe) == []
     slider.fill("0")
+    expect(page.locator("#estimate")).to_contain_text("A change in plain words")
     expect(prompt).to_have_value("head smaller by 20 %")
 
     job = start(page)

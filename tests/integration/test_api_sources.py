@@ -113,6 +113,7 @@ def test_the_estimate_goes_by_jobs_that_were_measured_and_by_the_mesh(api: Api, 
         files = {"asset": ("s.glb", asset), "request": (None, document)}
         found = api.http.post("/v1/jobs:validate", files=files).json()["estimate"]
         assert found["basis"].startswith("1 job of this kind and model")
+        assert found["steps"] == steps
         return float(found["run_s"])
 
     assert run_s(sphere, 80) == pytest.approx(49.0)

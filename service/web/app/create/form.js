@@ -32,8 +32,8 @@ export function intro(words, stressed, lead) {
  * @param {number} variations
  */
 export function estimateWords(found, variations) {
-  const { queue_s: queue, run_s: run } = found.estimate;
-  const steps = `${found.params.steps.toLocaleString("en")} steps`;
+  const { queue_s: queue, run_s: run, steps: count } = found.estimate;
+  const steps = count ? `${count.toLocaleString("en")} steps` : "A change in plain words";
   if (run === null) return `${steps}. No estimate yet: no job like this has run here.`;
   const all = run * variations;
   const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
