@@ -30,10 +30,6 @@ class RealShapes:
     def __contains__(self, noun: object) -> bool:
         return noun in self._members
 
-    def count(self, noun: str) -> int:
-        """Return the number of different shapes of a noun."""
-        return len(self._members.get(noun, ()))
-
     def digest(self, noun: str) -> str:
         """Return a hash of what members of a noun are drawn from."""
         return hashlib.sha256(repr((self._members.get(noun), _SCALE, _SHEAR, _WAVE)).encode()).hexdigest()

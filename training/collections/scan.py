@@ -27,7 +27,7 @@ from meshdeform.priors.builtin.teaching.deformed import Part, normalised
 from meshdeform.priors.builtin.teaching.shapes import Shape, four_views, shape_of
 from meshdeform.support.files import write_files
 from training.collections.nouns import noun_of
-from training.collections.sources import PRIOR, collection_of, pack_of, split_of
+from training.collections.sources import MARKET, PRIOR, collection_of, creator_of, pack_of, split_of
 from training.prior.families import FAMILIES, member
 
 _SUFFIXES = frozenset({".glb", ".gltf"})
@@ -77,6 +77,8 @@ def candidates(folder: Path) -> Iterator[tuple[Found, Path]]:
         inner = path.relative_to(folder).as_posix()
         collection, noun = collection_of(inner), noun_of(shown_name(path))
         if collection is None or noun is None or path.suffix.lower() not in _SUFFIXES or _SEEDLINGS in inner:
+            continue
+        if pack_of(inner) == MARKET and creator_of(path) != collection.author.lower():
             continue
         shape = hashlib.sha256(inner.encode()).hexdigest()[:16]
         yield Found(inner, noun, collection.author, pack_of(inner), shape), path

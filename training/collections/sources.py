@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
 
 PRIOR, JUDGE, HELD_OUT = "prior", "judge", "held out"
 """Who may see a member: the prior's training, the judge's, or nobody before the measurement."""
@@ -45,14 +47,21 @@ def collection_of(path: str) -> Collection | None:
 def pack_of(path: str) -> str:
     """Return the pack of a file: the folder that holds one author's set of things of a kind."""
     parts = path.split("/")
-    if parts[0] in _FLAT:  # a folder for each model
+    if parts[0] == MARKET:
         return parts[0]
     inner = [part for part in parts[1:-1] if part.lower() not in _INNER]
     return "/".join([parts[0], *inner[:3]])
 
 
 _INNER = frozenset({"public", "glb", "fbx", "models", "fbx format", "files", "addons", "assets", "gltf", "obj"})
-_FLAT = frozenset({"pmndrs+market-assets"})
+MARKET = "pmndrs+market-assets"
+"""A collection of several creators' models, each in a folder of its own with an `info.json` that names its creator."""
+
+
+def creator_of(path: Path) -> str:
+    """Return the creator that the `info.json` beside a model names; nothing if there is none."""
+    info = path.parent / "info.json"
+    return str(json.loads(info.read_text(encoding="utf-8")).get("creator", "")) if info.is_file() else ""
 
 
 def split_of(members: list[tuple[str, str, str]]) -> dict[str, str]:

@@ -25,8 +25,6 @@ from training.collections.sources import PRIOR
 from training.prior.dataset import PictureFolder
 from training.prior.warm_start import warm_start
 
-__all__ = ["PriorTrainer", "main"]
-
 _log = logging.getLogger(__name__)
 _TIMED_STEPS = 30
 

@@ -19,8 +19,6 @@ from meshdeform.priors.builtin.network import PriorNetwork, read_tensors
 from meshdeform.priors.builtin.teaching.teacher import new_rows
 from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
 
-__all__ = ["warm_start"]
-
 _WORDS = "text.word.weight"
 
 
