@@ -77,9 +77,3 @@ def upgrade() -> None:
         sa.Column("prefix", sa.String(255), nullable=False),
         sa.PrimaryKeyConstraint("prefix", name="pk_discarded"),
     )
-
-
-def downgrade() -> None:
-    """Drop every table."""
-    for table in ("discarded", "files", "checkpoints", "artifacts", "jobs"):
-        op.drop_table(table)

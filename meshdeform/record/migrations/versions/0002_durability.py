@@ -231,24 +231,3 @@ def _fill_in() -> None:
         for seq, event in enumerate(past, 1):
             connection.execute(sa.insert(tables.tables["events"]).values(job_id=row.id, seq=seq, **event))
         connection.execute(sa.update(jobs).where(jobs.c.id == row.id).values(event_seq=len(past)))
-
-
-def downgrade() -> None:
-    """Go back to 0001: what only this version knows is lost."""
-    for table in (
-        "secrets", "tallies", "workers", "delivery_attempts", "deliveries", "webhooks", "api_keys", "uploads",
-        "idempotency", "outbox", "events", "labels",
-    ):  # fmt: skip
-        op.drop_table(table)
-    for column in ("size", "mesh_key", "mesh_sha256", "mesh_size", "created_at"):
-        op.drop_column("checkpoints", column)
-    for index in (
-        "urgency", "owner_id_id", "owner_id_state_id", "origin_key", "workload_state_id", "deadline_at",
-        "retain_until", "worker_id",
-    ):  # fmt: skip
-        op.drop_index(f"ix_jobs_{index}", "jobs")
-    for column in (
-        "owner_id", "workload", "origin_key", "origin", "priority", "deadline_at", "retention_s", "retain_until",
-        "request_id", "traceparent", "oom_attempts", "event_seq", "step_s",
-    ):  # fmt: skip
-        op.drop_column("jobs", column)

@@ -10,8 +10,3 @@ down_revision = "0002"
 def upgrade() -> None:
     """Add the column; jobs that are there have none, and their workers resolve the request as before."""
     op.add_column("jobs", sa.Column("resolved", sa.JSON))
-
-
-def downgrade() -> None:
-    """Drop the column."""
-    op.drop_column("jobs", "resolved")

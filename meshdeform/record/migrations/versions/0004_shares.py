@@ -11,9 +11,3 @@ def upgrade() -> None:
     """Add the index and the column; existing keys have the deployment's limit."""
     op.create_index("ix_jobs_share", "jobs", ["state", "priority", "owner_id", "id"])
     op.add_column("api_keys", sa.Column("max_priority", sa.Integer))
-
-
-def downgrade() -> None:
-    """Drop both."""
-    op.drop_column("api_keys", "max_priority")
-    op.drop_index("ix_jobs_share", "jobs")

@@ -40,23 +40,6 @@ _UPGRADE_ORIGINS = """
     INSERT INTO job_files (job_id, part, owner_id, key, size)
     SELECT id, '(origin)', owner_id, origin_key, 0 FROM jobs WHERE origin_key IS NOT NULL
 """
-_DELETE_OTHERS = (
-    """
-    INSERT INTO discarded (prefix) SELECT 'jobs/' || id || '/' FROM jobs
-    WHERE id NOT IN (SELECT job_id FROM job_files WHERE part = 'asset')
-    """,
-    "DELETE FROM jobs WHERE id NOT IN (SELECT job_id FROM job_files WHERE part = 'asset')",
-)
-_DOWNGRADE = {
-    "sqlite": "UPDATE jobs SET asset = json_extract(files, '$.asset'), target = json_extract(files, '$.target')",
-    "postgresql": "UPDATE jobs SET asset = files->'asset', target = files->'target'",
-}
-_DOWNGRADE_KEYS = """
-    UPDATE jobs SET
-    asset_key = (SELECT key FROM job_files WHERE job_id = jobs.id AND part = 'asset'),
-    target_key = (SELECT key FROM job_files WHERE job_id = jobs.id AND part = 'target'),
-    origin_key = (SELECT key FROM job_files WHERE job_id = jobs.id AND part = '(origin)')
-"""
 
 
 def upgrade() -> None:
@@ -80,23 +63,3 @@ def upgrade() -> None:
         op.drop_index(f"ix_jobs_{name}_key", "jobs")
     for column in ("asset_key", "asset", "target_key", "target", "origin_key"):
         op.drop_column("jobs", column)
-
-
-def downgrade() -> None:
-    """Go back to two columns. Jobs of kinds that read other files are deleted: 0004 cannot represent them."""
-    for statement in _DELETE_OTHERS:
-        op.execute(statement)
-    for column in (
-        sa.Column("asset_key", sa.String(255), nullable=False, server_default=""),
-        sa.Column("asset", sa.JSON, nullable=False, server_default="{}"),
-        sa.Column("target_key", sa.String(255)),
-        sa.Column("target", sa.JSON),
-        sa.Column("origin_key", sa.String(255)),
-    ):
-        op.add_column("jobs", column)
-    for statement in (_DOWNGRADE[op.get_bind().dialect.name], _DOWNGRADE_KEYS):
-        op.execute(statement)
-    for name in ("asset", "target", "origin"):
-        op.create_index(f"ix_jobs_{name}_key", "jobs", [f"{name}_key"])
-    op.drop_column("jobs", "files")
-    op.drop_table("job_files")

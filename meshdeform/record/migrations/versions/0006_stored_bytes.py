@@ -18,9 +18,3 @@ def upgrade() -> None:
     op.add_column("jobs", sa.Column("stored_bytes", sa.BigInteger, nullable=False, server_default="0"))
     op.execute(_FILL)
     op.create_index("ix_jobs_owner_id_stored_bytes", "jobs", ["owner_id", "stored_bytes"])
-
-
-def downgrade() -> None:
-    """Drop both."""
-    op.drop_index("ix_jobs_owner_id_stored_bytes", "jobs")
-    op.drop_column("jobs", "stored_bytes")

@@ -33,11 +33,6 @@ def upgrade() -> None:
         last = rows[-1].id
 
 
-def downgrade() -> None:
-    """Drop the table."""
-    op.drop_table("job_texts")
-
-
 def _text(request: Any, files: Any) -> str:
     names = [file["filename"] for file in files.values()]
     text = "\n".join([request.get("prompt", ""), *names, *map(str, request.get("metadata", {}).values())])

@@ -19,8 +19,3 @@ def upgrade() -> None:
         sa.Column("candidates", sa.Integer, nullable=False),
         sa.PrimaryKeyConstraint("name", name="pk_leaders"),
     )
-
-
-def downgrade() -> None:
-    """Drop the table."""
-    op.drop_table("leaders")

@@ -43,13 +43,6 @@ def upgrade() -> None:
         )
 
 
-def downgrade() -> None:
-    """Drop the index; the extension may serve others, too."""
-    if op.get_bind().dialect.name == "postgresql":
-        op.execute("DROP INDEX IF EXISTS ix_job_texts_text")
-        op.execute("ALTER TABLE job_texts ALTER COLUMN text SET STATISTICS -1")
-
-
 def _code(error: sa.exc.DBAPIError) -> str:
     said = error.orig.args[0] if error.orig is not None and error.orig.args else None
     return str(said.get("C", "")) if isinstance(said, dict) else ""

@@ -30,12 +30,3 @@ def upgrade() -> None:
     op.create_index(_YIELDED, "jobs", ["state", "yielded_at"], sqlite_where=some, postgresql_where=some)
     op.add_column("webhooks", sa.Column("job_id", _ID))
     op.create_index("ix_webhooks_job_id", "webhooks", ["job_id"])
-
-
-def downgrade() -> None:
-    """Drop them."""
-    op.drop_index("ix_webhooks_job_id", "webhooks")
-    op.drop_column("webhooks", "job_id")
-    op.drop_index(_YIELDED, "jobs")
-    for name, _, _ in _JOBS:
-        op.drop_column("jobs", name)
