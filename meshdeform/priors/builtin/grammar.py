@@ -503,8 +503,8 @@ def _read(prompt: str, known: Words) -> _Reading:
 def _split(prompt: str, known: Words) -> list[str]:
     """Return the words in lower case; a compound with an unknown word stays one: "low-poly" says nothing of height."""
     text = prompt.lower().replace("low poly", "low-poly")
-    for compound in (name for name in (*known.nouns, *known.synonyms) if "-" in name):
-        text = re.sub(rf"\b{re.escape(compound).replace('-', '[ -]+')}(?=s?\b)", compound, text)
+    for compound in sorted((name for name in (*known.nouns, *known.synonyms) if "-" in name), key=len, reverse=True):
+        text = re.sub(rf"\b{compound.replace('-', '[ -]+')}(?=s?\b)", compound, text)
     found: list[str] = []
     for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", text):
         pieces = [word] if noun_of(word, known) else word.split("-")

@@ -233,6 +233,7 @@ def test_a_prior_with_taught_words_reads_its_own_words_only(tmp_path: Path) -> N
 @each_case("negative", ["", "a giraffe"])
 def test_a_refusal_names_the_words_that_were_taught_and_where_all_are_listed(negative: str) -> None:
     known = new_noun("tea pot", THREE_NOUNS).words
+    assert parse("a tall tea pot", known) == parse("a tall tea-pot", known)
     with pytest.raises(VocabularyError) as caught:
         parse_negative(negative, "a tea pot", known) if negative else parse("a giraffe", known)
     assert "It was taught: tea-pot." in caught.value.advice_text
