@@ -30,7 +30,7 @@ from meshdeform.priors.builtin.teaching.teacher import TeachConfig
 from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.runs.devices import use_threads
 from meshdeform.runs.prior_teach import TeachRequest, start_lesson
-from meshdeform.runs.prior_teach_kind import MeshFile
+from meshdeform.runs.prior_teach_kind import MeshFile, MeshLabel
 from meshdeform.support.files import write_files
 
 
@@ -62,17 +62,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--front", type=float, default=0.0)
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--family", type=Path)
     parser.add_argument("--test", type=Path, nargs="+", default=[])
     parser.add_argument("--only-test", action="store_true", help="measure by the meshes of --test alone")
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
     use_threads(options.threads)
     config = TeachConfig(steps=options.steps, seed=options.seed)
-    request = TeachRequest(options.noun, front_deg=options.front, config=config)
+    request = TeachRequest(front_deg=options.front, config=config)
+    label = MeshLabel(options.noun)
     marks = [time.process_time()]
-    family = options.family.read_bytes() if options.family else None
-    run = start_lesson(request, [MeshFile(path.name, path.read_bytes()) for path in options.meshes], family=family)
+    run = start_lesson(request, [MeshFile(path.name, path.read_bytes(), label) for path in options.meshes])
     marks.append(time.process_time())
     for _ in run:
         pass
@@ -86,7 +85,7 @@ def main() -> None:
         for name, found in report["retrieval"].items():
             print(f"{name:12} {found}")
     if options.test:
-        print("test        ", tested(made[WEIGHTS_ARTIFACT], run.noun, options.test))
+        print("test        ", tested(made[WEIGHTS_ARTIFACT], run.nouns[0], options.test))
     spent = [after - before for before, after in itertools.pairwise(marks)]
     parts = dict(zip(("drawing", "training", "measuring"), spent, strict=True))
     print("CPU time:", ", ".join(f"{name} {part / sum(parts.values()):.0%}" for name, part in parts.items()))

@@ -38,8 +38,9 @@ def shorten_lessons(patch: pytest.MonkeyPatch) -> None:
     """Let lessons draw and measure as few pictures as they can."""
 
     def short(new: object, shapes: object, replayed: object, _size: LessonSize, seed: int, **more: object) -> object:
-        return draw_lesson(new, shapes, replayed, LessonSize(members=2, each=1, grids=1), seed, **more)  # type: ignore[arg-type]
+        return draw_lesson(new, shapes, replayed, LessonSize(members=2, members_each=2, each=1, grids=1), seed, **more)  # type: ignore[arg-type]
 
     patch.setattr(prior_teach, "draw_lesson", short)
     patch.setattr(pictures, "_HELD_MEMBERS", 1)
+    patch.setattr(pictures, "_HELD_MEMBERS_EACH", 1)
     patch.setattr(sheet, "_STEPS", 2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -29,7 +30,7 @@ from meshdeform.cli.options import (
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import ANCHOR, make_request, merge_params
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
-from meshdeform.support.files import zipped
+from meshdeform.support.files import slug, zipped
 
 if TYPE_CHECKING:
     from meshdeform.runs.base import InputFile
@@ -284,46 +285,62 @@ def _sources(family: Path, collection: Path | None) -> tuple[Path, Path]:
 @with_options(of_kind("prior_teach", "Lesson", hidden=("noun", "synonyms", "front_deg")))
 def teach(
     ctx: typer.Context,
-    noun: Annotated[str, typer.Argument(help='What the meshes show: "a teapot".')],
+    noun: Annotated[str | None, typer.Argument(help='What the meshes show: "a teapot"; not with --folder.')] = None,
     meshes: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(
             help="GLB, OBJ, PLY, STL or ZIP files, or folders of them. The subfolders of a folder are named by "
             "attributes: tall, long-nose.",
             exists=True,
             readable=True,
         ),
-    ],
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        option(
+            "A kit, instead of NOUN and MESHES: its subfolders, or files without one, are named by nouns.",
+            exists=True,
+            file_okay=False,
+        ),
+    ] = None,
     output: Annotated[
-        Path | None, output_option("The file of weights, default: NOUN.safetensors; with --url a folder.")
+        Path | None,
+        output_option(
+            "The file of weights, default: NOUN.safetensors, or the name of the folder; with --url a folder."
+        ),
     ] = None,
     synonym: Annotated[list[str] | None, option("Another name of the same thing; repeatable.")] = None,
     front: Annotated[float, option("Azimuth of the front of the meshes: 0 is +Z, 90 is +X.", min=-360, max=360)] = 0.0,
-    family: Annotated[
-        Path | None,
-        file_option("The family.safetensors that family-fit found in the meshes: members are new shapes of it."),
-    ] = None,
     *,
     here: Here,
     place: JobPlace,
     printed: Printed,
 ) -> None:
-    """Teach the builtin model a noun from your own meshes, so that prompts may name it.
+    """Teach the builtin model nouns from your own meshes, so that prompts may name them.
 
     meshdeform teach "a teapot" teapots/*.glb -o mine.safetensors
 
     meshdeform run sphere.glb "a teapot" --model mine.safetensors
+
+    meshdeform teach --folder kit/ -o kit.safetensors
     """
-    params = {"noun": noun, "synonyms": synonym or [], "front_deg": front, **written(ctx)}
-    request = make_request("", params, more={"kind": "prior_teach"})
+    if folder and (noun or meshes):
+        raise typer.BadParameter("a kit has no NOUN and MESHES beside it", param_hint="--folder")
+    if not folder and not (noun and meshes):
+        raise typer.BadParameter("give NOUN and MESHES, or --folder", param_hint="NOUN MESHES")
+    meshes = [folder] if folder else meshes or []
     data, filename = _packed(meshes)
+    params = {"noun": noun, "synonyms": synonym or [], "front_deg": front, **written(ctx)}
+    if folder:
+        params = {"steps": _steps_of_kit(data, printed), **params}
+    request = make_request("", params, more={"kind": "prior_teach"})
     refuse_other_place(place, here=here.written(), there={})
+    name = _slug(noun) if noun else slug(meshes[0].resolve().name) or "kit"
     if place.url:
-        sent: dict[str, Path | bytes] = {"meshes": data, **({"family": family} if family else {})}
-        run_on_service(request, sent, place, output or Path(_slug(noun)), printed, filename=filename)
+        run_on_service(request, {"meshes": data}, place, output or Path(name), printed, filename=filename)
         return
     require("torch", "deform")
-    output = output or Path(f"{_slug(noun)}.safetensors")
+    output = output or Path(f"{name}.safetensors")
     if output.suffix != ".safetensors":
         raise typer.BadParameter(f"{output.name} does not end in .safetensors", param_hint="--output")
     from meshdeform.runs.base import WEIGHTS_ARTIFACT, InputFile
@@ -333,10 +350,23 @@ def teach(
         "report.json": output.with_suffix(".report.json"),
         "preview.png": output.with_suffix(".preview.png"),
     }
-    files: dict[str, Path | InputFile] = {"meshes": InputFile(data, filename), **({"family": family} if family else {})}
     inputs = [*meshes, Path(request.params.model or "builtin")]
-    run = run_here(request, files, paths, here, quiet=printed.quiet, inputs=inputs)
+    run = run_here(request, {"meshes": InputFile(data, filename)}, paths, here, quiet=printed.quiet, inputs=inputs)
     print_result(request.kind, run, paths, printed)
+
+
+def _steps_of_kit(data: bytes, printed: Printed) -> int:
+    """Say which nouns a kit has; return the steps to learn them."""
+    from meshdeform.assets import Limits
+    from meshdeform.assets.lesson_archive import open_lesson
+    from meshdeform.priors.builtin.teaching.lesson import nouns_of_kit
+    from meshdeform.requests.teaching import TEACH_STEPS, TEACH_STEPS_FURTHER
+
+    nouns = Counter(noun for noun, _ in nouns_of_kit(list(open_lesson(data, "", Limits()))).values())
+    if not printed.quiet:
+        listed = ", ".join(f"{noun} ({count})" for noun, count in nouns.items())
+        typer.echo(f"{len(nouns)} nouns and their meshes: {listed}", err=True)
+    return TEACH_STEPS + TEACH_STEPS_FURTHER * (len(nouns) - 1)
 
 
 def _packed(meshes: list[Path]) -> tuple[bytes, str]:
@@ -352,7 +382,5 @@ def _packed(meshes: list[Path]) -> tuple[bytes, str]:
 
 def _slug(noun: str) -> str:
     """Return the noun without its article, as the name of a file."""
-    from meshdeform.support.files import slug
-
     first, _, rest = noun.strip().partition(" ")
     return slug(rest if first.lower() in ("a", "an", "the") and rest else noun) or "noun"

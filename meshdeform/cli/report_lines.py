@@ -152,7 +152,13 @@ def _lesson_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     yield f"Picture    {summary['preview']}"
     yield f"Steps      {steps['done']} of at most {steps['most']}; the best weights are those of {steps['best']}"
     new, before, after = seen["new"], seen["old_before"], seen["old_after"]
-    yield f"New noun   {new['hits']} of {new['pictures']} held-out pictures are taken for a {summary['noun']}"
+    nouns = summary["nouns"]
+    shown = f"a {nouns[0]['noun']}" if len(nouns) == 1 else "what they show"
+    yield f"New words  {new['hits']} of {new['pictures']} held-out pictures are taken for {shown}"
+    if len(nouns) > 1:
+        for each in nouns:
+            hits, meshes = each["retrieval"], len(each["meshes"])
+            yield f"  {each['noun']}: {hits['hits']} of {hits['pictures']}; {meshes} mesh{'es' if meshes > 1 else ''}"
     yield (
         f"Old nouns  {after['hits']} of {after['pictures']} pictures are taken for what they show; "
         f"before the lesson {before['hits']}"

@@ -10,8 +10,8 @@ from meshdeform.requests.choices import BUILTIN_MODEL
 from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.parameters import MAX_STEPS
 
-TEACH_STEPS = 600
-"""Most steps of a lesson, unless it says otherwise."""
+TEACH_STEPS, TEACH_STEPS_FURTHER = 600, 60
+"""Most steps of a lesson, unless it says otherwise, and what a kit takes more for each noun but the first."""
 MAX_SYNONYMS = 16
 
 _Name = Annotated[str, StringConstraints(min_length=1, max_length=80)]
@@ -20,11 +20,16 @@ _Name = Annotated[str, StringConstraints(min_length=1, max_length=80)]
 class TeachParams(StrictModel):
     """The parameters of a lesson."""
 
-    noun: _Name = Field(description="What the meshes show.", examples=["a gnome"])
+    noun: _Name | None = Field(
+        None,
+        description="What the meshes show. Leave it out for a kit: a ZIP in which folders, or the files in none, are "
+        "named by nouns, and folders in those by attributes.",
+        examples=["a gnome"],
+    )
     synonyms: list[_Name] = Field(
         default_factory=list,
         max_length=MAX_SYNONYMS,
-        description="Other names of the same thing.",
+        description="Other names of the noun.",
         examples=[["dwarf"]],
     )
     replace: bool = Field(
@@ -57,7 +62,8 @@ class TeachParams(StrictModel):
         TEACH_STEPS,
         ge=1,
         le=MAX_STEPS,
-        description="Most steps of the training, which ends when held-out pictures are no longer predicted better.",
+        description="Most steps of the training, which ends when held-out pictures are no longer predicted better. "
+        f"A kit needs about {TEACH_STEPS_FURTHER} more for each noun but the first.",
         examples=[600],
     )
     seed: int = Field(0, ge=0, le=2**31 - 1, description="Seed of the pictures and of the training.", examples=[0])

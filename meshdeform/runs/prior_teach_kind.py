@@ -1,6 +1,6 @@
 """Describe the kind `prior_teach`: its files, the check of its requests, and its artifacts. Torch-free.
 
-The folders of a packed lesson name attributes of the meshes in them.
+The folders of a packed lesson name attributes of the meshes in them; those of a kit name nouns.
 """
 
 from __future__ import annotations
@@ -15,7 +15,13 @@ from meshdeform.errors import ModelError, ParameterError
 from meshdeform.priors import configured_name, hidden_folders, public_names
 from meshdeform.priors.builtin.grammar import Attribute, Words
 from meshdeform.priors.builtin.taught import known_words
-from meshdeform.priors.builtin.teaching.lesson import NewNoun, attributes_of_folder, new_noun
+from meshdeform.priors.builtin.teaching.lesson import (
+    NewNoun,
+    attributes_of_folder,
+    new_noun,
+    new_nouns,
+    nouns_of_kit,
+)
 from meshdeform.requests.choices import WEIGHTS_PART, JobKind, is_sent, is_taught
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, OutputOptions
 from meshdeform.requests.teaching import TeachParams
@@ -34,7 +40,7 @@ if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary
     from meshdeform.settings import Settings
 
-MESHES_PART, FAMILY_PART = "meshes", "family"
+MESHES_PART = "meshes"
 
 
 def params_of(request: JobRequest) -> TeachParams:
@@ -55,19 +61,44 @@ def params_of(request: JobRequest) -> TeachParams:
     return params
 
 
-def noun_of_request(params: TeachParams, known: Words) -> NewNoun:
-    """Return the noun that a request teaches.
+def lesson_of(params: TeachParams, known: Words, names: Sequence[str]) -> dict[str, MeshLabel]:
+    """Return what each mesh shows, by its name in the ZIP.
+
+    Parameters
+    ----------
+    known : Words
+        Those of the weights to start from.
+    names : sequence of str
+        Of the meshes; none if they are not known yet.
 
     Raises
     ------
     ParameterError
-        It cannot be taught to weights with these words.
+        A noun cannot be taught to weights with these words, or a folder does not name attributes.
     """
     try:
-        return new_noun(params.noun, known, synonyms=params.synonyms, replace_known=params.replace)
+        if params.noun is None:
+            return _kit(params, known, names)
+        new = new_noun(params.noun, known, synonyms=params.synonyms, replace_known=params.replace)
     except ParameterError as error:
         advice = error.advice_text.replace("--replace", "params.replace")
-        raise ParameterError.at(["params", "noun"], error.detail, advice) from error
+        place = ["params", "noun"] if params.noun else ["parts", MESHES_PART]
+        raise ParameterError.at(place, error.detail, advice) from error
+    return {name: MeshLabel(params.noun, attributes) for name, attributes in labelled(names, new).items()}
+
+
+def _kit(params: TeachParams, known: Words, names: Sequence[str]) -> dict[str, MeshLabel]:
+    """Return what each mesh of a kit shows."""
+    if params.synonyms:
+        raise ParameterError("A kit has no synonyms.", advice="Leave params.synonyms out, or name one noun.")
+    kit = nouns_of_kit(names)
+    nouns = list(dict.fromkeys(noun for noun, _ in kit.values()))
+    new_nouns(dict.fromkeys(nouns, ()), known, replace_known=params.replace)
+    made = {noun: new_noun(noun, known, replace_known=True) for noun in nouns}
+    return {
+        name: MeshLabel(noun, attributes_of_folder(label, made[noun]) if label else ())
+        for name, (noun, label) in kit.items()
+    }
 
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> TeachParams:
@@ -89,23 +120,23 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Te
             models=known,
         )
     with hidden_folders(offered):
-        noun_of_request(params, known_words(model))
+        lesson_of(params, known_words(model), ())
     return params.model_copy(update={"model": model})
 
 
 def _check_files(_request: JobRequest, params: TeachParams, files: Mapping[str, AssetSummary]) -> None:
     if not is_sent(params.model):
-        _check_folders(noun_of_request(params, known_words(params.model)), files)
+        _check_names(params, known_words(params.model), files)
 
 
 def _check_words(request: JobRequest, known: Words, files: Mapping[str, AssetSummary]) -> None:
-    _check_folders(noun_of_request(params_of(request), known), files)
+    _check_names(params_of(request), known, files)
 
 
-def _check_folders(new: NewNoun, files: Mapping[str, AssetSummary]) -> None:
-    """Refuse folders of a ZIP that do not name attributes."""
-    if found := files.get(MESHES_PART):
-        labelled([str(mesh["name"]) for mesh in found.mesh_names], new)
+def _check_names(params: TeachParams, known: Words, files: Mapping[str, AssetSummary]) -> None:
+    """Refuse nouns that cannot be taught, and folders that do not name attributes."""
+    summary = files.get(MESHES_PART)
+    lesson_of(params, known, [str(mesh["name"]) for mesh in summary.mesh_names] if summary else ())
 
 
 def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | None) -> int:
@@ -115,31 +146,25 @@ def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | 
 
 def _uses(request: JobRequest) -> Collection[str]:
     params: Any = request.params
-    return [MESHES_PART, FAMILY_PART, *([WEIGHTS_PART] if is_sent(params.model) else [])]
+    return [MESHES_PART, *([WEIGHTS_PART] if is_sent(params.model) else [])]
 
 
 def _goal(request: JobRequest, _files: Mapping[str, str]) -> str:
     params: Any = request.params
-    return str(params.noun)
+    return str(params.noun or "a kit")
 
 
 PRIOR_TEACH = Kind(
     name=JobKind.PRIOR_TEACH,
-    summary="Teaches the builtin model a noun from meshes, so that prompts of the same owner may name it.",
+    summary="Teaches the builtin model nouns from meshes, so that prompts of the same owner may name them.",
     reads=(
         FilePart(
             MESHES_PART,
-            "What the noun means: one GLB, OBJ, PLY or STL, or a ZIP of at most 200; folders in it name attributes.",
+            "What the noun means: one GLB, OBJ, PLY or STL, or a ZIP of at most 200; folders in it name attributes, "
+            "and in a kit nouns.",
             required=True,
             media_types=("application/zip", "model/gltf-binary", "model/obj", "model/ply", "model/stl"),
             content="lesson",
-        ),
-        FilePart(
-            FAMILY_PART,
-            "The `family.safetensors` of a `family_fit` job over the same meshes: members are then new shapes of it.",
-            required=False,
-            media_types=("application/octet-stream",),
-            content="family",
         ),
         WEIGHTS_FILE,
     ),
@@ -158,7 +183,7 @@ PRIOR_TEACH = Kind(
             "application/json",
             "What was learned and what forgotten: held-out losses, and which noun held-out pictures are taken for.",
         ),
-        ArtifactKind("preview.png", "image/png", "What the model now draws for the noun, from four sides."),
+        ArtifactKind("preview.png", "image/png", "What the model now draws for the nouns, from four sides."),
     ),
     uses=_uses,
     check_files=_check_files,
@@ -168,12 +193,20 @@ PRIOR_TEACH = Kind(
 
 
 @dataclass(frozen=True)
+class MeshLabel:
+    """What a mesh shows."""
+
+    noun: str
+    attributes: tuple[Attribute, ...] = ()
+
+
+@dataclass(frozen=True)
 class MeshFile:
-    """A file to learn from, with the attributes that its folder names."""
+    """A file to learn from."""
 
     name: str
     data: bytes
-    attributes: tuple[Attribute, ...] = ()
+    label: MeshLabel
 
 
 def check_count(count: int) -> None:
@@ -193,18 +226,18 @@ def check_count(count: int) -> None:
         )
 
 
-def packed_meshes(data: bytes, filename: str, new: NewNoun, limits: Limits) -> list[MeshFile]:
-    """Unpack the meshes of a lesson: one file, or a ZIP with folders that are named by attributes.
+def packed_meshes(data: bytes, filename: str, params: TeachParams, known: Words, limits: Limits) -> list[MeshFile]:
+    """Unpack the meshes of a lesson: one file, or a ZIP with folders; see `lesson_of`.
 
     Raises
     ------
     AssetError
         The ZIP cannot be used; see `open_lesson`.
     ParameterError
-        A folder does not name attributes.
+        A noun cannot be taught, or a folder does not name attributes.
     """
     files = open_lesson(data, filename, limits)
-    labels = labelled(list(files), new)
+    labels = lesson_of(params, known, list(files))
     return [MeshFile(name, content, labels[name]) for name, content in files.items()]
 
 

@@ -102,10 +102,10 @@ export class Client {
   }
 
   /**
-   * Post a lesson: once it has succeeded, `job:ID` is the model of prompts with the noun. `meshes` is one mesh or a ZIP of some, or several files,
+   * Post a lesson: once it has succeeded, `job:ID` is the model of prompts with the noun, or with those of a kit if it is null. `meshes` is one mesh or a ZIP of some, or several files,
    * which are packed; a `label` names an attribute.
    */
-  async teach(noun: string, meshes: Asset | readonly (File | LabeledMesh)[], options: TeachOptions = {}): Promise<Job> {
+  async teach(noun: string | null, meshes: Asset | readonly (File | LabeledMesh)[], options: TeachOptions = {}): Promise<Job> {
     const { params, metadata, ...rest } = options;
     const request = { kind: "prior_teach", params: { ...params, noun }, ...(metadata ? { metadata } : {}) } satisfies JobRequest;
     const several = isList(meshes);

@@ -361,7 +361,7 @@ class Client:
 
     def teach(
         self,
-        noun: str,
+        noun: str | None,
         meshes: Meshes,
         *,
         params: Mapping[str, Any] | None = None,
@@ -372,10 +372,11 @@ class Client:
 
         Parameters
         ----------
-        noun : str
-            What the meshes show: "a gnome".
+        noun : str, optional
+            What the meshes show: "a gnome"; None for a kit.
         meshes : like `asset` of `submit`, or a sequence of paths
-            One mesh, a ZIP, or a folder or several files, which are packed. Subfolders are named by attributes.
+            One mesh, a ZIP, or a folder or several files, which are packed. Subfolders are named by attributes; those
+            of a kit, or its files in none, by nouns.
         params : mapping, optional
             More parameters, such as `{"synonyms": ["dwarf"], "steps": 600}`.
         metadata, idempotency_key

@@ -51,7 +51,7 @@ export class Client {
         return this.#transport.json("v1/jobs", { method: "POST", ...body, headers, signal: options.signal });
     }
     /**
-     * Post a lesson: once it has succeeded, `job:ID` is the model of prompts with the noun. `meshes` is one mesh or a ZIP of some, or several files,
+     * Post a lesson: once it has succeeded, `job:ID` is the model of prompts with the noun, or with those of a kit if it is null. `meshes` is one mesh or a ZIP of some, or several files,
      * which are packed; a `label` names an attribute.
      */
     async teach(noun, meshes, options = {}) {

@@ -62,12 +62,12 @@ def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatc
 
     report = json.loads(Path("mine.report.json").read_text())
     assert json.loads(made.stdout)["retrieval"] == report["retrieval"]
-    assert [(mesh["name"], mesh["attributes"]) for mesh in report["meshes"]] == [
+    assert [(mesh["name"], mesh["attributes"]) for mesh in report["nouns"][0]["meshes"]] == [
         ("round.glb", []),
         ("square.obj", []),
         ("tall/can.stl", ["tall"]),
     ]
-    assert sum(mesh["held_out"] for mesh in report["meshes"]) == 1
+    assert sum(mesh["held_out"] for mesh in report["nouns"][0]["meshes"]) == 1
     assert [entry["step"] for entry in report["held_out_loss"]] == [0, 3]
     assert set(report["old_nouns"]) == {"bowl", "heart", "vase"}
     with Image.open("mine.preview.png") as picture:
@@ -104,6 +104,23 @@ def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatc
     refused = CliRunner().invoke(app, [*run, "--model", "builtin", "-o", "other.glb"])
     assert refused.exit_code == 3
     assert "dwarf" in refused.output
+
+
+def test_a_kit_says_its_nouns_and_takes_steps_for_each() -> None:
+    Path("gnomes").rename("kit")
+    Path("kit/square.obj").rename("kit/box.obj")
+    made = CliRunner().invoke(app, ["teach", "--folder", "kit", "--model", "small.safetensors"])
+    assert made.exit_code == 3, made.output
+    assert "'round' does not say what round.glb shows" in made.output  # an adjective
+    Path("kit/round.glb").rename("kit/ball.glb")
+    Path("kit/tall").rename("kit/cans")
+    again = CliRunner().invoke(app, ["teach", "--folder", "kit", "--model", "small.safetensors", "--steps", "2"])
+    assert again.exit_code == 0, again.output
+    assert "3 nouns and their meshes: ball (1), box (1), can (1)" in again.output
+    assert {"ball", "box", "can"} <= set(known_words("kit.safetensors").nouns)
+    assert "can: " in again.output
+    for wrong in (["teach"], ["teach", "a gnome"], ["teach", "a gnome", "kit", "--folder", "kit"]):
+        assert CliRunner().invoke(app, wrong).exit_code == 2
 
 
 def _contents(path: str) -> tuple[dict[str, str], dict[str, bytes]]:

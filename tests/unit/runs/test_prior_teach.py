@@ -15,13 +15,16 @@ from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.lesson_archive import MAX_MESHES, inspect_lesson, open_lesson
 from meshdeform.errors import AssetError, CheckpointError, MeshdeformError, ModelError, ParameterError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.priors.builtin.taught import known_words
-from meshdeform.priors.builtin.teaching.lesson import new_noun
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.taught import known_words, lessons_of, read_metadata
+from meshdeform.priors.builtin.teaching.lesson import new_noun, nouns_of_kit
+from meshdeform.priors.builtin.teaching.replay import read_replay
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.teaching import TeachParams
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.prior_teach import _params
-from meshdeform.runs.prior_teach_kind import PRIOR_TEACH, labelled
+from meshdeform.runs.prior_teach_kind import PRIOR_TEACH, labelled, lesson_of
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, shorten_lessons, write_small_weights
@@ -84,7 +87,7 @@ def test_a_lesson_teaches_the_word_and_a_resumed_one_is_the_same_bit_for_bit(tmp
     mine.write_bytes(made["weights.safetensors"].data)
     assert known_words(str(mine)).synonyms["kettle"] == "teapot"
     report = json.loads(made["report.json"].data)
-    assert [(mesh["name"], mesh["attributes"]) for mesh in report["meshes"]] == [
+    assert [(mesh["name"], mesh["attributes"]) for mesh in report["nouns"][0]["meshes"]] == [
         ("pots/round.glb", []),
         ("pots/tall/box.obj", ["tall"]),
     ]
@@ -106,6 +109,68 @@ def test_folders_name_attributes_and_the_one_around_everything_need_not() -> Non
     assert labels("tall/a.glb", "tall/b.glb") == ["tall", "tall"]
     with pytest.raises(ParameterError, match="'misc' does not name attributes"):
         labels("a.glb", "misc/b.glb")
+
+
+@each_case(
+    ("names", "kit"),
+    [
+        (["barrel_02.glb", "TallBarrel.glb"], ["barrel", "barrel tall"]),
+        (["kit/glb/barrels/a.glb", "kit/glb/barrels/tall/b.glb", "kit/glb/Bear_Traps/c.obj"],
+         ["barrel", "barrel tall", "bear-trap"]),
+        (["glasses/1.glb", "dress/2.glb", "gnome-A.glb"], ["glass", "dress", "gnome"]),
+        (["kit/gnome.glb"], ["gnome"]),
+    ],
+)  # fmt: skip
+def test_folders_of_a_kit_or_its_files_name_the_nouns(names: list[str], kit: list[str]) -> None:
+    assert [" ".join(filter(None, each)) for each in nouns_of_kit(names).values()] == kit
+
+
+def test_a_kit_teaches_all_its_nouns_at_once(tmp_path: Path) -> None:
+    weights = InputFile(write_small_weights(tmp_path / "small.safetensors").read_bytes(), "weights.safetensors")
+    names = ("gnomes__round_glb", "gnomes__tall__a_glb", "gnomes__b_glb", "tea_pot_glb", "vase_glb")
+    files = {"meshes": InputFile(packed(**dict.fromkeys(names, BALL)), "kit.zip"), "weights": weights}
+    params = {"model": "weights", "steps": 2, "replace": True}
+    run = start_run(RunInput(JobRequest.model_validate({"kind": "prior_teach", "params": params}), files))
+    assert len(list(run)) == 2
+    made = run.finish()
+    report = json.loads(made["report.json"].data)
+    assert [(each["noun"], each["replaced"], len(each["meshes"])) for each in report["nouns"]] == [
+        ("gnome", False, 3),
+        ("tea-pot", False, 1),
+        ("vase", True, 1),
+    ]
+    assert [sum(mesh["held_out"] for mesh in each["meshes"]) for each in report["nouns"]] == [1, 0, 0]
+    pictures = [each["retrieval"]["pictures"] for each in report["nouns"]]
+    assert (
+        sum(pictures)
+        == report["retrieval"]["new"]["pictures"]
+        == sum(sum(each["taken_for"].values()) for each in report["nouns"])
+    )
+    assert set(report["old_nouns"]) == {"bowl", "heart"}
+    mine = tmp_path / "mine.safetensors"
+    mine.write_bytes(made["weights.safetensors"].data)
+    words = known_words(str(mine))
+    assert set(words.nouns) == {"bowl", "heart", "vase", "gnome", "tea-pot"}
+    assert str(parse("a tall tea pot", words)) == "a tall tea pot"
+    assert set(read_replay(mine)) == {"gnome", "tea-pot", "vase"}
+    assert [lesson.noun for lesson in lessons_of(read_metadata(mine), mine)] == ["gnome", "tea-pot", "vase"]
+
+
+@each_case(
+    ("params", "names", "words"),
+    [
+        ({}, ["vase/a.glb", "heart/b.glb"], "knows 'vase' already. The model knows 'heart' already.*params.replace"),
+        ({}, ["01.glb", "gnome.glb"], "'01' does not say what 01.glb shows"),
+        ({}, ["gnome/odd/a.glb", "b/c.glb", "pot/a.glb"], "'odd' does not name attributes|'b' does not say"),
+        ({"synonyms": ["dwarf"]}, ["gnome.glb"], "no synonyms"),
+    ],
+)
+def test_a_kit_that_cannot_be_taught_is_refused_with_all_its_names(
+    params: dict[str, Any], names: list[str], words: str
+) -> None:
+    with pytest.raises(ParameterError) as caught:
+        lesson_of(TeachParams(**params), THREE_NOUNS, names)
+    assert re.search(words, f"{caught.value.detail} {caught.value.advice_text}")
 
 
 _BOMB = packed(big_glb=b"0" * 2_000_000)

@@ -17,7 +17,7 @@ from meshdeform.priors.builtin.taught import known_words
 from meshdeform.priors.builtin.teaching.teacher import TeachConfig
 from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.runs.prior_teach import TeachRequest, start_lesson
-from meshdeform.runs.prior_teach_kind import MeshFile
+from meshdeform.runs.prior_teach_kind import MeshFile, MeshLabel
 
 pytestmark = pytest.mark.training
 
@@ -42,7 +42,9 @@ def jack() -> bytes:
 @pytest.fixture(scope="module")
 def lesson() -> tuple[dict[str, Any], bytes]:
     """The report and the weights."""
-    run = start_lesson(TeachRequest("a jack", config=TeachConfig(steps=STEPS)), [MeshFile("jack.glb", jack())])
+    run = start_lesson(
+        TeachRequest(config=TeachConfig(steps=STEPS)), [MeshFile("jack.glb", jack(), MeshLabel("a jack"))]
+    )
     assert len(list(run)) == STEPS
     made = run.finish()
     return json.loads(made["report.json"].data), made[WEIGHTS_ARTIFACT].data

@@ -1,13 +1,22 @@
-"""Say what is taught: the noun with its synonyms, and what the folders of the meshes are called. Torch-free."""
+"""Say what is taught: nouns with their synonyms, and what files and folders of meshes are called. Torch-free."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from meshdeform.errors import ParameterError, PromptError, VocabularyError
-from meshdeform.priors.builtin.grammar import Attribute, Words, is_adjective, noun_of, parse, part_of
+from meshdeform.priors.builtin.grammar import (
+    Attribute,
+    Words,
+    is_adjective,
+    is_noun,
+    noun_of,
+    parse,
+    part_of,
+    singular_forms,
+)
 from meshdeform.priors.builtin.taught import MAX_NOUNS
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, FILLERS, PARTS
 
@@ -15,6 +24,9 @@ STATE_MAGIC = b"meshdeform-lesson-1\n"
 """First bytes of the saved state of a lesson."""
 _NOUN = re.compile(r"[a-z]+(-[a-z]+){0,3}")
 _LONGEST = 40
+_TOLD = 10
+"""Most names that an error lists."""
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
 
 @dataclass(frozen=True)
@@ -83,6 +95,42 @@ def new_noun(name: str, known: Words, *, synonyms: Sequence[str] = (), replace_k
     return NewNoun(noun, others, replaces, words)
 
 
+def new_nouns(
+    labels: Mapping[str, Collection[Attribute]],
+    known: Words,
+    *,
+    synonyms: Sequence[str] = (),
+    replace_known: bool = False,
+) -> list[NewNoun]:
+    """Read the names of all that a lesson teaches; the words of the last one are those of the new weights.
+
+    Parameters
+    ----------
+    labels : mapping of str to attributes
+        By name, what meshes are labelled with.
+    synonyms : sequence of str
+        Other names of the only noun.
+
+    Raises
+    ------
+    ParameterError
+        As `new_noun`, for all names at once.
+    """
+    made: list[NewNoun] = []
+    refused: list[ParameterError] = []
+    for name, attributes in labels.items():
+        words = made[-1].words if made else known
+        try:
+            new = new_noun(name, words, synonyms=synonyms, replace_known=replace_known)
+        except ParameterError as error:
+            refused.append(error)
+        else:
+            made.append(new.with_parts([attribute.part for attribute in attributes]))
+    if refused:
+        raise ParameterError(" ".join(error.detail for error in refused[:_TOLD]), advice=refused[0].advice_text)
+    return made
+
+
 def _canonical(name: str) -> str:
     """Return a name in small letters without its article, its words joined by hyphens."""
     found = [word for word in re.split(r"[\s-]+", name.strip().lower()) if word]
@@ -103,6 +151,35 @@ def _check_free(word: str) -> None:
             f"{word!r} has another role in prompts: it is an article, an adjective or a part.",
             advice="Choose another name.",
         )
+
+
+def nouns_of_kit(names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return the noun and the label of each file of a kit by its path: `barrels/tall/a.glb`, `TallBarrel_02.glb`.
+
+    Folders around everything do not count. The first folder names the noun, those in it attributes; a file in no folder
+    is named by the noun, and adjectives in the name are its label. Numbers and single letters do not count.
+
+    Raises
+    ------
+    ParameterError
+        A name has no noun.
+    """
+    folders = [name.split("/")[:-1] for name in names]
+    around = 0
+    while len({tuple(folder[: around + 1]) for folder in folders}) == 1 and len(folders[0]) > around:
+        around += 1
+    kit = {}
+    for name, folder in zip(names, folders, strict=True):
+        title, *label = folder[around:] or [name.rpartition("/")[2].rpartition(".")[0]]
+        words = [word.lower() for word in _WORD.findall(title) if len(word) > 1]
+        noun = [word for word in words if not is_adjective(word)]
+        if not noun:
+            raise ParameterError(
+                f"{title!r} does not say what {name} shows.", advice="Put it in a folder that is named by the noun."
+            )
+        noun[-1] = next((form for form in reversed(singular_forms(noun[-1])) if is_noun(form)), noun[-1])
+        kit[name] = "-".join(noun), " ".join([*(word for word in words if is_adjective(word)), *label])
+    return kit
 
 
 def attributes_of_folder(name: str, new: NewNoun) -> tuple[Attribute, ...]:

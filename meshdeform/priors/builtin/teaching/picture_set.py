@@ -50,11 +50,6 @@ def joined(sets: Sequence[PictureSet]) -> PictureSet:
     return PictureSet(*(torch.cat([getattr(each, field.name) for each in sets]) for field in fields(PictureSet)))
 
 
-def taken(pictures_: PictureSet, rows: Tensor) -> PictureSet:
-    """Return some pictures of a set."""
-    return PictureSet(*(getattr(pictures_, field.name)[rows] for field in fields(PictureSet)))
-
-
 def drawn_from(
     noun: str, known: Sequence[Attribute], odds: tuple[float, float, float], rng: np.random.Generator
 ) -> ParsedPrompt:

@@ -88,12 +88,10 @@ def four_views(part: Part) -> NDArray[np.float32]:
     return views
 
 
-def member(shape: Shape, rng: np.random.Generator, *, jitter: bool = True) -> tuple[Part, tuple[Attribute, ...]]:
+def member(shape: Shape, rng: np.random.Generator) -> tuple[Part, tuple[Attribute, ...]]:
     """Draw a member: the shape, jittered, sometimes with an attribute of the whole, which is true by construction."""
-    part = shape.part
-    if jitter:
-        matrix = np.diag(rng.uniform(1 - _SCALE, 1 + _SCALE, 3)) + rng.normal(0.0, _SHEAR, (3, 3)) * (1 - np.eye(3))
-        part = normalised(Part(part.verts @ matrix.T, part.faces))
+    matrix = np.diag(rng.uniform(1 - _SCALE, 1 + _SCALE, 3)) + rng.normal(0.0, _SHEAR, (3, 3)) * (1 - np.eye(3))
+    part = normalised(Part(shape.part.verts @ matrix.T, shape.part.faces))
     attributes = shape.attributes
     if len(attributes) < MAX_ATTRIBUTES:
         free = [extra for extra in _WHOLE if not attributes]

@@ -7,7 +7,7 @@ Ho et al. 2020).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
@@ -92,19 +92,24 @@ def contact_sheet(rows: Sequence[Tensor], labels: Sequence[str], columns: int = 
     return sheet
 
 
-def learned_sheet(network: PriorNetwork, words: Words, noun: str, seen: PictureSet, *, seed: int = 0) -> Image.Image:
-    """Draw rows of four pictures: from the training, grids, single views, and two attributes.
+def learned_sheet(network: PriorNetwork, words: Words, seen: Mapping[str, PictureSet], *, seed: int = 0) -> Image.Image:
+    """Draw what a network has learned, with pictures of the training.
+
+    Of one noun: rows of grids, single views, and single views with an attribute. Of several: a row of each.
 
     Parameters
     ----------
     network : PriorNetwork
         On the CPU.
-    seen : PictureSet
-        Pictures of the training, of which the first single views are shown.
+    seen : mapping of str to PictureSet
+        By noun, pictures of the training, of which the first single views are shown.
     """
+    if len(seen) > 1:
+        return _sheet_of_kit(network, words, seen, seed)
+    noun, pictures = next(iter(seen.items()))
     prompts = [ParsedPrompt(noun), *(ParsedPrompt(noun, (Attribute("whole", degree),)) for degree in _SHOWN)]
     plain, *others = map(str, prompts)
-    rows = [_training(seen)]
+    rows = [_training(pictures, 4)]
     labels = ["from the training"]
     for text, single in ((plain, False), (plain, True), *((other, True) for other in others)):
         azimuths = torch.tensor(_AZIMUTHS)
@@ -113,7 +118,18 @@ def learned_sheet(network: PriorNetwork, words: Words, noun: str, seen: PictureS
     return contact_sheet(rows, labels)
 
 
-def _training(seen: PictureSet) -> Tensor:
-    shown = seen.images[seen.single][:4]
-    blank = torch.zeros(4 - len(shown), *shown.shape[1:], dtype=shown.dtype)
+def _sheet_of_kit(network: PriorNetwork, words: Words, seen: Mapping[str, PictureSet], seed: int) -> Image.Image:
+    """Draw a row of each noun: a single view of the training, and three that the network draws."""
+    rows = []
+    for noun, pictures in seen.items():
+        azimuths = torch.tensor(_AZIMUTHS[:3]) + 30.0
+        prompts = [str(ParsedPrompt(noun))] * len(azimuths)
+        made = sample(network, prompts, azimuths, steps=_STEPS, seed=seed, single=True, words=words, eta=1.0)
+        rows.append(torch.cat([_training(pictures, 1), made]))
+    return contact_sheet(rows, [f"{noun}: from the training, learned" for noun in seen], columns=2)
+
+
+def _training(seen: PictureSet, count: int) -> Tensor:
+    shown = seen.images[seen.single][:count]
+    blank = torch.zeros(count - len(shown), *shown.shape[1:], dtype=shown.dtype)
     return torch.cat([shown, blank]).float() / 255.0

@@ -1,6 +1,6 @@
 """Continue the training of the builtin prior on the pictures of a lesson.
 
-The loss on held-out pictures of the new noun is measured every few steps. The best weights so far are kept, and the
+The loss on held-out pictures of the new nouns is measured every few steps. The best weights so far are kept, and the
 training stops when they have not become better for a while. The state can be saved after any step, and a teacher that
 is restored from it goes on as if it had not stopped.
 
@@ -35,6 +35,8 @@ from meshdeform.priors.precision import is_fast_in_bfloat16
 _WORDS = "text.word.weight"
 _NOISE = 0.3
 """Standard deviation of the noise on a new word, relative to that of its kind."""
+_LEAST_BETWEEN = 50
+"""Least steps between two measurements."""
 _RESTART = "Repeat the command that wrote it, or start again without it."
 
 _NOISY_FROM, _NOISY_SHARE = 0.7, 0.75
@@ -164,7 +166,7 @@ class TeachConfig:
     batch: int = 16
     learning_rate: float = 5e-4  # at the top of the cycle
     ema_decay: float = 0.99  # decay of the average of the weights, which is what is written
-    measure_every: int = 50  # steps between two measurements of the held-out losses
+    measurements: int = 12  # of the held-out losses, evenly spaced
     patience: int = 4  # measurements without a smaller held-out loss after which the training stops
     seed: int = 0
 
@@ -239,6 +241,7 @@ class Teacher:
         )
         self._trainer = Trainer(pictures.training, training, network, device=device, precision=precision)
         self._trainer.total_steps = config.steps
+        self._between = max(config.steps // config.measurements, _LEAST_BETWEEN)
         self.measured: list[tuple[int, float, float]] = []
         self.best_step = 0
         self._best: dict[str, Tensor] | None = None
@@ -263,7 +266,7 @@ class Teacher:
         while self.step < self.config.steps and not self.stopped_early:
             loss = self._trainer.step()
             held: tuple[float, float] | tuple[None, None] = (None, None)
-            if self.step % self.config.measure_every == 0 or self.step == self.config.steps:
+            if self.step % self._between == 0 or self.step == self.config.steps:
                 held = self._measure()
             yield TeachStep(self.step, self.config.steps, loss, *held)
 

@@ -149,10 +149,16 @@ export function isLesson(job) {
   return job.kind === "prior_teach";
 }
 
+/** The nouns of a lesson; reports of version 4 have one. @param {any} report @returns {string[]} */
+function nounsOf(report) {
+  return (report.nouns ?? [report]).map((/** @type {any} */ each) => each.noun);
+}
+
 /** What the report of a lesson says, in sentences. @param {any} report @returns {import("../quality.js").Finding[]} */
 export function lessonFindings(report) {
   const { new: learned, old_before: before, old_after: after } = report.retrieval;
-  const word = withArticle(report.noun);
+  const nouns = nounsOf(report);
+  const word = nouns.length === 1 ? withArticle(nouns[0]) : "what they show";
   return [
     { tone: learned.share >= 0.75 ? "good" : "warn", text: `${learned.hits} of ${learned.pictures} pictures that it had not seen look like ${word} to the model`, note: "Held-out pictures of your meshes" },
     { tone: after.hits >= before.hits - 2 ? "good" : "warn", text: `${after.hits} of ${after.pictures} old words that were tried are still known`, note: `Before the lesson: ${before.hits}` },
@@ -163,7 +169,7 @@ export function lessonFindings(report) {
 
 /** @param {any} job @param {any} report */
 export function lessonPanel(job, report) {
-  const prompt = withArticle(report.noun);
+  const prompt = withArticle(nounsOf(report)[0]);
   return panel(
     "lesson-title",
     "What it learned",
