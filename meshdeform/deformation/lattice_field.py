@@ -25,6 +25,8 @@ a larger one themselves.
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,19 +39,22 @@ from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians, Structure
 from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.lattice import Lattice, LatticeSystem
-from meshdeform.deformation.regularizers import STRAINED
+from meshdeform.deformation.regularizers import STRAINED, penalty
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
 from meshdeform.deformation.variables import Elements
 from meshdeform.errors import ParameterError
+from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, sparse_product
 from meshdeform.geometry.places import LargeFaces, nearest_larger_faces
 
 _LEAST_VOLUME = 1e-6
 """Lower bound of a cell's relative volume in its energy."""
 
+_SIDES = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # of a cell, on which each of its corners lies
 _CORRECTIONS = 3
 _CHUNK = 50_000
 _Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
 
 
 class LatticeField:
@@ -104,8 +109,6 @@ class LatticeField:
             centres = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
             self._controls = Hierarchy("cell", centres, None, rest.box, structure)
         self.tensors, self.local = self._controls.tensors, self._controls.local
-        self._edges = torch.from_numpy(lattice.edges)
-        self._cell_edges = torch.from_numpy(lattice.cell_edges)
         self._solved: tuple[Tensor, Tensor] | None = None
 
     def begin_step(self, fraction: float) -> None:
@@ -168,16 +171,8 @@ class LatticeField:
 
     def dirichlet_penalty(self, control: Tensor) -> Tensor:
         """Return the mean logarithm of the cells' symmetric Dirichlet energy."""
-        ends = control.index_select(0, self._edges.reshape(-1)).view(-1, 2, 3)
-        along = (ends[:, 1] - ends[:, 0]) / self.lattice.spacing
-        columns = along[self._cell_edges].mean(2)
-        x, y, z = columns.unbind(1)
-        yz, zx, xy = torch.linalg.cross(y, z), torch.linalg.cross(z, x), torch.linalg.cross(x, y)
-        volume = (x * yz).sum(1).clamp_min(_LEAST_VOLUME)
-        cofactors = yz.square().sum(1) + zx.square().sum(1) + xy.square().sum(1)
-        energy = columns.square().sum((1, 2)) + cofactors / volume.square() - 6
-        mean: Tensor = STRAINED * torch.log1p(energy / STRAINED).mean()
-        return mean
+        cells, spacing = self.lattice.cell_nodes, self.lattice.spacing
+        return penalty(lambda nodes, gradient: cells_dirichlet_penalty(nodes, cells, spacing, gradient), control)
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
         """Return, for each control, the least value among its cells."""
@@ -191,9 +186,53 @@ class LatticeField:
         """
         with torch.no_grad():
             for _ in range(_CORRECTIONS):
-                missing = (control - self.solve())[self._edges]
-                gradient = (missing[:, 1] - missing[:, 0]) / self.lattice.spacing
-                self._controls.correct(gradient[self._cell_edges].mean(2).mT)
+                missing = (control - self.solve())[self.lattice.cell_nodes]
+                gradient = torch.einsum("cni,na->cia", missing, torch.from_numpy(_SIDES)) / (4 * self.lattice.spacing)
+                self._controls.correct(gradient)
+
+
+@kernel
+def cells_dirichlet_penalty(nodes: _Floats, cells: _Index, spacing: float, gradient: _Floats | None) -> float:
+    """Return the mean logarithm of the cells' symmetric Dirichlet energy; add its gradient (N, 3).
+
+    Parameters
+    ----------
+    nodes : (N, 3) float64
+    cells : (C, 8) int64
+        Corners of each cell, as of `Lattice.cell_nodes`.
+    """
+    total, unit = 0.0, 1 / (4 * spacing)
+    f, cross, by = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for c in range(len(cells)):
+        f[:] = 0.0
+        for n in range(8):
+            for a in range(3):
+                for i in range(3):
+                    f[a, i] += _SIDES[n, a] * unit * nodes[cells[c, n], i]
+        for a in range(3):
+            b, d = (a + 1) % 3, (a + 2) % 3
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                cross[a, i] = f[b, j] * f[d, k] - f[b, k] * f[d, j]
+        squares, cofactors, exact = (f**2).sum(), (cross**2).sum(), (f[0] * cross[0]).sum()
+        volume = max(exact, _LEAST_VOLUME)
+        energy = squares + cofactors / volume**2 - 6
+        total += STRAINED * math.log1p(energy / STRAINED)
+        if gradient is None:
+            continue
+        weight = 2 * unit / (len(cells) * (1 + energy / STRAINED))
+        by_volume = -cofactors / volume**3 if exact >= _LEAST_VOLUME else 0.0
+        for a in range(3):
+            for i in range(3):
+                turned = squares * f[a, i]  # half the derivative of the cofactors: |F|^2 F - F F^T F
+                for b in range(3):
+                    turned -= (f[a, 0] * f[b, 0] + f[a, 1] * f[b, 1] + f[a, 2] * f[b, 2]) * f[b, i]
+                by[a, i] = weight * (f[a, i] + turned / volume**2 + by_volume * cross[a, i])
+        for n in range(8):
+            for a in range(3):
+                for i in range(3):
+                    gradient[cells[c, n], i] += _SIDES[n, a] * by[a, i]
+    return total / len(cells)
 
 
 def _balanced(lattice: Lattice, weights: _Floats, plane: int | None) -> _Floats:
@@ -211,8 +250,6 @@ def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:
     faces = torch.cat([mesh.faces, other.faces + mesh.verts.shape[0]])
     return RestMesh(torch.cat([mesh.verts, other.verts]), faces)
 
-
-_Index = NDArray[np.int64]
 
 _CONTACT, _FULLY = 0.1, 0.5
 """Distances, in cells, up to which a component touches a face, and up to which its vertices follow that fully."""
