@@ -44,7 +44,7 @@ def _tetrahedron() -> str:
 
 
 _ASSET = _tetrahedron()
-_DOWNLOADS = ("get_artifact", "get_asset", "get_checkpoint_mesh", "get_file", "get_target")
+_DOWNLOADS = ("get_artifact", "get_asset", "get_checkpoint_mesh", "get_file")
 
 
 @schemathesis.hook

@@ -41,9 +41,7 @@ _LINKS: dict[str, tuple[str, dict[str, dict[str, str]]]] = {
         "200",
         {
             "get_file": {**_BODY_ID, "part": "asset"},
-            **dict.fromkeys(
-                ("get_asset", "get_target", "get_events", "cancel_job", "list_artifacts", "delete_job"), _BODY_ID
-            ),
+            **dict.fromkeys(("get_asset", "get_events", "cancel_job", "list_artifacts", "delete_job"), _BODY_ID),
         },
     ),
     "cancel_job": ("200", dict.fromkeys(("get_job", "get_events", "retry_job", "delete_job"), _BODY_ID)),

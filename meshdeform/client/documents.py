@@ -21,7 +21,6 @@ from pydantic import (
     ValidationError,
     WrapValidator,
     model_serializer,
-    model_validator,
 )
 
 from meshdeform.api import jobs as views
@@ -122,14 +121,6 @@ class JobView(views.JobView):
     error: _JobError | None = None
     progress: _Progress
     artifacts: list[ArtifactView] = Field(default_factory=list)  # type: ignore[assignment]
-
-    @model_validator(mode="before")
-    @classmethod
-    def _with_files(cls, document: Any) -> Any:
-        """Fill in `files`, which older services do not send."""
-        if not isinstance(document, dict) or "files" in document:
-            return document
-        return {**document, "files": {name: document[name] for name in ("asset", "target") if document.get(name)}}
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON document, with only those parameters that the request set."""

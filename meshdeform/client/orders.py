@@ -139,11 +139,8 @@ def checked_key(key: str | None) -> str:
 
 
 def refer(document: dict[str, Any], name: str, reference: Mapping[str, str]) -> None:
-    """Name a stored file in a document; those of `text_deform` in the way that older services understand, too."""
-    if name in ("asset", "target"):
-        document[name] = reference
-    else:
-        document.setdefault("files", {})[name] = reference
+    """Name a stored file in a document."""
+    document.setdefault("files", {})[name] = reference
 
 
 def _plain(value: Any) -> Any:

@@ -358,25 +358,6 @@ def get_asset(
     return _download(request, app, app.record.get(id, viewer.owner_id).source, conditions)
 
 
-@sources.head("/target", include_in_schema=False)
-@sources.get(
-    "/target",
-    operation_id="get_target",
-    summary="Download a job's target",
-    response_class=StreamingResponse,
-    responses=_RESPONSES,
-)
-def get_target(
-    request: Request,
-    app: AppStateDep,
-    principal: PrincipalDep,
-    id: JobId,  # noqa: A002
-    conditions: ConditionsDep,
-) -> Response:
-    """The second mesh of `target` guidance, the same as `GET /v1/jobs/{id}/files/target`; `404` if there is none."""
-    return _download(request, app, _file_of(app.record.get(id, principal.owner_id), "target"), conditions)
-
-
 @sources.post(
     "/apply",
     operation_id="apply_job",

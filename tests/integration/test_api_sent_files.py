@@ -54,12 +54,12 @@ def test_a_target_comes_back_and_a_job_without_one_says_so(api: Api, sphere: byt
     answer = post(api, sphere, {"params": {"guidance": {"kind": "target"}}}, target=("cube.glb", cube))
     assert answer.status_code == 202, answer.text
     job_id = answer.json()["id"]
-    found = api.http.get(f"/v1/jobs/{job_id}/target")
+    found = api.http.get(f"/v1/jobs/{job_id}/files/target")
     assert (found.status_code, found.content, filename(found)) == (200, cube, "cube.glb")
     assert api.http.get(f"/v1/jobs/{job_id}/asset").content == sphere
     for method in ("GET", "HEAD"):
-        assert api.http.request(method, f"/v1/jobs/{posted(api, sphere)}/target").status_code == 404
-    problem = check_problem(api.http.get(f"/v1/jobs/{posted(api, sphere)}/target"), 404, "not_found")
+        assert api.http.request(method, f"/v1/jobs/{posted(api, sphere)}/files/target").status_code == 404
+    problem = check_problem(api.http.get(f"/v1/jobs/{posted(api, sphere)}/files/target"), 404, "not_found")
     assert (problem["advice"], problem["files"]) == ("It has: asset.", ["asset"])
     for part, content in {"asset": sphere, "target": cube}.items():
         assert api.http.get(f"/v1/jobs/{job_id}/files/{part}").content == content
@@ -139,6 +139,6 @@ def test_a_file_that_the_store_has_lost_is_an_error_before_the_first_byte(api: A
 
 
 def test_a_job_that_is_not_there_has_no_files(api: Api) -> None:
-    for kind in ("asset", "target"):
+    for kind in ("asset", "files/target"):
         for job_id in ("job_01kg9zqk2xf3v8c5m7n9p1r4t6", "nonsense"):
             check_problem(api.http.get(f"/v1/jobs/{job_id}/{kind}"), 404, "not_found")

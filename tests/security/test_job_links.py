@@ -112,7 +112,7 @@ def test_it_opens_no_other_job_no_other_file_and_changes_nothing(shared: Shared)
     for rest in READS:
         check_problem(shared.get(f"{shared.other}{rest}"), 401, "unauthorized")
         assert http.get(f"/v1/jobs/{shared.other}{rest}", headers=shared.key).status_code == 200
-    for rest in ("/target", "/files/asset", "/files/target"):
+    for rest in ("/files/asset", "/files/target"):
         check_problem(shared.get(f"{job}{rest}"), 401, "unauthorized")
     check_problem(shared.get(f"{job}/artifacts/result.glb?strength=0.5"), 403, "forbidden")
     for method, path in (

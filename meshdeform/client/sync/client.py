@@ -749,10 +749,6 @@ class Client:
         """Save a file of a job of any kind as it was sent, by the name of its part."""
         return saved(self._connection, job_path(job, "files", part), Path(path))
 
-    def download_target(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
-        """Save the second mesh of `target` guidance as it was sent."""
-        return saved(self._connection, job_path(job, "target"), Path(path))
-
     def download_checkpoint(self, job: JobLike, step: int, path: str | os.PathLike[str]) -> Path:
         """Save the asset with its shape at a checkpoint."""
         return saved(self._connection, job_path(job, "checkpoints", step, "mesh.glb"), Path(path))

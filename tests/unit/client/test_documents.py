@@ -65,8 +65,6 @@ def test_a_known_job_is_of_the_known_classes() -> None:
     assert type(job.output) is OutputOptions
     assert job.state is JobState.QUEUED
     assert job.params.model_fields_set == {"preset", "seed"}
-    # Services did not always send `files`.
-    assert job.files == {"asset": job.asset}
 
 
 def test_what_is_new_is_kept() -> None:

@@ -72,7 +72,8 @@ class Service:
 
 
 def job(sha256: str = SHA, **more: Any) -> dict[str, Any]:
-    return {**JOB, "asset": {"filename": "asset.glb", "size": len(DATA), "sha256": sha256}, **more}
+    asset = {"filename": "asset.glb", "size": len(DATA), "sha256": sha256}
+    return {**JOB, "asset": asset, "files": {"asset": asset}, **more}
 
 
 def problem(status: int, code: str) -> httpx.Response:
@@ -113,7 +114,7 @@ def test_a_bucket_gets_the_bytes_and_not_the_key(flavor: str) -> None:
         assert request.headers["Content-Length"] == str(len(DATA))
         assert "Transfer-Encoding" not in request.headers
     ((posted, document),) = service.sent("POST", "/v1/jobs")
-    assert json.loads(document) == {"prompt": "a mushroom", "asset": {"upload_id": "upl_1"}}
+    assert json.loads(document) == {"prompt": "a mushroom", "files": {"asset": {"upload_id": "upl_1"}}}
     assert posted.headers["Authorization"] == (f"Bearer {KEY}" if flavor == "sync" else "Basic bWU6c2VjcmV0")
     assert posted.headers["Idempotency-Key"]
 
