@@ -15,6 +15,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.requests.choices import Preset
 from meshdeform.requests.document import DeformParams, resolve
 from tests.unit.evaluation.stand_ins import HeightJudge
 from tests.unit.runs.test_text_deform import glb
@@ -85,3 +86,16 @@ def test_the_suite_knows_its_files(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(two_balls())
     with pytest.raises(ParameterError, match="another Chair_1"):
         suite.in_folder(tmp_path)
+
+
+def test_a_change_in_plain_words_is_measured_without_steps(tmp_path: Path, repository: Path) -> None:
+    source = str(repository / "examples" / "vase.glb")
+    suite = Suite("keep", (source,), ("a tall vase",), (0,), "preview", ((source, "a tall vase"),), delivered=True)
+    params = resolve(DeformParams(preset=Preset.PREVIEW))
+    (record,) = runner.run(
+        Plan(suite, params, (params.steps,), tmp_path / "run", judge=JUDGE), jobs=1, say=lambda line: None
+    )["records"]
+    assert record["failed"] is None
+    assert (record["step_s_median"], record["pulls"]) == (0.0, {})
+    report = json.loads((tmp_path / "run/items/vase--a-tall-vase--seed0/report.json").read_text())
+    assert report["way"] == "change"
