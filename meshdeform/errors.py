@@ -107,6 +107,11 @@ __all__ = [
 ]
 
 
+def readable_size(count: int) -> str:
+    """Return a number of bytes for people: in MiB, if it is one or more."""
+    return f"{count:,} bytes" if count < 2**20 else f"{count / 2**20:.4g} MiB"
+
+
 class MeshdeformError(Exception):
     """Something inside Meshdeform went wrong."""
 
@@ -175,6 +180,12 @@ class AssetTooLargeError(AssetError):
     status = 413
     code = "asset_too_large"
     advice = "Simplify the mesh, or raise the limit that the message names."
+
+    @classmethod
+    def more_than(cls, limit: int, has: str = "The file has") -> Self:
+        """Return the error about more bytes than MESHDEFORM_MAX_UPLOAD_BYTES; `has` says what has them."""
+        advice = "Simplify the mesh. Whoever runs the service can raise MESHDEFORM_MAX_UPLOAD_BYTES."
+        return cls(f"{has} more than {readable_size(limit)}, which is the limit.", advice=advice, limit=limit)
 
 
 class AssetExternalError(AssetError):

@@ -161,12 +161,8 @@ class _Folder:
 
 
 def _read(path: Path, limit: int) -> bytes:
-    size = path.stat().st_size
-    if size > limit:
-        raise AssetTooLargeError(
-            f"{path.name} has {size} bytes; the limit is {limit}.",
-            advice="Raise MESHDEFORM_MAX_UPLOAD_BYTES, or use a smaller file.",
-        )
+    if path.stat().st_size > limit:
+        raise AssetTooLargeError.more_than(limit, f"{path.name} has")
     return path.read_bytes()
 
 

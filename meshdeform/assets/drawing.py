@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter, UnidentifiedImageError
 
-from meshdeform.errors import DrawingError
+from meshdeform.errors import DrawingError, readable_size
 
 SIDE = 64
 """Side of the picture that the network sees."""
@@ -49,7 +49,7 @@ def read_drawing(data: bytes) -> NDArray[np.float32]:
 def _decoded(data: bytes) -> Image.Image:
     """Return a picture in grey, reduced."""
     if len(data) > MAX_BYTES:
-        raise DrawingError(f"The drawing's file has {len(data):,} bytes, more than {MAX_BYTES:,}.", advice=_ADVICE)
+        raise DrawingError(f"The drawing's file has more than {readable_size(MAX_BYTES)}.", advice=_ADVICE)
     try:
         with Image.open(io.BytesIO(data), formats=("PNG", "JPEG", "WEBP")) as opened:
             if opened.width * opened.height > _MAX_PIXELS:

@@ -48,10 +48,7 @@ class Limits:
     def check_bytes(self, size: int, has: str = "The file has") -> None:
         """Raise AssetTooLargeError for more than `max_bytes`; `has` says what has them."""
         if size > self.max_bytes:
-            most = f"{self.max_bytes:,} bytes" if self.max_bytes < 2**20 else f"{self.max_bytes / 2**20:.4g} MiB"
-            advice = "Simplify the mesh. Whoever runs the service can raise MESHDEFORM_MAX_UPLOAD_BYTES."
-            message = f"{has} more than {most}, which is the limit."
-            raise AssetTooLargeError(message, advice=advice, limit=self.max_bytes)
+            raise AssetTooLargeError.more_than(self.max_bytes, has)
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Self:

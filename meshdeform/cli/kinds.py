@@ -29,7 +29,7 @@ from meshdeform.cli.options import (
 )
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import ANCHOR, make_request, merge_params
-from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
+from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, ParameterError
 from meshdeform.support.files import slug, zipped
 
 if TYPE_CHECKING:
@@ -260,9 +260,8 @@ def _files_in(folder: Path, most: int) -> dict[str, bytes]:
         raise AssetEmptyError(
             f"The folder {folder} holds no asset.", advice="Give a folder with 10 to 3,000 GLB, OBJ, PLY or STL."
         )
-    total = sum(each.stat().st_size for each in paths)
-    if total > most:
-        raise AssetError(f"The assets have {total} bytes; the limit is {most} (MESHDEFORM_MAX_UPLOAD_BYTES).")
+    if sum(each.stat().st_size for each in paths) > most:
+        raise AssetTooLargeError.more_than(most, "The assets have")
     return {each.relative_to(folder).as_posix(): each.read_bytes() for each in paths}
 
 

@@ -21,7 +21,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from meshdeform.client import AsyncClient, EventView, JobView, WaitTimeoutError
-from meshdeform.errors import ForbiddenError, MeshdeformError, NotFoundError, ParameterError
+from meshdeform.errors import ForbiddenError, MeshdeformError, NotFoundError, ParameterError, readable_size
 from meshdeform.requests.document import DeformParams
 
 Asset = Annotated[
@@ -258,7 +258,7 @@ class Tools:
         except binascii.Error as error:
             raise ToolError(f"data is not base64: {error}.") from error
         if len(decoded) > self._max_upload_bytes:
-            raise ToolError(f"The file has {len(decoded):,} bytes; at most {self._max_upload_bytes:,} are taken here.")
+            raise ToolError(f"The file has more than {readable_size(self._max_upload_bytes)}, which is the limit here.")
         async with self._client(ctx) as client:
             upload = await client.upload(decoded, filename=filename)
             return {"asset": upload.id, "bytes": len(decoded)}

@@ -40,12 +40,12 @@ _SILHOUETTES: dict[str, Any] = {
 _BUILTIN_VIEW: dict[str, Any] = {"appearance": "normals", "framing": 0.57, "framing_max": 1.0}
 
 # The built-in model is small: below 0.75 T it mostly denoises the given picture, above it decides the content.
-# 24 times the paper's rate works because the safeguard undoes the defects of such steps, and because rescaled
-# guidance keeps the contrast of the training pictures (docs/quality.md, Steps).
+# Twelve times the paper's rate works because the safeguard undoes the defects of such steps, and because rescaled
+# guidance keeps the contrast of the training pictures (docs/quality.md, Results).
 _BUILTIN: dict[str, Any] = {
     **_GUARDED,
     "orientation": "auto",
-    "learning_rate": 0.06,
+    "learning_rate": 0.03,
     "guidance_scale": 7.5,
     "guidance_rescale": 0.7,
     "timestep_min": 0.75,
@@ -75,8 +75,8 @@ _SD: dict[str, Any] = {
 # Only differences from the paper. `paper` itself differs only where the built-in model needs its own scale.
 OVERRIDES: dict[tuple[Family, str], dict[str, Any]] = {
     ("builtin", "paper"): {"guidance_scale": 7.5, **_BUILTIN_VIEW},
-    ("builtin", "balanced"): {**_BUILTIN, "steps": 100},
-    ("builtin", "preview"): {**_BUILTIN, "steps": 40, "learning_rate": 0.09},
+    ("builtin", "balanced"): {**_BUILTIN, "steps": 200},
+    ("builtin", "preview"): {**_BUILTIN, "steps": 80},
     ("sd", "paper"): {},
     ("sd", "balanced"): {**_SD, "steps": 2000, "learning_rate": 0.005},
     ("sd", "preview"): {**_SD, "steps": 300, "learning_rate": 0.01},

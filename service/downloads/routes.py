@@ -421,8 +421,7 @@ async def apply_job(
         job = await to_thread.run_sync(_succeeded, app, id, principal.owner_id)
         async with app.bodies.slot(principal.owner_id):
             most, file = app.settings.max_upload_bytes, folder / "asset"
-            too_large = AssetTooLargeError(f"The file has more than {most} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).")
-            await receive_file(request, file, most, too_large)
+            await receive_file(request, file, most, AssetTooLargeError.more_than(most))
         async with app.strengths.slot(principal.owner_id):
             made_file = await to_thread.run_sync(deformed_alike, app, job, file, clean_filename(filename), outside)
         return StreamingResponse(_streamed(made_file, stack.pop_all()), media_type="application/octet-stream")

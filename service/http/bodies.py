@@ -20,7 +20,14 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import ClientDisconnect
 
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MIN_BODY_RATE
-from meshdeform.errors import AssetTooLargeError, MeshdeformError, PromptError, RequestError, RequestTimeoutError
+from meshdeform.errors import (
+    AssetTooLargeError,
+    MeshdeformError,
+    PromptError,
+    RequestError,
+    RequestTimeoutError,
+    readable_size,
+)
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from meshdeform.requests.unknown import in_plain_words
 from meshdeform.runs import file_parts
@@ -96,7 +103,7 @@ async def receive_document(request: Request, max_bytes: int = MAX_DOCUMENT_BYTES
     async for chunk in body_of(request):
         received += chunk
         if len(received) > max_bytes:
-            raise RequestError(f"The document is longer than {max_bytes} bytes.")
+            raise RequestError(f"The document is longer than {readable_size(max_bytes)}.")
     return bytes(received)
 
 
@@ -146,7 +153,7 @@ async def receive_form(
         The body exceeds the limit; the rest of it is not read.
     """
     if content_length.isdigit() and int(content_length) > max_bytes:
-        raise _too_large(max_bytes)
+        raise AssetTooLargeError.more_than(max_bytes, "The body has")
     kind, options = parse_options_header(content_type)
     boundary = options.get(b"boundary", b"")
     if kind != b"multipart/form-data" or not boundary:
@@ -162,7 +169,7 @@ async def receive_form(
         async for chunk in stream:
             received += len(chunk)
             if received > max_bytes:
-                raise _too_large(max_bytes)
+                raise AssetTooLargeError.more_than(max_bytes, "The body has")
             parser.write(chunk)
         parser.finalize()
     except FormParserError as error:
@@ -170,14 +177,6 @@ async def receive_form(
     finally:
         receiver.close()
     return receiver.form()
-
-
-def _too_large(max_bytes: int) -> AssetTooLargeError:
-    return AssetTooLargeError(
-        f"The body is larger than {max_bytes} bytes.",
-        advice="Simplify the mesh, or raise MESHDEFORM_MAX_UPLOAD_BYTES.",
-        limit=max_bytes,
-    )
 
 
 class _Receiver:

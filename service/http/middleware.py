@@ -17,7 +17,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
 
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
-from meshdeform.errors import AssetTooLargeError, RequestTimeoutError
+from meshdeform.errors import AssetTooLargeError, RequestTimeoutError, readable_size
 from meshdeform.record.ids import new_id
 from meshdeform.support import telemetry
 from meshdeform.support.telemetry import rename_span, span
@@ -124,7 +124,7 @@ def _limited(scope: Scope, receive: Receive) -> Receive:
         complete = not message.get("more_body", False)
         if received > MAX_DOCUMENT_BYTES:
             raise AssetTooLargeError(
-                f"The body is larger than {MAX_DOCUMENT_BYTES} bytes.",
+                f"The body is larger than {readable_size(MAX_DOCUMENT_BYTES)}.",
                 advice="Send a smaller document; this route does not accept files.",
                 limit=MAX_DOCUMENT_BYTES,
             )

@@ -266,10 +266,7 @@ def _write(answer: httpcore.Response, path: Path, max_bytes: int) -> tuple[int, 
         for chunk in answer.iter_stream():
             size += len(chunk)
             if size > max_bytes:
-                raise AssetTooLargeError(
-                    f"The file at the URL has more than {max_bytes} bytes (MESHDEFORM_MAX_UPLOAD_BYTES).",
-                    limit=max_bytes,
-                )
+                raise AssetTooLargeError.more_than(max_bytes, "The file at the URL has")
             digest.update(chunk)
             file.write(chunk)
     return size, digest.hexdigest()

@@ -16,6 +16,7 @@ from meshdeform.errors import (
     ParameterError,
     RequestError,
     RequestTimeoutError,
+    readable_size,
 )
 from meshdeform.requests.sketches import SKETCH_FAMILIES, Sketch, sketch_family
 from meshdeform.runs.sketch_process import guesses_of, shape_of
@@ -129,7 +130,7 @@ async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalD
     async with app.bodies.slot(principal.owner_id):
         with app.workspace.temporary_folder() as folder:
             drawing = folder / "drawing"
-            too_large = DrawingError(f"The drawing's file is larger than {_MAX_BYTES:,} bytes.")
+            too_large = DrawingError(f"The drawing's file is larger than {readable_size(_MAX_BYTES)}.")
             await receive_file(request, drawing, _MAX_BYTES, too_large)
             async with app.sketching.slot(principal.owner_id):
                 found = await to_thread.run_sync(_guessed, drawing, family or "")

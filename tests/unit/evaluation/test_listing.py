@@ -33,7 +33,7 @@ def test_for_people_there_is_a_line_for_each_deformation() -> None:
     text = listing(plan("small", "builtin", judge="builtin"), limit=12)
     lines = text.splitlines()
     assert sum(line.endswith("(seed 0)") for line in lines) == 12
-    assert "12 deformations, 1,200 steps, into somewhere" in text
+    assert "12 deformations, 2,400 steps, into somewhere" in text
     assert "warning" not in text
 
 

@@ -78,7 +78,7 @@ def test_only_stable_diffusion_sees_colours() -> None:
 
 
 def test_the_preview_has_the_steps_that_it_promises() -> None:
-    assert resolve(DeformParams(preset=Preset.PREVIEW)).steps == 40
+    assert resolve(DeformParams(preset=Preset.PREVIEW)).steps == 80
 
 
 @each_case(

@@ -23,14 +23,12 @@ from meshdeform.errors import (
     AssetTruncatedError,
     ParameterError,
 )
-from meshdeform.priors.builtin.teaching import pictures
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs import check_request, prior_teach, start_run
+from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving
-from tests.taught import shorten_lessons, write_small_weights
 from tests.unit.runs.test_family_fit import packed, same_state
 from tests.worker_world import working
 
@@ -148,38 +146,6 @@ def test_a_search_names_the_nearest_members(chairs):
     order = [i for i in np.argsort(distance, kind="stable") if i != 2][:3]
     assert [each["name"] for each in found] == [f"chair_{i:04d}.glb" for i in order]
     np.testing.assert_allclose([each["distance"] for each in found], distance[order], rtol=1e-5)
-
-
-def test_a_lesson_draws_new_shapes_of_the_family(chairs, monkeypatch, tmp_path):
-    shorten_lessons(monkeypatch)
-    monkeypatch.setattr(prior_teach, "MADE", 2)
-    drawn = []
-    draw = pictures.member
-    monkeypatch.setattr(
-        pictures, "member", lambda shape, rng, **how: drawn.append((shape.name, how)) or draw(shape, rng, **how)
-    )
-    weights = write_small_weights(tmp_path / "small.safetensors").read_bytes()
-    params = {"noun": "a throne", "steps": 1, "model": "weights"}
-    request = JobRequest.model_validate({"kind": "prior_teach", "params": params})
-    files = {
-        "meshes": InputFile(chairs[1], "chairs.zip"),
-        "family": InputFile(chairs[2]["family.safetensors"], "family.safetensors"),
-        "weights": InputFile(weights, "weights.safetensors"),
-    }
-    check_request(request, Settings(), files=set(files))
-    artifacts = finished(start_run(RunInput(request, files)))
-    report = json.loads(artifacts["report.json"].data)
-    assert report["made_members"] == 2
-    # Nine meshes and both new shapes, none of them jittered; the mesh that is held out is.
-    held = next(each["name"] for each in report["meshes"] if each["held_out"])
-    assert sorted(name for name, how in drawn if not how["jitter"]) == sorted(
-        {*(chairs[0].keys() - {held}), "shape_00.glb", "shape_01.glb"}
-    )
-    assert {name for name, how in drawn if how["jitter"]} == {held}
-    others = {name.replace("chair_0009", "stool"): data for name, data in chairs[0].items()}
-    files["meshes"] = InputFile(packed(others), "others.zip")
-    with pytest.raises(AssetError, match=r"The collection has no 'chair_0009\.glb'"):
-        start_run(RunInput(request, files))
 
 
 def test_the_labelled_assets_serve_as_the_collection(chairs):

@@ -115,7 +115,7 @@ HALF = b"x" * (MAX_DOCUMENT_BYTES // 2)
 def test_a_body_that_is_parsed_has_a_limit_that_holds_while_it_comes() -> None:
     route = Route("/v1/webhooks", body_field=object())
     assert run(reader(route), parts=(HALF, HALF))[0]["status"] == 200
-    with pytest.raises(AssetTooLargeError, match="larger than 262144 bytes"):
+    with pytest.raises(AssetTooLargeError, match="larger than 262,144 bytes"):
         run(reader(route), parts=(HALF, HALF, b"x", b"never read"))
 
 
