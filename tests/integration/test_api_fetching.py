@@ -142,7 +142,7 @@ def test_a_long_document_may_hold_a_file_and_nothing_else(fetching: Api, sphere:
     for document in ({**PROMPT, "metadata": labels}, {**PROMPT, "metadata": labels, "asset": {"data": "AAAA"}}):
         assert fetching.http.post("/v1/jobs", json=document).status_code == 422
     answer = fetching.http.post("/v1/jobs", json={**PROMPT, "asset": {"data": "A" * 2**20}})
-    assert "longer than 1048576 bytes" in check_problem(answer, 422, "request_invalid")["detail"]
+    assert "longer than 1 MiB" in check_problem(answer, 422, "request_invalid")["detail"]
 
 
 @each_case(
