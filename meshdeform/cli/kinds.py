@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import io
+import zipfile
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -356,12 +358,10 @@ def teach(
 
 def _steps_of_kit(data: bytes, printed: Printed) -> int:
     """Say which nouns a kit has; return the steps to learn them."""
-    from meshdeform.assets import Limits
-    from meshdeform.assets.lesson_archive import open_lesson
     from meshdeform.priors.builtin.teaching.lesson import nouns_of_kit
     from meshdeform.requests.teaching import TEACH_STEPS, TEACH_STEPS_FURTHER
 
-    nouns = Counter(noun for noun, _ in nouns_of_kit(list(open_lesson(data, "", Limits()))).values())
+    nouns = Counter(noun for noun, _ in nouns_of_kit(zipfile.ZipFile(io.BytesIO(data)).namelist()).values())
     if not printed.quiet:
         listed = ", ".join(f"{noun} ({count})" for noun, count in nouns.items())
         typer.echo(f"{len(nouns)} nouns and their meshes: {listed}", err=True)

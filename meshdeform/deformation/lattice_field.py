@@ -50,7 +50,7 @@ from meshdeform.geometry.places import LargeFaces, nearest_larger_faces
 _LEAST_VOLUME = 1e-6
 """Lower bound of a cell's relative volume in its energy."""
 
-_SIDES = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # of a cell, on which each of its corners lies
+_SIDES = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # of a cell on which each corner lies, by axis
 _CORRECTIONS = 3
 _CHUNK = 50_000
 _Floats = NDArray[np.float64]

@@ -125,6 +125,8 @@ def new_nouns(
         except ParameterError as error:
             refused.append(error)
         else:
+            if any(new.noun == other.noun for other in made):
+                raise ParameterError(f"{name!r} and {new.noun!r} are one noun.", advice="Put its meshes in one folder.")
             made.append(new.with_parts([attribute.part for attribute in attributes]))
     if refused:
         raise ParameterError(" ".join(error.detail for error in refused[:_TOLD]), advice=refused[0].advice_text)

@@ -100,7 +100,7 @@ def draw_lesson(
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _NounPictures:
     """The pictures of a noun, and the name of the mesh that is held out, if one is."""
 
     training: PictureSet
@@ -108,7 +108,7 @@ class _Drawn:
     held_mesh: str
 
 
-def _of_noun(noun: str, words: Words, shapes: Sequence[Shape], size: LessonSize, seed: int, held: int) -> _Drawn:
+def _of_noun(noun: str, words: Words, shapes: Sequence[Shape], size: LessonSize, seed: int, held: int) -> _NounPictures:
     """Draw members of a noun, and of a mesh that they do not show if there are three."""
     number = int(np.random.default_rng(seed).integers(len(shapes)))
     apart = shapes[number] if len(shapes) >= _FEWEST_TO_HOLD_OUT else None
@@ -121,7 +121,7 @@ def _of_noun(noun: str, words: Words, shapes: Sequence[Shape], size: LessonSize,
         part, attributes = member(shape, rng)
         return _drawn(part, prompt_of(noun, attributes), words, rng, grids)
 
-    return _Drawn(
+    return _NounPictures(
         joined([pictures_of(seen[k % len(seen)], (_NEW, k), size.grids) for k in range(count)]),
         joined([pictures_of(tests[k % len(tests)], (_HELD, k), _HELD_GRIDS) for k in range(held)]),
         apart.name if apart is not None else "",

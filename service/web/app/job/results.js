@@ -149,7 +149,7 @@ export function isLesson(job) {
   return job.kind === "prior_teach";
 }
 
-/** The nouns of a lesson; reports of version 4 have one. @param {any} report @returns {string[]} */
+/** The nouns of a lesson; earlier reports have one. @param {any} report @returns {string[]} */
 function nounsOf(report) {
   return (report.nouns ?? [report]).map((/** @type {any} */ each) => each.noun);
 }
