@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 
 from bench.make_surfaces import bumpy_torus
 from bench.surface_pareto import fit
-from meshdeform.fields.cleaning import clean
-from meshdeform.fields.level_files import level_glb
-from meshdeform.fields.measures import distances
-from meshdeform.fields.reader import read_field
-from meshdeform.fields.surface_sources import surface_of
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.simplify import simplified
+from meshdeform.kinds.surface_fit.cleaning import clean
+from meshdeform.kinds.surface_fit.level_files import level_glb
+from meshdeform.kinds.surface_fit.measures import distances
+from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.surface_sources import surface_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

@@ -28,17 +28,17 @@ from numpy.typing import NDArray
 from bench.surface_chart import draw, table
 from bench.surface_rivals import read_source, rivals
 from meshdeform.errors import AssetError
-from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.cleaning import CleanMesh, clean
-from meshdeform.fields.container import encode_base, write_field
-from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
-from meshdeform.fields.gluing import fans, glue, topology
-from meshdeform.fields.intrinsic import HeatGeodesics, delaunay, spectrum
-from meshdeform.fields.measures import distances
-from meshdeform.fields.patches import level_of
-from meshdeform.fields.reader import read_field
-from meshdeform.fields.surface_sources import MeshSurface, Surface, surface_of
 from meshdeform.geometry.places import even_samples
+from meshdeform.kinds.surface_fit.base_mesh import base_of
+from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
+from meshdeform.kinds.surface_fit.container import encode_base, write_field
+from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
+from meshdeform.kinds.surface_fit.gluing import fans, glue, topology
+from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, delaunay, spectrum
+from meshdeform.kinds.surface_fit.measures import distances
+from meshdeform.kinds.surface_fit.patches import level_of
+from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.surface_sources import MeshSurface, Surface, surface_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

@@ -19,11 +19,11 @@ from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.mesh_codecs import draco_mesh, meshopt_mesh
 from meshdeform.assets.meshopt import decode_attributes, decode_triangles
 from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
-from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.cleaning import CleanMesh, clean
-from meshdeform.fields.isosurface import isosurface
-from meshdeform.fields.oriented_points import poisson_grid
-from meshdeform.fields.surface_sources import Surface
+from meshdeform.kinds.surface_fit.base_mesh import base_of
+from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
+from meshdeform.kinds.surface_fit.isosurface import isosurface
+from meshdeform.kinds.surface_fit.oriented_points import poisson_grid
+from meshdeform.kinds.surface_fit.surface_sources import Surface
 
 __all__ = ["Rival", "rivals"]
 

@@ -29,13 +29,13 @@ from torch.nn import functional
 from bench.surface_pareto import fitted
 from bench.surface_rivals import read_source
 from meshdeform.deformation.variables import Adam
-from meshdeform.fields.intrinsic import HeatGeodesics, delaunay, spectrum
-from meshdeform.fields.network import octaves_of
-from meshdeform.fields.patches import level_of
-from meshdeform.fields.reader import read_field
-from meshdeform.fields.scalar_fields import learn_scalars
-from meshdeform.fields.scalar_sections import read_scalars
-from meshdeform.fields.surface_sources import surface_of
+from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, delaunay, spectrum
+from meshdeform.kinds.surface_fit.network import octaves_of
+from meshdeform.kinds.surface_fit.patches import level_of
+from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.scalar_fields import learn_scalars
+from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
+from meshdeform.kinds.surface_fit.surface_sources import surface_of
 
 _Floats = NDArray[np.float64]
 LEVEL, PIECES, WIDTH, DEPTH = 3, 6, 32, 2

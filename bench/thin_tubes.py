@@ -10,12 +10,12 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets.surface_files import DistanceGrid
-from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.container import encode_base
-from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
-from meshdeform.fields.measures import distances
-from meshdeform.fields.patches import level_of
-from meshdeform.fields.surface_sources import surface_of
+from meshdeform.kinds.surface_fit.base_mesh import base_of
+from meshdeform.kinds.surface_fit.container import encode_base
+from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
+from meshdeform.kinds.surface_fit.measures import distances
+from meshdeform.kinds.surface_fit.patches import level_of
+from meshdeform.kinds.surface_fit.surface_sources import surface_of
 
 BASE_FACES, STEPS = 500, 300
 CELL, BAND = 2 / 128, 3

@@ -125,8 +125,8 @@ def unfold(
     output = output or Path(f"{field.stem}.glb")
     check_glb(output)
     check_free([path for path in (output, intrinsic) if path is not None], [field], force=force)
-    from meshdeform.fields.level_files import intrinsic_npz, level_glb
-    from meshdeform.fields.reader import read_field
+    from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb
+    from meshdeform.kinds.surface_fit.reader import read_field
 
     try:
         surface = read_field(field)
@@ -141,7 +141,7 @@ def unfold(
     contents = {output: level_glb(verts, triangles)}
     if intrinsic is not None:
         require("numba", "deform")
-        from meshdeform.fields.intrinsic import delaunay
+        from meshdeform.kinds.surface_fit.intrinsic import delaunay
 
         mesh = delaunay(verts, triangles)
         contents[intrinsic] = intrinsic_npz(mesh, verts)

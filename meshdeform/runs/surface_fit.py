@@ -23,18 +23,18 @@ from meshdeform.assets.surface_files import (
 )
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.errors import AssetError, AssetTooLargeError, ParameterError
-from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.cleaning import CleanMesh, clean
-from meshdeform.fields.container import EncodedBase, encode_base, write_field
-from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
-from meshdeform.fields.gluing import glue, topology
-from meshdeform.fields.intrinsic import IntrinsicMesh, delaunay
-from meshdeform.fields.learned_scalars import check_places, learned_scalars
-from meshdeform.fields.level_files import intrinsic_npz, level_glb
-from meshdeform.fields.measures import Reference, distances
-from meshdeform.fields.patches import divided, level_of
-from meshdeform.fields.reader import read_field
-from meshdeform.fields.surface_sources import Surface, surface_of
+from meshdeform.kinds.surface_fit.base_mesh import base_of
+from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
+from meshdeform.kinds.surface_fit.container import EncodedBase, encode_base, write_field
+from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
+from meshdeform.kinds.surface_fit.gluing import glue, topology
+from meshdeform.kinds.surface_fit.intrinsic import IntrinsicMesh, delaunay
+from meshdeform.kinds.surface_fit.learned_scalars import check_places, learned_scalars
+from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb
+from meshdeform.kinds.surface_fit.measures import Reference, distances
+from meshdeform.kinds.surface_fit.patches import divided, level_of
+from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.surface_sources import Surface, surface_of
 from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, sha256_hex, versions

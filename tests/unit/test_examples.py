@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import load_asset
-from meshdeform.fields.gluing import glue, topology
-from meshdeform.fields.reader import read_field
 from meshdeform.geometry.weld import weld
+from meshdeform.kinds.surface_fit.gluing import glue, topology
+from meshdeform.kinds.surface_fit.reader import read_field
 from tests.cases import each_case
 
 NAMES = ["capsule", "cube", "sphere", "vase"]

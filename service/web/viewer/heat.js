@@ -1,7 +1,7 @@
 // @ts-check
 /**
  * Geodesic distances by the heat method on an intrinsic Delaunay triangulation; the counterpart in Python is
- * `HeatGeodesics` in `meshdeform/fields/intrinsic.py`, and a test compares the two.
+ * `HeatGeodesics` in `meshdeform/kinds/surface_fit/intrinsic.py`, and a test compares the two.
  *
  *     (M + t L) u = delta        X = -grad u / |grad u|        L phi = div X
  *

@@ -1,7 +1,7 @@
 // @ts-check
 /**
  * An intrinsic Delaunay triangulation of a manifold mesh: faces and side lengths. The counterpart in Python is
- * `meshdeform/fields/intrinsic.py`; a test compares the two. Side k of a face runs from its corner k to corner k + 1, and
+ * `meshdeform/kinds/surface_fit/intrinsic.py`; a test compares the two. Side k of a face runs from its corner k to corner k + 1, and
  * a half-edge is the number 3 face + k.
  *
  * Source: Bobenko and Springborn 2007; Fisher et al. 2007.

@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * Checks what the header of a `.ndf` states before anything is made of it. The counterpart in Python is `meshdeform/fields/ndf_header.py`; a
+ * Checks what the header of a `.ndf` states before anything is made of it. The counterpart in Python is `meshdeform/kinds/surface_fit/ndf_header.py`; a
  * test compares the two. A checksum does not make a file honest: sizes and widths are used only where they fit each other and the limits.
  */
 export const TORN = "The .ndf contradicts itself.";

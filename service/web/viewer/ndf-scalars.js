@@ -1,7 +1,7 @@
 // @ts-check
 /**
  * The scalars that a `.ndf` holds beside its surface: offset + scale MLP(features), the features interpolated along the base. The counterpart
- * in Python is `meshdeform/fields/scalar_sections.py`; a test compares the two.
+ * in Python is `meshdeform/kinds/surface_fit/scalar_sections.py`; a test compares the two.
  *
  * @typedef {object} Scalars
  * @property {string} name

@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * Reads `.ndf` files (docs/surface_fit.md); ndf-unfold.js makes meshes of them. The counterpart in Python is `meshdeform/fields/reader.py`;
+ * Reads `.ndf` files (docs/surface_fit.md); ndf-unfold.js makes meshes of them. The counterpart in Python is `meshdeform/kinds/surface_fit/reader.py`;
  * a test compares the two. Needs no page: it also runs in a worker and in Node.js.
  *
  * @typedef {object} NeuralField

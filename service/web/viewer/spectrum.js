@@ -2,7 +2,7 @@
 /**
  * The smallest eigenvalues of the Laplacian, L x = lambda M x, and their eigenfunctions, by subspace iteration: L is
  * inverted by the conjugate gradients of heat.js. The counterpart in Python is `spectrum` in
- * `meshdeform/fields/intrinsic.py`; a test compares the two.
+ * `meshdeform/kinds/surface_fit/intrinsic.py`; a test compares the two.
  *
  * Source: Bathe and Wilson 1972.
  */

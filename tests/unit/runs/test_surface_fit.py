@@ -26,12 +26,12 @@ from meshdeform.errors import (
     CheckpointError,
     ParameterError,
 )
-from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.cleaning import clean
-from meshdeform.fields.learned_scalars import learned_scalars, places_on
-from meshdeform.fields.reader import read_field
-from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.kinds.surface_fit.base_mesh import base_of
+from meshdeform.kinds.surface_fit.cleaning import clean
+from meshdeform.kinds.surface_fit.learned_scalars import learned_scalars, places_on
+from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.removed import grouped
 from meshdeform.runs import check_request, kind_of, start_run
@@ -287,7 +287,7 @@ def octahedron() -> bytes:
 
 
 def test_an_octahedron_is_fitted_from_a_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("meshdeform.fields.surface_sources._CELLS", 16)
+    monkeypatch.setattr("meshdeform.kinds.surface_fit.surface_sources._CELLS", 16)
     run = begin(octahedron(), "octahedron.safetensors", steps=1)
     list(run)
     report = json.loads(run.finish()["report.json"].data)
@@ -326,7 +326,9 @@ def test_a_branch_has_the_network_of_its_job() -> None:
 def test_a_cloud_is_posted_fitted_and_downloaded_and_is_no_asset(
     tmp_path: Path, redis_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)  # the worker is in this process
+    monkeypatch.setattr(
+        "meshdeform.kinds.surface_fit.surface_sources._POINT_CELLS", 24
+    )  # the worker is in this process
     mesh = icosphere(3)
     points = mesh.verts.numpy()
     cloud = tmp_path / "cloud.xyz"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.build import build_glb
 
 if TYPE_CHECKING:
-    from meshdeform.fields.intrinsic import IntrinsicMesh
+    from meshdeform.kinds.surface_fit.intrinsic import IntrinsicMesh
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

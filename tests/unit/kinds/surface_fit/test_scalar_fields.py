@@ -9,14 +9,14 @@ import pytest
 
 from meshdeform.assets.scalar_files import read_scalar_file
 from meshdeform.errors import AssetError
-from meshdeform.fields.container import encode_base, write_field
-from meshdeform.fields.learned_scalars import check_places, learned_scalars, places_on
-from meshdeform.fields.network import FieldNetwork
-from meshdeform.fields.patches import level_of
-from meshdeform.fields.reader import NeuralField, read_field
-from meshdeform.fields.scalar_fields import learn_scalars
-from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.kinds.surface_fit.container import encode_base, write_field
+from meshdeform.kinds.surface_fit.learned_scalars import check_places, learned_scalars, places_on
+from meshdeform.kinds.surface_fit.network import FieldNetwork
+from meshdeform.kinds.surface_fit.patches import level_of
+from meshdeform.kinds.surface_fit.reader import NeuralField, read_field
+from meshdeform.kinds.surface_fit.scalar_fields import learn_scalars
+from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
 
 
 @pytest.fixture(scope="module")

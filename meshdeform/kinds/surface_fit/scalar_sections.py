@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.fields.reader import NeuralField
+from meshdeform.kinds.surface_fit.reader import NeuralField
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

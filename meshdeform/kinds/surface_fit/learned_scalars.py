@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.scalar_files import SampledScalars
 from meshdeform.errors import AssetError
-from meshdeform.fields.container import packed_bytes
-from meshdeform.fields.network import steps_of
-from meshdeform.fields.patches import in_corners, level_of
-from meshdeform.fields.reader import NeuralField
-from meshdeform.fields.scalar_fields import STEPS, ScalarField, learn_scalars
 from meshdeform.geometry.places import SurfaceTree
+from meshdeform.kinds.surface_fit.container import packed_bytes
+from meshdeform.kinds.surface_fit.network import steps_of
+from meshdeform.kinds.surface_fit.patches import in_corners, level_of
+from meshdeform.kinds.surface_fit.reader import NeuralField
+from meshdeform.kinds.surface_fit.scalar_fields import STEPS, ScalarField, learn_scalars
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

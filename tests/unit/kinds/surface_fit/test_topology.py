@@ -11,16 +11,24 @@ from scipy.spatial import ConvexHull, Delaunay
 
 from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
 from meshdeform.errors import AssetError, AssetTooLargeError
-from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.cleaning import CleanMesh, clean, relaxed
-from meshdeform.fields.gluing import glue, topology
-from meshdeform.fields.intrinsic import HeatGeodesics, areas_of, delaunay, half_cotangents, laplacian, mass, spectrum
-from meshdeform.fields.isosurface import isosurface
-from meshdeform.fields.measures import EIGENVALUES, Reference
-from meshdeform.fields.patches import divided, level_of
-from meshdeform.fields.surface_sources import surface_of
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.kinds.surface_fit.base_mesh import base_of
+from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean, relaxed
+from meshdeform.kinds.surface_fit.gluing import glue, topology
+from meshdeform.kinds.surface_fit.intrinsic import (
+    HeatGeodesics,
+    areas_of,
+    delaunay,
+    half_cotangents,
+    laplacian,
+    mass,
+    spectrum,
+)
+from meshdeform.kinds.surface_fit.isosurface import isosurface
+from meshdeform.kinds.surface_fit.measures import EIGENVALUES, Reference
+from meshdeform.kinds.surface_fit.patches import divided, level_of
+from meshdeform.kinds.surface_fit.surface_sources import surface_of
 from training.shapes import box, grid, torus
 
 
@@ -135,7 +143,7 @@ def test_a_distance_grid_becomes_its_torus() -> None:
 
 
 def test_noisy_points_become_a_closed_surface_within_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("meshdeform.fields.surface_sources._POINT_CELLS", 24)
+    monkeypatch.setattr("meshdeform.kinds.surface_fit.surface_sources._POINT_CELLS", 24)
     random = np.random.default_rng(0)
     normals = random.normal(size=(1500, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -169,16 +177,16 @@ def test_noise_is_refused_before_anything_costly_is_made_of_it(monkeypatch: pyte
     rough = surface_of(noise).reference
     assert rough.topology.fewest_faces > 800
     with monkeypatch.context() as patched:
-        patched.setattr("meshdeform.fields.base_mesh._collapsed", None)
+        patched.setattr("meshdeform.kinds.surface_fit.base_mesh._collapsed", None)
         with pytest.raises(AssetError, match=f"which need {rough.topology.fewest_faces} or more") as caught:
             base_of(rough, 200)
     assert "noise" in caught.value.advice_text
     with monkeypatch.context() as patched:
-        patched.setattr("meshdeform.fields.surface_sources.MAX_BASE_FACES", 200)
-        patched.setattr("meshdeform.fields.surface_sources.clean", None)
+        patched.setattr("meshdeform.kinds.surface_fit.surface_sources.MAX_BASE_FACES", 200)
+        patched.setattr("meshdeform.kinds.surface_fit.surface_sources.clean", None)
         with pytest.raises(AssetError, match=r"about \d{3} handles, more than any base"):
             surface_of(noise)
-    monkeypatch.setattr("meshdeform.fields.isosurface._MOST_CUBES", 5000)
+    monkeypatch.setattr("meshdeform.kinds.surface_fit.isosurface._MOST_CUBES", 5000)
     with pytest.raises(AssetTooLargeError, match="cells of the grid; the limit is 5000"):
         surface_of(noise)
 

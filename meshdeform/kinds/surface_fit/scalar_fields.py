@@ -20,7 +20,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.deformation.variables import Adam
-from meshdeform.fields.network import IN_SPREAD, START, rounded, steps_of
+from meshdeform.kinds.surface_fit.network import IN_SPREAD, START, rounded, steps_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -81,7 +81,7 @@ class ScalarField:
 
     @torch.no_grad()
     def values(self, corners: _Index, weights: _Floats) -> _Floats:
-        """Return the scalars (P, C) float64 at places, as `meshdeform.fields.patches.level_of` gives them."""
+        """Return the scalars (P, C) float64 at places, as `patches.level_of` gives them."""
         found = self(torch.from_numpy(corners), torch.from_numpy(weights).float())
         return np.asarray(self.offset + self.scale * found.double().numpy())
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from meshdeform.errors import AssetEmptyError, AssetError
-from meshdeform.fields.gluing import Topology, glue, glued_verts, topology
 from meshdeform.geometry.weld import weld
+from meshdeform.kinds.surface_fit.gluing import Topology, glue, glued_verts, topology
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

@@ -1,8 +1,7 @@
 """Define the field: f(p) = p + MLP([features at p, p, octaves of p]) for a point p of the base mesh.
 
-The features are learned at the base's vertices and interpolated linearly in its faces; the octaves are
-sin(2^k pi p) and cos(2^k pi p), k = 0, 1, ... All coordinates are those of the
-frame, in which the base lies in [-1, 1].
+The features are learned at the base's vertices and interpolated linearly in its faces; the octaves are sin(2^k pi p)
+and cos(2^k pi p), k = 0, 1, ... All coordinates are those of the frame, in which the base lies in [-1, 1].
 
 Source: Noma et al. 2026, section 4; Mildenhall et al. 2020, NeRF, equation 4 (the octaves).
 

@@ -30,11 +30,11 @@ from torch.nn import functional
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.variables import Adam
 from meshdeform.errors import CheckpointError, NumericalError
-from meshdeform.fields.network import START, FieldNetwork, octaves_of, rounded, steps_of
-from meshdeform.fields.patches import in_corners, level_of, patch
-from meshdeform.fields.surface_sources import Surface
 from meshdeform.geometry.mesh import face_normals
 from meshdeform.geometry.places import SurfaceTree, even_samples
+from meshdeform.kinds.surface_fit.network import START, FieldNetwork, octaves_of, rounded, steps_of
+from meshdeform.kinds.surface_fit.patches import in_corners, level_of, patch
+from meshdeform.kinds.surface_fit.surface_sources import Surface
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

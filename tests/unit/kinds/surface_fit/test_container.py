@@ -9,20 +9,20 @@ import pytest
 import torch
 from scipy.spatial import cKDTree
 
-import meshdeform.fields.reader
+import meshdeform.kinds.surface_fit.reader
 from meshdeform.errors import CheckpointError
-from meshdeform.fields.base_mesh import base_of
-from meshdeform.fields.cleaning import clean
-from meshdeform.fields.container import BITS, encode_base, write_field
-from meshdeform.fields.fitting import FieldFit, FieldFrame, FitOptions
-from meshdeform.fields.gluing import glue, topology
-from meshdeform.fields.network import FieldNetwork, rounded, steps_of, whole
-from meshdeform.fields.patches import level_of
-from meshdeform.fields.reader import read_field
-from meshdeform.fields.scalar_sections import read_scalars
-from meshdeform.fields.surface_sources import Surface, surface_of
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.kinds.surface_fit.base_mesh import base_of
+from meshdeform.kinds.surface_fit.cleaning import clean
+from meshdeform.kinds.surface_fit.container import BITS, encode_base, write_field
+from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
+from meshdeform.kinds.surface_fit.gluing import glue, topology
+from meshdeform.kinds.surface_fit.network import FieldNetwork, rounded, steps_of, whole
+from meshdeform.kinds.surface_fit.patches import level_of
+from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
+from meshdeform.kinds.surface_fit.surface_sources import Surface, surface_of
 from training.shapes import grid, torus
 
 
@@ -108,7 +108,7 @@ def test_every_damaged_byte_is_noticed() -> None:
 
 
 def test_the_reader_is_short() -> None:
-    source = Path(meshdeform.fields.reader.__file__).read_text(encoding="utf-8")
+    source = Path(meshdeform.kinds.surface_fit.reader.__file__).read_text(encoding="utf-8")
     assert len(source.splitlines()) <= 150
     assert "torch" not in source
 

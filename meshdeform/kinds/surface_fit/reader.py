@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.fields.ndf_header import checked_header
-from meshdeform.fields.patches import level_of
+from meshdeform.kinds.surface_fit.ndf_header import checked_header
+from meshdeform.kinds.surface_fit.patches import level_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

@@ -13,14 +13,14 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from meshdeform.fields.cleaning import CleanMesh
-from meshdeform.fields.gluing import glue, glued_verts, topology
-from meshdeform.fields.intrinsic import HeatGeodesics, IntrinsicMesh, delaunay, spectrum
-from meshdeform.fields.patches import divided
-from meshdeform.fields.surface_sources import MeshSurface, Surface
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.places import even_samples
 from meshdeform.geometry.simplify import simplified
+from meshdeform.kinds.surface_fit.cleaning import CleanMesh
+from meshdeform.kinds.surface_fit.gluing import glue, glued_verts, topology
+from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, IntrinsicMesh, delaunay, spectrum
+from meshdeform.kinds.surface_fit.patches import divided
+from meshdeform.kinds.surface_fit.surface_sources import MeshSurface, Surface
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

@@ -16,11 +16,11 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError
-from meshdeform.fields.cleaning import CleanMesh, relaxed
-from meshdeform.fields.gluing import fans, glue, topology
-from meshdeform.fields.surface_sources import MeshSurface
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.simplify import simplified
+from meshdeform.kinds.surface_fit.cleaning import CleanMesh, relaxed
+from meshdeform.kinds.surface_fit.gluing import fans, glue, topology
+from meshdeform.kinds.surface_fit.surface_sources import MeshSurface
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

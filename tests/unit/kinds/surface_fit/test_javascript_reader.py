@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from meshdeform.fields.container import encode_base, write_field
-from meshdeform.fields.intrinsic import HeatGeodesics, delaunay, mass, spectrum
-from meshdeform.fields.network import FieldNetwork
-from meshdeform.fields.reader import read_field
-from meshdeform.fields.scalar_fields import learn_scalars
-from meshdeform.fields.scalar_sections import read_scalars
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.kinds.surface_fit.container import encode_base, write_field
+from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, delaunay, mass, spectrum
+from meshdeform.kinds.surface_fit.network import FieldNetwork
+from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.scalar_fields import learn_scalars
+from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
 from training.shapes import grid, torus
 
 REFUSE = """
@@ -34,7 +34,7 @@ for (const file of process.argv.slice(2))
 console.log(JSON.stringify(said));
 """
 VERSION_1 = Path(__file__).with_name("version_1.ndf")
-MODULE = Path(__file__).parents[3] / "service" / "web" / "viewer" / "ndf.js"
+MODULE = Path(__file__).parents[4] / "service" / "web" / "viewer" / "ndf.js"
 SCRIPT = """
 const { readField, scalarsAt, unfold } = await import(process.argv[1]);
 const apart = (a, b) => Math.max(...a.map((value, i) => Math.abs(value - b[i])));
@@ -191,7 +191,7 @@ def test_both_readers_refuse_a_file_that_lies_below_a_good_checksum(tmp_path: Pa
 # Flips and geodesic distances in JavaScript: those of the counterparts in Python, on a mesh that needs both.
 
 
-VIEWER = Path(__file__).parents[3] / "service" / "web" / "viewer"
+VIEWER = Path(__file__).parents[4] / "service" / "web" / "viewer"
 GEODESICS = """
 const [folder, file] = process.argv.slice(1);
 const { readFileSync } = await import("node:fs");

@@ -22,8 +22,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.fields.network import FieldNetwork, steps_of, whole
-from meshdeform.fields.scalar_fields import ScalarField
+from meshdeform.kinds.surface_fit.network import FieldNetwork, steps_of, whole
+from meshdeform.kinds.surface_fit.scalar_fields import ScalarField
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

@@ -31,8 +31,8 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.sparse.linalg import eigsh, splu
 
-from meshdeform.fields.gluing import glue
 from meshdeform.geometry.kernels import kernel
+from meshdeform.kinds.surface_fit.gluing import glue
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

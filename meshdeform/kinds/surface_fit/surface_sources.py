@@ -17,11 +17,11 @@ from torch.nn import functional
 
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, coarsening
 from meshdeform.errors import AssetError
-from meshdeform.fields.cleaning import CleanMesh, clean, relaxed
-from meshdeform.fields.isosurface import continued, isosurface
-from meshdeform.fields.oriented_points import poisson_grid
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.places import SurfaceTree
+from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean, relaxed
+from meshdeform.kinds.surface_fit.isosurface import continued, isosurface
+from meshdeform.kinds.surface_fit.oriented_points import poisson_grid
 from meshdeform.requests.surface_fit import MAX_BASE_FACES
 
 _Floats = NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""What the library makes, one folder for each kind of job."""
