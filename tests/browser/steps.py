@@ -49,6 +49,12 @@ def open_form(page: Page) -> None:
     page.get_by_role("group", name="Suggested prompts").get_by_role("button").first.wait_for()
 
 
+def open_more(page: Page) -> None:
+    """Open the fold with all that most jobs do without."""
+    if page.locator("details.further-options").get_attribute("open") is None:
+        page.get_by_text("More options").click()
+
+
 def choose(page: Page, asset: Path) -> None:
     """Choose a file as the asset."""
     page.set_input_files("#asset-file", asset)
@@ -62,6 +68,7 @@ def kept_files(page: Page) -> list[str]:
 
 def set_steps(page: Page, steps: int, seed: int = 7) -> None:
     """Set the length of the job, among the advanced parameters."""
+    open_more(page)
     if not page.locator("#param-steps").is_visible():
         page.get_by_text("Advanced", exact=True).click()
     page.get_by_label("Steps", exact=True).fill(str(steps))

@@ -26,6 +26,7 @@ from tests.browser.steps import (
     choose,
     expect,
     open_form,
+    open_more,
     set_steps,
     shown_job,
     start,
@@ -65,6 +66,7 @@ def finished(service: Service, small_sphere: Path) -> str:
 def views(page: Page, finished: str) -> Iterator[str]:
     """Each view of the page, once it is complete."""
     open_form(page)
+    open_more(page)
     page.get_by_text("Advanced", exact=True).click()
     page.get_by_text(re.compile(r"^All \d+ nouns")).click()
     page.get_by_text("Control", exact=True).click()
@@ -236,7 +238,7 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     for _ in range(50):
         page.keyboard.press("Tab")
         focused = page.evaluate("() => document.activeElement.id || document.activeElement.textContent.trim()")
-        if focused == "Advanced":
+        if focused in ("More options", "Advanced"):
             page.keyboard.press("Enter")
         if focused == "param-steps":
             page.keyboard.type("8")

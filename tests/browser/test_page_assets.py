@@ -14,7 +14,18 @@ from PIL import Image
 from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
-from tests.browser.steps import badge, choose, difference, expect, open_form, picture, set_steps, start, until_drawn
+from tests.browser.steps import (
+    badge,
+    choose,
+    difference,
+    expect,
+    open_form,
+    open_more,
+    picture,
+    set_steps,
+    start,
+    until_drawn,
+)
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -72,6 +83,7 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(
     assert (seen[..., 2] - seen[..., 0] > 60).mean() > 0.05  # the texture is there
 
     # The arrow follows the pointer, the slider and the form.
+    open_more(page)
     slider, said = page.get_by_label("Front", exact=True).first, page.locator(".front-control output")
     expect(said).to_have_text("Automatic")
     find, note = page.get_by_role("button", name="Find", exact=True), page.locator(".front-note")

@@ -20,6 +20,7 @@ from tests.browser.steps import (
     expect,
     kept_files,
     open_form,
+    open_more,
     set_steps,
     start,
     until_noted,
@@ -76,6 +77,7 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
     choose(page, asset)
     viewer = page.locator(".asset-panel .viewer")
     until_shown(page, LOWER)
+    open_more(page)
     page.get_by_text("Control", exact=True).click()
     tool(page, "Paint")
     rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
@@ -152,6 +154,7 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     choose(page, two_parts(tmp_path / "balls.glb"))
     page.get_by_label("Prompt", exact=True).fill("a tall vase")
     set_steps(page, 2)
+    open_more(page)
     page.get_by_text("Control", exact=True).click()
     expect(page.get_by_role("group", name="Tool")).to_be_hidden()
     page.get_by_role("button", name="Add a box").click()

@@ -199,9 +199,6 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     whole = picture(viewer)
     page.get_by_label("Scalars", exact=True).select_option("height")
     until("the scalar is to be seen", lambda: difference(whole, picture(viewer)) > 0.3)
-    lines = picture(viewer)
-    page.get_by_role("button", name="Stripes").click()
-    until("the stripes are to be seen", lambda: difference(lines, picture(viewer)) > 0.1)
     page.get_by_label("Scalars", exact=True).select_option("none")
     until("the colours are gone", lambda: difference(plain, picture(viewer)) < 0.05)
 
@@ -214,7 +211,7 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
 
 
 @pytest.mark.without_pictures
-def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fitted: str, axe: str) -> None:
+def test_scalars_and_sizes_of_a_field(page: Page, service: Service, fitted: str, axe: str) -> None:
     page.goto(f"/#/jobs/{fitted}")
     expect(page.get_by_text("Distance from your file")).to_be_visible()
     facts = page.locator(".field-facts")
@@ -230,46 +227,22 @@ def test_functions_samples_and_sizes_of_a_field(page: Page, service: Service, fi
     size = len(service.artifact(fitted, "surface.ndf"))
     expect(sizes.get_by_role("row", name="This field")).to_contain_text(kilobytes(size))
 
-    mode = page.get_by_label("Eigenfunction", exact=True)
-    mode.fill("3")
-    expect(facts).to_contain_text("10 eigenfunctions in")
-    value = float(re.findall(r"Eigenvalue ([\d.]+);", facts.inner_text())[0])
-    assert value == pytest.approx(2, rel=0.1)  # l (l + 1), the third of three
-    expect(page.locator(".legend")).to_contain_text("Eigenfunction 3")
-    # Distances take the place of the function, and the other way round.
-    page.get_by_role("button", name="Distances").click()
-    expect(facts).to_contain_text("the farthest point is")
-    expect(mode).to_have_value("0")
-    expect(facts).not_to_contain_text("Eigenvalue")
-    mode.fill("1")
-    expect(facts).to_contain_text("Eigenvalue")
-    expect(page.get_by_role("button", name="Distances")).to_have_attribute("aria-pressed", "false")
     scalars = page.get_by_label("Scalars", exact=True)
     expect(scalars.get_by_role("option")).to_have_text(["none", "height", "half"])
     scalars.select_option("height")
     expect(facts).to_contain_text("height: from -")
     low, high = re.findall(r"height: from (-?[\d.]+) to (-?[\d.]+),", facts.inner_text())[0]
     assert (float(low), float(high)) == (pytest.approx(-10, abs=1), pytest.approx(10, abs=1))
-    expect(mode).to_have_value("0")
+    # Distances take the place of the scalar, and the other way round.
+    distances = page.get_by_role("button", name="Distances")
+    distances.click()
+    expect(facts).to_contain_text("the farthest point is")
+    expect(scalars).to_have_value("0")
     scalars.select_option("half")
+    expect(distances).to_have_attribute("aria-pressed", "false")
     expect(facts).to_contain_text("half: 2 pieces, in")
     expect(page.locator(".legend .ramp-ticks span")).to_have_text(["4", "5"])
     assert barriers(page, axe) == []
-    mode.fill("2")
-    expect(scalars).to_have_value("0")
-    blue, white = (page.get_by_role("button", name=f"{name} noise") for name in ("Blue", "White"))
-    blue.click()
-    expect(facts).to_contain_text("2,000 samples of blue noise in")
-    white.click()
-    expect(facts).to_contain_text("2,000 samples of white noise in")
-    expect(blue).to_have_attribute("aria-pressed", "false")
-    page.get_by_label("Level", exact=True).fill("2")
-    expect(page.locator(".field-stage .viewer-tag")).to_contain_text("Level 2")
-    expect(facts).to_contain_text("2,000 samples of white noise in")
-    white.click()
-    mode.fill("0")
-    expect(facts).not_to_contain_text("samples")
-    expect(facts).not_to_contain_text("Eigenvalue")
 
 
 @pytest.mark.without_3d

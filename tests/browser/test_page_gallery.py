@@ -25,8 +25,10 @@ CHAIR = next(example for example in EXAMPLES if example["id"] == "chair")
 
 def test_an_example_is_seen_at_once_and_runs_with_one_click(page: Page, watch: Watch, service: Service) -> None:
     open_form(page)
-    cards = page.get_by_role("region", name="Examples").get_by_role("link")
-    expect(cards).to_have_count(len(EXAMPLES))
+    expect(page.get_by_role("region", name="Examples").get_by_role("listitem")).to_have_count(6)
+    page.get_by_role("link", name="All examples").click()
+    expect(page.locator(".gallery").get_by_role("listitem")).to_have_count(len(EXAMPLES))
+    page.go_back()
     page.get_by_role("region", name="Examples").get_by_role("link", name="a chair").focus()
     page.keyboard.press("Enter")
     expect(page.get_by_role("heading", level=1, name="“a chair”")).to_be_visible()

@@ -11,7 +11,7 @@ import pytest
 from meshdeform.sketch.families import member_glb
 from tests.acceptance.service import Service
 from tests.browser.conftest import Watch, watched
-from tests.browser.steps import expect, open_form, set_steps, start
+from tests.browser.steps import expect, open_form, open_more, set_steps, start
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -41,6 +41,7 @@ def draw(page: Page, stroke: list[tuple[float, float]]) -> None:
 def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watch: Watch) -> None:
     watch.allow("422.*sketches:guess")
     open_form(page)
+    open_more(page)
     page.get_by_role("button", name="Draw it").click()
     dialog = page.get_by_role("dialog", name="Draw a shape")
     guess, use = (
@@ -103,6 +104,7 @@ def phone(browser: Browser, service: Service, request: pytest.FixtureRequest, tm
 @pytest.mark.without_3d
 def test_on_a_phone_a_drawing_of_something_else_is_told_in_sight(phone: Page) -> None:
     open_form(phone)
+    open_more(phone)
     phone.get_by_role("button", name="Draw it").click()
     dialog = phone.get_by_role("dialog", name="Draw a shape")
     for stroke in HOUSE:

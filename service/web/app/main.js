@@ -1,20 +1,11 @@
 // @ts-check
 /** The page: a frame around one view at a time. */
 import { announce, mountAnnouncer, toast } from "./announce.js";
-import { exampleOrigin, resultOrigin } from "./create/origins.js";
-import { SurfaceView } from "./create/surface-view.js";
-import { CreateView } from "./create/view.js";
-import { CompareView } from "./compare/view.js";
 import { button, fill, h } from "./dom.js";
 import { forgetDrafts } from "./drafts.js";
-import { ExampleView, showExamples } from "./examples/view.js";
-import { FamilyView } from "./family/view.js";
-import { JobView } from "./job/view.js";
-import { ListView } from "./jobs/list.js";
 import { currentKey, currentLink, forgetKey, holdLink } from "./key.js";
 import { parseRoute, permalinkHash } from "./router.js";
 import { Scope } from "./scope.js";
-import { TeachView } from "./teach/view.js";
 import { themeSwitch } from "./theme.js";
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
@@ -22,11 +13,64 @@ const tools = /** @type {HTMLElement} */ (document.getElementById("tools"));
 const theme = themeSwitch();
 let scope = new Scope();
 let first = true;
+let turn = 0;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
 const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", family: "create", examples: "examples", example: "examples", teach: "teach" });
 
-function show() {
+/**
+ * Load the modules of a view.
+ * @param {import("./router.js").Route} route
+ * @returns {Promise<(root: HTMLElement, scope: Scope) => unknown>} Shows it.
+ */
+async function viewOf(route) {
+  if (route.name === "create") {
+    const [{ CreateView }, { exampleOrigin, resultOrigin }] = await Promise.all([import("./create/view.js"), import("./create/origins.js")]);
+    const example = route.example ? exampleOrigin(route.example) : null;
+    return (root, scope) => new CreateView(root, scope, route.from && route.result ? resultOrigin(route.from) : (route.from ?? example), route);
+  }
+  if (route.name === "surface") {
+    const { SurfaceView } = await import("./create/surface-view.js");
+    return (root, scope) => new SurfaceView(root, scope, route.from, route.quick);
+  }
+  if (route.name === "family") {
+    const { FamilyView } = await import("./family/view.js");
+    return (root, scope) => new FamilyView(root, scope, route.from);
+  }
+  if (route.name === "examples" || route.name === "example") {
+    const { ExampleView, showExamples } = await import("./examples/view.js");
+    return (root, scope) => (route.name === "example" ? new ExampleView(root, scope, route.id) : showExamples(root, scope));
+  }
+  if (route.name === "compare") {
+    const { CompareView } = await import("./compare/view.js");
+    return (root, scope) => new CompareView(root, scope, route.ids);
+  }
+  if (route.name === "teach") {
+    const { TeachView } = await import("./teach/view.js");
+    return (root, scope) => new TeachView(root, scope);
+  }
+  if (route.name === "jobs" || route.name === "group") {
+    const { ListView } = await import("./jobs/list.js");
+    return (root, scope) => new ListView(root, scope, route.name === "group" ? { group: route.id } : { state: route.state, search: route.search });
+  }
+  if (route.name === "job" || route.name === "shared") {
+    const { JobView } = await import("./job/view.js");
+    return (root, scope) => new JobView(root, scope, route.id);
+  }
+  return (root) => fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${route.path}. `, h("a", { href: "#/" }, "Create something")));
+}
+
+/** @param {HTMLElement} root */
+function showUnloaded(root) {
+  fill(root, h("h1", null, "The page could not be loaded"), h("p", { class: "lead" }, "Check the connection. ", button("Reload", () => location.reload())));
+}
+
+async function show() {
   const route = parseRoute(location.hash);
+  turn += 1;
+  const mine = turn;
+  // What was there stays until the next view can be shown.
+  const view = await viewOf(route).catch(() => showUnloaded);
+  if (mine !== turn) return;
   scope.dispose();
   scope = new Scope();
   holdLink(route.name === "shared" ? route.link : "");
@@ -41,18 +85,7 @@ function show() {
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  if (route.name === "create") new CreateView(root, scope, route.from && route.result ? resultOrigin(route.from) : route.from ?? (route.example ? exampleOrigin(route.example) : null), route);
-  else if (route.name === "surface") new SurfaceView(root, scope, route.from, route.quick);
-  else if (route.name === "family") new FamilyView(root, scope, route.from);
-  else if (route.name === "examples") showExamples(root, scope);
-  else if (route.name === "compare") new CompareView(root, scope, route.ids);
-  else if (route.name === "example") new ExampleView(root, scope, route.id);
-  else if (route.name === "teach") new TeachView(root, scope);
-  else if (route.name === "jobs") new ListView(root, scope, { state: route.state, search: route.search });
-  else if (route.name === "group") new ListView(root, scope, { group: route.id });
-  else if (route.name === "job") new JobView(root, scope, route.id);
-  else if (route.name === "shared") new JobView(root, scope, route.id);
-  else fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${route.path}. `, h("a", { href: "#/" }, "Create something")));
+  view(root, scope);
   if (first) {
     first = false;
     return;

@@ -1,6 +1,6 @@
 // @ts-check
 /** A field in a viewer: its levels, distances from a point as colours with isolines, and the point, which can be dragged. */
-import { BufferAttribute, BufferGeometry, Mesh, MeshBasicMaterial, Points, PointsMaterial, Raycaster, SphereGeometry, Vector2, Vector3 } from "../vendor/three/three.module.js";
+import { BufferAttribute, Mesh, MeshBasicMaterial, Raycaster, SphereGeometry, Vector2, Vector3 } from "../vendor/three/three.module.js";
 import { cssGradient, pieceColors, ticks } from "./colormaps.js";
 import { colorTexture, HeatMaterial, pieceTexture } from "./heatmap.js";
 import { meshesOf } from "./loading.js";
@@ -29,7 +29,7 @@ export class FieldWorker {
   }
 
   /**
-   * @param {"open" | "level" | "heat" | "mode" | "samples" | "scalar"} task
+   * @param {"open" | "level" | "heat" | "scalar"} task
    * @param {Record<string, unknown>} given
    * @param {Transferable[]} [owned] what the worker gets for itself
    * @returns {Promise<any>} as the worker describes it
@@ -65,11 +65,7 @@ export class FieldView {
     this.marker.userData.overlay = true; // no shadow, and no part of the surface
     this.marker.renderOrder = 2;
     this.marker.visible = false;
-    this.dots = new Points(new BufferGeometry(), new PointsMaterial({ color: 0xd9622b, size: 4, sizeAttenuation: false, toneMapped: false }));
-    this.dots.userData.overlay = true;
-    this.dots.visible = false;
-    this.dots.frustumCulled = false;
-    viewer.stage.scene.add(this.marker, this.dots);
+    viewer.stage.scene.add(this.marker);
     const options = { signal: this.stop.signal, capture: true };
     this.canvas.addEventListener("pointerdown", (event) => this.#down(event), options);
     this.canvas.addEventListener("pointermove", (event) => {
@@ -99,12 +95,6 @@ export class FieldView {
     this.#dress(values.map((piece) => (piece + 0.5) / count), material);
   }
 
-  /** Show stripes instead of isolines. @param {boolean} on */
-  stripe(on) {
-    this.material.stripes.value = Number(on);
-    this.viewer.invalidate();
-  }
-
   /** @param {Float32Array | null} heat @param {HeatMaterial | null} material */
   #dress(heat, material) {
     const { mesh } = this;
@@ -112,13 +102,6 @@ export class FieldView {
     if (!(mesh.material instanceof HeatMaterial)) this.plain = /** @type {import("three").Material} */ (mesh.material);
     if (heat) mesh.geometry.setAttribute("heat", new BufferAttribute(heat, 1));
     mesh.material = material ?? this.plain ?? mesh.material;
-    this.viewer.invalidate();
-  }
-
-  /** Show places on the surface. @param {Float32Array | null} points */
-  sprinkle(points) {
-    this.dots.visible = points !== null;
-    if (points) this.dots.geometry.setAttribute("position", new BufferAttribute(points, 3));
     this.viewer.invalidate();
   }
 
@@ -204,9 +187,6 @@ export class FieldView {
   dispose() {
     this.stop.abort();
     this.marker.removeFromParent();
-    this.dots.removeFromParent();
-    this.dots.geometry.dispose();
-    /** @type {import("three").Material} */ (this.dots.material).dispose();
     this.marker.geometry.dispose();
     /** @type {import("three").Material} */ (this.marker.material).dispose();
     for (const material of [this.material, ...Object.values(this.divided)]) material.dispose();

@@ -7,20 +7,14 @@
  * @typedef {{ name: string, outputs: number, labels: number[] }} Named Scalars of the field, or pieces with their numbers.
  * @typedef {{ level: number, glb: ArrayBuffer, faces: number, vertices: number, ms: number }} Level
  * @typedef {{ values: Float32Array, source: number[], farthest: number, place: number[], ms: number, flips: number }} Heat
- * @typedef {{ values: Float32Array, eigenvalue: number, least: number, most: number, ms: number }} Mode `ms`: of all functions, once for a level
- * @typedef {{ points: Float32Array, ms: number }} Samples
  * @typedef {{ values: Float32Array, least: number, most: number, ms: number }} Learned `values` of pieces are places in their labels
  */
 import { writeGlb } from "./glb.js";
 import { HeatGeodesics } from "./heat.js";
 import { delaunay } from "./intrinsic.js";
 import { readField, scalarsAt, unfold } from "./ndf.js";
-import { blueNoise, whiteNoise } from "./samples.js";
-import { spectrum } from "./spectrum.js";
 
 const MOST_FACES = 600_000;
-const MOST_MODE_FACES = 100_000; // with more, eigenfunctions take minutes
-const MODES = 10;
 const MOST_LEVELS = 6;
 
 /** @type {import("./ndf.js").NeuralField | null} */
@@ -29,15 +23,13 @@ let field = null;
 let mesh = null;
 /** @type {{ level: number, solver: HeatGeodesics, flips: number } | null} */
 let geodesics = null;
-/** @type {{ level: number, values: number[], functions: Float32Array[], ms: number } | null} */
-let modes = null;
 
 const tasks = {
   /** @param {{ bytes: ArrayBuffer }} given @returns {Promise<Opened>} */
   async open({ bytes }) {
     const begin = performance.now();
     field = await readField(new Uint8Array(bytes));
-    mesh = geodesics = modes = null;
+    mesh = geodesics = null;
     const faces = field.faces.length / 3;
     let levels = 0;
     while (levels < MOST_LEVELS && faces * 4 ** (levels + 1) <= MOST_FACES) levels++;
@@ -80,23 +72,6 @@ const tasks = {
   },
 
   /**
-   * An eigenfunction of the Laplacian, by its number from 1.
-   * @param {{ level: number, number: number }} given
-   * @returns {Mode}
-   */
-  mode({ level, number }) {
-    const { positions, indices } = meshOf(level);
-    if (indices.length > 3 * MOST_MODE_FACES) throw new Error("Choose a lower level for eigenfunctions.");
-    if (modes?.level !== level) {
-      const begin = performance.now();
-      const found = spectrum(solverOf(level, positions, indices).solver, MODES);
-      modes = { level, ...found, ms: performance.now() - begin };
-    }
-    const values = modes.functions[number - 1].slice();
-    return { values, eigenvalue: modes.values[number - 1], ...rangeOf(values), ms: modes.ms };
-  },
-
-  /**
    * What the field holds beside its surface, by its place among them.
    * @param {{ level: number, scalars: number, output: number }} given
    * @returns {Learned}
@@ -106,14 +81,6 @@ const tasks = {
     const begin = performance.now();
     const values = scalarsAt(/** @type {import("./ndf.js").NeuralField} */ (field).scalars[scalars], corners, weights, output);
     return { values, ...rangeOf(values), ms: performance.now() - begin };
-  },
-
-  /** @param {{ level: number, noise: "white" | "blue", count: number }} given @returns {Samples} */
-  samples({ level, noise, count }) {
-    const { positions, indices } = meshOf(level);
-    const begin = performance.now();
-    const points = noise === "white" ? whiteNoise(positions, indices, count).points : blueNoise(positions, indices, count);
-    return { points, ms: performance.now() - begin };
   },
 };
 
@@ -204,8 +171,8 @@ function glbOf(positions, indices) {
 addEventListener("message", async ({ data }) => {
   const { id, task, ...given } = data;
   try {
-    const found = /** @type {Partial<Level & Heat & Samples>} */ (await tasks[/** @type {keyof typeof tasks} */ (task)](given));
-    const owned = /** @type {ArrayBuffer[]} */ ([found.glb, found.values?.buffer, found.points?.buffer].filter(Boolean));
+    const found = /** @type {Partial<Level & Heat>} */ (await tasks[/** @type {keyof typeof tasks} */ (task)](given));
+    const owned = /** @type {ArrayBuffer[]} */ ([found.glb, found.values?.buffer].filter(Boolean));
     self.postMessage({ id, ...found }, { transfer: owned });
   } catch (error) {
     self.postMessage({ id, error: error instanceof Error ? error.message : String(error) });

@@ -37,8 +37,7 @@ const KINDS = {
 // About two pixels wide, however the surface is turned.
 const ISOLINES = `float level = vHeat * COUNT;
           float beside = abs(level - floor(level + 0.5)) / max(fwidth(level), 1e-6);
-          float band = smoothstep(0.25 - fwidth(level), 0.25 + fwidth(level), abs(fract(level) - 0.5));
-          if (vHeat >= 0.0) heatColor *= stripes > 0.5 ? mix(0.4, 1.0, band) : mix(0.25, 1.0, smoothstep(0.6, 1.4, beside));`;
+          if (vHeat >= 0.0) heatColor *= mix(0.25, 1.0, smoothstep(0.6, 1.4, beside));`;
 
 /** @param {Measure} kind @param {Measured} measured @returns {Legend} */
 export function makeLegend(kind, measured) {
@@ -89,17 +88,14 @@ export class HeatMaterial extends MeshStandardMaterial {
   constructor(colors, flatShading, isolines = 0, whole = false) {
     super({ roughness: 1, metalness: 0, side: DoubleSide, flatShading });
     this.toneMapped = false;
-    /** 1: stripes instead of isolines, as many and as wide as the gaps between them. */
-    this.stripes = { value: 0 };
     const passed = `${whole ? "flat " : ""}varying float vHeat;`;
     this.onBeforeCompile = (shader) => {
       shader.uniforms.heatColors = { value: colors };
-      shader.uniforms.stripes = this.stripes;
       shader.vertexShader = shader.vertexShader
         .replace("#include <common>", `#include <common>\nattribute float heat;\n${passed}`)
         .replace("#include <begin_vertex>", "#include <begin_vertex>\nvHeat = heat;");
       shader.fragmentShader = shader.fragmentShader
-        .replace("#include <common>", `#include <common>\nuniform sampler2D heatColors;\nuniform float stripes;\n${passed}`)
+        .replace("#include <common>", `#include <common>\nuniform sampler2D heatColors;\n${passed}`)
         .replace(
           "#include <opaque_fragment>",
           `vec3 heatColor = vHeat < -0.5 ? vec3(0.2) : texture2D(heatColors, vec2(clamp(vHeat, 0.0, 1.0), 0.5)).rgb;

@@ -29,10 +29,12 @@ export class SettingsPanel {
     this.keptText = h("p", null);
     const drop = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._drop() } }, "Drop them");
     this.keptRow = h("div", { class: "kept small", hidden: true }, this.keptText, drop);
-    this.element = this._build();
+    this.element = h("div", { class: "settings" }, this.modelRow, h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Quality"), this.preset.element), this.keptRow);
+    /** The less usual settings, for the fold of the form. */
+    this.further = this._further();
   }
 
-  _build() {
+  _further() {
     const also = (/** @type {HTMLInputElement} */ input, /** @type {string} */ text) => h("label", { class: "check", for: input.id }, input, h("span", null, text));
     this.fields.advanced.append(
       also(this.morph, "Also make an animated GLB, from before to after"),
@@ -45,15 +47,12 @@ export class SettingsPanel {
     return h(
       "div",
       { class: "settings" },
-      this.modelRow,
-      h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Quality"), this.preset.element),
       h(
         "div",
         { class: "pair" },
         labelled("seed", "Variation", h("div", { class: "joined" }, this.seed.input, random), this.seed.problem),
         labelled("variations", "How many", this._stepper(), this.variations.problem),
       ),
-      this.keptRow,
       this.fields.advanced,
     );
   }
@@ -77,11 +76,6 @@ export class SettingsPanel {
     const good = this.fields.settle();
     for (const field of [this.seed, this.variations]) markField(field, field.check());
     return good && !this.seed.check() && !this.variations.check();
-  }
-
-  /** Move the focus to the first setting that cannot be sent. */
-  focusProblem() {
-    /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]'))?.focus();
   }
 
   /** Say what the server refused beside it. @param {any[]} errors @returns {boolean} whether each of them has found its place */
@@ -187,6 +181,11 @@ export class SettingsPanel {
       input.append(h("option", { value }, value));
       input.value = value;
     }
+  }
+
+  /** Whether any of the less usual settings is another than at the beginning. */
+  get furtherInUse() {
+    return this.variationCount > 1 || this.morph.checked || this.subdivide.checked || [...this.fields.rows.values()].some(({ input }) => input.value !== "");
   }
 
   /** Set everything as at the beginning. */

@@ -14,6 +14,7 @@ import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
+import { isEmpty } from "./control/model.js";
 import { ControlPanel } from "./control/panel.js";
 import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
 import { GuidePanel } from "./guide/panel.js";
@@ -64,10 +65,13 @@ export class CreateView {
     this.parts = new PartsControl(this.assets.box, this.control.view, scope, (prompt, signal) => this._parts(prompt, signal), (prompt) => this.prompt.set(prompt));
     this.assets.onShown = () => this._suitParts();
     this.assets.addBelow(this.parts.element);
-    this.assets.addBelow(this.front.element);
     this.guide = new GuidePanel(this.assets, this.control.view, scope, () => this._changed());
     this.assets.guide = (files) => this.guide.take(files);
     this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
+    this.inUse = h("span", { class: "small muted" });
+    this.more = h("details", { class: "advanced further-options" }, h("summary", null, "More options ", this.inUse), this.control.further.element, this.guide.element, this.front.element, this.settings.further, this.control.element);
+    // A fold within it that opens by itself has something to say.
+    this.more.addEventListener("toggle", (event) => event.target instanceof HTMLDetailsElement && (this.more.open ||= event.target.open), true);
     this.estimate = h("p", { class: "estimate", id: "estimate", "aria-live": "off" });
     this.problem = h("div", { class: "problem-slot" });
     const over = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._startOver() } }, "Start over");
@@ -80,11 +84,9 @@ export class CreateView {
     this.form.element.append(
       this.restored,
       this.prompt.element,
-      this.control.further.element,
-      this.guide.element,
       this.problem,
       this.settings.element,
-      this.control.element,
+      this.more,
       h("div", { class: "start-bar" }, this.estimate, this.form.button),
     );
     fill(
@@ -214,6 +216,9 @@ export class CreateView {
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
     this.settings.suit(this.guide.target ? "target" : this.guide.isEmpty || this.prompt.value || this.control.further.any ? "sds" : "silhouettes");
     this.front.offer(this.settings.offers("orientation"));
+    const used = this._usesMore();
+    if (used && !this.inUse.textContent) this.more.open = true;
+    this.inUse.textContent = used ? "· in use" : "";
     const { variationCount, variations } = this.settings;
     const named = variationCount > 1 && Number(variations.input.value) === variationCount; // none that the field refuses
     this.form.rename(named ? `Deform, ${variationCount} variations` : "Deform");
@@ -261,7 +266,17 @@ export class CreateView {
   /** Return whether all settings can be sent; what cannot is marked. */
   _settle() {
     const found = [this.settings.check(), this.control.check(this.settings.subdivide.checked), this.guide.check()];
+    this._unfoldProblems();
     return found.every(Boolean);
+  }
+
+  _unfoldProblems() {
+    if (this.more.querySelector('[aria-invalid="true"], .field-problem:not([hidden])')) this.more.open = true;
+  }
+
+  /** Whether the fold holds anything that the job will have. */
+  _usesMore() {
+    return !this.guide.isEmpty || !isEmpty(this.control.control) || this.control.control.prompts.length > 0 || this.settings.furtherInUse;
   }
 
   async _check() {
@@ -294,7 +309,7 @@ export class CreateView {
       if (turn !== this.checks || this.scope.over) return;
       this._good(found, wish);
     } catch (error) {
-      if (turn === this.checks && !this.scope.over && !isAbort(error)) this._bad(error);
+      if (turn === this.checks && !this.scope.over && !isAbort(error)) this._refused(error);
     } finally {
       clearTimeout(slow);
     }
@@ -316,7 +331,13 @@ export class CreateView {
   }
 
   /** @param {unknown} error */
-  _bad(error) {
+  _refused(error) {
+    this._place(error);
+    this._unfoldProblems();
+  }
+
+  /** Say what was refused beside it. @param {unknown} error */
+  _place(error) {
     this.estimate.textContent = "";
     const code = error instanceof MeshdeformError ? error.code : "";
     const about = isAboutPrompt(error) && error instanceof MeshdeformError;
@@ -348,8 +369,9 @@ export class CreateView {
       this.prompt.refuse("Enter a prompt first.");
       this.prompt.input.focus();
     } else if (!this._settle()) {
-      const at = [this.settings, this.guide, this.control].find((part) => part.element.querySelector('[aria-invalid="true"]'));
-      (at ?? (this.guide.check() ? this.control : this.guide)).focusProblem();
+      const at = /** @type {HTMLElement | null} */ (this.more.querySelector('[aria-invalid="true"]'));
+      if (at) at.focus();
+      else (this.guide.check() ? this.control : this.guide).focusProblem();
     } else if (this.prompt.problemOfLength) this.prompt.input.focus();
     else return this.assets.asset !== null;
     return false;
@@ -357,7 +379,7 @@ export class CreateView {
 
   /** @param {unknown} error */
   _refuse(error) {
-    this._bad(error);
+    this._refused(error);
     if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
     else if (this.control.further.refused.size) this.control.further.focusProblem();
   }

@@ -16,6 +16,9 @@ import { h } from "../dom.js";
 import { goalWords } from "../format.js";
 import { routeHash } from "../router.js";
 
+/** Full rows of three, two or one. */
+const SHOWN = 6;
+
 /** @param {AbortSignal} signal @returns {Promise<Example[]>} */
 export async function gallery(signal) {
   return (await client.json("web/examples/gallery.json", { signal })).examples;
@@ -49,7 +52,7 @@ export function exampleSection(scope) {
     (examples) => {
       if (scope.over) return;
       element.hidden = false;
-      element.append(h("div", { class: "section-head" }, h("h2", { id: "examples-title" }, "Examples")), exampleCards(examples));
+      element.append(h("div", { class: "section-head" }, h("h2", { id: "examples-title" }, "Examples"), h("a", { href: "#/examples" }, "All examples")), exampleCards(examples.slice(0, SHOWN)));
     },
     () => {}, // The form works without them.
   );

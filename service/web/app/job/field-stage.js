@@ -15,8 +15,6 @@ import { PictureStage } from "./picture-stage.js";
 import { chooser, drawnPicture, showLegend, slider, toggle } from "./stage-controls.js";
 
 const AGAIN_MS = 3000;
-const MODES = 10; // as field-worker.js computes
-const SAMPLES = 2000;
 const FIRST_FACES = 40_000; // levels come by themselves up to about as many
 
 export class FieldStage extends PictureStage {
@@ -34,12 +32,8 @@ export class FieldStage extends PictureStage {
     this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
     this.farther.disabled = true;
     const reset = button("Reset view", () => this.box.resetView(), { icon: "reset", quiet: true, class: "button-quiet" });
-    this.noises = { white: toggle("White noise", (on) => this._noise(on ? "white" : null)), blue: toggle("Blue noise", (on) => this._noise(on ? "blue" : null)) };
-    this.modes = slider("field-mode", "Eigenfunction", MODES, () => this._mode(Number(this.modes.input.value)));
-    this.modes.input.value = "0";
     this.scalars = chooser("field-scalars", "Scalars", () => this._scalar(Number(this.scalars.input.value)));
-    const stripes = toggle("Stripes", (on) => this.view.stripe(on));
-    this.tools = h("div", { class: "row stage-tools", hidden: true }, this.heats, this.farther, this.noises.white, this.noises.blue, stripes, this.wires, reset);
+    this.tools = h("div", { class: "row stage-tools", hidden: true }, this.heats, this.farther, this.wires, reset);
     const save = button("Download this level", () => this._download(), { icon: "download" });
     const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
     this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture, handOnButtons(async () => this._mesh()));
@@ -49,7 +43,6 @@ export class FieldStage extends PictureStage {
       h("div", { class: "stage pair-stage" }, this.box.element, this.legend),
       this.tools,
       this.levels.row,
-      this.modes.row,
       this.scalars.row,
       this.facts,
       this.beside,
@@ -76,20 +69,14 @@ export class FieldStage extends PictureStage {
     this.source = null;
     /** @type {number[] | null} A place far from the source. */
     this.opposite = null;
-    /** The eigenfunction that is asked for; 0: none. */
-    this.mode = 0;
     /** The scalars of the field that are asked for, from 1; 0: none. */
     this.scalar = 0;
     /** @type {{ scalars: number, output: number, label: string, labels: number[] }[]} What `scalar` counts. */
     this.named = [];
-    /** @type {"white" | "blue" | null} The samples that are asked for. */
-    this.noise = null;
-    /** What was computed of them, in words. */
-    this.said = { mode: "", noise: "" };
-    /** @type {{ place: number[] | null, level: number, mode: number, scalar: number } | null} What the colours on the screen belong to. */
+    /** What they are, in words. */
+    this.said = "";
+    /** @type {{ place: number[] | null, level: number, scalar: number } | null} What the colours on the screen belong to. */
     this.coloured = null;
-    /** @type {{ noise: string | null, level: number }} The samples on the screen. */
-    this.dotted = { noise: null, level: 0 };
     /** @type {import("../../viewer/field-worker.js").Heat | null} */
     this.heat = null;
     this.box.say(job.state === "succeeded" ? "Loading the surface…" : "No shape yet");
@@ -149,8 +136,7 @@ export class FieldStage extends PictureStage {
       this.view = new FieldView(this.box.viewer, (place) => this._heat(place));
       const opened = (this.opened = await this.worker.ask("open", { bytes: data }, [data]));
       this.levels.input.max = String(opened.levels);
-      this.levels.row.hidden = this.modes.row.hidden = this.tools.hidden = this.keep.hidden = false;
-      this.modes.value.textContent = "none";
+      this.levels.row.hidden = this.tools.hidden = this.keep.hidden = false;
       this._name(opened.scalars);
       // The base at once, then level by level, unless someone chooses one meanwhile.
       let level = 0;
@@ -181,33 +167,22 @@ export class FieldStage extends PictureStage {
   /** @param {number[] | null} place Where the source is now; null: no distances. */
   _heat(place) {
     this.source = place;
-    if (place) this._choose(0, 0);
+    if (place) this._choose(0);
     this.heats.setAttribute("aria-pressed", String(place !== null));
     this.farther.disabled = place === null;
     this.view.mark(place);
     void this._next();
   }
 
-  /** @param {number} mode The eigenfunction to show; 0: none. */
-  _mode(mode) {
-    this._choose(mode, mode ? 0 : this.scalar);
-    if (mode && this.source) this._heat(null);
-    else void this._next();
-  }
-
   /** @param {number} scalar What to show of the scalars, from 1; 0: none. */
   _scalar(scalar) {
-    this._choose(scalar ? 0 : this.mode, scalar);
+    this._choose(scalar);
     if (scalar && this.source) this._heat(null);
     else void this._next();
   }
 
-  /** @param {number} mode @param {number} scalar */
-  _choose(mode, scalar) {
-    this.mode = mode;
-    this.modes.input.value = String(mode);
-    this.modes.value.textContent = mode ? String(mode) : "none";
-    this.modes.input.setAttribute("aria-valuetext", mode ? `Eigenfunction ${mode}` : "None");
+  /** @param {number} scalar */
+  _choose(scalar) {
     this.scalar = scalar;
     this.scalars.input.value = String(scalar);
   }
@@ -221,13 +196,6 @@ export class FieldStage extends PictureStage {
     fill(this.scalars.input, ["none", ...this.named.map(({ label }) => label)].map((label, i) => h("option", { value: i }, label)));
   }
 
-  /** @param {"white" | "blue" | null} noise */
-  _noise(noise) {
-    this.noise = noise;
-    for (const [name, toggle] of Object.entries(this.noises)) toggle.setAttribute("aria-pressed", String(name === noise));
-    void this._next();
-  }
-
   /** Work until what is shown is what is wanted. While one thing is computed others may be asked for: only the newest counts. */
   async _next() {
     if (this.busy || !this.opened) return;
@@ -235,11 +203,10 @@ export class FieldStage extends PictureStage {
     try {
       while (!this.scope.over && (this.shown?.level !== this.wanted || this._stale())) {
         if (this.shown?.level !== this.wanted) await this._unfold(this.wanted);
-        else if (this._undotted()) await this._sprinkle(this.noise);
         else await this._colour(this.source);
       }
     } catch (error) {
-      this._choose(0, 0); // or it would be asked for again and again
+      this._choose(0); // or it would be asked for again and again
       if (!this.scope.over && !isAbort(error)) toast(`Not computed. ${error instanceof Error ? error.message : ""}`);
     } finally {
       this.busy = false;
@@ -247,24 +214,9 @@ export class FieldStage extends PictureStage {
   }
 
   _stale() {
-    const coloured = this.source !== null || this.mode > 0 || this.scalar > 0;
-    const { place, mode, scalar } = this.coloured ?? {};
-    return place !== this.source || mode !== this.mode || scalar !== this.scalar || (coloured && this.coloured?.level !== this.wanted) || this._undotted();
-  }
-
-  _undotted() {
-    return this.dotted.noise !== this.noise || (this.noise !== null && this.dotted.level !== this.wanted);
-  }
-
-  /** @param {"white" | "blue" | null} noise */
-  async _sprinkle(noise) {
-    const level = this.wanted;
-    const found = noise && /** @type {import("../../viewer/field-worker.js").Samples} */ (await this.worker.ask("samples", { level, noise, count: SAMPLES }));
-    if (this.scope.over) return;
-    this.view.sprinkle(found ? found.points : null);
-    this.said.noise = found ? `${count(SAMPLES)} samples of ${noise} noise in ${milliseconds(found.ms)}.` : "";
-    this.dotted = { noise, level };
-    this._tell();
+    const coloured = this.source !== null || this.scalar > 0;
+    const { place, scalar } = this.coloured ?? {};
+    return place !== this.source || scalar !== this.scalar || (coloured && this.coloured?.level !== this.wanted);
   }
 
   /** @param {number} level */
@@ -275,7 +227,7 @@ export class FieldStage extends PictureStage {
     if (this.scope.over) return;
     if (!drawn) this._isFlat();
     this.shown = found;
-    this.coloured = { place: null, level, mode: 0, scalar: 0 };
+    this.coloured = { place: null, level, scalar: 0 };
     this.opposite ??= [0, 1, 2].map((axis) => this.box.viewer.ownBox.max.getComponent(axis));
     this.view.mark(this.source);
     this._tell();
@@ -284,8 +236,8 @@ export class FieldStage extends PictureStage {
   /** @param {number[] | null} place */
   async _colour(place) {
     const level = this.wanted;
-    const { mode, scalar } = this;
-    this.said.mode = "";
+    const { scalar } = this;
+    this.said = "";
     if (scalar) {
       const { label, labels, scalars, output } = this.named[scalar - 1];
       const found = /** @type {import("../../viewer/field-worker.js").Learned} */ (await this.worker.ask("scalar", { level, scalars, output }));
@@ -294,13 +246,7 @@ export class FieldStage extends PictureStage {
       else this.view.colour(found.values.map((value) => value - found.least), found.most - found.least);
       showLegend(this.legend, labels.length ? this.view.pieceScale(label, labels) : this.view.scale(label, found));
       const range = labels.length ? counted(labels.length, "piece") : `from ${figure(found.least)} to ${figure(found.most)}`;
-      this.said.mode = `${label}: ${range}, in ${milliseconds(found.ms)}.`;
-    } else if (mode) {
-      const found = /** @type {import("../../viewer/field-worker.js").Mode} */ (await this.worker.ask("mode", { level, number: mode }));
-      if (this.scope.over) return;
-      this.view.colour(found.values.map((value) => value - found.least), found.most - found.least);
-      showLegend(this.legend, this.view.scale(`Eigenfunction ${mode}`, found));
-      this.said.mode = `Eigenvalue ${figure(found.eigenvalue)}; ${MODES} eigenfunctions in ${milliseconds(found.ms)}.`;
+      this.said = `${label}: ${range}, in ${milliseconds(found.ms)}.`;
     } else if (place) {
       const heat = /** @type {import("../../viewer/field-worker.js").Heat} */ (await this.worker.ask("heat", { level, place }));
       if (this.scope.over) return;
@@ -313,7 +259,7 @@ export class FieldStage extends PictureStage {
       this.view.colour(null, 0);
       showLegend(this.legend, null);
     }
-    this.coloured = { place, level, mode, scalar };
+    this.coloured = { place, level, scalar };
     this._tell();
   }
 
@@ -330,8 +276,7 @@ export class FieldStage extends PictureStage {
       `${bytes(opened.bytes)} loaded and read in ${ms(opened.readMs)}; this level unfolded in ${ms(shown.ms)}.`,
       `As a GLB it has ${bytes(this.glb.byteLength)}.`,
       this.source && heat ? `Distances in ${ms(heat.ms)}, after ${count(heat.flips)} flips; the farthest point is ${figure(heat.farthest)} away.` : "Click the surface for distances from there.",
-      this.said.mode,
-      this.said.noise,
+      this.said,
     ];
     this.facts.textContent = parts.filter(Boolean).join(" ");
     const own = `${ms(opened.readMs + shown.ms)} here`;
