@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.assets.mesh_codecs import draco_mesh, meshopt_mesh
 from meshdeform.assets.meshopt import decode_attributes, decode_triangles
 from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
 from meshdeform.kinds.surface_fit.base_mesh import base_of
@@ -165,3 +164,35 @@ def read_source(data: bytes, name: str) -> Any:
         return found
     surface = load_asset(data, name).surface
     return clean(surface.positions, surface.triangles)
+
+
+def draco_mesh(verts: _Floats, faces: _Index, bits: int) -> bytes:
+    """Return vertices (V, 3) and faces (F, 3) compressed by Draco, as small as it can."""
+    return bytes(DracoPy.encode(verts, faces.astype(np.uint32), quantization_bits=bits, compression_level=10))
+
+
+def meshopt_mesh(verts: _Floats, faces: _Index, bits: int) -> tuple[bytes, bytes, int]:
+    """Return vertices as integers of some bits and faces compressed by meshopt, and how many vertices there are.
+
+    Both are in the order that compresses best. A vertex has eight bytes: x, y, z and zero.
+
+    Raises
+    ------
+    ImportError
+        meshoptimizer is not installed.
+    """
+    import meshoptimizer
+
+    indices = np.ascontiguousarray(faces.ravel().astype(np.uint32))
+    best = np.zeros_like(indices)
+    meshoptimizer.optimize_vertex_cache(best, indices, len(indices), len(verts))
+    low, size = verts.min(0), float(np.ptp(verts, axis=0).max())
+    whole = np.zeros((len(verts), 4), np.uint16)
+    whole[:, :3] = np.round((verts - low) / size * (2**bits - 1))
+    _, first = np.unique(best, return_index=True)
+    order = best[np.sort(first)]  # vertices in the order in which they are met
+    place = np.empty(len(verts), np.uint32)
+    place[order] = np.arange(len(order))
+    rows = np.ascontiguousarray(whole[order])
+    packed = meshoptimizer.encode_vertex_buffer(rows.view(np.uint8).reshape(len(rows), 8), len(rows), 8)
+    return packed, meshoptimizer.encode_index_buffer(np.ascontiguousarray(place[best]), len(best), len(rows)), len(rows)

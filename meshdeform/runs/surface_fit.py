@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.mesh_codecs import as_precise, packed_sizes
 from meshdeform.assets.scalar_files import SampledScalars, read_scalar_file
 from meshdeform.assets.surface_files import (
     DistanceGrid,
@@ -250,20 +249,11 @@ class SurfaceFitRun(JobRun):
                 level["distance"] = distances(self._surface, points, triangles)
             reference = Reference(self._surface)
             compared = reference.compare(mesh, verts)
-        with self.log.phase("pack"):
-            packed = self._packed(verts, faces, levels[-1]["distance"]["mean"])
         with self.log.phase("draw"):
             artifacts["preview.png"] = ArtifactData(self._picture(artifacts), "image/png")
-        report = self._report(data, artifacts, levels, mesh, {"scalars": learned, "packed": packed, **compared})
+        report = self._report(data, artifacts, levels, mesh, {"scalars": learned, **compared})
         artifacts["report.json"] = ArtifactData(json.dumps(report, indent=2).encode(), "application/json")
         return artifacts
-
-    def _packed(self, verts: _Floats, faces: _Index, distance: float) -> dict[str, Any]:
-        """Return what Draco and meshopt make of the input and of the highest level, as precise as the field is."""
-        mesh = self._surface.reference
-        size = np.ptp(mesh.verts, axis=0)
-        bits = as_precise(distance * float(np.linalg.norm(size)), float(size.max()))
-        return {"input": packed_sizes(mesh.verts, mesh.faces, bits), "top_level": packed_sizes(verts, faces, bits)}
 
     def _picture(self, artifacts: dict[str, ArtifactData]) -> bytes:
         mesh = self._surface.reference

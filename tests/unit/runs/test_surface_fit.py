@@ -7,7 +7,6 @@ import json
 from functools import partial
 from pathlib import Path
 
-import DracoPy
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -16,7 +15,6 @@ from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.assets.mesh_codecs import draco_mesh
 from meshdeform.cli.app import app
 from meshdeform.client import Client
 from meshdeform.errors import (
@@ -94,13 +92,6 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, mo
     assert report["intrinsic"]["all_delaunay"] is True
     assert report["bytes"]["surface.ndf"] == len(found["surface.ndf"].data)
     assert len(report["eigenvalues"]["input"]) == 20
-    ours, source = report["packed"]["top_level"], report["packed"]["input"]
-    assert (ours["faces"], source["faces"]) == (len(faces), report["input"]["faces"])
-    decoded = DracoPy.decode(draco_mesh(verts, faces, ours["bits"]))
-    assert len(draco_mesh(verts, faces, ours["bits"])) == ours["draco"]["bytes"]
-    # As precise as the field is: half a cell of the grid, and not a tenth of it.
-    apart = cKDTree(decoded.points).query(verts)[0].mean() / np.linalg.norm(np.ptp(verts, axis=0))
-    assert report["levels"][1]["distance"]["mean"] / 10 < apart < 2 * report["levels"][1]["distance"]["mean"]
     assert 0 < report["levels"][1]["distance"]["mean"] < 0.05
     arrays = np.load(io.BytesIO(found["intrinsic.npz"].data))
     assert arrays["faces"].shape == arrays["lengths"].shape == faces.shape

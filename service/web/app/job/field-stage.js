@@ -26,7 +26,6 @@ export class FieldStage extends PictureStage {
     this.legend = h("div", { class: "legend", hidden: true });
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
     this.facts = h("p", { class: "small muted field-facts", role: "status" });
-    this.beside = h("table", { class: "field-sizes", hidden: true });
     this.wires = toggle("Wireframe", (on) => this.box.viewer?.setWireframe(on));
     this.heats = toggle("Distances", (on) => this._heat(on ? (this.source ?? this.opposite) : null));
     this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
@@ -45,11 +44,8 @@ export class FieldStage extends PictureStage {
       this.levels.row,
       this.scalars.row,
       this.facts,
-      this.beside,
       this.keep,
     );
-    /** @type {any} The job's report. */
-    this.report = null;
     /** @type {any} */
     this.worker = null;
     /** @type {any} */
@@ -107,12 +103,6 @@ export class FieldStage extends PictureStage {
       // It has given way to a newer one, which will do.
       if (!isAbort(error)) console.warn(error);
     }
-  }
-
-  /** Show how large the same meshes are with others. @param {any} report */
-  compare(report) {
-    this.report = report;
-    this._tell();
   }
 
   /** Show the picture that the job made, where nothing can be drawn. @param {Blob} picture */
@@ -279,8 +269,6 @@ export class FieldStage extends PictureStage {
       this.said,
     ];
     this.facts.textContent = parts.filter(Boolean).join(" ");
-    const own = `${ms(opened.readMs + shown.ms)} here`;
-    sizesTable(this.beside, this.report, { bytes: opened.bytes, time: own, faces: shown.faces });
   }
 
   /** The level that is shown. */
@@ -301,27 +289,4 @@ export class FieldStage extends PictureStage {
 /** @param {number} value */
 function milliseconds(value) {
   return `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
-}
-
-/**
- * @param {HTMLElement} table
- * @param {any} report
- * @param {{bytes: number, time: string, faces: number}} field What was loaded, how long it took to unfold, and to how many triangles.
- */
-function sizesTable(table, report, field) {
-  const packed = report?.packed;
-  table.hidden = !packed;
-  if (!packed) return;
-  const top = `level ${report.levels.at(-1).level}`;
-  const rows = [["This field", counted(field.faces, "triangle"), bytes(field.bytes), field.time]];
-  for (const [what, { faces, bits, draco, meshopt }] of [["input", packed.input], [top, packed.top_level]])
-    for (const [name, found] of [["Draco", draco], ["meshopt", meshopt]])
-      rows.push([`${name}, ${what}, ${bits} bits`, counted(faces, "triangle"), found ? bytes(found.bytes) : "not measured", found ? `${found.unpack_ms.toFixed(1)} ms where the job ran` : ""]);
-  const cell = (/** @type {string} */ text, /** @type {number} */ i) => h(i ? "td" : "th", i ? null : { scope: "row" }, text);
-  fill(
-    table,
-    h("caption", { class: "small muted" }, "As precise as the field: what other formats need"),
-    h("thead", null, h("tr", null, ["What", "Triangles", "Bytes", "To unpack"].map((text) => h("th", { scope: "col" }, text)))),
-    h("tbody", null, rows.map((row) => h("tr", null, row.map(cell)))),
-  );
 }
