@@ -1,8 +1,98 @@
 """Neural displacement fields: a coarse base mesh and a small network that maps it to a surface.
 
+`fit` makes the file `.ndf` of arrays, `unfold` makes a mesh of it, and `sample` places points on its surface.
+
 Read in the order of the paper: `surface_sources` (project a point to the surface), `cleaning` and `base_mesh`
 (the coarse mesh), `network` (the map), `fitting` (its optimisation), `container` and `reader` (the file `.ndf`),
 `intrinsic` (Delaunay flips, Laplacian, spectrum, geodesics), `measures` (the report).
 
 Source: Noma, Wang, Liu, Singh and Jacobson 2026, Mesh Processing Non-Meshes via Neural Displacement Fields.
 """
+
+from __future__ import annotations
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import Any
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints
+
+    _Floats = NDArray[np.float64]
+    _Index = NDArray[np.int64]
+
+_SAMPLED_LEVEL = 3
+
+
+def fit(
+    source: tuple[_Floats, _Index] | OrientedPoints | DistanceGrid | ImplicitNetwork,
+    base_faces: int = 1000,
+    steps: int = 1500,
+    **options: Any,
+) -> bytes:
+    """Fit a field and return its `.ndf` file; needs torch.
+
+    Parameters
+    ----------
+    source : ((V, 3) float64, (F, 3) int64), or a surface without triangles
+        Vertices and faces of a mesh; or points, a grid or a network of `meshdeform.assets.surface_files`.
+    base_faces : int
+        Faces of the base, about.
+    **options
+        `seed`, `width` and the others of `fitting.FitOptions`.
+
+    Raises
+    ------
+    AssetError
+        The surface cannot be fitted; the message says why and what to do.
+    """
+    from meshdeform.kinds.surface_fit.base_mesh import base_of
+    from meshdeform.kinds.surface_fit.cleaning import clean
+    from meshdeform.kinds.surface_fit.container import encode_base, write_field
+    from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
+    from meshdeform.kinds.surface_fit.surface_sources import surface_of
+
+    surface = surface_of(clean(*source) if isinstance(source, tuple) else source)
+    frame = FieldFrame.around(surface.reference.verts)
+    verts, faces = base_of(surface.reference, base_faces)
+    base = encode_base(frame.enter(verts).clip(-1, 1), faces)
+    found = FieldFit(surface, frame, base.verts, base.faces, FitOptions(steps, **options))
+    for _ in found:
+        pass
+    return write_field(base, found.field, centre=frame.centre, scale=frame.scale, rounding=found.rounding)
+
+
+def unfold(data: bytes | Path, level: int) -> tuple[_Floats, _Index]:
+    """Return the vertices (V, 3) float64 and faces (F 4^level, 3) int64 of a `.ndf` at a level; numpy only.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged, incomplete, or of another version.
+    """
+    from meshdeform.kinds.surface_fit.reader import read_field
+
+    return read_field(data).unfold(level)
+
+
+def sample(data: bytes | Path, count: int, seed: int = 0) -> tuple[_Floats, _Floats]:
+    """Return points (count, 3) float64 placed evenly on the surface of a `.ndf`, and unit normals (count, 3) there.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged, incomplete, or of another version.
+    """
+    import numpy as np
+
+    from meshdeform.geometry.mesh import area_vectors
+    from meshdeform.geometry.places import even_samples
+
+    verts, faces = unfold(data, _SAMPLED_LEVEL)
+    cross = area_vectors(verts, faces)
+    twice = np.linalg.norm(cross, axis=1)
+    face, weights = even_samples(twice, count, seed)
+    return np.einsum("pk,pkc->pc", weights, verts[faces[face]]), cross[face] / twice[face, None]
