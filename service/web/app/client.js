@@ -1,6 +1,7 @@
 // @ts-check
 /** The client of the service that this page comes from, with what the page says and asks meanwhile. */
 import { Client, MeshdeformError } from "../client/index.js";
+import { DEMO, recordedFetch } from "./demo.js";
 import { askUnlessLinked, credential } from "./key.js";
 
 export { MeshdeformError };
@@ -11,6 +12,7 @@ const LONGEST_WAIT_S = 120;
 export const client = new Client({
   // The page's own folder, so that it works below a prefix too. The tests in Node.js have no page.
   ...(globalThis.document ? { baseUrl: new URL(".", document.baseURI) } : {}),
+  ...(DEMO ? { fetch: recordedFetch } : {}),
   apiKey: credential,
   onUnauthorized: askUnlessLinked,
   // The page's policy keeps it from other hosts, such as a bucket.

@@ -1,6 +1,7 @@
 // @ts-check
 /** The page: a frame around one view at a time. */
 import { announce, mountAnnouncer, toast } from "./announce.js";
+import { DEMO, rewind } from "./demo.js";
 import { button, fill, h } from "./dom.js";
 import { forgetDrafts } from "./drafts.js";
 import { currentKey, currentLink, forgetKey, holdLink } from "./key.js";
@@ -15,7 +16,8 @@ let scope = new Scope();
 let first = true;
 let turn = 0;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
-const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", family: "create", examples: "examples", example: "examples", teach: "teach" });
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", family: "create", examples: "examples", example: "examples", teach: "teach", shared: "shared" });
+const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared"]);
 
 /**
  * Load the modules of a view.
@@ -65,7 +67,9 @@ function showUnloaded(root) {
 }
 
 async function show() {
-  const route = parseRoute(location.hash);
+  const wanted = parseRoute(location.hash);
+  const route = DEMO && !SHOWN_WITHOUT_SERVER.has(wanted.name) ? /** @type {const} */ ({ name: "examples" }) : wanted;
+  if (DEMO) rewind();
   turn += 1;
   const mine = turn;
   // What was there stays until the next view can be shown.
@@ -79,7 +83,7 @@ async function show() {
   const root = h("div", { class: `view view-${route.name}` });
   fill(main, root);
   // Who came by a link has no other jobs here, and makes none.
-  for (const nav of document.querySelectorAll("nav")) nav.hidden = route.name === "shared";
+  for (const nav of document.querySelectorAll("nav")) nav.hidden = route.name === "shared" && !DEMO;
   for (const link of document.querySelectorAll("nav a")) {
     const here = link.getAttribute("data-view") === (SECTIONS[route.name] ?? "jobs");
     if (here) link.setAttribute("aria-current", "page");

@@ -63,7 +63,8 @@ export class Surface {
     // The wheel scrolls the page until someone has chosen the viewer.
     this.container.addEventListener("pointerdown", () => this.container.focus({ preventScroll: true }), { signal });
     const wheel = (/** @type {WheelEvent} */ event) => {
-      if (!event.ctrlKey && document.activeElement !== this.container) event.stopPropagation();
+      const { activeElement } = /** @type {Document | ShadowRoot} */ (this.container.getRootNode());
+      if (!event.ctrlKey && activeElement !== this.container) event.stopPropagation();
     };
     this.container.addEventListener("wheel", wheel, { signal, capture: true, passive: true });
   }

@@ -4,6 +4,7 @@ import { announce } from "../announce.js";
 import { exampleAsset } from "../assets.js";
 import { client, isAbort } from "../client.js";
 import { exampleOrigin } from "../create/origins.js";
+import { DEMO } from "../demo.js";
 import { button, fill, h, icon } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
 import { goalWords, percent } from "../format.js";
@@ -21,7 +22,7 @@ import { exampleCards, gallery } from "./gallery.js";
 
 /** Show all examples. @param {HTMLElement} root @param {import("../scope.js").Scope} scope */
 export async function showExamples(root, scope) {
-  const lead = h("p", { class: "lead" }, "Look at a result, then run it yourself.");
+  const lead = h("p", { class: "lead" }, DEMO ? "Look at a result, or at a job as it ran. To deform your own files, install Meshdeform." : "Look at a result, then run it yourself.");
   fill(root, h("h1", null, "Examples"), lead);
   try {
     const examples = await gallery(scope.signal);
@@ -87,8 +88,7 @@ export class ExampleView {
         h(
           "div",
           { class: "row", role: "group", "aria-label": "Actions" },
-          this.start,
-          button("Change it first", () => this._edit(example), { icon: "edit" }),
+          DEMO ? null : [this.start, button("Change it first", () => this._edit(example), { icon: "edit" })],
           button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
         ),
       ),
@@ -100,7 +100,7 @@ export class ExampleView {
           "div",
           { class: "job-side" },
           this.problem,
-          h("p", { class: "panel small" }, "This result came with the page. “Run it” starts the same job, with the same variation, on this server, and shows every shape on the way."),
+          DEMO ? null : h("p", { class: "panel small" }, "This result came with the page. “Run it” starts the same job, with the same variation, on this server, and shows every shape on the way."),
           askedPanel(asked),
           qualityPanel(example.report),
         ),

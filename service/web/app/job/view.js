@@ -3,6 +3,7 @@
 import { announce } from "../announce.js";
 import { LossChart } from "../chart.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
+import { DEMO } from "../demo.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { plainParams } from "../groups.js";
@@ -88,7 +89,7 @@ export class JobView {
         "header",
         { class: "job-head" },
         currentLink()
-          ? h("p", { class: "small muted" }, "You see this job by a link. It shows no other job, and changes nothing.")
+          ? h("p", { class: "small muted" }, DEMO ? "A job of the built-in model, played as it ran." : "You see this job by a link. It shows no other job, and changes nothing.")
           : h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All variations" : "Jobs"),
         h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
         h("p", { class: "row meta" }, this.badge, meta(job)),

@@ -1,0 +1,100 @@
+"""The page as static files: examples, a job as it ran, and a result in a page of somebody else."""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+import threading
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from docs.generation.demo import build
+from tests.acceptance.service import Service, until
+from tests.browser.conftest import watched
+from tests.browser.steps import badge, difference, expect, picture, until_drawn
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+ANDROID = (
+    "Mozilla/5.0 (Linux; Android 16; Pixel 10) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/140 Mobile Safari/537.36"
+)
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 the name of the base class
+        """Say nothing: requests are not what the tests are about."""
+
+
+@pytest.fixture(scope="module")
+def host(service: Service, small_sphere: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A web host that knows nothing but files, and the address of the demo on it."""
+    folder = tmp_path_factory.mktemp("site")
+    params = {"preset": "preview", "steps": 12, "checkpoint_every_steps": 4}
+    job = service.submit(small_sphere, {"prompt": "a mushroom", "params": params})
+    assert service.finished(job)["state"] == "succeeded"
+    build(folder / "demo", service.http, job)
+    page = folder / "demo" / "index.html"
+    page.write_text(page.read_text().replace('data-demo="12000"', 'data-demo="1500"'))
+    handler = functools.partial(_Quiet, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/demo/"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def visitor(browser: Browser, host: str, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Page]:
+    """A page on that host, which asks nothing of any other."""
+    with watched(browser, host, request, tmp_path) as (page, watch):
+        watch.allow("404.*none.glb")
+        yield page
+
+
+@pytest.mark.without_pictures
+def test_examples_and_a_job_are_seen_without_a_server(visitor: Page) -> None:
+    visitor.goto("./#/jobs")  # there are none here
+    visitor.get_by_role("link", name="a chair").click()
+    expect(visitor.get_by_role("heading", level=1, name="“a chair”")).to_be_visible()
+    expect(visitor.get_by_label("Morph", exact=True)).to_be_visible()
+    expect(visitor.get_by_role("button", name="Run it")).to_have_count(0)
+
+    for _ in range(2):  # whoever comes back sees it again
+        visitor.get_by_role("link", name="A job", exact=True).click()
+        expect(badge(visitor)).to_have_text(re.compile("Queued|Running"))
+        expect(badge(visitor)).to_have_text("Succeeded")
+        expect(visitor.get_by_label("Step", exact=True)).to_have_attribute("max", "3")
+        expect(visitor.get_by_text("Looks like")).to_be_visible()
+        visitor.get_by_role("link", name="Examples", exact=True).click()
+        expect(visitor.get_by_role("heading", level=1, name="Examples")).to_be_visible()
+
+
+def test_a_result_stands_in_another_page(visitor: Page) -> None:
+    visitor.goto("embed.html")
+    view, slider = visitor.locator("meshdeform-result .view"), visitor.get_by_role("slider")
+    lamp = until_drawn(view)
+    slider.fill("0")
+    until("the vase is to be seen", lambda: difference(lamp, picture(view)) > 0.05)
+    expect(visitor.get_by_text("In your room")).to_be_hidden()  # a desktop has no viewer for it
+    visitor.evaluate("document.querySelector('meshdeform-result').setAttribute('result', 'none.glb')")
+    visitor.evaluate("(node => node.replaceWith(node.cloneNode()))(document.querySelector('meshdeform-result'))")
+    expect(visitor.get_by_role("alert")).to_have_text("The result could not be loaded.")
+
+
+@pytest.mark.without_pictures
+def test_a_phone_is_led_to_its_own_viewer(
+    browser: Browser, host: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    with watched(browser, host, request, tmp_path, user_agent=ANDROID) as (phone, _):
+        phone.goto("embed.html")
+        link = phone.get_by_role("link", name="In your room").get_attribute("href") or ""
+    assert link.startswith("intent://arvr.google.com/scene-viewer/1.0?file=http")
+    assert "gallery%2Flamp.glb" in link
+    assert json.dumps(host)[1:-1] not in link.partition("#")[0]  # addresses in it are escaped
