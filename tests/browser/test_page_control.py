@@ -292,3 +292,10 @@ def test_variations_at_several_strengths_on_one_sheet(page: Page, service: Servi
     assert min(each.std() for row in cells for each in row) > 5, "nothing is drawn"
     assert difference(cells[0][0], cells[1][0]) == 0, "the same asset, at strength 0"
     assert min(difference(row[0], row[1]) for row in cells) > 0.005
+
+    # Beside one of them stands the strip that leads to the others.
+    page.get_by_role("link", name="Variation 1").click()
+    strip = page.get_by_role("navigation", name="Variations")
+    expect(strip.get_by_role("link", name="a fat penguin")).to_have_attribute("aria-current", "page")
+    strip.get_by_role("link", name="a tall vase").click()
+    expect(page.get_by_role("heading", level=1, name="“a tall vase”")).to_be_visible()

@@ -160,7 +160,7 @@ test("variations ask for different members of what the prompt allows", () => {
   const words = { nouns: ["giraffe", "vase"], attributes: ["tall", "wide", "thin", "short neck", "long neck", "short legs", "long legs"], parts: { giraffe: ["legs", "neck"] }, groups: {} };
   const known = catalogue({ models: [{ id: "builtin", vocabulary: words }] }).models[0].vocabulary;
   assert.deepEqual(variationPrompts("a giraffe", 5, known), [
-    "a giraffe", "a giraffe with long legs", "a tall giraffe", "a giraffe with a long neck", "a wide giraffe",
+    "a giraffe", "a giraffe with long legs", "a wide giraffe", "a giraffe with a short neck", "a tall giraffe",
   ]);
   assert.deepEqual(variationPrompts("a thin giraffe with a long neck", 3, known), [
     "a thin giraffe with a long neck", "a thin giraffe with a long neck and long legs", "a thin giraffe with a long neck and short legs",

@@ -98,7 +98,7 @@ _RELATED = {
 }
 
 _NOUN_OF_RELATED = {word: noun for noun, words in _RELATED.items() for word in words.split()}
-_PROPORTIONS = ("tall", "wide", "thin", "fat", "short", "long")
+_PROPORTIONS = ("wide", "tall", "short", "thin", "fat", "long")
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
 _OWN_WORDS = 5
 
@@ -411,8 +411,8 @@ def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
 def variations(prompt: str, count: int, known: Words = BUILTIN_WORDS) -> list[str]:
     """Return prompts of different members of what a prompt allows: itself, then each time with one attribute more.
 
-    Another seed alone hardly changes a result, since few controls leave little to chance. Parts become longer or
-    bigger first, in turns with the proportions of the whole; what a prompt says already is not contradicted. Beyond the
+    Another seed alone hardly changes a result, since few controls leave little to chance. One part grows,
+    the next one shrinks, in turns with the proportions of the whole; what a prompt says already is not contradicted. Beyond the
     last attribute the prompt itself is repeated, as is one with as many attributes as fit.
 
     Raises
@@ -423,7 +423,12 @@ def variations(prompt: str, count: int, known: Words = BUILTIN_WORDS) -> list[st
     meant = parse(prompt, known)
     said = {attribute.part for attribute in meant.attributes}
     parts = [part for part in known.nouns[meant.noun] if part not in said]
-    sized = [Attribute(part, degree) for high in (1, 0) for part in parts for degree in [PARTS[part][high]]]
+    sized = [
+        Attribute(part, degree)
+        for turn in (1, 0)
+        for at, part in enumerate(parts)
+        for degree in [PARTS[part][(at + turn) % 2]]
+    ]
     shaped = [] if "whole" in said else [Attribute("whole", word) for word in _PROPORTIONS]
     pairs = zip_longest(sized, shaped)
     further = [attribute for pair in pairs for attribute in pair if attribute is not None]

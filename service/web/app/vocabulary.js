@@ -68,13 +68,13 @@ export function variationPrompts(prompt, count, known) {
   const sizes = (known.parts[noun] ?? []).filter((part) => !words.includes(part));
   // The vocabulary has "short neck" before "long neck".
   const ofPart = (/** @type {string} */ part) => known.attributes.filter((each) => each.endsWith(` ${part}`)).reverse();
-  const sized = [0, 1].flatMap((at) => sizes.map((part) => ofPart(part)[at])).filter(Boolean).map((each) => clause(prompt, each));
+  const sized = [0, 1].flatMap((turn) => sizes.map((part, at) => ofPart(part)[(at + turn) % 2])).filter(Boolean).map((each) => clause(prompt, each));
   const shaped = used(prompt, known).length ? [] : PROPORTIONS.filter((word) => known.attributes.includes(word)).map((word) => withAdjective(prompt, word, known));
   const more = Array.from({ length: Math.max(sized.length, shaped.length) }, (_, at) => [sized[at], shaped[at]]).flat().filter(Boolean);
   return [prompt, ...more, ...Array(count).fill(prompt)].slice(0, count);
 }
 
-const PROPORTIONS = ["tall", "wide", "thin", "fat", "short", "long"];
+const PROPORTIONS = ["wide", "tall", "short", "thin", "fat", "long"];
 
 /** @param {string} prompt @param {string} attribute Such as "long neck". */
 function clause(prompt, attribute) {

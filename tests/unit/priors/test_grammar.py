@@ -251,7 +251,7 @@ def test_a_negative_prompt_that_is_the_prompt_is_refused(negative: str) -> None:
 
 def test_variations_are_different_members_of_what_a_prompt_allows() -> None:
     assert variations("a giraffe", 4) == [
-        "a giraffe", "a giraffe with a big head", "a tall giraffe", "a giraffe with long legs",
+        "a giraffe", "a giraffe with a big head", "a wide giraffe", "a giraffe with short legs",
     ]  # fmt: skip
     bridled = variations("a thin Giraffe with a long neck", 4)
     assert bridled[0] == "a thin Giraffe with a long neck"
