@@ -224,7 +224,7 @@ def source_line(report: Mapping[str, Any]) -> str:
     if noun is not None and noun["recognised"]:
         parts.append(f"Taken for: {noun['noun']} ({noun['probability']:.0%}; --set source_noun=NOUN corrects it)")
     carrier = carrier or {}
-    kept = [f"mirror symmetry across {carrier['mirror']}"] if carrier.get("mirror") else []
+    kept = [f"mirror symmetry across {' and '.join(carrier['mirror'])}"] if carrier.get("mirror") else []
     kept += ["level and upright"] if carrier.get("level") else []
     if kept:
         parts.append(f"Kept: {', '.join(kept)}")

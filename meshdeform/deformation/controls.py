@@ -21,8 +21,9 @@ positions); Forsey and Bartels 1988, Hierarchical B-spline refinement.
 
 `Structure` has the mirror planes of an asset, and whether it stands level and upright. A plane counts if most of the
 surface has a mirror image close by, so that a few parts may lack one, or if nearly all of it has one not far off, as an
-animal in the middle of a step; a second plane only if it is as good. Things that are built have most of their area
-along few directions, and of those every wall should stay upright and every shelf level.
+animal in the middle of a step; a second plane only if it is as good. Of two, the one in which the front lies is kept,
+since nearly all things have a front; both are if the result has none: a vase leans without the second. Things that are
+built have most of their area along few directions, and of those every wall should stay upright and every shelf level.
 """
 
 from __future__ import annotations
@@ -84,18 +85,18 @@ _Index = NDArray[np.int64]
 class Structure:
     """What few controls keep of an asset."""
 
-    plane: int | None = None  # the axis to which the mirror plane, through the middle of the box, is perpendicular
+    planes: tuple[int, ...] = ()  # axes to which the mirror planes, through the middle of the box, are perpendicular
     level: bool = False  # whether what is level stays level, and what is upright upright
 
     def to_tensor(self) -> Tensor:
         """Return the members as int64, for checkpoints."""
-        return torch.tensor([-1 if self.plane is None else self.plane, int(self.level)])
+        return torch.tensor([*(self.planes or (-1,)), int(self.level)])
 
     @classmethod
     def from_tensor(cls, values: Tensor) -> Self:
         """Return what `to_tensor` stored."""
-        plane, level = values.tolist()
-        return cls(None if plane < 0 else plane, bool(level))
+        *planes, level = values.tolist()
+        return cls(tuple(plane for plane in planes if plane >= 0), bool(level))
 
 
 def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:
@@ -113,10 +114,10 @@ def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:
     return tuple(axis for axis, share in matched.items() if share >= max(matched.values()) - _AS_GOOD)
 
 
-def plane_of(planes: Sequence[int], front_deg: float) -> int | None:
+def plane_of(planes: Sequence[int], front_deg: float) -> tuple[int, ...]:
     """Return the plane to keep, of those with these normals: the one in which the front lies, if there are two."""
     containing = 0 if abs(math.cos(math.radians(front_deg))) > math.sqrt(0.5) else 2
-    return containing if containing in planes else next(iter(planes), None)
+    return (containing,) if containing in planes else tuple(planes[:1])
 
 
 def is_level(mesh: RestMesh) -> bool:
@@ -190,16 +191,21 @@ class Level:
     Parameters
     ----------
     basis : sparse (E, K) float64, optional
-        Values of the bases at the elements; None if each element has a control of its own.
-    partner : (K,) int64
-        The control that is each one's mirror image.
+        Values of the bases at the elements; None if each element has a control.
+    count : int
+        K.
+    partners : sequence of (K,) int64
+        For each mirror plane, the control that is each one's mirror image.
     """
 
-    def __init__(self, basis: sparse.csr_matrix | None, partner: _Index, structure: Structure) -> None:
+    def __init__(
+        self, basis: sparse.csr_matrix | None, count: int, partners: Sequence[_Index], structure: Structure
+    ) -> None:
         self._basis = basis
-        self._plane, self._partner = structure.plane, torch.from_numpy(partner)
+        partnered = zip(structure.planes, map(torch.from_numpy, partners), strict=True)
+        self._mirrors = [(torch.from_numpy(_reflection(plane)), partner) for plane, partner in partnered]
         self._free = _LEVEL if structure.level else torch.ones(3, 3, dtype=torch.float64)
-        self.controls = torch.zeros(len(partner), 3, 3, dtype=torch.float64).requires_grad_()
+        self.controls = torch.zeros(count, 3, 3, dtype=torch.float64).requires_grad_()
 
     @classmethod
     def of_splines(cls, centres: _Floats, low: _Floats, high: _Floats, spans: int, structure: Structure) -> Self:
@@ -209,22 +215,22 @@ class Level:
         along = [_splines((centres[:, a] - low[a]) / max(sides[a], 1e-300), counts[a]) for a in range(3)]
         basis = np.einsum("ei,ej,ek->eijk", *along).reshape(len(centres), -1)
         numbers = np.arange(basis.shape[1]).reshape(counts)
-        partner = numbers if structure.plane is None else np.flip(numbers, structure.plane)
-        return cls(sparse.csr_matrix(basis), partner.ravel().copy(), structure)
+        partners = [np.flip(numbers, plane).ravel().copy() for plane in structure.planes]
+        return cls(sparse.csr_matrix(basis), basis.shape[1], partners, structure)
 
     @classmethod
-    def of_elements(cls, centres: _Floats, normals: _Floats | None, middle: _Floats, structure: Structure) -> Self:
-        """Return the level with a control for each element; its partner is the nearest to its mirror image."""
-        count, plane = len(centres), structure.plane
-        if plane is None:
-            return cls(None, np.arange(count), structure)
-        across = np.ones(3)
-        across[plane] = -1
-        images = middle + across * (centres - middle)
-        if normals is not None:
-            reach = _FACING * float(np.linalg.norm(np.ptp(centres, axis=0)))
-            centres, images = (np.hstack([at, reach * n]) for at, n in ((centres, normals), (images, across * normals)))
-        return cls(None, cKDTree(centres).query(images)[1].astype(np.int64), structure)
+    def of_elements(
+        cls, centres: _Floats, normals: _Floats | None, middle: _Floats, structure: Structure
+    ) -> Self | None:
+        """Return the level with a control for each element and its partner, the nearest to its mirror image."""
+        reach = _FACING * float(np.linalg.norm(np.ptp(centres, axis=0)))
+        facing = np.zeros_like(centres) if normals is None else reach * normals
+        tree = cKDTree(np.hstack([centres, facing]))
+        across = [_reflection(plane) for plane in structure.planes]
+        found = [tree.query(np.hstack([middle + signs * (centres - middle), signs * facing])) for signs in across]
+        if len(found) > 1 and max(apart.mean() for apart, _ in found) > _NEAR * reach:
+            return None  # what is to be round would lean
+        return cls(None, len(centres), [partner.astype(np.int64) for _, partner in found], structure)
 
     def least(self, of_element: _Floats) -> _Floats:
         """Return the least of 1 and the values (E,) of the elements that each control reaches, (K,)."""
@@ -239,13 +245,18 @@ class Level:
     def jacobians(self) -> Tensor:
         """Return what the level adds to the Jacobians, (E, 3, 3), differentiable in `controls`."""
         controls = self.controls * self._free
-        if self._plane is not None:
-            signs = torch.ones(3, dtype=torch.float64)
-            signs[self._plane] = -1
-            controls = 0.5 * (controls + signs[:, None] * signs * controls[self._partner])
+        for signs, partner in self._mirrors:
+            controls = 0.5 * (controls + signs[:, None] * signs * controls[partner])
         if self._basis is None:
             return controls
         return sparse_product(self._basis, controls.reshape(-1, 9)).view(-1, 3, 3)
+
+
+def _reflection(plane: int) -> _Floats:
+    """Return the signs (3,) of the axes in a mirror image."""
+    signs = np.ones(3)
+    signs[plane] = -1
+    return signs
 
 
 _LEVEL = torch.tensor([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 1.0]], dtype=torch.float64)
@@ -277,9 +288,9 @@ class Hierarchy:
         structure: Structure,
     ) -> None:
         low, high = box
-        chosen = _SPANS_OF_SURFACES if structure.level and normals is not None else _SPANS
-        self._levels = [Level.of_splines(centres, low, high, spans, structure) for spans in chosen]
         self._own = None if structure.level else Level.of_elements(centres, normals, (low + high) / 2, structure)
+        chosen = _SPANS_OF_SURFACES if self._own is None and normals is not None else _SPANS
+        self._levels = [Level.of_splines(centres, low, high, spans, structure) for spans in chosen]
         self.local = self._own is not None
         if self._own is not None:
             self._levels.append(self._own)

@@ -17,6 +17,7 @@ Spillmann et al. 2006, Robust Tetrahedral Meshing of Triangle Soups, and Dionne 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,7 +65,7 @@ class Lattice:
     """Whether its cells are larger because the samples of the faces would be more than `MAX_SAMPLES`."""
 
     @classmethod
-    def around(cls, mesh: RestMesh, resolution: int = CELLS, plane: int | None = None) -> Lattice:
+    def around(cls, mesh: RestMesh, resolution: int = CELLS, planes: Sequence[int] = ()) -> Lattice:
         """Build the lattice of a mesh.
 
         Parameters
@@ -74,18 +75,18 @@ class Lattice:
         resolution : int
             Cells along the longest side of the bounding box; fewer if there would be more than `MAX_CELLS` in all, or
             more than `MAX_SAMPLES` points to find them by.
-        plane : int, optional
-            The axis across which the cells are to be mirror images of each other.
+        planes : sequence of int
+            The axes across which the cells are to be mirror images of each other.
         """
         coarse = resolution > (resolution := _affordable(mesh, resolution))
-        lattice = cls._of_resolution(mesh, resolution, plane)
+        lattice = cls._of_resolution(mesh, resolution, planes)
         while len(lattice.cells) > MAX_CELLS:
             resolution = min(resolution - 1, int(resolution * (MAX_CELLS / len(lattice.cells)) ** (1 / 3)))
-            lattice = cls._of_resolution(mesh, resolution, plane)
+            lattice = cls._of_resolution(mesh, resolution, planes)
         return replace(lattice, coarse=coarse)
 
     @classmethod
-    def _of_resolution(cls, mesh: RestMesh, resolution: int, plane: int | None) -> Lattice:
+    def _of_resolution(cls, mesh: RestMesh, resolution: int, planes: Sequence[int]) -> Lattice:
         from scipy import ndimage  # a part of scipy that meshes of one component do not need
 
         verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
@@ -99,8 +100,8 @@ class Lattice:
         for points, _ in sample_blocks(verts, faces, spacing / 2):
             occupied[tuple(np.floor((points - origin) / spacing).astype(int).T)] = True
         occupied = _joined(ndimage.binary_fill_holes(occupied))
-        if plane is not None:
-            occupied = occupied | np.flip(occupied, plane)
+        for axis in planes:
+            occupied = occupied | np.flip(occupied, axis)
         occupied = ndimage.binary_dilation(occupied, _NEIGHBOURS)
         shape = (int(counts[0]) + 1, int(counts[1]) + 1, int(counts[2]) + 1)
         cells = np.argwhere(occupied)

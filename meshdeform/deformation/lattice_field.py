@@ -87,15 +87,15 @@ class LatticeField:
         constraints: Constraints = UNCONSTRAINED,
         structure: Structure | None = None,
     ) -> None:
-        plane = None if structure is None else structure.plane
+        planes = () if structure is None else structure.planes
         self.rest = rest = RestMesh.of(mesh)
         self._bodies = RigidBodies(rest, bodies) if bodies else None
         enclosed = rest if whole is None or whole is mesh else _joined(rest, whole)
-        self.lattice = lattice = Lattice.around(enclosed, plane=plane)
+        self.lattice = lattice = Lattice.around(enclosed, planes=planes)
         self._embedding = lattice.embedding(rest.verts.numpy()) + pull_of_large_faces(lattice, rest)
         areas = rest.vertex_areas
         shares = areas / areas.sum() if areas.sum() > 0 else np.full(len(areas), 1 / len(areas))
-        weights = _balanced(lattice, self._embedding.T @ shares, plane)
+        weights = _balanced(lattice, self._embedding.T @ shares, planes)
         self._system = LatticeSystem(lattice, weights, self._pinned(constraints))
         self._placement = constraints.placement(rest)
         given, smooth = constraints.handles, self._system.smooth
@@ -235,14 +235,14 @@ def cells_dirichlet_penalty(nodes: _Floats, cells: _Index, spacing: float, gradi
     return total / len(cells)
 
 
-def _balanced(lattice: Lattice, weights: _Floats, plane: int | None) -> _Floats:
-    """Return the mean of weights (N,) with their mirror images, so that the plane of a symmetric asset stays."""
-    if plane is None:
-        return weights
-    places = np.stack(np.unravel_index(lattice.keys, lattice.shape), 1)
-    places[:, plane] = lattice.shape[plane] - 1 - places[:, plane]
-    partner = np.searchsorted(lattice.keys, np.ravel_multi_index(places.T, lattice.shape))
-    return np.asarray((weights + weights[partner]) / 2)
+def _balanced(lattice: Lattice, weights: _Floats, planes: Sequence[int]) -> _Floats:
+    """Return the mean of weights (N,) with their mirror images, so that the planes of a symmetric asset stay."""
+    for plane in planes:
+        places = np.stack(np.unravel_index(lattice.keys, lattice.shape), 1)
+        places[:, plane] = lattice.shape[plane] - 1 - places[:, plane]
+        partner = np.searchsorted(lattice.keys, np.ravel_multi_index(places.T, lattice.shape))
+        weights = (weights + weights[partner]) / 2
+    return weights
 
 
 def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:

@@ -163,12 +163,13 @@ class Deformation:
         )
         self.structure = Structure() if few else None
         if few and params.keep_structure and not (front is not None and front.crooked):
-            built = is_level(drawn) or (front is not None and front.built)
+            turned = front is not None and front.turned and len(planes) == 2
+            built = is_level(drawn) or (front is not None and front.built and not turned)
             # A building can only become an animal if it bends, which the parts of an asset would not survive.
             if front is not None and front.grown:
                 kind = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies))
                 built = built and kind is Carrier.LATTICE
-            self.structure = Structure(plane_of(planes, self.orientation.turn_deg), built)
+            self.structure = Structure(planes if turned else plane_of(planes, self.orientation.turn_deg), built)
         if initial is not None:
             self.structure = _stored_structure(initial)  # only the same levels can represent its shape
         self._variables = (
@@ -200,8 +201,8 @@ class Deformation:
         carrier: dict[str, Any] = {"kind": "surface" if self.cells is None else "lattice", "cells": self.cells}
         if self.structure is None:
             return carrier
-        plane = None if self.structure.plane is None else "xyz"[self.structure.plane]
-        return {**carrier, "mirror": plane, "level": self.structure.level}
+        mirror = "".join("xyz"[plane] for plane in self.structure.planes) or None
+        return {**carrier, "mirror": mirror, "level": self.structure.level}
 
     @property
     def cells(self) -> int | None:

@@ -90,6 +90,7 @@ class Front:
     built: bool = False  # whether it is known to be something that people build
     grown: bool = False  # whether it is to become something that nobody builds, such as an animal or a plant
     crooked: bool = False  # whether it is to be twisted, leaning or bent
+    turned: bool = False  # whether it is to become something that is alike from all sides, such as a vase
 
 
 @dataclass(frozen=True)

@@ -470,7 +470,8 @@ class Control(Parameters):
     keep_structure: bool = Field(
         True,
         description="Whether a prompt with `carrier` = `auto` keeps the asset's structure: its mirror plane, of two "
-        "the one in which the front lies; and in what is built, what is level and upright.",
+        'the one in which the front lies, or both for a prompt such as "a vase", whose shape is alike from all '
+        "sides; and in what is built, what is level and upright.",
         examples=[True],
     )
     exclude: tuple[Part, ...] = Field(

@@ -29,7 +29,7 @@ from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.judge import Judge
 from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 from meshdeform.requests.choices import OrientationMode, is_builtin
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.goals import score_distillation
@@ -121,7 +121,8 @@ def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedPa
     except (PromptError, VocabularyError):  # there is none, or it has taught words
         return Front(grader, source.built)
     grown = not any(asked.noun in NOUN_GROUPS[group] for group in _BUILT)
-    return Front(grader, source.built, grown, any(attribute.degree in CROOKED for attribute in asked.attributes))
+    crooked = any(attribute.degree in CROOKED for attribute in asked.attributes)
+    return Front(grader, source.built, grown, crooked, asked.noun in TURNED)
 
 
 def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any]) -> dict[str, Any]:

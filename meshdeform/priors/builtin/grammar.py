@@ -411,9 +411,9 @@ def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
 def variations(prompt: str, count: int, known: Words = BUILTIN_WORDS) -> list[str]:
     """Return prompts of different members of what a prompt allows: itself, then each time with one attribute more.
 
-    Another seed alone hardly changes a result, since few controls leave little to chance. One part grows,
-    the next one shrinks, in turns with the proportions of the whole; what a prompt says already is not contradicted. Beyond the
-    last attribute the prompt itself is repeated, as is one with as many attributes as fit.
+    Another seed alone hardly changes a result, since few controls leave little to chance. One part grows, the next one
+    shrinks, in turns with the proportions of the whole; what a prompt says already is not contradicted. Beyond the last
+    attribute the prompt itself is repeated, as is one with as many attributes as fit.
 
     Raises
     ------

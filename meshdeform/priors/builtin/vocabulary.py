@@ -157,6 +157,13 @@ NOUN_GROUPS: dict[str, tuple[str, ...]] = {
 }
 """The nouns by kind, for people who choose one."""
 
+_TURNED = (
+    "apple balloon barrel bell bottle bowl bucket cactus cake candle carrot corn cupcake goblet lamp lighthouse "
+    "mushroom pear pine pineapple pumpkin rocket stool strawberry table tent tree umbrella vase"
+)
+TURNED = frozenset(_TURNED.split())
+"""The nouns of what is alike from all four sides."""
+
 ADJECTIVES: dict[str, str] = {
     "tall": "stretched upward",
     "short": "pressed downward",

@@ -38,7 +38,7 @@ function front(orientation) {
  * @returns {Finding[]}
  */
 function kept(source, carrier) {
-  const what = [carrier?.mirror ? `mirror symmetry across ${carrier.mirror}` : "", carrier?.level ? "level and upright" : ""].filter(Boolean).join(", ");
+  const what = [carrier?.mirror ? `mirror symmetry across ${[...carrier.mirror].join(" and ")}` : "", carrier?.level ? "level and upright" : ""].filter(Boolean).join(", ");
   const structure = what ? `Kept: ${what}.` : "";
   if (!source?.recognised) return structure ? [plain("Structure", structure)] : [];
   return [plain(`Taken for: ${source.noun} ${percent(source.probability)}`, structure)];

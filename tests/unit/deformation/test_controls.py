@@ -70,10 +70,24 @@ def test_equal_controls_give_an_affine_map(carried: Carried) -> None:
 def test_a_mirrored_map_gives_a_mirrored_shape(carried: Carried) -> None:
     source = carried(Structure()).rest.verts
     partner = torch.cdist(source * MIRROR, source).argmin(1)
-    verts = placed(randomized(carried(Structure(plane=0)))).detach()
+    verts = placed(randomized(carried(Structure(planes=(0,))))).detach()
     torch.testing.assert_close(verts * MIRROR, verts[partner], atol=1e-9, rtol=0)
     free = placed(randomized(carried(Structure()))).detach()
     assert (free * MIRROR - free[partner]).abs().max() > 0.05
+
+
+@each_case("carrier, mesh", [(LatticeField, box(6)), (JacobianField, icosphere(2))])
+def test_a_map_mirrored_across_two_planes_gives_a_shape_mirrored_across_both(
+    carrier: type[LatticeField | JacobianField], mesh: TriangleMesh
+) -> None:
+    def carried(structure: Structure) -> LatticeField | JacobianField:
+        return carrier(mesh, structure=structure)
+
+    source = carried(Structure()).rest.verts
+    verts = placed(randomized(carried(Structure(planes=(0, 2))))).detach()
+    for mirror in (MIRROR, MIRROR.flip(0)):
+        partner = torch.cdist(source * mirror, source).argmin(1)
+        torch.testing.assert_close(verts * mirror, verts[partner], atol=1e-9, rtol=0)
 
 
 def test_a_face_has_the_nearest_one_that_looks_the_same_way_as_its_mirror_image() -> None:
@@ -81,10 +95,19 @@ def test_a_face_has_the_nearest_one_that_looks_the_same_way_as_its_mirror_image(
     plate = TriangleMesh(box(5).verts * torch.tensor([1.0, 1.0, 1e-3], dtype=F64), box(5).faces)
     rest = RestMesh.of(plate)
     centres, normals = rest.verts[rest.faces].mean(1).numpy(), rest.normals.numpy()
-    level = Level.of_elements(centres, normals, np.zeros(3), Structure(plane=0))
+    level = Level.of_elements(centres, normals, np.zeros(3), Structure(planes=(0,)))
+    assert level is not None
     with torch.no_grad():
         level.controls[:, 2, 2] = rest.normals[:, 2]
     torch.testing.assert_close(level.jacobians().detach()[:, 2, 2], rest.normals[:, 2])
+
+
+def test_faces_without_mirror_images_across_two_planes_get_no_controls_of_their_own() -> None:
+    """Or a shape that is to be round would lean."""
+    planes, ball = Structure(planes=(0, 2)), icosphere(3)
+    bent = TriangleMesh(ball.verts + 0.1 * ball.verts.roll(1, 1), ball.faces)
+    assert JacobianField(ball, structure=planes).local
+    assert not JacobianField(bent, structure=planes).local
 
 
 def test_a_level_map_keeps_what_is_level() -> None:
@@ -105,7 +128,7 @@ def test_a_level_map_keeps_what_is_level() -> None:
 
 @each_case("carried", CARRIERS)
 def test_gradients_reach_the_controls(carried: Carried) -> None:
-    field = randomized(carried(Structure(plane=0)), size=0.1)
+    field = randomized(carried(Structure(planes=(0,))), size=0.1)
     field.begin_step(1.0)
     towards = torch.randn(field.rest.verts.shape, generator=torch.Generator().manual_seed(3), dtype=F64)
 
@@ -163,11 +186,24 @@ def test_mirror_planes_are_found_with_a_part_that_has_no_partner() -> None:
 
 
 @each_case(
-    "planes, front, plane",
-    [((0, 2), 0.0, 0), ((0, 2), 180.0, 0), ((0, 2), 90.0, 2), ((0,), 90.0, 0), ((2,), 0.0, 2), ((), 0.0, None)],
+    "planes, front, kept",
+    [
+        ((0, 2), 0.0, (0,)),
+        ((0, 2), 180.0, (0,)),
+        ((0, 2), 90.0, (2,)),
+        ((0,), 90.0, (0,)),
+        ((2,), 0.0, (2,)),
+        ((), 0.0, ()),
+    ],
 )
-def test_the_plane_with_the_front_is_kept(planes: tuple[int, ...], front: float, plane: int | None) -> None:
-    assert plane_of(planes, front) == plane
+def test_the_plane_with_the_front_is_kept(planes: tuple[int, ...], front: float, kept: tuple[int, ...]) -> None:
+    assert plane_of(planes, front) == kept
+
+
+@each_case("planes", [(), (2,), (0, 2)])
+def test_checkpoints_have_the_planes(planes: tuple[int, ...]) -> None:
+    structure = Structure(planes, level=True)
+    assert Structure.from_tensor(structure.to_tensor()) == structure
 
 
 def test_built_things_are_level() -> None:
@@ -209,6 +245,15 @@ def test_a_block_may_bend_into_an_animal_and_what_has_parts_may_not(mesh: Triang
     grown = Deformation(mesh, TargetGuidance(mesh), params, front=Front(None, built=True, grown=True))
     assert grown.structure is not None
     assert grown.structure.level is level
+
+
+@each_case("turned, planes", [(True, (0, 2)), (False, (0,))])
+def test_what_becomes_alike_from_all_sides_keeps_both_planes(turned: bool, planes: tuple[int, ...]) -> None:
+    params = resolve(DeformParams.model_validate({"preset": "preview", "guidance": {"orientation": "keep"}}))
+    ball = icosphere(3)
+    # A ball that is taken for a vessel, say: upright walls it has none.
+    prompted = Deformation(ball, TargetGuidance(ball), params, front=Front(None, built=True, turned=turned))
+    assert prompted.structure == Structure(planes, level=not turned)
 
 
 def test_what_is_to_be_bent_keeps_nothing() -> None:

@@ -212,13 +212,14 @@ def test_nobody_is_asked_for_the_front_of_what_is_not_recognised() -> None:
     assert unsure is not None
     assert unsure.grader is None
     assert unsure.grown
+    assert not unsure.turned
     sure = front_of(Recognition("dog", 0.7), prior, params, "")
     assert sure is not None
     assert sure.grader is not None
     assert not sure.grown
     vase = front_of(Recognition("bottle", 0.9), prior, params, "a tall vase")
     assert vase is not None
-    assert (vase.built, vase.grown, vase.crooked) == (True, False, False)
+    assert (vase.built, vase.grown, vase.crooked, vase.turned) == (True, False, False, True)
     leaning = front_of(Recognition("bottle", 0.9), prior, params, "a leaning vase")
     assert leaning is not None
     assert leaning.crooked
