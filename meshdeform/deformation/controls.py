@@ -37,7 +37,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.poisson import identity_jacobians
@@ -62,6 +62,9 @@ _ALONG = 0.98
 
 _BUILT, _EACH = 0.5, 0.05
 """Share of the area along the axes from which a thing counts as built, and of its upright and its level faces."""
+
+_CONVEX = 0.01
+"""By which share the areas of a surface and its convex hull may differ if it counts as convex."""
 
 _Floats = NDArray[np.float64]
 _SPANS = (3, 6)
@@ -121,10 +124,18 @@ def plane_of(planes: Sequence[int], front_deg: float) -> tuple[int, ...]:
 
 
 def is_level(mesh: RestMesh) -> bool:
-    """Return whether most of the area faces along an axis, and a part of it up or down and to a side: a built thing."""
+    """Return whether most of the area faces along an axis, a part of it up or down and to a side: a built thing.
+
+    A block is none: it is to be shaped, and has no wall or shelf that must stay one.
+    """
     along = np.abs(mesh.normals.numpy()) > _ALONG
     upright, level = (mesh.areas[faces].sum() / mesh.areas.sum() for faces in (along[:, ::2].any(1), along[:, 1]))
-    return bool(upright + level > _BUILT and min(upright, level) > _EACH)
+    return bool(upright + level > _BUILT and min(upright, level) > _EACH) and not _is_convex(mesh)
+
+
+def _is_convex(mesh: RestMesh) -> bool:
+    hull = ConvexHull(mesh.verts.numpy(), qhull_options="QJ")  # also of what is flat
+    return bool(abs(mesh.areas.sum().item() / hull.area - 1) < _CONVEX)
 
 
 def _places(mesh: RestMesh) -> _Floats:

@@ -130,14 +130,7 @@ class SurfaceTree:
     """
 
     def __init__(
-        self,
-        verts: _Floats,
-        faces: _Index,
-        normals: _Floats,
-        *,
-        spacing: float,
-        opposite: float,
-        slack: float = 0.0,
+        self, verts: _Floats, faces: _Index, normals: _Floats, *, spacing: float, opposite: float, slack: float = 0.0
     ) -> None:
         self._verts, self._faces, self._turn, self._slack = verts, faces, opposite / 2, slack
         while count_samples(verts, faces, spacing) > _SAMPLES + _SAMPLES_OF_FACE * len(faces):
@@ -335,13 +328,7 @@ def _nearest_place(p: _Floats, a: _Floats, b: _Floats, c: _Floats, weights: _Flo
 
 @kernel
 def _descend(
-    points: _Floats,
-    faces_found: _Index,
-    verts: _Floats,
-    faces: _Index,
-    around: _Index,
-    begin: _Index,
-    weights: _Floats,
+    points: _Floats, faces_found: _Index, verts: _Floats, faces: _Index, around: _Index, begin: _Index, weights: _Floats
 ) -> None:
     """Walk from a face to the nearest one around it as long as that is nearer; set it and the coordinates."""
     found = np.empty(3)

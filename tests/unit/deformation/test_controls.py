@@ -208,6 +208,7 @@ def test_checkpoints_have_the_planes(planes: tuple[int, ...]) -> None:
 
 def test_built_things_are_level() -> None:
     assert is_level(RestMesh.of(sled()))
+    assert not is_level(RestMesh.of(box(6))), "a block is to be shaped"
     assert not is_level(RestMesh.of(icosphere(3)))
 
 
