@@ -163,7 +163,8 @@ class Deformation:
         )
         self.structure = Structure() if few else None
         if few and params.keep_structure and not (front is not None and front.crooked):
-            turned = front is not None and front.turned and len(planes) == 2
+            # Splines alone cannot keep collinear faces from cutting their neighbours.
+            turned = front is not None and front.turned and len(planes) == 2 and bool(drawn.areas.min() > 0)
             built = is_level(drawn) or (front is not None and front.built and not turned)
             # A building can only become an animal if it bends, which the parts of an asset would not survive.
             if front is not None and front.grown:

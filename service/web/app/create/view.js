@@ -42,6 +42,8 @@ export class CreateView {
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
     this.checks = 0;
+    /** The asset of the job that was sent last. @type {Asset | null} */
+    this.sent = null;
     /** What the form offers under Advanced. @type {Promise<import("../params.js").Field[]>} */
     this.fields = Promise.resolve([]);
     /** Files of the job that the form begins with, besides its asset. @type {Record<string, Asset>} */
@@ -379,6 +381,7 @@ export class CreateView {
 
   /** @param {unknown} error */
   _refuse(error) {
+    if (this.sent !== this.assets.asset) return; // that file has given way to another
     this._refused(error);
     if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
     else if (this.control.further.refused.size) this.control.further.focusProblem();
@@ -386,7 +389,7 @@ export class CreateView {
 
   async _send() {
     this.checks += 1; // an answer under way is out of date
-    const asset = /** @type {Asset} */ (this.assets.asset);
+    const asset = (this.sent = /** @type {Asset} */ (this.assets.asset));
     const wish = this._wish();
     const { parts } = this.guide;
     // A preset chosen a moment ago has other steps than the last check knew.
