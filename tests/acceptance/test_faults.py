@@ -1,4 +1,4 @@
-"""The fault matrix: every part is killed at every named failpoint, and more; `docs/durability.md` has it as a table.
+"""The fault matrix: every part is killed at every named failpoint, and more; `docs/durability.md` has a table.
 
 Each row ends with `Cluster.check`: one terminal event, contiguous numbers, a fraction that never goes back, one
 published result, and that result the uninterrupted one.
