@@ -28,8 +28,8 @@ import torch
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from bench.parametric_families import PARTS, Member, family, labels_document, packed
-from meshdeform.families.collection import SampledShape, sample_shape
-from meshdeform.families.matching import unlike
+from meshdeform.kinds.families.collection import SampledShape, sample_shape
+from meshdeform.kinds.families.matching import unlike
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, RunInput

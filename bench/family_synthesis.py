@@ -35,14 +35,14 @@ from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.assemble import assemble
 from meshdeform.assets.family_file import FamilyFile, read_family
 from meshdeform.cli.kinds import packed as with_labels
-from meshdeform.families.assembly import Assembler
-from meshdeform.families.boundary import boundary_defects
-from meshdeform.families.collection import sample_shape
-from meshdeform.families.inference import graph
-from meshdeform.families.learning import Learning
-from meshdeform.families.machine import BetaMachine
-from meshdeform.families.members import turned
-from meshdeform.families.sampling import Drawn, Unexplained, sampled, to_frame, to_machine
+from meshdeform.kinds.families.assembly import Assembler
+from meshdeform.kinds.families.boundary import boundary_defects
+from meshdeform.kinds.families.collection import sample_shape
+from meshdeform.kinds.families.inference import graph
+from meshdeform.kinds.families.learning import Learning
+from meshdeform.kinds.families.machine import BetaMachine
+from meshdeform.kinds.families.members import turned
+from meshdeform.kinds.families.sampling import Drawn, Unexplained, sampled, to_frame, to_machine
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, RunInput

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from meshdeform.assets import Primitive, build_glb
-from meshdeform.sketch.solids import Floats, Solid, box, hexahedron, plate, ring, tube
+from meshdeform.kinds.sketch.solids import Floats, Solid, box, hexahedron, plate, ring, tube
 
 __all__ = ["CLASSES", "PARTS", "Member", "family", "labels_document", "packed"]
 

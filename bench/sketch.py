@@ -25,11 +25,11 @@ from PIL import Image, ImageFilter
 
 from meshdeform.assets.drawing import prepared, read_drawing
 from meshdeform.errors import DrawingError
+from meshdeform.kinds.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.looking import SURE, WEIGHTS, look, read_weights
+from meshdeform.kinds.sketch.solids import Solid
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
-from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.looking import SURE, WEIGHTS, look, read_weights
-from meshdeform.sketch.solids import Solid
 from training.prior.families import FAMILIES as NOUNS
 from training.prior.families import member as noun_member
 from training.sketch.habits import Habits, random_view

@@ -37,7 +37,7 @@ from playwright.sync_api import sync_playwright
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from meshdeform.errors import DrawingError
-from meshdeform.sketch.looking import guess, is_unsure
+from meshdeform.kinds.sketch.looking import guess, is_unsure
 
 Stroke = NDArray[np.float64]
 Ask = Callable[[list[Stroke]], tuple[dict[str, Any] | None, Image.Image]]

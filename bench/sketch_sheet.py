@@ -15,10 +15,10 @@ import torch
 from PIL import Image
 
 from meshdeform.assets import load_asset
+from meshdeform.kinds.sketch.families import FAMILIES, member_glb
+from meshdeform.kinds.sketch.looking import guess
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
-from meshdeform.sketch.families import FAMILIES, member_glb
-from meshdeform.sketch.looking import guess
 from training.sketch.habits import Habits, drawn_lines
 from training.sketch.strokes import draw
 

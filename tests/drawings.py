@@ -7,7 +7,7 @@ import io
 import numpy as np
 from PIL import Image
 
-from meshdeform.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.families import FAMILIES
 from training.sketch.lines import View, joined, visible_lines
 from training.sketch.strokes import draw
 

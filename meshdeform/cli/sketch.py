@@ -17,7 +17,7 @@ from meshdeform.cli.request import split_pairs
 from meshdeform.errors import ParameterError
 
 if TYPE_CHECKING:
-    from meshdeform.sketch.looking import Guess
+    from meshdeform.kinds.sketch.looking import Guess
 
 
 @clean_errors
@@ -39,8 +39,8 @@ def sketch(
     meshdeform sketch chair.png -o chair.glb --set legs=column
     """
     require("torch", "deform")
-    from meshdeform.sketch.families import FAMILIES
-    from meshdeform.sketch.looking import is_unsure
+    from meshdeform.kinds.sketch.families import FAMILIES
+    from meshdeform.kinds.sketch.looking import is_unsure
 
     if parameters:
         _list(as_json=as_json)
@@ -75,7 +75,7 @@ def sketch(
 
 def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list[Guess]:
     """Return the guesses of a drawing, the first one with the changes; without a drawing, a member of the family."""
-    from meshdeform.sketch.looking import Guess, guess
+    from meshdeform.kinds.sketch.looking import Guess, guess
 
     if drawing is None:
         if not family:
@@ -107,7 +107,7 @@ def _words(guess: Guess) -> str:
 
 def _list(*, as_json: bool) -> None:
     """Print the families with their parameters, ranges and defaults."""
-    from meshdeform.sketch.families import FAMILIES
+    from meshdeform.kinds.sketch.families import FAMILIES
 
     if as_json:
         known: dict[str, Any] = {

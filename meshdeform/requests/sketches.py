@@ -1,7 +1,7 @@
 """Declare the parameters of the procedural families that a drawing can show. Without numpy.
 
 Sizes are proportions: each family has one length that is fixed (the height of a vase is 1), because a drawing does not
-tell how large a thing is. `meshdeform.sketch.families` makes the shapes.
+tell how large a thing is. `meshdeform.kinds.sketch.families` makes the shapes.
 """
 
 from __future__ import annotations

@@ -15,11 +15,11 @@ from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.collection import AssetLabels, CollectionFiles, open_collection
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError
-from meshdeform.families.collection import Collection, SampledShape, sample_shape
-from meshdeform.families.inference import Inference, Template
-from meshdeform.families.learning import Learning
-from meshdeform.families.machine import BetaMachine
-from meshdeform.families.matching import correspondences, visible_points
+from meshdeform.kinds.families.collection import Collection, SampledShape, sample_shape
+from meshdeform.kinds.families.inference import Inference, Template
+from meshdeform.kinds.families.learning import Learning
+from meshdeform.kinds.families.machine import BetaMachine
+from meshdeform.kinds.families.matching import correspondences, visible_points
 from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
 from meshdeform.runs.family_fit_kind import READ_STEPS, params_of, total_steps

@@ -24,11 +24,13 @@ from meshdeform.assets.collection import AssetLabels, CollectionFiles
 from meshdeform.assets.family_file import FamilyFile, dump_family, surface_digest
 from meshdeform.assets.wall import WallShape, wall_glb
 from meshdeform.errors import AssetError
-from meshdeform.families.boundary import without_strays
-from meshdeform.families.collection import SampledShape
-from meshdeform.families.inference import Inference
-from meshdeform.families.machine import BetaMachine
-from meshdeform.families.matching import (
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.simplify import simplified
+from meshdeform.kinds.families.boundary import without_strays
+from meshdeform.kinds.families.collection import SampledShape
+from meshdeform.kinds.families.inference import Inference
+from meshdeform.kinds.families.machine import BetaMachine
+from meshdeform.kinds.families.matching import (
     Correspondences,
     correspondences,
     strangers,
@@ -36,9 +38,7 @@ from meshdeform.families.matching import (
     unlike,
     visible_points,
 )
-from meshdeform.families.members import turned
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.simplify import simplified
+from meshdeform.kinds.families.members import turned
 from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
@@ -114,18 +114,13 @@ class FamilyResults:
                         path = f"{name}.glb"
                     archive.writestr(zipfile.ZipInfo(path), _embedded(asset, found))
         names = np.array(self.names)
-        npz = "application/x-npz"
         result = {
             "report.json": ArtifactData(self._report(accuracy, segments), "application/json"),
             "preview.png": ArtifactData(family_png(pictures, self.parts), "image/png"),
             "wall.glb": wall(shapes, self.parts, self.inference.template.labels.numpy(), len(self.names)),
-            "segmentation.npz": ArtifactData(
-                packed_arrays({"names": names, "parts": np.array(self.parts), **segments}), npz
-            ),
-            "correspondences.npz": ArtifactData(packed_arrays({"names": names, **self._correspondence_arrays()}), npz),
-            "descriptors.npz": ArtifactData(
-                packed_arrays({"names": names, "descriptors": self._descriptors.numpy()}), npz
-            ),
+            "segmentation.npz": packed_arrays({"names": names, "parts": np.array(self.parts), **segments}),
+            "correspondences.npz": packed_arrays({"names": names, **self._correspondence_arrays()}),
+            "descriptors.npz": packed_arrays({"names": names, "descriptors": self._descriptors.numpy()}),
             "family.safetensors": ArtifactData(
                 self._family(digests, list(segments.values())), "application/octet-stream"
             ),
@@ -234,14 +229,11 @@ class FamilyResults:
         assets = []
         for t, name in enumerate(self.names):
             used = np.unique(segments[f"{t:04d}"])
+            given = "given" if (self.truth[t] >= 0).any() else "none"
             assets.append(
                 {
                     "name": name,
-                    "labels": "held out"
-                    if self.labels[t].held_out
-                    else "given"
-                    if (self.truth[t] >= 0).any()
-                    else "none",
+                    "labels": "held out" if self.labels[t].held_out else given,
                     "parts": [self.parts[part] for part in used],
                     "turn_deg": round(float(turns[t]), 3),
                     "log_likelihood": float(likelihood[t]),
@@ -321,7 +313,7 @@ def _embedded(asset: Asset, parts: NDArray[np.uint8]) -> bytes:
     return asset.with_vertex_values("_PART", values)
 
 
-def packed_arrays(arrays: dict[str, NDArray[Any]]) -> bytes:
+def packed_arrays(arrays: dict[str, NDArray[Any]]) -> ArtifactData:
     """Write arrays as NPZ; equal arrays give equal bytes."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -331,7 +323,7 @@ def packed_arrays(arrays: dict[str, NDArray[Any]]) -> bytes:
             entry = zipfile.ZipInfo(f"{name}.npy")
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content.getvalue())
-    return buffer.getvalue()
+    return ArtifactData(buffer.getvalue(), "application/x-npz")
 
 
 def labels_of(asset: Asset, name: str, labels: AssetLabels, parts: list[str]) -> NDArray[np.int64]:
@@ -502,6 +494,13 @@ def _welded(verts: NDArray[np.float64], faces: NDArray[np.int64]) -> TriangleMes
     return TriangleMesh(torch.from_numpy(places), torch.from_numpy(rows.reshape(-1, 3).astype(np.int64)))
 
 
+def nearest_members(family: FamilyFile, descriptor: NDArray[np.float32], count: int) -> list[dict[str, Any]]:
+    """Return the members with the nearest descriptors (L1), nearest first."""
+    distance = np.abs(family.descriptors - descriptor).sum(1)
+    order = np.argsort(distance, kind="stable")[:count]
+    return [{"name": family.names[member], "distance": float(distance[member])} for member in order]
+
+
 @dataclass(frozen=True)
 class SynthesisResults:
     """What a finished run has made. Attributes as in `FamilySynthesisRun`."""
@@ -529,7 +528,7 @@ class SynthesisResults:
             made["shapes.zip"] = ArtifactData(self._packed(), "application/zip")
             points, exists = (np.stack([each[i] for each in self.drawn]) for i in (0, 1))
             arrays = {"points": points, "exists": exists, "part": self.family.labels}
-            made["points.npz"] = ArtifactData(packed_arrays(arrays), "application/x-npz")
+            made["points.npz"] = packed_arrays(arrays)
             pictures = [load_asset(shape, self._name(n), self.limits) for n, shape in enumerate(self.shapes)]
             titles = [str(number) for number in range(len(pictures))]
             shapes = [self._shape(number, asset) for number, asset in enumerate(pictures)]
@@ -590,11 +589,9 @@ class SynthesisResults:
 
     def _neighbours(self) -> list[dict[str, Any]]:
         """Return the members nearest to the one that is searched for, without itself."""
-        family, query = self.family, self.members[0]
-        distance = np.abs(family.descriptors - family.descriptors[query]).sum(1)
-        distance[query] = np.inf
-        order = np.argsort(distance, kind="stable")[: min(self.params.count, len(family.names) - 1)]
-        return [{"name": family.names[member], "distance": float(distance[member])} for member in order]
+        query = self.members[0]
+        found = nearest_members(self.family, self.family.descriptors[query], self.params.count + 1)
+        return [each for each in found if each["name"] != self.family.names[query]][: self.params.count]
 
     def _report(self, found: list[dict[str, Any]] | None) -> bytes:
         clean = np.isfinite(self.defects) & (self.defects <= self.params.max_defect)

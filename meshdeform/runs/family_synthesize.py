@@ -19,14 +19,22 @@ from meshdeform.assets.collection import open_collection
 from meshdeform.assets.family_file import FamilyFile, read_family, surface_digest
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError, ParameterError
-from meshdeform.families.assembly import Assembler, Assembly
-from meshdeform.families.boundary import boundary_defects
-from meshdeform.families.machine import BetaMachine
-from meshdeform.families.sampling import FreeEnergy, Unexplained, between, completed, sampled, to_frame, to_machine
+from meshdeform.kinds.families.assembly import Assembler, Assembly
+from meshdeform.kinds.families.boundary import boundary_defects
+from meshdeform.kinds.families.machine import BetaMachine
+from meshdeform.kinds.families.sampling import (
+    FreeEnergy,
+    Unexplained,
+    between,
+    completed,
+    sampled,
+    to_frame,
+    to_machine,
+)
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
-from meshdeform.runs.family_results import FamilyResults, SynthesisResults
+from meshdeform.runs.family_results import FamilyResults, SynthesisResults, nearest_members
 from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_steps
 
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
@@ -260,13 +268,6 @@ class FamilySynthesisRun(JobRun):
             self._shapes.append(tensors[f"glb.{number}"].numpy().tobytes())
             self._about.append(json.loads(tensors[f"about.{number}"].numpy().tobytes()))
             self._drawn.append((tensors[f"points.{number}"].numpy(), tensors[f"exists.{number}"].numpy()))
-
-
-def nearest_members(family: FamilyFile, descriptor: NDArray[np.float32], count: int) -> list[dict[str, Any]]:
-    """Return the members with the nearest descriptors (L1), nearest first."""
-    distance = np.abs(family.descriptors - descriptor).sum(1)
-    order = np.argsort(distance, kind="stable")[:count]
-    return [{"name": family.names[member], "distance": float(distance[member])} for member in order]
 
 
 def _bytes(data: bytes) -> Tensor:

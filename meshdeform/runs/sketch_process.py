@@ -89,7 +89,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _guessed(path: str, family: str) -> dict[str, Any]:
-    from meshdeform.sketch.looking import guess, is_unsure
+    from meshdeform.kinds.sketch.looking import guess, is_unsure
 
     found = guess(Path(path).read_bytes(), family=family)
     guesses = [
@@ -105,7 +105,7 @@ def _guessed(path: str, family: str) -> dict[str, Any]:
 
 
 def _shaped(document: str) -> dict[str, Any]:
-    from meshdeform.sketch.families import member_glb
+    from meshdeform.kinds.sketch.families import member_glb
 
     sketch = Sketch.model_validate_json(document)
     return {"mesh": base64.b64encode(member_glb(sketch.family, sketch.values)).decode()}

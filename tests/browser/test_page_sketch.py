@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from meshdeform.sketch.families import member_glb
+from meshdeform.kinds.sketch.families import member_glb
 from tests.acceptance.service import Service
 from tests.browser.conftest import Watch, watched
 from tests.browser.steps import expect, open_form, open_more, set_steps, start

@@ -13,10 +13,10 @@ import pytest
 from meshdeform.assets.isolation import ChildOutcome, run_child
 from meshdeform.client import AsyncClient, Client, SketchGuesses
 from meshdeform.errors import DependencyError, DrawingError, ParameterError
+from meshdeform.kinds.sketch.families import member_glb
+from meshdeform.kinds.sketch.looking import guess
 from meshdeform.requests.sketches import Sketch
 from meshdeform.runs import questions, sketch_process
-from meshdeform.sketch.families import member_glb
-from meshdeform.sketch.looking import guess
 from tests.drawings import blank_page, drawing_of
 from tests.integration.conftest import DEADLINE_S, Api
 from tests.integration.http_calls import check_document, check_problem

@@ -34,7 +34,7 @@ TORCH_FREE = [
     "meshdeform.runs.*",
     "meshdeform.priors.*",
     "meshdeform.priors.builtin.grammar",
-    "meshdeform.sketch.looking",
+    "meshdeform.kinds.sketch.looking",
     "worker.health",
     "worker.process",
     "worker.supervisor",

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.solids import Floats, Solid, lathe
+from meshdeform.kinds.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.solids import Floats, Solid, lathe
 from training.sketch.lines import View, joined, visible_lines
 
 __all__ = ["AZIMUTHS", "ELEVATIONS", "FIELDS", "Habits", "drawn_lines", "random_view"]

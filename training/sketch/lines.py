@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from meshdeform.kinds.sketch.solids import Floats, Solid
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
-from meshdeform.sketch.solids import Floats, Solid
 from training.sketch.suggestive import suggestive_contours
 
 __all__ = ["View", "joined", "visible_lines"]

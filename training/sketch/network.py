@@ -18,8 +18,8 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from meshdeform.assets.drawing import SIDE
-from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.looking import WEIGHTS, WIDTHS, parameters_hash, read_weights
+from meshdeform.kinds.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.looking import WEIGHTS, WIDTHS, parameters_hash, read_weights
 from meshdeform.support.files import write_files
 
 __all__ = ["Look", "SketchNetwork", "load_network", "write_network"]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.solids import Floats, Solid
+from meshdeform.kinds.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.solids import Floats, Solid
 from training.sketch.habits import random_view
 from training.sketch.lines import joined, visible_lines
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
-from meshdeform.sketch.solids import Floats
+from meshdeform.kinds.sketch.solids import Floats
 
 __all__ = ["Hand", "draw", "resampled"]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.sketch.solids import Floats
+from meshdeform.kinds.sketch.solids import Floats
 
 __all__ = ["suggestive_contours"]
 

@@ -23,9 +23,9 @@ from torch.nn.functional import cross_entropy, mse_loss
 from meshdeform import __version__
 from meshdeform.assets.drawing import SIDE, prepared
 from meshdeform.deformation.variables import Adam
+from meshdeform.kinds.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.looking import WEIGHTS
 from meshdeform.requests.sketches import Value
-from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.looking import WEIGHTS
 from training.sketch.habits import Habits, drawn_lines
 from training.sketch.network import Look, SketchNetwork, write_network
 from training.sketch.strangers import stranger_lines

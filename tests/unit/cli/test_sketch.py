@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.build import Primitive
 from meshdeform.cli.app import app
-from meshdeform.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.families import FAMILIES
 from tests.cases import each_case
 from training.sketch.lines import View, joined, visible_lines
 from training.sketch.strokes import draw

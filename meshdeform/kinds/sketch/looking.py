@@ -18,8 +18,8 @@ from safetensors import SafetensorError, safe_open
 
 from meshdeform.assets.drawing import read_drawing
 from meshdeform.errors import ModelError
+from meshdeform.kinds.sketch.families import FAMILIES, family_of, member_glb
 from meshdeform.requests.sketches import Value
-from meshdeform.sketch.families import FAMILIES, family_of, member_glb
 
 WEIGHTS = Path(__file__).parent / "weights" / "sketch.safetensors"
 """The weights that are part of the package."""

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import torch
 
-from meshdeform.families.learning import Learning
-from meshdeform.families.machine import STRONGEST, BetaMachine, layer_sizes
-from meshdeform.families.sampling import Unexplained, sampled
+from meshdeform.kinds.families.learning import Learning
+from meshdeform.kinds.families.machine import STRONGEST, BetaMachine, layer_sizes
+from meshdeform.kinds.families.sampling import Unexplained, sampled
 
 
 def planted(shapes=300, strength=200.0):

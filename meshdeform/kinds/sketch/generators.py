@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from meshdeform.sketch.solids import Solid, box, hexahedron, lathe, plate, tube
+from meshdeform.kinds.sketch.solids import Solid, box, hexahedron, lathe, plate, tube
 
 _Numbers = Mapping[str, float]
 _Choices = Mapping[str, str]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from meshdeform.assets import Asset
 from meshdeform.assets.assemble import Piece
 from meshdeform.assets.family_file import FamilyFile
-from meshdeform.families.embedded import Embedding, Pull, axis_fit
-from meshdeform.families.members import Contact, MemberPart, MemberShape, PlacedSurface, turned
+from meshdeform.kinds.families.embedded import Embedding, Pull, axis_fit
+from meshdeform.kinds.families.members import Contact, MemberPart, MemberShape, PlacedSurface, turned
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

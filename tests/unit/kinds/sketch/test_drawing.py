@@ -11,8 +11,8 @@ from PIL import Image, ImageDraw, ImageOps
 
 from meshdeform.assets.drawing import SIDE, read_drawing
 from meshdeform.errors import DrawingError, ParameterError
-from meshdeform.sketch.families import FAMILIES, Family
-from meshdeform.sketch.solids import Solid, box, lathe
+from meshdeform.kinds.sketch.families import FAMILIES, Family
+from meshdeform.kinds.sketch.solids import Solid, box, lathe
 from tests.cases import each_case
 from training.sketch.habits import Habits, drawn_lines
 from training.sketch.lines import View, joined, visible_lines

@@ -13,8 +13,8 @@ from PIL import Image, ImageDraw
 from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.drawing import read_drawing
 from meshdeform.errors import ModelError, ParameterError
-from meshdeform.sketch.families import FAMILIES
-from meshdeform.sketch.looking import WEIGHTS, guess, is_unsure, look, read_weights
+from meshdeform.kinds.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.looking import WEIGHTS, guess, is_unsure, look, read_weights
 from training.sketch.lines import View, joined, visible_lines
 from training.sketch.network import Look, SketchNetwork, load_network, write_network
 from training.sketch.strokes import draw

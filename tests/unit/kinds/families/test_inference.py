@@ -10,9 +10,9 @@ import torch
 
 from bench.parametric_families import CLASSES, PARTS, family
 from meshdeform.assets import load_asset
-from meshdeform.families.collection import Collection, sample_shape, turned_alike
-from meshdeform.families.inference import Inference
-from meshdeform.families.matching import correspondences, strangers, triangle_parts, unlike
+from meshdeform.kinds.families.collection import Collection, sample_shape, turned_alike
+from meshdeform.kinds.families.inference import Inference
+from meshdeform.kinds.families.matching import correspondences, strangers, triangle_parts, unlike
 
 
 def dense_matches(inference: Inference, source: int, target: int) -> torch.Tensor:

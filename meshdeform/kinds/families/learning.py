@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from meshdeform.families.machine import STRONGEST, BetaMachine, Hidden
+from meshdeform.kinds.families.machine import STRONGEST, BetaMachine, Hidden
 
 _RATE, _SLOWER, _FASTER = 1e-3, 0.9, 1.1
 _RATES = 1e-3, 0.01

@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
 from meshdeform.assets.family_file import FamilyFile
-from meshdeform.families.boundary import welded
 from meshdeform.geometry.places import SurfaceTree, samples_of
+from meshdeform.kinds.families.boundary import welded
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.families.boundary import boundary_defects, without_strays
-from meshdeform.families.embedded import Embedding, Pull, axis_fit
-from meshdeform.families.machine import BetaMachine
-from meshdeform.families.sampling import (
+from meshdeform.kinds.families.boundary import boundary_defects, without_strays
+from meshdeform.kinds.families.embedded import Embedding, Pull, axis_fit
+from meshdeform.kinds.families.machine import BetaMachine
+from meshdeform.kinds.families.sampling import (
     FreeEnergy,
     State,
     Unexplained,
@@ -22,7 +22,7 @@ from meshdeform.families.sampling import (
     to_frame,
     to_machine,
 )
-from meshdeform.sketch.solids import tube
+from meshdeform.kinds.sketch.solids import tube
 
 
 def planted(points=2, strong=1.0):

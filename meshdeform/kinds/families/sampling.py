@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.families.machine import HIGH, LOW, BetaMachine
+from meshdeform.kinds.families.machine import HIGH, LOW, BetaMachine
 
 _INSIDE = 1e-4, 1 - 1e-4
 """Coordinates stay away from the ends, where their logarithms diverge."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.families.inference import Inference
-from meshdeform.families.machine import HIGH, LOW
+from meshdeform.kinds.families.inference import Inference
+from meshdeform.kinds.families.machine import HIGH, LOW
 
 _MASS = 0.25
 """A point exists where at least this share of the mean number of samples corresponds to it."""

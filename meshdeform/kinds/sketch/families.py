@@ -12,9 +12,9 @@ import numpy as np
 
 from meshdeform.assets import Primitive, build_glb
 from meshdeform.errors import ParameterError
+from meshdeform.kinds.sketch import generators
+from meshdeform.kinds.sketch.solids import Floats, Solid
 from meshdeform.requests.sketches import SKETCH_FAMILIES, FamilyParameters, Value
-from meshdeform.sketch import generators
-from meshdeform.sketch.solids import Floats, Solid
 
 _Make = Callable[[Mapping[str, float], Mapping[str, str]], dict[str, Solid]]
 

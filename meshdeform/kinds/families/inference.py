@@ -19,7 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.families.collection import Collection, far_apart
+from meshdeform.kinds.families.collection import Collection, far_apart
 
 _EPSILON = 1e-2
 """Price of a correspondence whose part label disagrees."""
