@@ -1,4 +1,4 @@
-"""Generate the tables in docs/http.md of the files and artifacts of each kind of job."""
+"""Generate the lists in docs/http.md of the files and artifacts of each kind of job."""
 
 from __future__ import annotations
 
@@ -14,21 +14,20 @@ __all__ = ["page"]
 
 
 def page(text: str) -> str:
-    """Return docs/http.md with its tables of files and artifacts regenerated."""
-    return renewed(text, "meshdeform/runs", "\n".join(tables(kind) for kind in kinds()))
+    """Return docs/http.md with its lists of files and artifacts regenerated."""
+    return renewed(text, "meshdeform/runs", "\n".join(lists(kind) for kind in kinds()))
 
 
-def tables(kind: Kind) -> str:
-    """Return the tables of the files that a kind reads and writes."""
+def lists(kind: Kind) -> str:
+    """Return the lists of the files that a kind reads and writes."""
     reads = _rows((each.name, f"{'Required. ' if each.required else ''}{each.summary}") for each in kind.reads)
     writes = _rows((each.name, each.summary) for each in kind.artifacts)
-    lines = [f"**`{kind.name}`.** {kind.summary}", "", "| it reads | |", "|---|---|", *reads]
-    lines += ["", "| it writes | |", "|---|---|", *writes]
+    lines = [f"**`{kind.name}`.** {kind.summary}", "", "It reads", "", *reads, "", "and writes", "", *writes]
     return "\n".join(lines) + "\n"
 
 
 def _rows(files: Iterable[tuple[str, str]]) -> list[str]:
-    """Return a row for each file; one for those that differ in a number alone, such as `level_1.glb`."""
+    """Return a line for each file; one for those that differ in a number alone, such as `level_1.glb`."""
     rows = []
     for _, group in itertools.groupby(files, key=lambda each: re.sub(r"\d+", "N", " ".join(each))):
         (name, summary), *others = group
@@ -36,7 +35,7 @@ def _rows(files: Iterable[tuple[str, str]]) -> list[str]:
             last, told = others[-1]
             name, numbers = f"{name}` to `{last}", iter(re.findall(r"\d+", told))
             summary = re.sub(r"\d+", lambda found: _span(found[0], next(numbers)), summary)  # noqa: B023
-        rows.append(f"| `{name}` | {summary} |")
+        rows.append(f"- `{name}`: {summary}")
     return rows
 
 
