@@ -3,7 +3,7 @@
 * docs/parameters.md, from the models of a request;
 * the files and artifacts in docs/http.md, from the kinds of job.
 
-The HTTP reference is made when the site is built (docs/generation/site.py).
+The references of HTTP and of commands are made when the site is built (docs/generation/site.py).
 """
 
 from __future__ import annotations
