@@ -46,16 +46,12 @@ FAMILIES: dict[str, dict[str, Any]] = {
     "pictures": {"kind": GuidanceKind.SILHOUETTES},
 }
 _GUIDANCE = "params.guidance."
-_BOUNDS = {
-    "minimum": "at least",
-    "exclusiveMinimum": "above",
-    "maximum": "at most",
-    "exclusiveMaximum": "below",
-    "minLength": "length at least",
-    "maxLength": "length at most",
-    "maxProperties": "entries at most",
-    "maxItems": "entries at most",
-}
+_BOUNDS = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below"}
+_COUNTS = (
+    ("minLength", "maxLength", "characters"),
+    ("minItems", "maxItems", "entries"),
+    ("minProperties", "maxProperties", "entries"),
+)
 # Constants that have a meaning for a prompt alone.
 _OF_SDS = {"guidance_rescale", "timestep_max", "timestep_max_end"}
 
@@ -69,16 +65,15 @@ prompt of a job that is guided by one. Unknown members are refused. (`python doc
 {"kind": "text_deform", "prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}, "output": {"morph": true}}
 ```
 
-What guides the deformation is in the group `params.guidance`, whose members depend on its `kind`; what may move is in
-the group `params.control`:
+The group `params.guidance`, whose members depend on its `kind`, says what guides the deformation; `params.control`
+says what may move:
 
 ```json
 {"prompt": "a dog", "params": {"guidance": {"orientation": "auto"}, "control": {"regions": [{"node": "Head"}]}}}
 ```
 
-Every parameter has a name of its own, whatever its group. The command line takes it with the group or without:
-`--set guidance.orientation=auto` is `--set orientation=auto`. The parameters with their values, in the answer of
-`POST /v1/jobs:validate` and in `report.json`, have no groups, and there `guidance` is its kind alone.
+Every name is unique. The command line takes it with its group or without (`--set orientation=auto`); the answer of
+`POST /v1/jobs:validate` and `report.json` list all values without groups, with `guidance` as its kind alone.
 """
 
 GUIDANCE = """\
@@ -121,21 +116,17 @@ PICTURES = """\
 FLAT_FORM = """\
 ## From the flat form
 
-Earlier editions had all parameters directly in `params`. Such a request is refused (`422`), and the answer names the
-new place of each member. Jobs that an earlier edition stored are read, shown and run as before, and the API returns
-them in the new form. Options of the command line and columns of its batches keep their names.
-`"guidance": "target"` is `"guidance": {"kind": "target"}` now, and these have the same names and values in a group:
-
+A request with parameters of a group directly in `params` is refused (`422`), and the answer names the place of each;
+`"guidance": "target"` is `"guidance": {"kind": "target"}`. Stored jobs of that form run as before, and the API returns
+them in the present one.
 """
 
 PRESETS = """\
 ## Presets
 
-A preset provides the parameters that were left out, and the constants that no request has: those of the cameras
-(`elevation_...`, `fov_...`, `framing...`), `guidance_weight`, `guidance_rescale`, `timestep_max...` and `stiffness`.
-Its values depend on what guides the job: the builtin demonstration prior, a Stable Diffusion model, a target mesh, or
-pictures alone. `paper` has the published values; the builtin prior needs its own guidance scale. Where `preview` and
-`balanced` differ, the value of `preview` comes first.
+A preset provides the parameters that were left out, and constants that no request has: the cameras, `guidance_weight`,
+`guidance_rescale`, `timestep_max...` and `stiffness`. Its values depend on what guides the job. Each cell has those of
+`preview` and `balanced`, or one for both, and after a semicolon that of `paper`, the published value, where it differs.
 """
 
 
@@ -160,9 +151,18 @@ def bounds(schema: dict[str, Any]) -> str:
     """Return the bounds in a member's JSON schema, in words."""
     stated = schema | next((kind for kind in schema.get("anyOf", []) if kind.get("type") != "null"), {})
     both = {"minimum", "maximum"} <= stated.keys()
-    range_ = [f"{stated['minimum']:,} to {stated['maximum']:,}"] if both else []
+    parts = [f"from {_number(stated['minimum'])} to {_number(stated['maximum'])}"] if both else []
     names = [name for name in _BOUNDS if name in stated and not (both and name in ("minimum", "maximum"))]
-    return ", ".join(range_ + [f"{_BOUNDS[name]} {stated[name]:,}" for name in names])
+    parts += [f"{_BOUNDS[name]} {_number(stated[name])}" for name in names]
+    for least, most, what in _COUNTS:
+        if most in stated and stated.get(least) != stated[most]:  # of a place in space nobody needs to hear "3"
+            low = f"{_number(stated[least])} to" if stated.get(least) else "at most"
+            parts.append(f"{low} {_number(stated[most])} {what}")
+    return ", ".join(parts)
+
+
+def _number(value: float) -> str:
+    return f"{int(value):,}" if value == int(value) else f"{value:g}"
 
 
 def default(field: FieldInfo) -> str:
@@ -180,7 +180,7 @@ def facts(field: FieldInfo, schema: dict[str, Any]) -> str:
     limits, value = bounds(schema), default(field)
     told = "Default:" in (field.description or "") or value == "none"
     start = "Required." if field.is_required() else "" if told else f"Default: {value}."
-    return " ".join(part for part in (start, f"Bounds: {limits}." if limits else "") if part)
+    return " ".join(part for part in (start, f"{limits[0].upper()}{limits[1:]}." if limits else "") if part)
 
 
 def section(model: type[BaseModel], *, prefix: str, without: tuple[str, ...] = ()) -> str:
@@ -219,15 +219,11 @@ def is_used(name: str, guidance: GuidanceKind) -> bool:
 
 def presets() -> str:
     """Return the table of the values of each preset for each kind of guidance, and what all have in common."""
-    columns = [
-        (family, presets) for family in FAMILIES for presets in ((Preset.PREVIEW, Preset.BALANCED), (Preset.PAPER,))
-    ]
-    titles = (f"{family}{', `paper`' if len(presets) == 1 else ''}" for family, presets in columns)
-    lines = ["| | " + " | ".join(titles) + " |", "|---" * (len(columns) + 1) + "|"]
+    lines = ["| | " + " | ".join(FAMILIES) + " |", "|---" * (len(FAMILIES) + 1) + "|"]
     common = []
     for name in (name for name in ResolvedParams.model_fields if name in FROM_PRESET | CONSTANTS):
-        cells = [cell(name, family, presets) for family, presets in columns]
-        if len(set(cells)) == 1:
+        cells = [cell(name, family) for family in FAMILIES]
+        if len(set(cells)) == 1 and ";" not in cells[0]:
             common.append(f"`{name}` {cells[0]}")
         else:
             lines.append(f"| `{name}` | " + " | ".join(cells) + " |")
@@ -235,12 +231,14 @@ def presets() -> str:
     return "\n".join(lines) + f"\n\n{same}\n"
 
 
-def cell(name: str, family: str, presets: tuple[Preset, ...]) -> str:
-    """Return the value of a parameter or constant in presets of a family; both, where they differ."""
-    made = [resolve(DeformParams.model_validate({"preset": each, "guidance": FAMILIES[family]})) for each in presets]
+def cell(name: str, family: str) -> str:
+    """Return the values of a parameter or constant in a family's presets, that of `paper` where it differs."""
+    made = [resolve(DeformParams.model_validate({"preset": each, "guidance": FAMILIES[family]})) for each in Preset]
     if not is_used(name, made[0].guidance):
         return ""
-    return ", ".join(dict.fromkeys(shown(getattr(values, name)) for values in made))
+    values = {preset: shown(getattr(each, name)) for preset, each in zip(Preset, made, strict=True)}
+    ours = ", ".join(dict.fromkeys(values[each] for each in (Preset.PREVIEW, Preset.BALANCED)))
+    return ours if ours == values[Preset.PAPER] else f"{ours}; {values[Preset.PAPER]}"
 
 
 def guidances() -> str:
@@ -250,15 +248,6 @@ def guidances() -> str:
         names = ", ".join(f"`{name}`" for name, (_, kinds) in PLACES.items() if kind in kinds)
         anchor = title.lower().replace(" ", "-")
         lines.append(f"| `{kind}` | [{what}](#{anchor}) | {names} |")
-    return "\n".join(lines) + "\n"
-
-
-def moves() -> str:
-    """Return which parameters are in which group now."""
-    groups = {
-        group: [name for name, (where, _) in PLACES.items() if where == group] for group in ("control", "guidance")
-    }
-    lines = [f"- `params.{group}`: " + ", ".join(f"`{name}`" for name in names) for group, names in groups.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -307,6 +296,6 @@ def page() -> str:
             table(("", Handle)),
             "## output\n",
             section(OutputOptions, prefix="output."),
-            FLAT_FORM + moves(),
+            FLAT_FORM,
         ]
     )

@@ -41,7 +41,7 @@ _BUILTIN_VIEW: dict[str, Any] = {"appearance": "normals", "framing": 0.57, "fram
 
 # The built-in model is small: below 0.75 T it mostly denoises the given picture, above it decides the content.
 # Twelve times the paper's rate works because the safeguard undoes the defects of such steps, and because rescaled
-# guidance keeps the contrast of the training pictures (docs/quality.md, Results).
+# guidance keeps the contrast of the training pictures (docs/quality.md).
 _BUILTIN: dict[str, Any] = {
     **_GUARDED,
     "orientation": "auto",
@@ -53,7 +53,7 @@ _BUILTIN: dict[str, Any] = {
     "jacobian_reg_weight": 16.0,
     "laplacian_weight": 0.16,
     "normal_weight": 6000.0,
-    # Halves the distortion at the same retrieval (docs/quality.md, The barrier). Other guidance has gradients of
+    # Halves the distortion at the same retrieval (docs/quality.md, Ablations). Other guidance has gradients of
     # other magnitudes, for which no weight was measured.
     "dirichlet_weight": 10.0,
     "silhouette_weight": 1000.0,
