@@ -130,7 +130,7 @@ def test_what_is_scaled_has_no_fixed_number_and_fits_postgresql() -> None:
     assert "replicas" not in named("Deployment", "meshdeform-api")["spec"]
     (scaled,) = documents(FOLDER / "components/keda/scaled-object.yaml")
     apis = named("HorizontalPodAutoscaler", "meshdeform-api")["spec"]["maxReplicas"]
-    # docs/operations.md, Sizing: 15 connections for each API process, 4 for each worker, 100 by default in all.
+    # docs/kubernetes.md, Choices: 15 connections for each API process, 4 for each worker, 100 by default in all.
     assert 15 * apis + 4 * scaled["spec"]["maxReplicaCount"] <= 90
     (monitor,) = documents(MONITORING / "service-monitor.yaml")
     service = named("Service", "meshdeform-api")
