@@ -36,14 +36,19 @@ def on_files(files: Any, *, config: Any, **_: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
-    """Insert the changelog and the README of the TypeScript client, which are outside the docs folder."""
+    """Insert the changelog, the README of the TypeScript client, and recipes, which are outside the docs folder."""
     if page.file.src_uri == "changes.md":
         changelog = (_ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
         return changelog.replace("](docs/", "](") + markdown.partition("\n")[2]
     if page.file.src_uri == "typescript.md":
         readme = (_ROOT / "clients/typescript/README.md").read_text(encoding="utf-8")
         return markdown[: markdown.rindex("[The package's README]")] + readme[readme.index("```ts") :]
-    return markdown
+    return re.sub(r"^<!-- file: (\S+) -->$", lambda found: _shown(_ROOT / found[1]), markdown, flags=re.MULTILINE)
+
+
+def _shown(path: Path) -> str:
+    language = path.suffix.lstrip(".") or "sh"
+    return f"```{language}\n{path.read_text(encoding='utf-8')}```"
 
 
 def on_post_build(*, config: Any, **_: Any) -> None:

@@ -1,4 +1,4 @@
-"""The recipes as docs/recipes.md has them, run against a real service."""
+"""The recipes of docs/recipes.md, run against a real service."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ REQUEST = '{"prompt": "a mushroom", "params": {"preset": "preview", "steps": 2, 
 
 
 @pytest.fixture(scope="module")
-def recipes(repository: Path) -> dict[str, list[str]]:
-    """The blocks of the page by heading."""
-    found: dict[str, list[str]] = {}
+def recipes(repository: Path) -> Path:
+    """The folder of the recipes, each of which the page has."""
+    folder = repository / "examples/recipes"
     page = (repository / "docs/recipes.md").read_text()
-    for section in re.split(r"^## ", page, flags=re.MULTILINE):
-        found[section.partition("\n")[0]] = re.findall(r"^```\w+\n(.*?)^```", section, re.DOTALL | re.MULTILINE)
-    return found
+    shown = re.findall(r"^<!-- file: examples/recipes/(\S+) -->$", page, re.MULTILINE)
+    assert {*shown, "request.json"} == {path.name for path in folder.iterdir() if path.is_file()}
+    return folder
 
 
 @pytest.fixture
@@ -73,15 +73,15 @@ def run(command: list[str], folder: Path, service: Service | None = None) -> sub
     )
 
 
-def test_the_request_is_one(recipes: dict[str, list[str]]) -> None:
-    JobRequest.model_validate_json(next(block for block in recipes["# Recipes"] if "prompt" in block))
+def test_the_request_is_one(recipes: Path) -> None:
+    JobRequest.model_validate_json((recipes / "request.json").read_text())
 
 
 def test_the_folder_recipe_posts_once_and_starts_again_where_it_was(
-    recipes: dict[str, list[str]], project: Path, service: Service
+    recipes: Path, project: Path, service: Service
 ) -> None:
     needs("curl", "jq")
-    (project / "deform-all").write_text(recipes["A folder of assets, with curl and jq"][0])
+    shutil.copy(recipes / "deform-all", project)
     command = ["bash", "deform-all"]
     before = job_count(service)
     first = run(command, project, service)
@@ -101,9 +101,9 @@ def test_the_folder_recipe_posts_once_and_starts_again_where_it_was(
     assert "prompt_unknown_words" in refused.stdout + refused.stderr
 
 
-def test_the_makefile_deforms_what_is_new(recipes: dict[str, list[str]], project: Path) -> None:
+def test_the_makefile_deforms_what_is_new(recipes: Path, project: Path) -> None:
     needs("make")
-    (project / "Makefile").write_text(recipes["In a Makefile"][0])
+    shutil.copy(recipes / "Makefile", project)
     (project / "assets/vase.glb").unlink()
     (project / "assets/cube.txt").write_text("a mushroom\n")
     command = ["make", "PRESET=preview", "FLAGS=--steps 2"]
@@ -113,15 +113,13 @@ def test_the_makefile_deforms_what_is_new(recipes: dict[str, list[str]], project
     assert "Nothing to be done" in run(command, project).stdout
 
 
-def test_the_gltf_transform_pipeline(
-    recipes: dict[str, list[str]], project: Path, service: Service, repository: Path
-) -> None:
+def test_the_gltf_transform_pipeline(recipes: Path, project: Path, service: Service, repository: Path) -> None:
     needs("node")
     modules = repository / "tests/node/node_modules"
     if not (modules / "@gltf-transform/functions").is_dir():
         pytest.skip("glTF-Transform is not installed (npm install --prefix tests/node)")
     (project / "node_modules").symlink_to(modules)
-    (project / "deform.mjs").write_text(recipes["In a glTF-Transform pipeline, with Node"][0])
+    shutil.copy(recipes / "deform.mjs", project)
     command = ["node", "deform.mjs", "assets/cube.glb", "out.glb"]
     done = run(command, project, service)
     assert done.returncode == 0, done.stderr
@@ -133,8 +131,8 @@ def test_the_gltf_transform_pipeline(
     assert "prompt_unknown_words" in refused.stderr
 
 
-def test_the_workflows_are_what_they_should_be(recipes: dict[str, list[str]]) -> None:
-    github, gitlab = (yaml.safe_load(block) for block in recipes["A step in CI"])
+def test_the_workflows_are_what_they_should_be(recipes: Path) -> None:
+    github, gitlab = (yaml.safe_load((recipes / f"{name}.yml").read_text()) for name in ("github", "gitlab"))
     (job,) = github["jobs"].values()
     assert github[True]["push"]["paths"]  # YAML 1.1 reads `on` as true; GitHub does not
     assert github["permissions"] == {"contents": "read"}
@@ -177,14 +175,12 @@ def listening(command: list[str], folder: Path, port: int, **variables: str) -> 
 
 
 @pytest.mark.parametrize("kind", ["FastAPI", "Node"])
-def test_the_webhook_receivers(
-    kind: str, recipes: dict[str, list[str]], project: Path, service: Service, repository: Path
-) -> None:
+def test_the_webhook_receivers(kind: str, recipes: Path, project: Path, service: Service, repository: Path) -> None:
     needs(*(["node"] if kind == "Node" else []))
     port = free_port()
     made = service.http.post("/v1/webhooks", json={"url": f"http://127.0.0.1:{port}/meshdeform"}).json()
     name = "receiver.mjs" if kind == "Node" else "receiver.py"
-    (project / name).write_text(recipes[f"Receive webhooks, with {kind}"][0])
+    shutil.copy(recipes / name, project)
     uvicorn = [sys.executable, "-m", "uvicorn", "receiver:app", "--port", str(port), "--no-access-log"]
     command = ["node", name] if kind == "Node" else uvicorn
     with listening(command, project, port, WEBHOOK_SECRET=made["secret"], PORT=str(port)) as lines:
