@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
-from bench.family_growth import fitted
+from bench.family_growth import collection_of, fitted
 from bench.parametric_families import CLASSES, PARTS, Member, family
 from meshdeform.assets import load_asset
 
@@ -104,7 +104,7 @@ def main() -> None:
     torch.set_num_threads(1)
     for name in options.families:
         members = family(name, options.count)
-        seconds, artifacts = fitted(name, members, params)
+        seconds, artifacts = fitted(collection_of(name, options.count), params)
         segments, places, looks = (
             dict(np.load(io.BytesIO(artifacts[f"{file}.npz"].data)))
             for file in ("segmentation", "correspondences", "descriptors")

@@ -22,7 +22,8 @@ import torch
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from bench.growth_chart import Series, exponent
-from bench.parametric_families import PARTS, Member, family, labels_document, packed
+from bench.parametric_families import PARTS, family, labels_document, packed
+from meshdeform.cli.kinds import packed as folder_packed
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import ArtifactData, InputFile, RunInput
@@ -31,14 +32,22 @@ from meshdeform.runs.family_fit_kind import READ_STEPS
 STAGES = ("reading", "inference", "learning", "results")
 
 
-def fitted(name: str, members: list[Member], params: dict[str, int]) -> tuple[list[float], dict[str, ArtifactData]]:
-    """Return the CPU seconds of each of `STAGES`, and the artifacts."""
+def collection_of(name: str, count: int, seed: int = 0) -> bytes:
+    """Return the ZIP of `count` members of a parametric family, ten of them labelled, or of a folder of assets."""
+    if name not in PARTS:
+        return folder_packed(Path(name), 2**30, None)
+    members = family(name, count, seed)
     buffer = io.BytesIO(packed(members))
     with zipfile.ZipFile(buffer, "a") as archive:
         archive.writestr(zipfile.ZipInfo("labels.json"), json.dumps(labels_document(name, members, 10)))
+    return buffer.getvalue()
+
+
+def fitted(data: bytes, params: dict[str, int]) -> tuple[list[float], dict[str, ArtifactData]]:
+    """Return the CPU seconds of each of `STAGES`, and the artifacts."""
     request = JobRequest.model_validate({"kind": "family_fit", "params": params})
     times = [time.process_time()]
-    run = start_run(RunInput(request, {"collection": InputFile(buffer.getvalue(), "members.zip")}))
+    run = start_run(RunInput(request, {"collection": InputFile(data, "members.zip")}))
     ends = (READ_STEPS, READ_STEPS + params.get("iterations", 20))
     for report in run:
         if report.step in ends:
@@ -57,10 +66,9 @@ def main() -> None:
     options = parser.parse_args()
     params = {name: int(value) for name, value in (each.split("=") for each in options.set)}
     torch.set_num_threads(1)
-    members = family(options.family, max(options.counts))
     found = []
     for count in options.counts:
-        seconds, artifacts = fitted(options.family, members[:count], params)
+        seconds, artifacts = fitted(collection_of(options.family, count), params)
         report = json.loads(artifacts["report.json"].data)
         found.append(seconds)
         stages = "  ".join(f"{stage} {each:.0f}" for stage, each in zip(STAGES, seconds, strict=True))

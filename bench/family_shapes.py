@@ -21,7 +21,7 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
-from bench.family_growth import fitted
+from bench.family_growth import collection_of, fitted
 from bench.parametric_families import PARTS, family, packed
 from meshdeform.assets import load_asset
 from meshdeform.requests.document import JobRequest
@@ -63,7 +63,7 @@ def main() -> None:
     torch.set_num_threads(1)
     name, parts = options.family, PARTS[options.family]
     members = family(name, _MEMBERS)
-    fit = fitted(name, members, {})[1]["family.safetensors"].data
+    fit = fitted(collection_of(name, _MEMBERS), {})[1]["family.safetensors"].data
     files = {
         "family": InputFile(fit, "family.safetensors"),
         "collection": InputFile(packed(members), "collection.zip"),

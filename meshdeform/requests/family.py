@@ -74,14 +74,6 @@ class FamilySynthesisParams(StrictModel):
         description="For `complete`: names of the parts of the member that stay exactly as they are.",
         examples=[["seat", "leg"]],
     )
-    rounds: int = Field(
-        10,
-        ge=0,
-        le=1000,
-        description="Rounds of Gibbs sampling for each shape. With more of them, less is left of the member with which "
-        "it begins.",
-        examples=[10],
-    )
     max_defect: float = Field(
         0.25,
         ge=0.0,

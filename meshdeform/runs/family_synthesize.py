@@ -1,10 +1,9 @@
-"""Run jobs of kind `family_synthesize`: draw points from the machine, and make assets of members' parts on them."""
+"""Run jobs of kind `family_synthesize`: draw points near the members, and make assets of members' parts on them."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from functools import cached_property
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -22,15 +21,7 @@ from meshdeform.errors import AssetError, ParameterError
 from meshdeform.kinds.families.assembly import Assembler, Assembly
 from meshdeform.kinds.families.boundary import boundary_defects
 from meshdeform.kinds.families.machine import BetaMachine
-from meshdeform.kinds.families.sampling import (
-    FreeEnergy,
-    Unexplained,
-    between,
-    completed,
-    sampled,
-    to_frame,
-    to_machine,
-)
+from meshdeform.kinds.families.sampling import Drawn, FreeEnergy, between, completed, sampled, to_machine
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
@@ -89,10 +80,7 @@ class FamilySynthesisRun(JobRun):
             )
         self._keep = [_part(family, name, self._members[0], n) for n, name in enumerate(params.keep)]
         self._machine = machine_of(family)
-        self._exists = torch.from_numpy(family.exists.copy()).float()
-        self._scaling = torch.from_numpy(family.scaling.copy())
-        self._points = to_machine(torch.from_numpy(family.points.copy()).float(), self._scaling).clamp(1e-4, 1 - 1e-4)
-        self._energy = FreeEnergy(self._machine, self._points, self._exists)
+        self._energy = FreeEnergy(self._machine, *self._known(family.points, family.exists))
         self._defects = np.full((len(family.names), len(family.parts)), np.inf)
         super().__init__(total_steps(params), 0 if state is None else state.step)
         self._shapes: list[bytes] = []
@@ -101,11 +89,6 @@ class FamilySynthesisRun(JobRun):
         if state is not None:
             self._resume(state)
         self._assembler: Assembler | None = None
-
-    @cached_property
-    def _unexplained(self) -> Unexplained:
-        labels = torch.from_numpy(self._family.labels.copy())
-        return Unexplained.of(self._machine, self._points, self._exists, labels)
 
     @property
     def shapes(self) -> tuple[bytes, ...]:
@@ -155,6 +138,11 @@ class FamilySynthesisRun(JobRun):
             load=self._load,
         ).artifacts()
 
+    def _known(self, points: NDArray[np.float64], exists: NDArray[np.bool_]) -> tuple[Tensor, Tensor]:
+        """Return points (S, K, 3) and which exist (S, K) as the machine sees them."""
+        scaling = torch.from_numpy(self._family.scaling.copy())
+        return to_machine(torch.from_numpy(points).float(), scaling), torch.from_numpy(exists).float()
+
     def _load(self, member: int) -> Asset:
         """Read a member's asset, and check that it is the one that the family was fitted to."""
         name = self._family.names[member]
@@ -194,52 +182,42 @@ class FamilySynthesisRun(JobRun):
         if self._assembler is None:
             self._assembler = Assembler(self._family, self._load, self._defects, self._params.max_defect)
         random = np.random.default_rng([self._params.seed, number])
-        family, machine = self._family, self._machine
+        family, mode, choice = self._family, self._params.mode, {}
         diagonal, centre = float(np.median(family.diagonals)), np.median(family.centres, axis=0)
-        choice: dict[int, int] = {}
-        if self._params.mode is SynthesisMode.INTERPOLATE:
+        if mode is SynthesisMode.INTERPOLATE:
             share = number / (self._params.count - 1)
-            pair = self._members
-            drawn = between(machine, self._points[pair], self._exists[pair], share)
-            near = pair[round(share)]
-            choice = dict.fromkeys(self._assembler.shape(near).present, near)
+            drawn = between(family, self._members, share)
+            choice = {part: near for part, (near,) in drawn.sources.items()}
             diagonal, centre = (
-                (1 - share) * values[pair[0]] + share * values[pair[1]] for values in (family.diagonals, family.centres)
+                (1 - share) * values[self._members[0]] + share * values[self._members[1]]
+                for values in (family.diagonals, family.centres)
             )
-        elif self._params.mode is SynthesisMode.COMPLETE:
+        elif mode is SynthesisMode.COMPLETE:
             member = self._members[0]
-            known = torch.from_numpy(np.isin(family.labels, self._keep)).float()
-            shape = self._points[member], self._exists[member], known
-            drawn = completed(machine, *shape, self._unexplained, self._params.rounds, random)
-            choice = dict.fromkeys(self._keep, member)
+            drawn = completed(family, member, self._keep, random)
+            choice = self._assembler.chosen(drawn) | dict.fromkeys(self._keep, member)
             diagonal, centre = float(family.diagonals[member]), family.centres[member]
         else:
-            drawn = sampled(machine, self._points, self._exists, self._unexplained, self._params.rounds, random)
-        points, exists = to_frame(drawn.points, self._scaling).double().numpy(), drawn.exists.numpy() > 0
-        if self._params.mode is SynthesisMode.INTERPOLATE and number in {0, self._params.count - 1}:
-            points = family.points[near].copy()  # not rounded on the way through the machine's interval
-        if self._params.mode is not SynthesisMode.INTERPOLATE:
-            for part in self._assembler.parts_of(exists):
-                found = None if part in choice else self._assembler.choose(points, exists, part)
-                if found is not None:
-                    choice[part] = found[0]
+            drawn = sampled(family, random)
+            choice = self._assembler.chosen(drawn)
         if not choice:
             raise AssetError(
                 f"Shape {number} has no point that any member has.",
                 advice="Take another seed, or run family_fit again with more points.",
             )
         made = self._assembler.assemble(
-            points, exists, choice, kept=self._keep, diagonal=float(diagonal), centre=np.asarray(centre)
+            drawn.points, drawn.exists, choice, kept=self._keep, diagonal=float(diagonal), centre=np.asarray(centre)
         )
         self._shapes.append(assemble(made.pieces, {"kind": "family_synthesize", "shape": number}))
-        self._drawn.append((points, exists))
+        self._drawn.append((drawn.points, drawn.exists))
         frame = {"centre": [float(value) for value in centre], "diagonal": float(diagonal)}
-        self._about.append({"frame": frame, **self._described(made, drawn.points, drawn.exists)})
+        self._about.append({"frame": frame, **self._described(made, drawn)})
 
-    def _described(self, made: Assembly, points: Tensor, exists: Tensor) -> dict[str, Any]:
+    def _described(self, made: Assembly, drawn: Drawn) -> dict[str, Any]:
         family = self._family
-        energy = float(self._energy(points[None], exists[None])[0])
-        descriptor = self._machine.describe(points[None], exists[None])[0]
+        points, exists = self._known(drawn.points[None], drawn.exists[None])
+        energy = float(self._energy(points, exists)[0])
+        descriptor = self._machine.describe(points, exists)[0]
         parts = [
             {
                 "part": family.parts[each.number],
@@ -247,6 +225,7 @@ class FamilySynthesisRun(JobRun):
                 "kept": each.embedding is None,
                 "distance": each.distance,
                 "gap": each.gap,
+                "penetration": each.penetration,
                 "boundary_defect": float(self._defects[each.member, each.number]),
             }
             for each in made.parts

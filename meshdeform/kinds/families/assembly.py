@@ -12,16 +12,15 @@ from meshdeform.assets import Asset
 from meshdeform.assets.assemble import Piece
 from meshdeform.assets.family_file import FamilyFile
 from meshdeform.kinds.families.embedded import Embedding, Pull, axis_fit
-from meshdeform.kinds.families.members import Contact, MemberPart, MemberShape, PlacedSurface, turned
+from meshdeform.kinds.families.members import Contact, MemberPart, MemberShape, PlacedSurface, depth_beyond, turned
+from meshdeform.kinds.families.sampling import Drawn
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _NODE_WEIGHT, _CONTACT_WEIGHT = 0.5, 50.0
 _FAR, _LEAST_FAR = 2.5, 0.04
 """Points farther from their places than so many times the median, and than so many diagonals, are no match."""
-_STRETCHED, _LACKING = 0.05, 0.1
-"""What a stretch by a factor of e, and points that only one side has, add to the distance of a part."""
-_FEWEST, _SHARED = 4, 0.5
+_FEWEST = 4
 _STILL = 1e-4
 """Gaps below this share of the diagonal are none."""
 _REACH = 0.15
@@ -45,7 +44,9 @@ class PlacedPart:
     pulls: list[Pull] = field(default_factory=list)
     distance: float = 0.0
     """Root mean square distance of the part's points from where they should be, after the rough fit, in diagonals."""
-    gap: float = 0.0  # the widest gap to a neighbour that remains, in diagonals, beyond what the member itself has
+    # In diagonals, beyond what the member itself has: the widest gap to a neighbour, and how far the part goes into one
+    gap: float = 0.0
+    penetration: float = 0.0
 
     @property
     def part(self) -> MemberPart:
@@ -76,22 +77,6 @@ class Assembly:
     loose: list[int]  # parts that touch no other part, because no member says where they would
 
 
-def part_presence(family: FamilyFile) -> _Floats:
-    """Return, for each part, the share of its points (L,) from which on a shape has the part.
-
-    It lies half way between the mean shares of members with and without the part.
-    """
-    found = np.full(len(family.parts), 0.15)
-    for part in range(len(family.parts)):
-        own = family.labels == part
-        share = family.exists[:, own].mean(1) if own.any() else np.zeros(len(family.names))
-        has = np.array([bool((segments == part).any()) for segments in family.segments])
-        if has.any():
-            without = float(share[~has].mean()) if not has.all() else 0.0
-            found[part] = max((float(share[has].mean()) + without) / 2 if not has.all() else 0.15, 1e-3)
-    return found
-
-
 class Assembler:
     """Makes shapes of a family out of parts of its members.
 
@@ -110,7 +95,6 @@ class Assembler:
         finite = np.where(np.isfinite(defects), defects, np.inf)
         best = finite.min(0, keepdims=True)
         self.offered = np.isfinite(finite) & (finite <= np.maximum(most_defect, best))
-        self.presence = part_presence(family)
         self._shapes: dict[int, MemberShape] = {}
 
     def shape(self, member: int) -> MemberShape:
@@ -121,35 +105,15 @@ class Assembler:
             self._shapes[member] = MemberShape(self.family, member, self._load(member))
         return self._shapes[member]
 
-    def parts_of(self, exists: NDArray[np.bool_]) -> list[int]:
-        """Return the parts that a shape with these points (K,) has; at least the one with the most points."""
-        share = np.array(
-            [exists[self.family.labels == part].mean() if (self.family.labels == part).any() else 0.0
-             for part in range(len(self.family.parts))]
-        )  # fmt: skip
-        found = np.flatnonzero(share >= self.presence)
-        return [int(part) for part in found] or [int(share.argmax())]
-
-    def choose(self, points: _Floats, exists: NDArray[np.bool_], part: int) -> tuple[int, float] | None:
-        """Return the member whose part is nearest to the points of a shape (K, 3), and how near; None for no member."""
-        family = self.family
-        own = (family.labels == part) & exists
-        best: tuple[int, float] | None = None
-        for member in np.flatnonzero(self.offered[:, part]):
-            there = family.exists[member] & (family.labels == part)
-            common = own & there
-            count = int(common.sum())
-            if count < max(_FEWEST, _SHARED * int(own.sum())) and (count == 0 or best is not None):
-                continue
-            source, target = family.points[member, common], points[common]
-            scale, _, distance = _rough_fit(source, target)[1:]
-            cost = distance + _STRETCHED * float(np.abs(np.log(scale)).mean())
-            cost += _LACKING * (1 - count / max(int((own | there).sum()), 1))
-            if count < _SHARED * int(own.sum()):
-                cost += 1.0  # better than nothing
-            if best is None or cost < best[1]:
-                best = int(member), cost
-        return best
+    def chosen(self, drawn: Drawn) -> dict[int, int]:
+        """Return the first member for each part that may give it and has points of it that the shape has."""
+        choice: dict[int, int] = {}
+        there = self.family.exists & drawn.exists
+        for part, members in drawn.sources.items():
+            common = there[:, self.family.labels == part].any(axis=1) & self.offered[:, part]
+            if able := [member for member in members if common[member]]:
+                choice[part] = able[0]
+        return choice
 
     def assemble(
         self,
@@ -188,6 +152,10 @@ class Assembler:
             self._meet(each, done, surfaces)
             surfaces[each.number] = each.surface()
             done.append(each)
+        for each in placed:
+            each.penetration = max(
+                (_beyond(each, other, surfaces) for other in placed if other is not each), default=0.0
+            )
         return Assembly(placed, [self._piece(each, diagonal, centre) for each in placed], loose)
 
     def _placed(self, points: _Floats, exists: NDArray[np.bool_], part: int, member: int, kept: bool) -> PlacedPart:
@@ -224,13 +192,16 @@ class Assembler:
         return [first, *by_area]
 
     def _meetings(self, each: PlacedPart, done: list[PlacedPart]) -> list[tuple[PlacedPart, bool, list[Contact]]]:
-        """Return the placed neighbours of a part, whose side the contacts are on (True: its own), and the contacts."""
+        """Return the placed neighbours of a part, whose side the contacts are on (True: its own), and the contacts.
+
+        A part that may not move says itself where it is touched: those of others meet their own neighbours elsewhere.
+        """
         found = []
         for other in done:
-            own = each.shape.contacts(each.number, other.number)
-            if own:
+            own, theirs = (a.shape.contacts(a.number, b.number) for a, b in ((each, other), (other, each)))
+            if own and not (theirs and other.embedding is None):
                 found.append((other, True, own))
-            elif theirs := other.shape.contacts(other.number, each.number):
+            elif theirs:
                 found.append((other, False, theirs))
         return found
 
@@ -321,6 +292,17 @@ def _pull(
     base = each.roughly(points)
     now = each.moved(points, patches) - (base - points)
     return Pull(base, base + now + together, patches, _CONTACT_WEIGHT), apart
+
+
+def _beyond(each: PlacedPart, other: PlacedPart, surfaces: Mapping[int, PlacedSurface]) -> float:
+    """Return how far a part goes into another one, more than where they touch in its member."""
+    deepest, own, target = 0.0, surfaces[each.number], surfaces[other.number]
+    for contact in each.shape.contacts(each.number, other.number):
+        here = contact.points + each.moved(contact.points, contact.patches)
+        if np.linalg.norm(target.nearest(here, contact.normals)[2] - here, axis=1).min() < _REACH:
+            points = each.part.beside(here, contact.patches, own.verts)
+            deepest = max(deepest, depth_beyond(target, points, contact.normals) - contact.depth)
+    return deepest
 
 
 def _cofactors(maps: _Floats) -> _Floats:

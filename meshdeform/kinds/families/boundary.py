@@ -50,7 +50,7 @@ def boundary_defects(positions: _Floats, triangles: _Index, parts: NDArray[np.ui
     areas = _areas(positions, triangles)
     faces, ends = _neighbours(welded(positions, triangles))
     cut = parts[faces[:, 0]] != parts[faces[:, 1]]
-    patches = _components(len(triangles), faces[~cut])
+    patches = components(len(triangles), faces[~cut])
     stray = _stray(parts, patches, areas, faces[cut])[patches]
     found = np.full(count, np.inf)
     for part in np.unique(parts):
@@ -64,16 +64,16 @@ def boundary_defects(positions: _Floats, triangles: _Index, parts: NDArray[np.ui
 def without_strays(positions: _Floats, triangles: _Index, parts: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the parts (F,) with stray patches given to the part around them with which they share most boundary.
 
-    A patch is stray if it is less than a quarter as large as the largest patch of its part, and is not by itself a
-    connected piece of the surface.
+    A patch is stray if it is less than a quarter as large as the largest patch of its part, and is not by
+    itself a connected piece.
     """
-    areas = _areas(positions, triangles)
-    faces, ends = _neighbours(welded(positions, triangles))
-    lengths = np.linalg.norm(positions[ends[:, 0]] - positions[ends[:, 1]], axis=1)
+    areas, corners = _areas(positions, triangles), welded(positions, triangles)
     found = parts.astype(np.int64)
+    faces, ends = _neighbours(corners)
+    lengths = np.linalg.norm(positions[ends[:, 0]] - positions[ends[:, 1]], axis=1)
     for _ in range(_ROUNDS):
         cut = found[faces[:, 0]] != found[faces[:, 1]]
-        patches = _components(len(triangles), faces[~cut])
+        patches = components(len(triangles), faces[~cut])
         stray = _stray(found, patches, areas, faces[cut])
         if not stray.any():
             break
@@ -102,7 +102,8 @@ def _neighbours(corners: _Index) -> tuple[_Index, _Index]:
     return np.stack([owner[:-1][same], owner[1:][same]], 1), edges[1:][same]
 
 
-def _components(count: int, pairs: _Index) -> _Index:
+def components(count: int, pairs: _Index) -> _Index:
+    """Return the connected component of each of `count` things, of which pairs (E, 2) are connected."""
     graph = sparse.csr_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
 
@@ -123,7 +124,7 @@ def _raggedness(positions: _Floats, edges: _Index) -> float:
     """Return how much longer the loops of boundary edges (E, 2) are than their hulls, as a share."""
     rows, local = np.unique(edges, return_inverse=True)
     local = local.reshape(-1, 2)
-    loop = _components(len(rows), local)[local[:, 0]]
+    loop = components(len(rows), local)[local[:, 0]]
     lengths = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
     longer = 0.0
     for each in np.unique(loop):

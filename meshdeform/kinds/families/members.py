@@ -7,14 +7,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
 from meshdeform.assets.family_file import FamilyFile
-from meshdeform.geometry.places import SurfaceTree, samples_of
-from meshdeform.kinds.families.boundary import welded
+from meshdeform.geometry.places import SurfaceTree, even_samples, samples_of
+from meshdeform.kinds.families.boundary import components, welded
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -25,6 +23,9 @@ _SPACING = 0.02
 _SITE = 0.06
 _PER_SITE = 24
 _OPPOSITE = 0.2
+_ONE_SIDE, _ASIDE = 0.5, 0.005
+_TIED, _DENSE = 0.008, 20_000
+"""Pieces of one part move together if samples of them are no farther apart than this, in diagonals; their number."""
 
 
 def turned(vectors: _Floats, angle: float) -> _Floats:
@@ -44,6 +45,7 @@ class Contact:
     patches: _Index  # (P,) int64: the patch of the part of each
     offsets: _Floats  # (P, 3) float64: from the nearest place on the other part to the point
     normals: _Floats  # (P, 3) float64: of the other part there
+    depth: float  # how far the part goes beyond the other's surface (`depth_beyond`)
 
 
 class PlacedSurface:
@@ -78,6 +80,10 @@ class MemberPart:
         """Return the patch (P,) of the vertex nearest to each point."""
         return np.asarray(self.patches[cKDTree(self.verts).query(points)[1]])
 
+    def beside(self, points: _Floats, patches: _Index, verts: _Floats | None = None) -> tuple[_Floats, _Floats]:
+        """Return points on one patch, and the vertices of that patch, where they are or moved to others (V, 3)."""
+        return points, (self.verts if verts is None else verts)[self.patches == patches[0]]
+
 
 class MemberShape:
     """One member of a family."""
@@ -103,13 +109,11 @@ class MemberShape:
             rows, faces = np.unique(self.asset.surface.triangles[chosen], return_inverse=True)
             faces = faces.reshape(-1, 3)
             corners = np.unique(self._corners[chosen], return_inverse=True)[1].reshape(-1, 3)
-            ends = np.concatenate([corners[:, :2], corners[:, 1:]])
-            size = int(corners.max()) + 1
-            graph = sparse.csr_matrix((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(size, size))
-            found = csgraph.connected_components(graph, directed=False)[1]
-            patches = np.zeros(len(rows), np.int64)
-            patches[faces] = found[corners]
             verts = self.frame[rows]
+            pieces = components(int(corners.max()) + 1, np.concatenate([corners[:, :2], corners[:, 1:]]))
+            pieces = _tied(verts, faces, pieces[corners[:, 0]])[pieces]
+            patches = np.zeros(len(rows), np.int64)
+            patches[faces] = pieces[corners]
             cross = np.cross(verts[faces[:, 1]] - verts[faces[:, 0]], verts[faces[:, 2]] - verts[faces[:, 0]])
             area = float(np.linalg.norm(cross, axis=1).sum() / 2)
             self._parts[number] = MemberPart(chosen, rows, verts, faces, patches, area)
@@ -138,11 +142,48 @@ class MemberShape:
             return []
         pairs = cKDTree(points[near]).query_pairs(_SITE, output_type="ndarray")
         pairs = pairs[patches[near[pairs[:, 0]]] == patches[near[pairs[:, 1]]]]
-        graph = sparse.csr_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(near),) * 2)
-        site = csgraph.connected_components(graph, directed=False)[1]
+        site = components(len(near), pairs)
         found = []
         for each in range(site.max() + 1):
             rows = near[site == each]
             rows = rows[:: max(1, len(rows) // _PER_SITE)]
-            found.append(Contact(points[rows], patches[rows], points[rows] - place[rows], surface.normals[face[rows]]))
+            offsets, normals = points[rows] - place[rows], surface.normals[face[rows]]
+            depth = depth_beyond(surface, own.beside(points[rows], patches[rows]), normals)
+            found.append(Contact(points[rows], patches[rows], offsets, normals, depth))
         return found
+
+
+def depth_beyond(surface: PlacedSurface, points: tuple[_Floats, _Floats], normals: _Floats) -> float:
+    """Return how far a part goes beyond a surface where the two touch; 0 where no side of the surface is the other.
+
+    Parameters
+    ----------
+    points : ((P, 3), (Q, 3)) float64
+        Those that touch, and those of the part around them, which count where they are no farther aside.
+    normals : (P, 3) float64
+        Of the surface.
+    """
+    touching, around = points
+    normal = normals.mean(0)
+    if np.linalg.norm(normal) < _ONE_SIDE:
+        return 0.0
+    normal /= np.linalg.norm(normal)
+    place = surface.nearest(touching, normals)[2].mean(0)
+    aside = [each - (each @ normal)[:, None] * normal for each in (touching, around)]
+    reach = np.linalg.norm(aside[0] - aside[0].mean(0), axis=1).max() + _ASIDE
+    near = around[np.linalg.norm(aside[1] - aside[0].mean(0), axis=1) <= reach]
+    return float(((place - np.concatenate([touching, near])) @ normal).max())
+
+
+def _tied(verts: _Floats, faces: _Index, pieces: _Index) -> _Index:
+    """Return for each piece of a part, by number, the group of pieces that touch; `pieces` (F,) are those of faces."""
+    count = int(pieces.max()) + 1
+    if count == 1:
+        return np.zeros(1, np.int64)
+    corners = verts[faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    owners, weights = even_samples(areas + 1e-12, _DENSE, 0)
+    points = np.concatenate([np.einsum("pc,pcd->pd", weights, corners[owners]), corners.reshape(-1, 3)])
+    owners = np.concatenate([owners, np.repeat(np.arange(len(faces)), 3)])
+    pairs = pieces[owners[cKDTree(points).query_pairs(_TIED, output_type="ndarray")]]
+    return components(count, pairs[pairs[:, 0] != pairs[:, 1]])

@@ -1,216 +1,110 @@
-"""Draw shapes from a Beta shape machine: samples, what lies between two shapes, and what completes a part of one.
+"""Draw shapes near the members of a family, and measure how plausible shapes are under its Beta shape machine.
 
-Source: Huang 2017, section 3.4 and appendix C. Sampling is Gibbs sampling in blocks: coordinates given the first
-layer, first and third layer given the coordinates and the second, second given the other two. The coordinates of a
-sample are their expectation given its first layer, and a draw of what that leaves unexplained in the members.
+A shape lies between a member and one of those that are nearest to it, each part by a share of its own, so that
+proportions come together that no member has. Gibbs sampling of the machine (Huang 2017, section 3.4) mixed kinds, and
+covered less of the members that it had not seen (docs/families.md has the figures).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from meshdeform.assets.family_file import FamilyFile
+from meshdeform.kinds.families.embedded import axis_fit
 from meshdeform.kinds.families.machine import HIGH, LOW, BetaMachine
 
+_Floats = NDArray[np.float64]
+
+_NEAREST = 5
+_BEYOND = 0.25
+"""How far beyond one of two members a part may lie, as a share of the way between them."""
+_LACKING = 0.2
+"""What points that only one of two members has add to their distance."""
 _INSIDE = 1e-4, 1 - 1e-4
 """Coordinates stay away from the ends, where their logarithms diverge."""
 
 
 @dataclass(frozen=True)
-class State:
-    """Binary hidden units of S chains: (S, M), (S, N) and (S, O) float32."""
-
-    h1: Tensor
-    h2: Tensor
-    h3: Tensor
-
-
-@dataclass(frozen=True)
 class Drawn:
-    """A shape by its points."""
+    """A shape by its points, and where its parts may come from."""
 
-    points: Tensor  # (K, 3) float32: in the machine's interval
-    exists: Tensor  # (K,) float32: 0 or 1
+    points: _Floats  # (K, 3) float64: in the frame
+    exists: NDArray[np.bool_]  # (K,) bool
+    sources: dict[int, list[int]]  # the members that may give each part, best first
 
 
-@dataclass(frozen=True)
-class Unexplained:
-    """What the first layer leaves unexplained in the members: a normal distribution, each part by itself.
+def distances(family: FamilyFile, member: int, known: NDArray[np.bool_] | None = None) -> _Floats:
+    """Return how far all members (T,) are from one, by all points or by the known ones (K,).
 
-    Members of one kind differ mostly in this, and the expectation alone gives nearly the same member of a kind again
-    and again. Normal coefficients of all members, in place of what one of them has, make no copies of it; and since
-    each part has coefficients of its own, proportions come together that no member has.
+    It is the mean distance of points that both have, and a share of what only one has.
     """
+    chosen = np.ones(len(family.labels), bool) if known is None else known
+    points, exists = family.points[:, chosen], family.exists[:, chosen]
+    both = exists & exists[member]
+    apart = np.linalg.norm(points - points[member], axis=2)
+    mean = (apart * both).sum(1) / np.maximum(both.sum(1), 1)
+    return np.where(both.any(1), mean + _LACKING * (exists != exists[member]).mean(1), 1.0)
 
-    factors: Tensor
-    """(T, V) float32: what is unexplained in each member, over the root of how many members have the point: their
-    products are the covariance of each coordinate with the others."""
-    labels: Tensor  # (K,) int64: the part of each point
 
-    @classmethod
-    def of(cls, machine: BetaMachine, points: Tensor, exists: Tensor, labels: Tensor) -> Unexplained:
-        """Measure it on the members (T, K, 3) and (T, K)."""
-        apart = (points - machine.expected(machine.infer(points, exists).h1)) * exists[:, :, None]
-        apart /= exists.sum(0).clamp_min(1.0).sqrt()[:, None]
-        return cls(apart.reshape(len(points), -1), labels)
+def sampled(family: FamilyFile, random: np.random.Generator) -> Drawn:
+    """Draw a shape between a random member and one of those nearest to it."""
+    return _beside(family, int(random.integers(len(family.names))), random)
 
-    def draw(self, random: np.random.Generator) -> Tensor:
-        """Draw a displacement of the points (K, 3)."""
-        parts = int(self.labels.max()) + 1
-        normal = torch.from_numpy(random.normal(size=(parts, len(self.factors)))).float()
-        own = torch.arange(len(self.labels))
-        return (normal @ self.factors).reshape(parts, -1, 3)[self.labels, own]
+
+def completed(family: FamilyFile, member: int, keep: Sequence[int], random: np.random.Generator) -> Drawn:
+    """Draw a shape with some parts of a member; the others are of a shape beside one whose parts are like them."""
+    known = np.isin(family.labels, keep)
+    near = _nearest(distances(family, member, known), member)
+    base = int(random.choice(near))
+    drawn = _beside(family, base, random)
+    own, common = family.points[member], known & family.exists[member] & family.exists[base]
+    scale, shift = axis_fit(family.points[base][common], own[common]) if common.any() else (np.ones(3), np.zeros(3))
+    points = np.where(known[:, None], own, drawn.points * scale + shift)
+    sources = {part: members for part, members in drawn.sources.items() if part not in keep}
+    return Drawn(points, np.where(known, family.exists[member], drawn.exists), sources)
+
+
+def between(family: FamilyFile, pair: Sequence[int], share: float) -> Drawn:
+    """Return a shape between two members, with the parts of the nearer one; at 0 and 1 it is one of them."""
+    one, other = family.exists[list(pair)]
+    # Where only one of the two has a point, its place counts alone.
+    weight = np.where(one == other, share, other)[:, None] if 0 < share < 1 else share
+    points = (1 - weight) * family.points[pair[0]] + weight * family.points[pair[1]]
+    near = pair[round(share)]
+    return Drawn(points, family.exists[near], {int(part): [near] for part in np.unique(family.segments[near])})
+
+
+def _nearest(apart: _Floats, member: int) -> NDArray[np.int64]:
+    """Return the members that are nearest to one, without itself."""
+    order = np.argsort(np.where(np.arange(len(apart)) == member, np.inf, apart), kind="stable")
+    return order[: min(_NEAREST, len(apart) - 1)]
+
+
+def _beside(family: FamilyFile, member: int, random: np.random.Generator) -> Drawn:
+    """Draw a shape that lies, each part by a share of its own, between a member and one of those nearest to it."""
+    apart = distances(family, member)
+    other = int(random.choice(_nearest(apart, member)))
+    shares = random.uniform(-_BEYOND, 1 + _BEYOND, len(family.parts))
+    both = (family.exists[member] & family.exists[other])[:, None]
+    way = both * (family.points[other] - family.points[member])
+    points = family.points[member] + shares[family.labels, None] * way
+    order = np.argsort(apart, kind="stable").tolist()
+    sources = {}
+    for part in np.unique(family.segments[member]).tolist():
+        first = [other, member] if shares[part] > 0.5 else [member, other]
+        sources[part] = first + [each for each in order if each not in first]
+    return Drawn(points, family.exists[member], sources)
 
 
 def to_machine(points: Tensor, scaling: Tensor) -> Tensor:
     """Scale points (..., 3) of the frame into the machine's interval."""
-    return LOW + (HIGH - LOW) * (points - scaling[:3]) / scaling[3]
-
-
-def to_frame(points: Tensor, scaling: Tensor) -> Tensor:
-    """Return points (..., 3) in the frame; the inverse of `to_machine`."""
-    return (points - LOW) / (HIGH - LOW) * scaling[3] + scaling[:3]
-
-
-def _coin(probability: Tensor, random: np.random.Generator) -> Tensor:
-    return torch.from_numpy(random.random(probability.shape) < probability.numpy()).float()
-
-
-def gibbs(
-    machine: BetaMachine,
-    state: State,
-    exists: Tensor,
-    rounds: int,
-    random: np.random.Generator,
-    fixed: tuple[Tensor, Tensor] | None = None,
-) -> State:
-    """Do rounds of Gibbs sampling over coordinates and hidden units.
-
-    Parameters
-    ----------
-    state : State
-        Where the chains begin.
-    exists : (S, K) float32
-        Coordinates of other points are not drawn.
-    fixed : ((S, K, 3), (S, K)) float32, optional
-        Points, and 1 for those that keep their places.
-    """
-    w, shape = machine.weights, (len(exists), -1, 3)
-    for _ in range(rounds):
-        alpha, beta = (each.double().numpy() for each in machine.exponents(state.h1))
-        drawn = np.clip(random.beta(alpha, beta), 1e-6, 1 - 1e-6)
-        points = torch.from_numpy(drawn).float().reshape(shape)
-        if fixed is not None:
-            points = torch.where(fixed[1][:, :, None] > 0, fixed[0], points)
-        h1 = _coin(torch.sigmoid(w["w1"] + machine._pull(points, exists) + state.h2 @ w["w12"].T), random)
-        h3 = _coin(torch.sigmoid(w["w3"] + state.h2 @ w["w23"]), random)
-        h2 = _coin(torch.sigmoid(w["w2"] + h1 @ w["w12"] + h3 @ w["w23"].T), random)
-        state = State(h1, h2, h3)
-    return state
-
-
-def _existing(
-    machine: BetaMachine, exists: Tensor, rounds: int, random: np.random.Generator, known: Tensor | None = None
-) -> Tensor:
-    """Draw which points exist (S, K) by Gibbs sampling of the structure part, from where it is; `known` ones stay."""
-    start = exists
-    for _ in range(rounds):
-        latent = _coin(machine.structure(exists), random)
-        exists = _coin(machine.existence(latent), random)
-        if known is not None:
-            exists = torch.where(known > 0, start, exists)
-    if not rounds:
-        return exists
-    # The last step takes what is more likely: single points that come and go at random are no feature of a shape.
-    likely = (machine.existence(_coin(machine.structure(exists), random)) > 0.5).float()
-    return likely if known is None else torch.where(known > 0, start, likely)
-
-
-def sampled(
-    machine: BetaMachine,
-    points: Tensor,
-    exists: Tensor,
-    unexplained: Unexplained,
-    rounds: int,
-    random: np.random.Generator,
-) -> Drawn:
-    """Draw a shape: two chains, over surface and structure, that begin at random members; then what they leave open.
-
-    Parameters
-    ----------
-    points : (T, K, 3) float32
-        The members in the machine's interval.
-    exists : (T, K) float32
-    unexplained : Unexplained
-        Of the same members.
-    rounds : int
-        Rounds of Gibbs sampling. More rounds forget more of the members.
-    """
-    first = int(random.integers(len(points)))
-    found = _existing(machine, exists[first : first + 1], rounds, random)
-    hidden = machine.infer(points[first : first + 1], exists[first : first + 1])
-    state = State(*(_coin(each, random) for each in (hidden.h1, hidden.h2, hidden.h3)))
-    state = gibbs(machine, state, found, rounds, random)
-    made = machine.expected(state.h1)[0] + unexplained.draw(random)
-    return Drawn(made.clamp(*_INSIDE), found[0])
-
-
-def between(machine: BetaMachine, points: Tensor, exists: Tensor, share: float) -> Drawn:
-    """Return a shape between two: hidden units are blended, and what the machine does not know of the two is too.
-
-    At 0 and 1 it is the first and the second shape, to the last bit.
-
-    Parameters
-    ----------
-    points : (2, K, 3) float32
-    exists : (2, K) float32
-    share : float
-        0 to 1.
-    """
-    if share in {0.0, 1.0}:
-        return Drawn(points[int(share)], exists[int(share)])
-    first = machine.infer(points, exists).h1
-    middle = machine.expected((1 - share) * first[:1] + share * first[1:])[0]
-    one, other = points - machine.expected(first)
-    # Where only one of the two has a point, what the machine does not know of it counts in full.
-    weight = torch.where(exists[0] == exists[1], torch.tensor(share), exists[1])[:, None]
-    made = middle + (1 - weight) * one + weight * other
-    return Drawn(made.clamp(*_INSIDE), exists[round(share)])
-
-
-def completed(
-    machine: BetaMachine,
-    points: Tensor,
-    exists: Tensor,
-    known: Tensor,
-    unexplained: Unexplained,
-    rounds: int,
-    random: np.random.Generator,
-) -> Drawn:
-    """Draw a shape that has the known points of another.
-
-    Parameters
-    ----------
-    points : (K, 3) float32
-    exists : (K,) float32
-        Of the shape whose points are known.
-    known : (K,) float32
-        1 for the points of parts that are kept, whether they exist or not.
-    unexplained : Unexplained
-        Of the family's members.
-    """
-    mean = torch.sigmoid(machine.weights["e0"])
-    start = torch.where(known > 0, exists, mean)[None]
-    found = _existing(machine, start, max(rounds, 1), random, known[None])
-    seen = (exists * known)[None]
-    hidden = machine.infer(points[None], seen)
-    state = State(*(_coin(each, random) for each in (hidden.h1, hidden.h2, hidden.h3)))
-    state = gibbs(machine, state, found, max(rounds, 1), random, (points[None], seen))
-    made = (machine.expected(state.h1)[0] + unexplained.draw(random)).clamp(*_INSIDE)
-    return Drawn(torch.where(seen[0, :, None] > 0, points, made), found[0])
+    return (LOW + (HIGH - LOW) * (points - scaling[:3]) / scaling[3]).clamp(*_INSIDE)
 
 
 class FreeEnergy:

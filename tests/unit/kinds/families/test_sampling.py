@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,129 +11,76 @@ import torch
 from meshdeform.kinds.families.boundary import boundary_defects, without_strays
 from meshdeform.kinds.families.embedded import Embedding, Pull, axis_fit
 from meshdeform.kinds.families.machine import BetaMachine
-from meshdeform.kinds.families.sampling import (
-    FreeEnergy,
-    State,
-    Unexplained,
-    between,
-    completed,
-    gibbs,
-    sampled,
-    to_frame,
-    to_machine,
-)
+from meshdeform.kinds.families.sampling import FreeEnergy, between, completed, sampled, to_machine
 from meshdeform.kinds.sketch.solids import tube
 
 
-def planted(points=2, strong=1.0):
-    """A machine of two units in each layer, whose parameters are random but known."""
-    random = torch.Generator().manual_seed(3)
-
-    def draw(*shape):
-        return (torch.rand(*shape, generator=random) - 0.5) * 2 * strong
-
-    visible = 3 * points
-    weights = {
-        **{name: 1 + draw(visible).abs() for name in ("a0", "b0")},
-        **{name: draw(visible, 2).abs() for name in "abcd"},
-        **{name: draw(visible) - 1 for name in ("m0", "m1")},
-        "w1": draw(2),
-        "w2": draw(2),
-        "w3": draw(2),
-        "w12": draw(2, 2) * 2,
-        "w23": draw(2, 2) * 2,
-        "e0": draw(points),
-        "g0": draw(2),
-        "eg": draw(points, 2),
-    }
-    return BetaMachine(weights, torch.ones(visible, 2))
-
-
-def exact(machine):
-    """The probability of each state of the first layer, with coordinates and the other layers summed out."""
-    w, states = machine.weights, [torch.tensor(s, dtype=torch.float32) for s in itertools.product((0, 1), repeat=2)]
-    weight = []
-    for h1 in states:
-        alpha, beta = (each[0] for each in machine.exponents(h1[None]))
-        area = torch.lgamma(alpha) + torch.lgamma(beta) - torch.lgamma(alpha + beta)
-        shift = (w["m0"] @ (w["a"] - w["c"]) + w["m1"] @ (w["b"] - w["d"])) @ h1
-        above = [
-            h1 @ w["w12"] @ h2 + w["w2"] @ h2 + h2 @ w["w23"] @ h3 + w["w3"] @ h3 for h2 in states for h3 in states
-        ]
-        weight.append(area.sum() - shift + w["w1"] @ h1 + torch.stack(above).logsumexp(0))
-    return torch.stack(weight).softmax(0).numpy()
-
-
-def test_gibbs_samples_of_a_planted_machine_have_its_distribution():
-    machine, chains = planted(), 6000
-    zero = torch.zeros(chains, 2)
-    state = gibbs(machine, State(zero, zero, zero), torch.ones(chains, 2), 30, np.random.default_rng(0))
-    seen = np.bincount((state.h1 @ torch.tensor([2.0, 1.0])).long().numpy(), minlength=4) / chains
-    wanted = exact(machine)
-    assert wanted.max() - wanted.min() > 0.1  # the machine has something to be recovered
-    np.testing.assert_allclose(seen, wanted, atol=4 * 0.5 / chains**0.5)
-
-
-def test_samples_vary_by_what_is_unexplained_in_the_members_each_part_by_itself():
-    machine, random = planted(points=3), torch.Generator().manual_seed(2)
-    points = torch.rand(8, 3, 3, generator=random) * 0.5 + 0.25
-    exists = torch.ones(8, 3)
-    exists[2:, 1] = 0.0  # two members alone have the second point
-    labels = torch.tensor([0, 0, 1])
-    rest = Unexplained.of(machine, points, exists, labels)
-    apart = points - machine.expected(machine.infer(points, exists).h1)
-    known = apart[:2].reshape(2, -1)
+@pytest.fixture(scope="module")
+def pairs():
+    """Twelve members in two groups far apart, of two parts; members of the second group lack the last point."""
     random = np.random.default_rng(0)
-    drawn = torch.stack([rest.draw(random) for _ in range(20_000)]).reshape(-1, 9)
-    found = drawn.T @ drawn / len(drawn)
-    every = apart.reshape(8, -1)
-    torch.testing.assert_close(found[:3, :3], every.T[:3] @ every[:, :3] / 8, atol=2e-3, rtol=0)
-    torch.testing.assert_close(found[3:6, 3:6], known.T[3:6] @ known[:, 3:6] / 2, atol=2e-3, rtol=0)
-    assert found[:6, 6:].abs().max() < 2e-3
-    assert found[:3, 3:6].abs().max() > 2e-3  # within a part, points move together
-    # Coordinates stay inside, and without anything unexplained a sample is the expectation of its hidden units.
-    none = Unexplained(torch.zeros(8, 9), labels)
-    far = Unexplained(torch.full((8, 9), 50.0), labels)
-    for seed in range(3):
-        each = [sampled(machine, points, exists, by, 4, np.random.default_rng(seed)) for by in (none, rest, far)]
-        assert torch.equal(each[0].exists, each[1].exists)
-        assert (each[0].points - each[1].points).abs().max() > 1e-3
-        assert all(0 < float(made.points.min()) <= float(made.points.max()) < 1 for made in each)
+    group = np.arange(12) >= 6
+    places = random.uniform(-0.3, 0.3, (5, 3)) + 0.2 * group[:, None, None]
+    exists = np.ones((12, 5), bool)
+    exists[group, 4] = False
+    return SimpleNamespace(
+        names=list("abcdefghijkl"),
+        parts=["seat", "leg"],
+        labels=np.array([0, 0, 1, 1, 1]),
+        points=places + random.normal(scale=0.01, size=(12, 5, 3)),
+        exists=exists,
+        segments=[np.array([0, 1], np.uint8)] * 12,
+    )
 
 
-def test_what_lies_between_two_shapes_begins_and_ends_with_them_and_completions_keep_what_is_known():
-    machine = planted(points=3)
-    points, exists = torch.rand(2, 3, 3) * 0.5 + 0.25, torch.tensor([[1.0, 1, 0], [1, 0, 1]])
-    for share, end in ((0.0, 0), (1.0, 1)):
-        found = between(machine, points, exists, share)
-        assert torch.equal(found.points, points[end])
-        assert torch.equal(found.exists, exists[end])
-    near = between(machine, points, exists, 1e-4)
-    assert (near.points[:2] - points[0, :2]).abs().max() < 1e-3
-    scaling = torch.tensor([-0.4, -0.5, -0.3, 1.1])
-    assert torch.allclose(to_machine(to_frame(points, scaling), scaling), points, atol=1e-6)
+def test_a_sample_lies_between_two_near_members_each_part_by_its_own_share(pairs):
+    shares = []
+    for seed in range(40):
+        drawn = sampled(pairs, np.random.default_rng(seed))
+        first, second = drawn.sources[0][:2]
+        assert set(drawn.sources[0]) == set(range(12))
+        group = {first // 6, second // 6}
+        assert len(group) == 1  # of one group
+        np.testing.assert_array_equal(drawn.exists, pairs.exists[first])
+        for part in (0, 1):
+            own = (pairs.labels == part) & drawn.exists
+            one, other = (pairs.points[each, own] for each in sorted(drawn.sources[part][:2]))
+            way = ((drawn.points[own] - one) * (other - one)).sum() / ((other - one) ** 2).sum()
+            np.testing.assert_allclose(drawn.points[own], one + way * (other - one), atol=1e-9)
+            nearer = min(drawn.sources[part][:2]) if way < 0.5 else max(drawn.sources[part][:2])
+            assert drawn.sources[part][0] == nearer  # the part comes from the member that it is more like
+            shares.append(way)
+    assert -0.25 <= min(shares) < 0 < 1 < max(shares) <= 1.25
 
-    # And a completed shape has the known points.
-    points, exists = torch.rand(3, 3) * 0.5 + 0.25, torch.tensor([1.0, 0, 1])
-    for seed in range(5):
-        rest = Unexplained(torch.full((4, 9), 0.01), torch.tensor([0, 0, 1]))
-        found = completed(machine, points, exists, torch.tensor([1.0, 1, 0]), rest, 3, np.random.default_rng(seed))
-        assert torch.equal(found.points[0], points[0])
-        assert found.exists[:2].tolist() == [1, 0]
+
+def test_what_lies_between_two_shapes_begins_and_ends_with_them_and_completions_keep_what_is_known(pairs):
+    for share, end in ((0.0, 0), (1.0, 7)):
+        found = between(pairs, [0, 7], share)
+        np.testing.assert_array_equal(found.points, pairs.points[end])
+        np.testing.assert_array_equal(found.exists, pairs.exists[end])
+        assert found.sources == {0: [end], 1: [end]}
+    near = between(pairs, [0, 7], 0.4)
+    np.testing.assert_allclose(near.points[:4], 0.6 * pairs.points[0, :4] + 0.4 * pairs.points[7, :4])
+    np.testing.assert_array_equal(near.points[4], pairs.points[0, 4])  # the other one has no such point
+    for seed in range(10):
+        found = completed(pairs, 8, [1], np.random.default_rng(seed))
+        np.testing.assert_array_equal(found.points[2:], pairs.points[8, 2:])
+        assert found.exists.tolist() == [True] * 4 + [False]
+        assert list(found.sources) == [0]
+        assert found.sources[0][0] >= 6  # the seat is that of a member with such legs
 
 
-def test_shapes_of_the_machine_have_less_free_energy_than_noise():
-    machine = planted(points=6, strong=8.0)
-    zero = torch.zeros(40, 2)
-    state = gibbs(machine, State(zero, zero, zero), torch.ones(40, 6), 10, np.random.default_rng(1))
-    alpha, beta = machine.exponents(state.h1)
-    drawn = np.random.default_rng(2).beta(alpha.numpy(), beta.numpy())
-    points = torch.from_numpy(drawn).float().clamp(1e-3, 1 - 1e-3).reshape(40, 6, 3)
+def test_members_of_a_machine_have_less_free_energy_than_noise():
+    random = torch.Generator().manual_seed(1)
+    points = 0.5 + 0.02 * torch.randn(40, 6, 3, generator=random)
+    machine = BetaMachine.start(points, torch.ones(40, 6), torch.zeros(6, dtype=torch.long), random)
     energy = FreeEnergy(machine, points, torch.ones(40, 6))
-    noise = energy(torch.rand(40, 6, 3, generator=torch.Generator().manual_seed(0)) * 0.98 + 0.01, torch.ones(40, 6))
+    noise = energy(torch.rand(40, 6, 3, generator=random) * 0.98 + 0.01, torch.ones(40, 6))
     assert energy.members.mean() < noise.mean() - 1
     assert energy.plausibility(float(noise.max())) == 0.0
     assert energy.plausibility(float(energy.members.min()) - 1) == 1.0
+    scaling = torch.tensor([-0.4, -0.5, -0.3, 1.1])
+    assert to_machine(torch.tensor([[-0.4, 0.6, 0.25]]), scaling).tolist() == [[0.25, 0.75, 0.5]]
 
 
 # Boundaries of parts, their deformation, and how they meet.
