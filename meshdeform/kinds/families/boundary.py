@@ -22,6 +22,9 @@ _Index = NDArray[np.int64]
 _STRAY = 0.25
 """A patch of a part is stray if it has less than this share of the area of the part's largest one."""
 _ROUNDS = 4
+_MAJORITY, _WHOLE = 0.6, 0.9
+"""A part with more than the first share of a connected piece has all of it, where the piece is at most the second share
+of the surface: a model that is welded to one piece says nothing by its pieces."""
 
 
 def welded(positions: _Floats, triangles: _Index) -> _Index:
@@ -64,11 +67,12 @@ def boundary_defects(positions: _Floats, triangles: _Index, parts: NDArray[np.ui
 def without_strays(positions: _Floats, triangles: _Index, parts: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the parts (F,) with stray patches given to the part around them with which they share most boundary.
 
-    A patch is stray if it is less than a quarter as large as the largest patch of its part, and is not by
+    First, a connected piece of the surface that is mostly of one part becomes that part, unless it is nearly the whole
+    surface. Then a patch is stray if it is less than a quarter as large as the largest patch of its part, and is not by
     itself a connected piece.
     """
     areas, corners = _areas(positions, triangles), welded(positions, triangles)
-    found = parts.astype(np.int64)
+    found = _voted(corners, areas, parts.astype(np.int64))
     faces, ends = _neighbours(corners)
     lengths = np.linalg.norm(positions[ends[:, 0]] - positions[ends[:, 1]], axis=1)
     for _ in range(_ROUNDS):
@@ -85,6 +89,16 @@ def without_strays(positions: _Floats, triangles: _Index, parts: NDArray[np.uint
         moved = stray & (shared.sum(1) > 0)
         found = np.where(moved[patches], shared.argmax(1)[patches], found)
     return found.astype(np.uint8)
+
+
+def _voted(corners: _Index, areas: _Floats, parts: _Index) -> _Index:
+    """Return the parts (F,) with each connected piece given to the part that has most of its area, if that is clear."""
+    piece = components(int(corners.max()) + 1, np.concatenate([corners[:, :2], corners[:, 1:]]))[corners[:, 0]]
+    share = np.zeros((int(piece.max()) + 1, int(parts.max()) + 1))
+    np.add.at(share, (piece, parts), areas)
+    size = share.sum(1)
+    clear = (share.max(1) > _MAJORITY * size) & (size <= _WHOLE * size.sum())
+    return np.where(clear[piece], share.argmax(1)[piece], parts)
 
 
 def _areas(positions: _Floats, triangles: _Index) -> _Floats:

@@ -118,6 +118,18 @@ def test_stray_patches_go_to_the_part_around_them_and_limbs_stay(limb):
     np.testing.assert_array_equal(without_strays(verts, faces, both), both)
 
 
+def test_a_piece_of_the_mesh_is_of_the_part_that_has_most_of_it(limb):
+    solid, height = limb
+    verts = np.concatenate([solid.verts, solid.verts + 5])
+    faces = np.concatenate([solid.faces, solid.faces + len(solid.verts)])
+    found = np.concatenate([height > 0.7, height < 0.3]).astype(np.uint8)
+    assert not without_strays(verts, faces, found).any()
+    even = np.concatenate([height > 0.5, np.ones(len(height), bool)]).astype(np.uint8)
+    np.testing.assert_array_equal(without_strays(verts, faces, even), even)
+    # A surface in one piece keeps its parts.
+    np.testing.assert_array_equal(without_strays(solid.verts, solid.faces, found[: len(height)]), found[: len(height)])
+
+
 def test_pulls_to_where_points_are_move_nothing():
     points = np.random.default_rng(0).random((40, 3))
     scale, shift = axis_fit(points, points.copy())
