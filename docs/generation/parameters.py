@@ -194,15 +194,15 @@ def section(model: type[BaseModel], *, prefix: str, without: tuple[str, ...] = (
     return "\n".join(parts)
 
 
-def table(*models: tuple[str, type[BaseModel]], without: tuple[str, ...] = ()) -> str:
-    """Return a table of the fields of models, each with the beginning of its names."""
-    lines = ["| member | |", "|---|---|"]
+def listed(*models: tuple[str, type[BaseModel]], without: tuple[str, ...] = ()) -> str:
+    """Return a list of the fields of models, each with the beginning of its names."""
+    lines = []
     for prefix, model in models:
         schemas = model.model_json_schema()["properties"]
         for name, field in model.model_fields.items():
             if name not in without:
                 told = f"{field.description} {facts(field, schemas[name])}"
-                lines.append(f"| `{prefix}{name}` | {' '.join(told.split())} |")
+                lines.append(f"- `{prefix}{name}`: {' '.join(told.split())}")
     return "\n".join(lines) + "\n"
 
 
@@ -277,7 +277,7 @@ def page() -> str:
             section(Control, prefix="params.control."),
             "## A selection\n",
             SELECTION,
-            table(
+            listed(
                 ("", Selection),
                 ("joint.", JointWeight),
                 ("color.", ColorRange),
@@ -287,13 +287,13 @@ def page() -> str:
             ),
             "## A rigid part\n",
             "The other members of an entry of `params.control.rigid`.\n",
-            table(("", RigidSelector), without=tuple(Selection.model_fields)),
+            listed(("", RigidSelector), without=tuple(Selection.model_fields)),
             "## A region\n",
             "The other member of an entry of `params.control.regions`.\n",
-            table(("", Region), without=tuple(Selection.model_fields)),
+            listed(("", Region), without=tuple(Selection.model_fields)),
             "## A handle\n",
             "The members of an entry of `params.control.handles`.\n",
-            table(("", Handle)),
+            listed(("", Handle)),
             "## output\n",
             section(OutputOptions, prefix="output."),
             FLAT_FORM,
