@@ -19,10 +19,9 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from meshdeform.assets.archive import ZIP_MAGIC
-from meshdeform.assets.inspect import FORMATS, AssetSummary, inspect_asset, surface_format
+from meshdeform.assets.inspect import FORMATS, AssetSummary, PictureSummary, inspect_asset, surface_format
 from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.picture_summary import PictureSummary
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -32,7 +31,7 @@ from meshdeform.errors import (
     DependencyError,
     ModelError,
 )
-from meshdeform.geometry.collapse import COLLAPSED_SHAPE
+from meshdeform.geometry import COLLAPSED_SHAPE
 
 if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface

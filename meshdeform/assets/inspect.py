@@ -10,8 +10,9 @@ Source: glTF 2.0 specification, sections 3.5 (Scenes), 3.6, 3.7 (Geometry) and 5
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive
 from meshdeform.assets.container import (
@@ -69,7 +70,6 @@ POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
 LOOSE = "points and lines only follow a surface"
 """Why a file of nothing but points and lines is refused."""
 
-MODE_NAMES = ("points", "lines", "line loop", "line strip", "triangles", "triangle strip", "triangle fan")
 
 # A link with a scheme or a drive, from the root, or to another host, in place of a file beside the asset.
 _ELSEWHERE = re.compile(r"\s*([a-z][a-z0-9+.-]*:|[/\\]|%2f|%5c)", re.IGNORECASE)
@@ -497,6 +497,24 @@ def _walk(root: Json) -> tuple[list[Instance], list[Instance]]:
             (shown if visible else hidden).append(Instance(at, node["mesh"], node.get("skin")))
         stack.extend((child, visible) for child in reversed(node.get("children", [])))
     return shown, hidden
+
+
+@dataclass(frozen=True)
+class PictureSummary:
+    """What a picture shows."""
+
+    format: str  # `png`, `jpeg` or `webp`
+    # Pixels
+    width: int
+    height: int
+    box: tuple[float, float, float, float]
+    """Left, top, right and bottom of the silhouette as shares of the width and height."""
+    share: float  # share of the picture that the silhouette covers
+
+    @classmethod
+    def read(cls, found: Mapping[str, Any]) -> Self:
+        """Return a summary from its JSON."""
+        return cls(**{**found, "box": tuple(found["box"])})
 
 
 @dataclass(frozen=True)

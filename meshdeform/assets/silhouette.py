@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter, ImageOps
 
-from meshdeform.assets.picture_summary import PictureSummary
+from meshdeform.assets.inspect import PictureSummary
 from meshdeform.errors import AssetTooLargeError, SilhouetteError
 
 _FORMATS = ("PNG", "JPEG", "WEBP")

@@ -105,9 +105,6 @@ def make_request(
 
     from meshdeform.requests.document import JobRequest
     from meshdeform.requests.unknown import in_plain_words
-    from meshdeform.runs import kinds
-
-    kinds()  # the kinds register their parameters
 
     document = {
         "prompt": prompt,

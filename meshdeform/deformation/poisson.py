@@ -18,7 +18,6 @@ consistent Jacobians, and a vertex on the long edge of a collapsed face follows 
 still fails, the threshold for collapsed faces is raised to 30 and then to 1,000 times its value.
 
 QDLDL (Apache-2.0) computes the factor; the triangular solves are our own, for all three coordinates at once.
-`bench/poisson.py` compares them with SuperLU.
 
 The linear systems of a surface and of a lattice
 ------------------------------------------------
@@ -51,7 +50,7 @@ from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.errors import NumericalError, ShapeError
-from meshdeform.geometry.collapse import COLLAPSED_SHAPE
+from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_normals, sparse_product
 

@@ -25,7 +25,7 @@ from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.collapse import COLLAPSED_SHAPE
+from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.kernels import kernel
 
 # Squared lengths below this count as zero: no mesh has such edges, and 1 / sqrt is still finite here.

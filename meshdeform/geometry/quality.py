@@ -42,8 +42,8 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, area_vectors
 from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples

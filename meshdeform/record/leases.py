@@ -21,7 +21,7 @@ from meshdeform.record.files import measure
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
 from meshdeform.record.schema import artifacts, checkpoints, events, jobs, workers
 from meshdeform.record.turns import USUAL, Ids, Turns, choices, hold_claims, waits_longer
-from meshdeform.requests.document import params_by_kind
+from meshdeform.requests.document import PARAMS_OF_KIND
 
 _log = logging.getLogger(__name__)
 _queued = jobs.c.state == JobState.QUEUED
@@ -113,7 +113,7 @@ class Leases:
 
     def _readable(self) -> Ids:
         """Return the query for the queued jobs that this process can read, as far as it knows."""
-        query = sa.select(jobs.c.id).where(_queued, jobs.c.kind.in_(sorted(params_by_kind())))
+        query = sa.select(jobs.c.id).where(_queued, jobs.c.kind.in_(sorted(PARAMS_OF_KIND)))
         if not self._unreadable:
             return query
         # One parameter, however many they are.

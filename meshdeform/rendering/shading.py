@@ -53,8 +53,8 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 from torch.nn import functional
 
 from meshdeform.errors import ShapeError
+from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.collapse import COLLAPSED_SHAPE
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import area_vectors, edges_of
 from meshdeform.rendering import rasterizer

@@ -78,21 +78,6 @@ class JobKind(StrEnum):
     FAMILY_SYNTHESIZE = "family_synthesize"
     PRIOR_TEACH = "prior_teach"
 
-    @classmethod
-    def named(cls, name: str) -> JobKind:
-        """Return the kind of this name, after adding it if it is new."""
-        if name not in cls._value2member_map_:
-            member = str.__new__(cls, name)
-            member._name_, member._value_ = name.upper(), name
-            cls._value2member_map_[name] = member
-        return cls(name)
-
-    @classmethod
-    def _missing_(cls, value: object) -> JobKind | None:
-        # pydantic keeps its own list of members and falls back to this method.
-        found = cls._value2member_map_.get(value) if isinstance(value, str) else None
-        return found if isinstance(found, cls) else None
-
 
 class Preset(StrEnum):
     """Named set of parameters."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import cache
-from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
 
 from pydantic import (
@@ -40,6 +39,7 @@ from meshdeform.requests.choices import (
     is_builtin,
     is_sent,
 )
+from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
 from meshdeform.requests.parameters import (
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
@@ -50,6 +50,8 @@ from meshdeform.requests.parameters import (
 )
 from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.removed import translated
+from meshdeform.requests.surface_fit import SurfaceFitParams
+from meshdeform.requests.teaching import TeachParams
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -63,6 +65,7 @@ __all__ = [
     "MAX_PROMPT_LENGTH",
     "MAX_RETENTION_S",
     "MAX_STEPS",
+    "PARAMS_OF_KIND",
     "TAUGHT",
     "DeformParams",
     "GuidanceKind",
@@ -74,11 +77,9 @@ __all__ = [
     "ResolvedParams",
     "Safeguard",
     "first_problem",
-    "params_by_kind",
     "read_stored",
     "read_unbounded",
     "resolve",
-    "use_params",
 ]
 
 
@@ -266,18 +267,14 @@ _MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADAT
 
 _MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
 
-_PARAMS: dict[JobKind, type[BaseModel]] = {JobKind.TEXT_DEFORM: DeformParams}
-
-
-def use_params(kind: JobKind, model: type[BaseModel]) -> None:
-    """Set the parameter model of a kind of job; `meshdeform.runs.register` calls this."""
-    _PARAMS[kind] = model
-
-
-def params_by_kind() -> Mapping[JobKind, type[BaseModel]]:
-    """Return the parameter model of each kind of job that is registered."""
-    return MappingProxyType(_PARAMS)
-
+PARAMS_OF_KIND: dict[JobKind, type[BaseModel]] = {
+    JobKind.TEXT_DEFORM: DeformParams,
+    JobKind.SURFACE_FIT: SurfaceFitParams,
+    JobKind.FAMILY_FIT: FamilyParams,
+    JobKind.FAMILY_SYNTHESIZE: FamilySynthesisParams,
+    JobKind.PRIOR_TEACH: TeachParams,
+}
+"""The model of the parameters of each kind of job."""
 
 _JOB_EVENT = r"^job\.(queued|started|recovered|canceling|succeeded|failed|canceled|expired)$"
 
@@ -364,9 +361,7 @@ class JobRequest(StrictModel):
     @classmethod
     def _of_the_kind(cls, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
         """Validate the parameters with the model of the kind of job."""
-        model = _PARAMS.get(info.data.get("kind", JobKind.TEXT_DEFORM))
-        if model is None:
-            raise ValueError("no kind of job has this name")
+        model = PARAMS_OF_KIND[info.data.get("kind", JobKind.TEXT_DEFORM)]
         if model is DeformParams:
             return handler(value)
         if isinstance(value, DeformParams):  # the default
@@ -411,7 +406,7 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     """
     document = translated(document)
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
-    model = next((known for name, known in _PARAMS.items() if name == kind), None)
+    model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
     if model is None:
         raise UnreadableJobError(f"The stored request cannot be read here: there is no kind of job {kind!r}.")
     try:

@@ -1,18 +1,17 @@
 """The kinds of job by name. Torch-free: the code that runs a kind is imported when a worker first needs it.
 
-To add a kind, write a module like `text_deform_kind.py`, add a name to `JobKind`, and register it at the end of this
-module. The check of requests, the parts of a form, the start in the worker and the lists in the documentation follow
-from its description.
+To add a kind, write a module like `text_deform_kind.py`, add a name to `JobKind`, its parameters to
+`requests.document.PARAMS_OF_KIND`, and itself to this module. The check of requests, the parts of a form, the start in
+the worker and the lists in the documentation follow from its description.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.document import JobKind, JobRequest, use_params
+from meshdeform.requests.document import JobKind, JobRequest
 from meshdeform.runs.base import JobRun, Kind, RunInput
 from meshdeform.runs.family_fit_kind import FAMILY_FIT
 from meshdeform.runs.family_synthesize_kind import FAMILY_SYNTHESIZE
@@ -25,53 +24,21 @@ if TYPE_CHECKING:
 
     from meshdeform.settings import Settings
 
-__all__ = ["check_request", "file_parts", "kind_of", "kinds", "register", "start_run"]
+__all__ = ["check_request", "file_parts", "kind_of", "kinds", "start_run"]
 
-_PART = "[a-z][a-z0-9_]{0,63}"
-_registered: dict[JobKind, Kind] = {}
-
-
-def _built_in() -> list[Kind]:
-    return [TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT, FAMILY_SYNTHESIZE, PRIOR_TEACH]
-
-
-def register(kind: Kind) -> None:
-    """Register a kind, replacing any of the same name.
-
-    Raises
-    ------
-    ValueError
-        The first part is not required, or the name of a part is not allowed or is used twice.
-    """
-    if not kind.reads or not kind.reads[0].required:
-        raise ValueError(f"{kind.name}: the first part, which names a job's downloads, must be required")
-    for name in kind.parts:
-        if not re.fullmatch(_PART, name) or name == "request" or kind.parts.count(name) > 1:
-            raise ValueError(f"{kind.name}: {name!r} cannot be the name of a part")
-    kinds()  # register the built-in kinds first
-    _registered[kind.name] = kind
-    use_params(kind.name, kind.params)
+_KINDS = {kind.name: kind for kind in (TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT, FAMILY_SYNTHESIZE, PRIOR_TEACH)}
 
 
 def kinds() -> list[Kind]:
-    """Return all kinds in the order of their registration."""
-    if not _registered:
-        _registered.update({kind.name: kind for kind in _built_in()})
-    return list(_registered.values())
+    """Return all kinds; where their order matters, the deformation comes first."""
+    return list(_KINDS.values())
 
 
 def kind_of(name: JobKind) -> Kind:
-    """Return the description of a kind.
-
-    Raises
-    ------
-    ParameterError
-        No kind is registered under this name.
-    """
-    kinds()
-    if name not in _registered:
-        raise ParameterError(f"There is no kind of job {str(name)!r}.", advice=f"Use one of: {', '.join(_registered)}.")
-    return _registered[name]
+    """Return the description of a kind; `ParameterError`: only another version has it."""
+    if name not in _KINDS:
+        raise ParameterError(f"There is no kind of job {str(name)!r}.", advice=f"Use one of: {', '.join(_KINDS)}.")
+    return _KINDS[name]
 
 
 def file_parts() -> tuple[str, ...]:
@@ -117,7 +84,3 @@ def start_run(given: RunInput) -> JobRun:
         The request, its files or this machine prevent the run.
     """
     return kind_of(given.request.kind).load()(given)
-
-
-for _kind in _built_in():
-    register(_kind)

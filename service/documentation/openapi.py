@@ -8,7 +8,7 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from meshdeform.requests.document import JobKind, params_by_kind
+from meshdeform.requests.document import PARAMS_OF_KIND, JobKind
 from meshdeform.requests.sketches import Sketch
 from meshdeform.serving import DEFAULT_URL
 from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
@@ -46,7 +46,7 @@ def describe(app: FastAPI) -> None:
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
             document = found()
-            others = [model for kind, model in params_by_kind().items() if kind != JobKind.TEXT_DEFORM]
+            others = [model for kind, model in PARAMS_OF_KIND.items() if kind != JobKind.TEXT_DEFORM]
             models: list[type[BaseModel]] = [*_MODELS, *others]
             _, more = models_json_schema([(model, "validation") for model in models], ref_template=_REFERENCE)
             schemas = document.setdefault("components", {}).setdefault("schemas", {})

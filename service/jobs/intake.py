@@ -15,7 +15,7 @@ from anyio import to_thread
 
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
-from meshdeform.assets.picture_summary import PictureSummary
+from meshdeform.assets.inspect import PictureSummary
 from meshdeform.errors import DrawingError, ParameterError, SilhouetteError, UnavailableError
 from meshdeform.priors import public_names
 from meshdeform.priors.builtin import taught

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from meshdeform.assets.check import check_asset_subprocess
-from meshdeform.assets.picture_summary import PictureSummary
+from meshdeform.assets.inspect import PictureSummary
 from meshdeform.assets.silhouette import read_silhouette
 from meshdeform.errors import AssetTooLargeError, SilhouetteError
 from tests.cases import each_case

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.collapse import COLLAPSED_SHAPE
+from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.mesh import (
     TriangleMesh,
     connected_components,
