@@ -123,7 +123,7 @@ class SketchGuesses(BaseModel):
     },
 )
 async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalDep, family: _Family = None) -> Response:
-    """Three families with all parameters, their ranges and a mesh each. A part `sketch` of a job is read the same way.
+    """Three families with all parameters, their ranges and a mesh each.
 
     It takes a second or two, in a process of its own on the API's machine.
     """
@@ -152,7 +152,7 @@ async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalD
     openapi_extra=json_body("Sketch", {"family": "vase", "values": {"lip": 0.2, "handles": "two"}}),
 )
 async def make_sketch_mesh(request: Request, app: AppStateDep, principal: PrincipalDep) -> Response:
-    """The target mesh that a job with these `params.sketch` and without a drawing would have."""
+    """A mesh of these parameters, which a job can take as its target."""
     sketch = parse_document(Sketch, await receive_document(request))
     with app.workspace.temporary_folder() as folder:
         async with app.sketching.slot(principal.owner_id):
