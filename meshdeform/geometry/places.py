@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, area_vectors
 
 _BLOCK = 1_000_000
 """Points of a block, but for a face that has more by itself."""
@@ -90,6 +90,14 @@ def even_samples(areas: _Floats, count: int, seed: int) -> tuple[_Index, _Floats
     return face, np.stack([1 - root, root * (1 - share), root * share], 1)
 
 
+def surface_samples(verts: _Floats, faces: _Index, count: int, seed: int) -> tuple[_Floats, _Floats]:
+    """Return points (count, 3) placed evenly on a mesh, and the unit normals (count, 3) of their faces."""
+    cross = area_vectors(verts, faces)
+    twice = np.linalg.norm(cross, axis=1)
+    face, weights = even_samples(twice, count, seed)
+    return np.einsum("pk,pkc->pc", weights, verts[faces[face]]), cross[face] / twice[face, None]
+
+
 def blend_matrix(corners: _Index, weights: _Floats, count: int) -> sparse.csr_matrix:
     """Return the matrix (P, V) that interpolates values of `count` vertices at places on faces.
 
@@ -138,6 +146,15 @@ class SurfaceTree:
         samples, self._owner = samples_of(verts, faces, spacing)
         self._tree = cKDTree(np.concatenate([samples, self._turn * normals[self._owner]], 1))
         self._around, self._begin = _faces_around(faces, len(verts))
+
+    @classmethod
+    def of(cls, verts: _Floats, faces: _Index, slack: float = 0.0) -> SurfaceTree:
+        """Return the tree of a mesh with samples as far apart as its edges are long, for walls thicker than those."""
+        cross = area_vectors(verts, faces)
+        twice = np.linalg.norm(cross, axis=1)
+        edge = max(math.sqrt(twice.sum() / len(faces)), 1e-150)
+        normals = cross / np.maximum(twice, 1e-300)[:, None]
+        return cls(verts, faces, normals, spacing=edge, opposite=_OPPOSITE * edge, slack=slack)
 
     def find(self, points: _Floats, normals: _Floats) -> tuple[_Index, _Floats]:
         """Return the nearest face (P,) of each point and the barycentric coordinates (P, 3) of the nearest place.

@@ -29,7 +29,7 @@ class SurfaceFitParams(StrictModel):
         1000,
         ge=100,
         le=MAX_BASE_FACES,
-        description="Faces of the base mesh. It gets more where fewer would change the holes and parts of the surface.",
+        description="Faces of the base mesh, at most; up to four times as many where fewer would fold over.",
         examples=[500],
     )
     features: int = Field(

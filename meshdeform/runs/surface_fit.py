@@ -64,9 +64,9 @@ def start(given: RunInput) -> SurfaceFitRun:
     sha256 = file.sha256 or sha256_hex(file.data)
     with log.phase("read"):
         source = _source(given)
-        surface = surface_of(source)
-    with log.phase("base"):
         own = _own_base(given)
+        surface = surface_of(source, params.base_faces if own is None else MAX_BASE_FACES)
+    with log.phase("base"):
         around = surface.reference.verts
         if own is None:
             verts, faces = base_of(surface.reference, params.base_faces)
@@ -83,21 +83,7 @@ def start(given: RunInput) -> SurfaceFitRun:
         asset=sha256, **more, **params.model_dump(include={"base_faces", "features", "octaves", "width", "depth"})
     )
     run = fingerprint(kind="surface_fit", asset=sha256, **more, params=asked)
-    options = FitOptions(
-        **params.model_dump(
-            include={
-                "steps",
-                "seed",
-                "features",
-                "octaves",
-                "width",
-                "depth",
-                "batch_faces",
-                "learning_rate",
-                "normal_weight",
-            }
-        )
-    )
+    options = FitOptions(**params.model_dump(include=set(FitOptions.__dataclass_fields__)))
     fit = FieldFit(
         surface,
         frame,
@@ -197,8 +183,7 @@ class SurfaceFitRun(JobRun):
         self._scalars, self._on_wait = scalars, on_wait
 
     def _steps(self) -> Iterator[dict[str, float]]:
-        for step in self._fit:
-            yield step.losses
+        yield from self._fit
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
@@ -229,8 +214,8 @@ class SurfaceFitRun(JobRun):
         learned: list[dict[str, Any]] = []
         if self._scalars is not None:
             with self.log.phase("scalars"):
-                found = learned_scalars(field, self._scalars, seed=self._params.seed, on_step=self._on_wait)
-                data, learned = write(scalars=found.fields), found.facts
+                fields, learned = learned_scalars(field, self._scalars, seed=self._params.seed, on_step=self._on_wait)
+                data = write(scalars=fields)
         with self.log.phase("unfold"):
             artifacts = {"surface.ndf": ArtifactData(data, _BYTES)}
             levels: list[dict[str, Any]] = []

@@ -40,7 +40,7 @@ def fit(
     source : ((V, 3) float64, (F, 3) int64), or a surface without triangles
         Vertices and faces of a mesh; or points, a grid or a network of `meshdeform.assets.surface_files`.
     base_faces : int
-        Faces of the base, about.
+        Faces of the base, at most.
     **options
         `seed`, `width` and the others of `fitting.FitOptions`.
 
@@ -55,7 +55,7 @@ def fit(
     from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
     from meshdeform.kinds.surface_fit.surface_sources import surface_of
 
-    surface = surface_of(clean(*source) if isinstance(source, tuple) else source)
+    surface = surface_of(clean(*source) if isinstance(source, tuple) else source, base_faces)
     frame = FieldFrame.around(surface.reference.verts)
     verts, faces = base_of(surface.reference, base_faces)
     base = encode_base(frame.enter(verts).clip(-1, 1), faces)
@@ -86,13 +86,6 @@ def sample(data: bytes | Path, count: int, seed: int = 0) -> tuple[_Floats, _Flo
     ValueError
         The file is damaged, incomplete, or of another version.
     """
-    import numpy as np
+    from meshdeform.geometry.places import surface_samples
 
-    from meshdeform.geometry.mesh import area_vectors
-    from meshdeform.geometry.places import even_samples
-
-    verts, faces = unfold(data, _SAMPLED_LEVEL)
-    cross = area_vectors(verts, faces)
-    twice = np.linalg.norm(cross, axis=1)
-    face, weights = even_samples(twice, count, seed)
-    return np.einsum("pk,pkc->pc", weights, verts[faces[face]]), cross[face] / twice[face, None]
+    return surface_samples(*unfold(data, _SAMPLED_LEVEL), count, seed)

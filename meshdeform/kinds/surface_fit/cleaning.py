@@ -1,24 +1,14 @@
-"""Make a manifold of a mesh, or say why that is not possible.
-
-Move the vertices of a mesh along its surface, so that slivers become triangles that can be collapsed.
-
-An extracted mesh has slivers wherever the surface passes close to a point of the grid. Collapsing an edge of a sliver
-would turn a face over, so a decimation leaves whole regions as dense as they are and takes all it must from the rest:
-of a thin torus it made edges twenty times as long as the tube is thick.
-
-Source: Field 1988, Laplacian Smoothing and Delaunay Triangulations; here each vertex is projected back to the surface.
-"""
+"""Make a manifold of a mesh, or say why that is not possible."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from meshdeform.errors import AssetEmptyError, AssetError
+from meshdeform.geometry.edge_splits import unique_edges
 from meshdeform.geometry.weld import weld
 from meshdeform.kinds.surface_fit.gluing import Topology, glue, glued_verts, topology
 
@@ -90,47 +80,7 @@ def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
 
 def _reversed(faces: _Index) -> int:
     """Return the number of edges of exactly two faces that run along it in the same direction."""
-    start, end = faces.ravel(), np.roll(faces, -1, 1).ravel()
-    forward = start < end
-    pairs = np.stack([np.minimum(start, end), np.maximum(start, end)], 1)
-    _, which = np.unique(pairs, axis=0, return_inverse=True)
-    which = which.ravel()
-    number, ahead = np.bincount(which), np.bincount(which, forward)
-    return int(((number == 2) & (ahead != 1)).sum())
-
-
-_TIMES = 3
-
-
-def relaxed(mesh: CleanMesh, project: Callable[[_Floats, _Floats], tuple[_Floats, _Floats]]) -> CleanMesh:
-    """Return the mesh with each vertex amid its neighbours, on the surface; those of borders stay.
-
-    Parameters
-    ----------
-    project : callable
-        From points (P, 3) and unit normals (P, 3) to places on the surface and normals there.
-    """
-    verts, faces = mesh.verts, mesh.faces
-    start, end = faces.ravel(), np.roll(faces, -1, 1).ravel()
-    ones = np.ones(len(start))
-    near = sparse.csr_matrix((ones, (start, end)), shape=(len(verts), len(verts)))
-    near = near + near.T
-    count = np.asarray(near.sum(1)).ravel()
-    border = np.zeros(len(verts), np.bool_)
-    border[np.concatenate([start[mesh.twin.ravel() < 0], end[mesh.twin.ravel() < 0]])] = True
-    for _ in range(_TIMES):
-        normals = _normals(verts, faces)
-        moved, _ = project(near @ verts / count[:, None], normals)
-        verts = np.where(border[:, None], verts, moved)
-    return CleanMesh(verts, faces, mesh.twin, mesh.topology, mesh.cleaned)
-
-
-def _normals(verts: _Floats, faces: NDArray[np.int64]) -> _Floats:
-    """Return unit normals (V, 3), means of the faces' by area; zero where they cancel."""
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    cross = np.cross(b - a, c - a)
-    total = np.stack(
-        [sum(np.bincount(faces[:, k], cross[:, axis], len(verts)) for k in range(3)) for axis in range(3)], 1
-    )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.asarray(np.divide(total, length, out=np.zeros_like(total), where=length > 1e-300))
+    edges, sides = unique_edges(faces)
+    which = sides.ravel()
+    ahead = np.bincount(which, faces.ravel() == edges[which, 0])
+    return int(((np.bincount(which) == 2) & (ahead != 1)).sum())

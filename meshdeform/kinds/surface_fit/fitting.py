@@ -5,7 +5,8 @@ projection q, which is constant within the step:
 
     L = mean |f(p) - q(f(p))|^2 + w_n mean (1 - n(f) . n_q) + mean (n_s . (f(p_s) - s))^2
 
-With anchors, also the mean |f(p_a) - s_a|^2 of places p_a of the base that belong to places s_a of the surface.
+Where both have borders, pairs of their nearest places, both ways, add their distances across the surface's border. With
+anchors, also the mean |f(p_a) - s_a|^2 of places p_a of the base that belong to places s_a of the surface.
 
 The last term is the other direction: samples s of the surface with normals n_s, and the place p_s of the base whose
 image is nearest, found again every 100 steps. Without it f could leave out parts of the surface.
@@ -24,16 +25,18 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.variables import Adam
 from meshdeform.errors import CheckpointError, NumericalError
-from meshdeform.geometry.mesh import face_normals
-from meshdeform.geometry.places import SurfaceTree, even_samples
+from meshdeform.geometry.places import SurfaceTree, surface_samples
+from meshdeform.kinds.surface_fit.base_places import border_places, places_of
+from meshdeform.kinds.surface_fit.gluing import glue
 from meshdeform.kinds.surface_fit.network import START, FieldNetwork, octaves_of, rounded, steps_of
-from meshdeform.kinds.surface_fit.patches import in_corners, level_of, patch
+from meshdeform.kinds.surface_fit.patches import level_of, patch
 from meshdeform.kinds.surface_fit.surface_sources import Surface
 
 _Floats = NDArray[np.float64]
@@ -42,7 +45,10 @@ _PARTS = 8
 _OTHER_EVERY = 100
 _OTHER_SAMPLES = 8192
 _OTHER_BATCH = 1024
+_BORDER_BATCH = 512
 _WARM_STEPS = 20
+_BORDER = 0.3
+"""Weight of the distance between borders, beside that of the surfaces."""
 _LAST_RATE = 0.01
 """Learning rate of the last step, as a share of the highest."""
 
@@ -84,14 +90,6 @@ class FitOptions:
     learning_rate: float = 0.01
     normal_weight: float = 1e-4
     rounding: bool = True  # false if the field is not written to a file
-
-
-@dataclass(frozen=True)
-class FitStep:
-    """A step: its number from 1, and the losses by name; distances as shares of the diagonal."""
-
-    step: int
-    losses: dict[str, float]
 
 
 class FieldFit:
@@ -149,7 +147,8 @@ class FieldFit:
         # Between equal shares of the faces and of the area: small faces are where the surface bends.
         self._chance = (area.clamp_min(1e-12)).sqrt()
         self._level = level_of(faces, len(verts), 2)
-        self._other: tuple[Tensor, Tensor, Tensor, Tensor] | None = None
+        self._rim = border_places(verts, faces, glue(verts, faces), _OTHER_SAMPLES // 2)
+        self._other: list[Tensor] = []
         self._anchors = self._placed(*anchors) if anchors is not None and len(anchors[0]) else None
         self._optimizer = Adam([{"params": self._learned.tensors, "lr": 0.0}])
         if checkpoint is not None:
@@ -160,8 +159,8 @@ class FieldFit:
             tensor.requires_grad_()
         self._round()
 
-    def __iter__(self) -> Iterator[FitStep]:
-        """Run the remaining steps.
+    def __iter__(self) -> Iterator[dict[str, float]]:
+        """Run the remaining steps; yield the losses of each by name, distances as shares of the diagonal.
 
         Raises
         ------
@@ -171,8 +170,8 @@ class FieldFit:
         while self.step < self._options.steps:
             yield self._advance()
 
-    def _advance(self) -> FitStep:
-        if self.step % _OTHER_EVERY == 0 or self._other is None:
+    def _advance(self) -> dict[str, float]:
+        if self.step % _OTHER_EVERY == 0 or not self._other:
             self._find_other()
         chosen = torch.multinomial(
             self._chance, min(self._options.batch_faces, len(self.faces)), generator=self._random
@@ -186,6 +185,13 @@ class FieldFit:
             held = (self.at(corners, weights) - goals).square().sum(1).mean()
             loss = loss + held
             losses = {"anchors": math.sqrt(float(held.detach())) / 2}
+        corners, weights, goals, along = self._other[4:]
+        if len(goals):
+            rows = torch.randint(0, len(goals), (_BORDER_BATCH,), generator=self._random)
+            apart = self.at(corners[rows], weights[rows]) - goals[rows]
+            border = (apart.square().sum(1) - (apart * along[rows]).sum(1).square()).mean()
+            loss = loss + _BORDER * border
+            losses["border"] = math.sqrt(float(border.detach())) / 2
         if not bool(torch.isfinite(loss)):
             raise NumericalError("The fit diverged.", advice="Set params.learning_rate lower.")
         self._optimizer.zero_grad()
@@ -199,7 +205,7 @@ class FieldFit:
             "normals": float(normal.detach()),
             "back": math.sqrt(float(back.detach())) / 2,
         }
-        return FitStep(self.step, {"total": float(loss.detach()), **losses})
+        return {"total": float(loss.detach()), **losses}
 
     def _round(self) -> None:
         """Round the field for the next step, if it is in the last part of the fit."""
@@ -235,8 +241,7 @@ class FieldFit:
 
     def _backwards(self) -> Tensor:
         """Return the mean squared distance of samples of the surface from the field, along their normals."""
-        assert self._other is not None
-        corners, weights, samples, normals = self._other
+        corners, weights, samples, normals = self._other[:4]
         rows = torch.randint(0, len(samples), (_OTHER_BATCH,), generator=self._random)
         moved = self.at(corners[rows], weights[rows])
         return ((moved - samples[rows]) * normals[rows]).sum(1).square().mean()
@@ -246,36 +251,32 @@ class FieldFit:
         """Sample the surface, and find the places of the base whose images are nearest."""
         seed = int(torch.randint(0, 2**31 - 1, (1,), generator=self._random))
         reference = self._surface.reference
-        corners = reference.verts[reference.faces]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        lengths = np.linalg.norm(cross, axis=1)
-        face, weights = even_samples(lengths, _OTHER_SAMPLES, seed)
-        samples = self._frame.enter(np.einsum("pk,pkc->pc", weights, corners[face]))
-        normals = cross[face] / np.maximum(lengths[face], 1e-300)[:, None]
-        level = self._level
-        verts = self.positions(level.corners, level.weights)
-        facing = face_normals(torch.from_numpy(verts), torch.from_numpy(level.faces)).numpy()
-        edge = 2 * float(np.median(np.linalg.norm(verts[level.faces[:, 0]] - verts[level.faces[:, 1]], axis=1)))
-        tree = SurfaceTree(verts, level.faces, facing, spacing=edge, opposite=edge)
-        found, shares = tree.find(samples, normals)
-        owner = found // 4**2
-        local = level.weights[level.faces[found]]
-        # A level's vertices have the corners of one of their faces; express them in those of the face that was found.
-        local = in_corners(level.corners[level.faces[found]], local, self.faces[owner])
-        place = np.einsum("pk,pkc->pc", shares, local)
-        self._other = (
-            torch.from_numpy(self.faces[owner]),
-            torch.from_numpy(place).float(),
-            torch.from_numpy(samples).float(),
-            torch.from_numpy(normals).float(),
+        samples, normals = surface_samples(reference.verts, reference.faces, _OTHER_SAMPLES, seed)
+        samples, level = self._frame.enter(samples), self._level
+        images = self.positions(level.corners, level.weights)
+        found = [*places_of(self.faces, level, images, samples, normals), samples, normals, *self._border_pairs()]
+        tensors = [torch.from_numpy(each) for each in found]
+        self._other = [each.float() if each.is_floating_point() else each for each in tensors]
+
+    def _border_pairs(self) -> tuple[_Index, _Floats, _Floats, _Floats]:
+        """Return places of the base's borders, the nearest ones of the surface's, both ways, and their directions."""
+        reference, (corners, weights) = self._surface.reference, self._rim
+        ends, shares = border_places(reference.verts, reference.faces, reference.twin, _OTHER_SAMPLES // 2)
+        if not len(corners) or not len(ends):
+            return corners[:0], weights[:0], weights[:0], weights[:0]
+        start, end = reference.verts[ends[:, 0]], reference.verts[ends[:, 1]]
+        along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
+        goals, images = (
+            self._frame.enter(shares[:, :1] * start + shares[:, 1:2] * end),
+            self.positions(corners, weights),
         )
+        there, back = cKDTree(goals).query(images)[1], cKDTree(images).query(goals)[1]
+        place, goal = np.append(np.arange(len(images)), back), np.append(there, np.arange(len(goals)))
+        return corners[place], weights[place], goals[goal], along[goal]
 
     def _placed(self, points: _Floats, goals: _Floats) -> tuple[Tensor, Tensor, Tensor]:
         """Return the nearest places of the base, as corners and weights, and the nearest places of the surface."""
-        facing = face_normals(torch.from_numpy(self.verts), torch.from_numpy(self.faces)).numpy()
-        edge = float(np.median(np.linalg.norm(self.verts[self.faces[:, 0]] - self.verts[self.faces[:, 1]], axis=1)))
-        tree = SurfaceTree(self.verts, self.faces, facing, spacing=edge, opposite=edge)
-        face, weights = tree.find(points, np.zeros_like(points))
+        face, weights = SurfaceTree.of(self.verts, self.faces).find(points, np.zeros_like(points))
         target, _ = self.project(torch.from_numpy(goals), torch.zeros(goals.shape))
         return torch.from_numpy(self.faces[face]), torch.from_numpy(weights).float(), target
 
@@ -306,7 +307,7 @@ class FieldFit:
             state = self._optimizer.state.get(tensor)
             if state:
                 tensors |= {f"adam.{i}.{name}": value for name, value in state.items()}
-        if self._other is not None:
+        if self._other:
             tensors |= {f"other.{i}": value for i, value in enumerate(self._other)}
         return Checkpoint(self.step, {name: value.clone() for name, value in tensors.items()})
 
@@ -322,9 +323,7 @@ class FieldFit:
                     }
             if "rounding" in tensors:
                 self.rounding = tensors["rounding"].tolist()
-            if "other.0" in tensors:
-                a, b, c, d = (tensors[f"other.{i}"] for i in range(4))
-                self._other = (a, b, c, d)
+            self._other = [tensors[f"other.{i}"] for i in range(8 if "other.0" in tensors else 0)]
         except (KeyError, RuntimeError) as error:
             raise CheckpointError("The checkpoint does not hold a field of this kind.") from error
         self.step = checkpoint.step

@@ -24,12 +24,9 @@ class Topology:
 
     components: int
     border_edges: int  # edges with one face
+    borders: int  # closed lines of them
     characteristics: tuple[int, ...]
-    """Euler characteristic V - E + F of each component, ascending. A closed one has (2 - it) / 2 handles."""
-
-    def like(self, other: Topology) -> bool:
-        """Return whether both have the same parts, with the same handles, and both or neither have borders."""
-        return self.characteristics == other.characteristics and bool(self.border_edges) == bool(other.border_edges)
+    """Euler characteristic V - E + F of each component, ascending: 2, less 2 for each handle and 1 for each border."""
 
     @property
     def fewest_faces(self) -> int:
@@ -40,9 +37,9 @@ class Topology:
         return sum(max(3 - 2 * c, 1) for c in self.characteristics)
 
     @property
-    def genus(self) -> int | None:
-        """Number of handles of all components together; None for a surface with borders."""
-        return None if self.border_edges else sum(2 - c for c in self.characteristics) // 2
+    def genus(self) -> int:
+        """Number of handles of all components together."""
+        return (sum(2 - c for c in self.characteristics) - self.borders) // 2
 
 
 def glue(verts: _Floats, faces: _Index) -> _Index:
@@ -129,8 +126,12 @@ def topology(faces: _Index, twin: _Index) -> Topology:
     components, of_face = csgraph.connected_components(glued, directed=False)
     of_fan = np.empty(number, np.int64)
     of_fan[labels.ravel()] = np.repeat(of_face, 3)
-    border = (twin < 0).sum(1)
+    border, open_edges = (twin < 0).sum(1), np.flatnonzero(twin.ravel() < 0)
+    # A line runs through each of its vertices once.
+    line = labels.ravel()[open_edges], np.roll(labels, -1, 1).ravel()[open_edges]
+    lines = sparse.coo_matrix((np.ones(len(open_edges), np.int8), line), shape=(number, number))
+    borders = csgraph.connected_components(lines, directed=False)[0] - (number - len(open_edges))
     inner = np.bincount(of_face, (twin >= 0).sum(1), components) / 2
     edges = inner + np.bincount(of_face, border, components)
     chi = np.bincount(of_fan, minlength=components) - edges + np.bincount(of_face, minlength=components)
-    return Topology(int(components), int(border.sum()), tuple(sorted(int(c) for c in chi)))
+    return Topology(int(components), len(open_edges), int(borders), tuple(sorted(int(c) for c in chi)))

@@ -71,7 +71,8 @@ def isosurface(values: _Floats, origin: _Floats, spacing: _Floats) -> tuple[_Flo
         _pairs(tets[number == 2], [(0, 2), (1, 3), (1, 2)]),
     ]
     ends = np.concatenate(corners)  # (F, 3, 2), each from inside to outside
-    edges, faces = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    keys, faces = np.unique(ends[..., 0] * values.size + ends[..., 1], return_inverse=True)
+    edges = np.stack([keys // values.size, keys % values.size], 1)
     flat = values.ravel()
     share = flat[edges[:, 0]] / (flat[edges[:, 0]] - flat[edges[:, 1]])
     places = np.stack(np.unravel_index(edges, values.shape), -1)

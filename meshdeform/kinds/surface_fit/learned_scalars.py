@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,10 @@ from numpy.typing import NDArray
 from meshdeform.assets.scalar_files import SampledScalars
 from meshdeform.errors import AssetError
 from meshdeform.geometry.places import SurfaceTree
+from meshdeform.kinds.surface_fit.base_places import places_of
 from meshdeform.kinds.surface_fit.container import packed_bytes
 from meshdeform.kinds.surface_fit.network import steps_of
-from meshdeform.kinds.surface_fit.patches import in_corners, level_of
+from meshdeform.kinds.surface_fit.patches import level_of
 from meshdeform.kinds.surface_fit.reader import NeuralField
 from meshdeform.kinds.surface_fit.scalar_fields import STEPS, ScalarField, learn_scalars
 
@@ -28,14 +28,6 @@ _FAR = 0.05
 """Share of the diagonal by which samples may be off the surface on average."""
 
 
-@dataclass(frozen=True)
-class LearnedScalars:
-    """Scalars of a field, and `scalars` of the report."""
-
-    fields: list[ScalarField]
-    facts: list[dict[str, Any]]
-
-
 def learned_scalars(
     field: NeuralField,
     samples: SampledScalars,
@@ -43,8 +35,8 @@ def learned_scalars(
     seed: int = 0,
     steps: int = STEPS,
     on_step: Callable[[], None] = lambda: None,
-) -> LearnedScalars:
-    """Learn all scalars of a file from nine tenths of its points, and compare them at the others.
+) -> tuple[list[ScalarField], list[dict[str, Any]]]:
+    """Learn all scalars of a file from nine tenths of its points; return them, and for the report how far off they are.
 
     Parameters
     ----------
@@ -69,7 +61,7 @@ def learned_scalars(
             fact = {"name": name, "scalars": wanted.shape[1], "relative_error": float(off.mean())}
         fields.append(learned)
         facts.append({**fact, "bytes": packed_bytes(learned.tensors, learned.rounding or steps_of(learned.tensors))})
-    return LearnedScalars(fields, facts)
+    return fields, facts
 
 
 def _tasks(samples: SampledScalars) -> list[tuple[str, _Floats, list[int]]]:
@@ -91,7 +83,7 @@ def check_places(verts: _Floats, faces: _Index, samples: SampledScalars) -> None
     """
     some = slice(None, None, max(len(samples.points) // _LOOKED_AT, 1))
     points = samples.points[some]
-    face, shares = _nearest(verts, faces, points, samples.normals[some])
+    face, shares = SurfaceTree.of(verts, faces).find(points, samples.normals[some])
     apart = np.linalg.norm(np.einsum("pk,pkc->pc", shares, verts[faces[face]]) - points, axis=1)
     if apart.mean() > _FAR * np.linalg.norm(np.ptp(verts, axis=0)):
         raise AssetError(
@@ -115,16 +107,4 @@ def places_on(field: NeuralField, points: _Floats, normals: _Floats) -> tuple[_I
     """
     level = level_of(field.faces, len(field.verts), _LEVEL)
     verts = field.evaluate(level.corners, level.weights)
-    face, shares = _nearest(verts, level.faces, points, normals)
-    owner = field.faces[face // 4**_LEVEL]
-    local = in_corners(level.corners[level.faces[face]], level.weights[level.faces[face]], owner)
-    return owner, np.einsum("pk,pkc->pc", shares, local)
-
-
-def _nearest(verts: _Floats, faces: _Index, points: _Floats, normals: _Floats) -> tuple[_Index, _Floats]:
-    """Return the nearest face (P,) of a mesh for each point, and barycentric coordinates (P, 3)."""
-    a, b, c = (verts[faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    facing = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
-    edge = max(float(np.median(np.linalg.norm(b - a, axis=1))), 1e-12)
-    return SurfaceTree(verts, faces, facing, spacing=edge, opposite=2 * edge).find(points, normals)
+    return places_of(field.faces, level, verts, points, normals)

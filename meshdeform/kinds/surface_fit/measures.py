@@ -9,15 +9,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.places import even_samples
-from meshdeform.geometry.simplify import simplified
+from meshdeform.geometry.places import surface_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh
-from meshdeform.kinds.surface_fit.gluing import glue, glued_verts, topology
+from meshdeform.kinds.surface_fit.collapse import collapsed
+from meshdeform.kinds.surface_fit.gluing import glue, topology
 from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, IntrinsicMesh, delaunay, spectrum
 from meshdeform.kinds.surface_fit.patches import divided
 from meshdeform.kinds.surface_fit.surface_sources import MeshSurface, Surface
@@ -58,11 +56,7 @@ def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]
 
 def _one_way(verts: _Floats, faces: _Index, surface: Surface) -> tuple[_Floats, _Floats]:
     """Return distances and angles of normals at samples of a mesh to their projections."""
-    corners = verts[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(cross, axis=1)
-    face, weights = even_samples(lengths, _SAMPLES, seed=0)
-    points, normals = np.einsum("pk,pkc->pc", weights, corners[face]), cross[face] / lengths[face, None]
+    points, normals = surface_samples(verts, faces, _SAMPLES, seed=0)
     place, facing = surface.project(points, normals)
     angle = np.degrees(np.arccos(np.clip((normals * facing).sum(1), -1, 1)))
     return np.linalg.norm(points - place, axis=1), angle
@@ -80,9 +74,7 @@ class Reference:
         verts, faces = mesh.verts, mesh.faces
         self.simplified = len(faces) > _MOST_FACES
         if self.simplified:
-            coarse = simplified(TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces)), _MOST_FACES)
-            verts, faces = coarse.verts.numpy(), coarse.faces.numpy()
-            verts, faces = glued_verts(verts, faces, glue(verts, faces))
+            verts, faces = collapsed(mesh, _MOST_FACES)
         verts, faces = divided(verts, faces, _FEWEST_FACES)
         self._verts = verts
         mesh_now = delaunay(verts, faces)

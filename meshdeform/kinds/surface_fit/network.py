@@ -72,7 +72,10 @@ class FieldNetwork:
 
     def displacement(self, features: Tensor, encoded: Tensor) -> Tensor:
         """Return the displacements (P, 3) from interpolated features (P, d) and octaves (P, 3 + 6 octaves)."""
-        x = torch.cat([features, encoded], -1)
+        return self.through(torch.cat([features, encoded], -1))
+
+    def through(self, x: Tensor) -> Tensor:
+        """Return what the layers make of inputs (P, K)."""
         for weight, bias in self.layers[:-1]:
             x = functional.silu(functional.linear(x, weight, bias))
         return functional.linear(x, *self.layers[-1])

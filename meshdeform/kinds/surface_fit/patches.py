@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from meshdeform.geometry.edge_splits import unique_edges
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
+@dataclass(frozen=True)
 class Level:
-    """A uniform subdivision of the base: every edge in `2^k` parts.
+    """A uniform subdivision of the base: every edge in `2^k` parts."""
 
-    Attributes
-    ----------
-    corners : (P, 3) int64
-        Corners of the base face in which each vertex lies.
-    weights : (P, 3) float64
-        Its barycentric coordinates there.
-    faces : (F 4^k, 3) int64
-    """
-
-    def __init__(self, corners: _Index, weights: _Floats, faces: _Index) -> None:
-        self.corners, self.weights, self.faces = corners, weights, faces
+    corners: _Index  # (P, 3) int64: of the base face in which each vertex lies
+    weights: _Floats  # (P, 3) float64: its barycentric coordinates there
+    faces: _Index  # (F 4^k, 3) int64
 
 
 def patch(parts: int) -> tuple[_Floats, _Index]:
@@ -44,10 +40,8 @@ def patch(parts: int) -> tuple[_Floats, _Index]:
 def level_of(faces: _Index, vertices: int, level: int) -> Level:
     """Return the subdivision of a base whose edges have different ends: its vertices, of edges, then of faces."""
     parts = 2**level
-    start, end = faces.ravel(), np.roll(faces, -1, 1).ravel()
-    pairs = np.stack([np.minimum(start, end), np.maximum(start, end)], 1)
-    edges, which = np.unique(pairs, axis=0, return_inverse=True)
-    which, inner = which.reshape(-1, 3), parts - 1
+    edges, which = unique_edges(faces)
+    inner = parts - 1
     weights, small = patch(parts)
     grid = np.rint(weights * parts).astype(int)
     interior = (grid > 0).all(1)
@@ -67,12 +61,6 @@ def level_of(faces: _Index, vertices: int, level: int) -> Level:
     corners[table.ravel()] = np.repeat(faces, len(weights), 0)
     found[table.ravel()] = np.tile(weights, (len(faces), 1))
     return Level(corners, found, table[:, small].reshape(-1, 3))
-
-
-def in_corners(corners: _Index, weights: _Floats, wanted: _Index) -> _Floats:
-    """Express barycentric coordinates (P, 3, 3) for corners (P, 3, 3) in the corners (P, 3) of one face each."""
-    same = corners[:, :, :, None] == wanted[:, None, None, :]
-    return np.asarray(np.einsum("pvk,pvkw->pvw", weights, same.astype(np.float64)))
 
 
 def divided(verts: _Floats, faces: _Index, fewest: int) -> tuple[_Floats, _Index]:

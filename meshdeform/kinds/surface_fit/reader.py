@@ -19,6 +19,8 @@ from meshdeform.kinds.surface_fit.patches import level_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
+Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+"""Weight (out, in) and bias (out,) of each layer; SiLU follows every one but the last."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class NeuralField:
     verts: _Floats
     faces: _Index
     features: NDArray[np.float32]
-    layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]  # weight (out, in) and bias (out,)
+    layers: Layers
     more: list[NDArray[np.float32]]  # the sections of scalars (`scalar_sections.py`)
 
     def evaluate(self, corners: _Index, weights: _Floats) -> _Floats:
@@ -38,10 +40,7 @@ class NeuralField:
         features = np.einsum("pk,pkd->pd", weights, self.features[corners])
         waves = [points * (2.0**k * math.pi) for k in range(self.header["octaves"])]
         x = np.concatenate([features, points, *[part for wave in waves for part in (np.sin(wave), np.cos(wave))]], 1)
-        for weight, bias in self.layers[:-1]:
-            x = x @ weight.T + bias
-            x = x / (1 + np.exp(-np.clip(x, -80, 80)))  # SiLU
-        moved = points + x @ self.layers[-1][0].T + self.layers[-1][1]
+        moved = points + through(self.layers, x)
         return np.asarray(self.header["centre"] + self.header["scale"] * moved)
 
     def unfold(self, level: int) -> tuple[_Floats, _Index]:
@@ -80,12 +79,30 @@ def _read(data: bytes) -> NeuralField:
     faces, verts = _base(found[0], found[1], vertices, count, header["bits"])
     networks = [header, *header.get("scalars", [])]
     weights, *more = [_weights(part, given, vertices) for part, given in zip(found[2:], networks, strict=True)]
-    features, rest = np.split(weights, [vertices * header["features"]])
+    features, layers = network_of(weights, vertices, header["features"], header["widths"])
+    return NeuralField(header, verts, faces, features, layers, more)
+
+
+def network_of(
+    rest: NDArray[np.float32], vertices: int, features: int, widths: list[int]
+) -> tuple[NDArray[np.float32], Layers]:
+    """Return the features (V, d) and the layers whose numbers follow each other."""
+    first, rest = np.split(rest, [vertices * features])
     layers = []
-    for before, after in itertools.pairwise(header["widths"]):
+    for before, after in itertools.pairwise(widths):
         weight, bias, rest = np.split(rest, [after * before, after * (before + 1)])
-        layers.append((weight.reshape(after, before), bias))
-    return NeuralField(header, verts, faces, features.reshape(vertices, -1), layers, more)
+        layers.append((weight.reshape(after, before), bias.reshape(after)))
+    if len(rest):
+        raise ValueError("A section of the .ndf has more numbers than its network.")
+    return first.reshape(vertices, features), layers
+
+
+def through(layers: Layers, x: _Floats) -> _Floats:
+    """Return what the layers make of inputs (P, K)."""
+    for weight, bias in layers[:-1]:
+        x = x @ weight.T + bias
+        x = x / (1 + np.exp(-np.clip(x, -80, 80)))  # SiLU
+    return np.asarray(x @ layers[-1][0].T + layers[-1][1])
 
 
 def _numbers(data: bytes, size: int) -> NDArray[np.uint16]:

@@ -20,27 +20,26 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.deformation.variables import Adam
-from meshdeform.kinds.surface_fit.network import IN_SPREAD, START, rounded, steps_of
+from meshdeform.kinds.surface_fit.network import IN_SPREAD, START, FieldNetwork, rounded, steps_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 STEPS = 600
-_LAST_RATE = 0.01
+_FEATURES = 8
+_RATE, _LAST_RATE = 0.01, 0.01
 _BATCH = 4096
 _NOISE = 0.1
 _VALUES_IN_SPREAD = 32.0
 """Steps in the root mean square of a tensor of values: with the eight of shapes and pieces, their errors double."""
 
 
-class ScalarField:
+class ScalarField(FieldNetwork):
     """Some scalars at every place of a base: offset + scale MLP(features there).
 
     Parameters
     ----------
-    features : (V, d) float32
-        Of the base's vertices.
-    layers : sequence of (weight (out, in), bias (out,)) float32
-        SiLU follows every layer but the last.
+    tensors : sequence of float32
+        As `FieldNetwork.tensors`.
     offset, scale : (C,) float64
     labels : sequence of int, optional
         For pieces, the number of each: its output is a logit.
@@ -51,38 +50,28 @@ class ScalarField:
     def __init__(
         self,
         name: str,
-        features: Tensor,
-        layers: Sequence[tuple[Tensor, Tensor]],
+        tensors: Sequence[Tensor],
         offset: _Floats,
         scale: _Floats,
         labels: Sequence[int] = (),
         rounding: list[int] | None = None,
     ) -> None:
-        self.name, self.features, self.layers = name, features, list(layers)
-        self.offset, self.scale, self.labels, self.rounding = offset, scale, list(labels), rounding
-
-    @property
-    def tensors(self) -> list[Tensor]:
-        """All learned tensors: the features, then weight and bias of each layer."""
-        return [self.features, *[tensor for layer in self.layers for tensor in layer]]
+        super().__init__(tensors[0], list(zip(tensors[1::2], tensors[2::2], strict=True)), 0)
+        self.name, self.offset, self.scale, self.labels, self.rounding = name, offset, scale, list(labels), rounding
 
     def rounded(self, rounding: list[int]) -> ScalarField:
         """Return the same scalars with rounded tensors."""
-        features, *rest = rounded(self.tensors, rounding)
-        layers = list(zip(rest[::2], rest[1::2], strict=True))
-        return ScalarField(self.name, features, layers, self.offset, self.scale, self.labels, rounding)
+        tensors = rounded(self.tensors, rounding)
+        return ScalarField(self.name, tensors, self.offset, self.scale, self.labels, rounding)
 
-    def __call__(self, corners: Tensor, weights: Tensor) -> Tensor:
+    def at(self, corners: Tensor, weights: Tensor) -> Tensor:
         """Return (scalars - offset) / scale (P, C) at places of the base: corners (P, 3), weights (P, 3)."""
-        x = (weights[:, :, None] * self.features[corners]).sum(1)
-        for weight, bias in self.layers[:-1]:
-            x = functional.silu(functional.linear(x, weight, bias))
-        return functional.linear(x, *self.layers[-1])
+        return self.through((weights[:, :, None] * self.features[corners]).sum(1))
 
     @torch.no_grad()
     def values(self, corners: _Index, weights: _Floats) -> _Floats:
         """Return the scalars (P, C) float64 at places, as `patches.level_of` gives them."""
-        found = self(torch.from_numpy(corners), torch.from_numpy(weights).float())
+        found = self.at(torch.from_numpy(corners), torch.from_numpy(weights).float())
         return np.asarray(self.offset + self.scale * found.double().numpy())
 
     @property
@@ -97,17 +86,17 @@ class ScalarField:
         }
 
 
-def _random(verts: _Floats, outputs: int, features: int, width: int, depth: int, seed: int) -> list[Tensor]:
+def _random(verts: _Floats, outputs: int, width: int, depth: int, seed: int) -> list[Tensor]:
     """Return the features and the weights and biases of each layer before they are learned.
 
     The features begin with the positions and a little noise: what is smooth is learned sooner from smooth ones.
     """
     generator = torch.Generator().manual_seed(seed)
-    first = _NOISE * torch.randn(len(verts), features, generator=generator)
+    first = _NOISE * torch.randn(len(verts), _FEATURES, generator=generator)
     centred = torch.from_numpy((verts - verts.mean(0)) / max(float(verts.std()), 1e-12)).float()
-    first[:, : min(3, features)] += centred[:, :features]
+    first[:, :3] += centred
     tensors = [first]
-    for before, after in itertools.pairwise([features, *[width] * depth, outputs]):
+    for before, after in itertools.pairwise([_FEATURES, *[width] * depth, outputs]):
         tensors += [torch.randn(after, before, generator=generator) * math.sqrt(2 / before), torch.zeros(after)]
     return tensors
 
@@ -120,11 +109,9 @@ def learn_scalars(
     *,
     name: str = "scalars",
     labels: Sequence[int] = (),
-    features: int = 8,
     width: int = 32,
     depth: int = 2,
     steps: int = STEPS,
-    learning_rate: float = 0.01,
     seed: int = 0,
     on_step: Callable[[], None] = lambda: None,
 ) -> ScalarField:
@@ -142,7 +129,7 @@ def learn_scalars(
     labels : sequence of int, optional
         The number of each piece. A binary classifier of each is learned; a place belongs to the one with the greatest
         result.
-    features, width, depth, steps, learning_rate, seed
+    width, depth, steps, seed
         The network and its fit.
     on_step : callable
         Called after each step.
@@ -165,8 +152,8 @@ def learn_scalars(
     scale = np.ones(values.shape[1]) if labels else np.maximum(values.std(0), 1e-12)
     wanted = torch.from_numpy((values - offset) / scale).float()
     places, shares = torch.from_numpy(corners), torch.from_numpy(weights).float()
-    tensors = _random(verts, values.shape[1], features, width, depth, seed)
-    field = ScalarField(name, tensors[0], list(zip(tensors[1::2], tensors[2::2], strict=True)), offset, scale, labels)
+    tensors = _random(verts, values.shape[1], width, depth, seed)
+    field = ScalarField(name, tensors, offset, scale, labels)
     for tensor in tensors:
         tensor.requires_grad_()
     optimizer = Adam([{"params": tensors, "lr": 0.0}])
@@ -178,7 +165,7 @@ def learn_scalars(
             rounding = steps_of(tensors, in_spread=in_spread)
         rows = torch.randint(0, len(values), (min(_BATCH, len(values)),), generator=generator)
         used = field if rounding is None else field.rounded(rounding)
-        found = used(places[rows], shares[rows])
+        found = used.at(places[rows], shares[rows])
         if labels:
             loss = functional.binary_cross_entropy_with_logits(found, wanted[rows])
         else:
@@ -186,7 +173,7 @@ def learn_scalars(
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         fall = _LAST_RATE + (1 - _LAST_RATE) * 0.5 * (1 + math.cos(math.pi * step / steps))
-        optimizer.param_groups[0]["lr"] = learning_rate * fall
+        optimizer.param_groups[0]["lr"] = _RATE * fall
         optimizer.step()
         on_step()
     for tensor in tensors:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.kinds.surface_fit.reader import NeuralField
+from meshdeform.kinds.surface_fit.reader import Layers, NeuralField, network_of, through
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -24,15 +23,12 @@ class SurfaceScalars:
     offset: _Floats
     scale: _Floats
     features: NDArray[np.float32]  # (V, d) float32
-    layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+    layers: Layers
 
     def values(self, corners: _Index, weights: _Floats) -> _Floats:
         """Return the scalars (P, C) at places with corners (P, 3) of the base and weights (P, 3); of pieces, logits."""
         x = np.einsum("pk,pkd->pd", weights, self.features[corners])
-        for weight, bias in self.layers[:-1]:
-            x = x @ weight.T + bias
-            x = x / (1 + np.exp(-np.clip(x, -80, 80)))  # SiLU
-        return np.asarray(self.offset + self.scale * (x @ self.layers[-1][0].T + self.layers[-1][1]))
+        return np.asarray(self.offset + self.scale * through(self.layers, x))
 
     def pieces(self, corners: _Index, weights: _Floats) -> _Index:
         """Return the number of the piece (P,) that each place belongs to."""
@@ -59,13 +55,9 @@ def read_scalars(field: NeuralField) -> list[SurfaceScalars]:
 
 def _read(given: dict[str, object], rest: NDArray[np.float32], vertices: int) -> SurfaceScalars:
     widths: list[int] = [int(width) for width in given["widths"]]  # type: ignore[attr-defined]
-    features, rest = np.split(rest, [vertices * widths[0]])
-    layers = []
-    for before, after in itertools.pairwise(widths):
-        weight, bias, rest = np.split(rest, [after * before, after * before + after])
-        layers.append((weight.reshape(after, before), bias.reshape(after)))
+    features, layers = network_of(rest, vertices, widths[0], widths)
     offset, scale = (np.array(given[name], np.float64).reshape(widths[-1]) for name in ("offset", "scale"))
     labels = [int(label) for label in given.get("labels", [])]  # type: ignore[attr-defined]
-    if len(rest) or len(labels) not in (0, widths[-1]):
+    if len(labels) not in (0, widths[-1]):
         raise ValueError("sizes")
-    return SurfaceScalars(str(given["name"]), labels, offset, scale, features.reshape(vertices, widths[0]), layers)
+    return SurfaceScalars(str(given["name"]), labels, offset, scale, features, layers)

@@ -5,7 +5,7 @@ Each gives `project` and a reference: a dense mesh from which the base is made, 
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -19,7 +19,7 @@ from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, Orien
 from meshdeform.errors import AssetError
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.places import SurfaceTree
-from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean, relaxed
+from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
 from meshdeform.kinds.surface_fit.isosurface import continued, isosurface
 from meshdeform.kinds.surface_fit.oriented_points import poisson_grid
 from meshdeform.requests.surface_fit import MAX_BASE_FACES
@@ -36,7 +36,6 @@ _STRAY, _MOST_STRAYS = 20.0, 0.01
 """Times the usual distance of neighbours from which on a point is a stray, and the share of points that may be: one
 scanned amiss would else make the grid so large that all the rest is a few of its cells."""
 _NEWTON_STEPS = 4
-_OPPOSITE = 2.0
 _CHUNK = 65_536
 
 
@@ -58,8 +57,10 @@ class Surface(Protocol):
         """
 
 
-def surface_of(source: CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork) -> Surface:
-    """Return the surface that a file describes.
+def surface_of(
+    source: CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork, base_faces: int = MAX_BASE_FACES
+) -> Surface:
+    """Return the surface that a file describes, if a base of so many faces can have its handles.
 
     Raises
     ------
@@ -67,10 +68,10 @@ def surface_of(source: CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwo
         It has no surface of which a base can be made.
     """
     if isinstance(source, OrientedPoints):
-        return PointSurface(source)
+        return PointSurface(source, base_faces)
     if isinstance(source, DistanceGrid):
-        return GridSurface(source)
-    return NetworkSurface(source) if isinstance(source, ImplicitNetwork) else MeshSurface(source)
+        return GridSurface(source, base_faces)
+    return NetworkSurface(source, base_faces) if isinstance(source, ImplicitNetwork) else MeshSurface(source)
 
 
 class MeshSurface:
@@ -81,14 +82,7 @@ class MeshSurface:
     def __init__(self, mesh: CleanMesh) -> None:
         self.reference = mesh
         self._normals = face_normals(torch.from_numpy(mesh.verts), torch.from_numpy(mesh.faces)).numpy()
-        corners = mesh.verts[mesh.faces]
-        area = float(
-            np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
-        )
-        edge = math.sqrt(area / len(mesh.faces))
-        self._tree = SurfaceTree(
-            mesh.verts, mesh.faces, self._normals, spacing=edge, opposite=_OPPOSITE * edge, slack=0.1
-        )
+        self._tree = SurfaceTree.of(mesh.verts, mesh.faces, slack=0.1)
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
         """Return the nearest places, and the normals of their triangles."""
@@ -104,7 +98,7 @@ class PointSurface:
 
     kind = "points"
 
-    def __init__(self, cloud: OrientedPoints) -> None:
+    def __init__(self, cloud: OrientedPoints, base_faces: int) -> None:
         points, self._count = cloud.points, min(_NEIGHBOURS, len(cloud.points))
         self._tree = cKDTree(points)
         far = self._tree.query(points, k=self._count)[0][:, -1]
@@ -117,7 +111,7 @@ class PointSurface:
         self._width = float(np.median(far)) / 2
         phi, origin, spacing = poisson_grid(self._points, self._normals, _POINT_CELLS)
         verts, faces = isosurface(phi, origin, np.full(3, spacing))
-        self.reference = _reference(verts, faces, self, "The points enclose nothing.")
+        self.reference = _reference(verts, faces, self, base_faces, "The points enclose nothing.")
         self.reference.cleaned["stray_points"] = int(stray.sum())
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
@@ -173,7 +167,7 @@ class GridSurface(_Implicit):
 
     kind = "grid"
 
-    def __init__(self, grid: DistanceGrid) -> None:
+    def __init__(self, grid: DistanceGrid, base_faces: int) -> None:
         self._origin, self._spacing = torch.from_numpy(grid.origin), torch.from_numpy(grid.spacing)
         values = continued(grid.values, grid.spacing)
         gradient = np.gradient(values, *grid.spacing)
@@ -184,7 +178,7 @@ class GridSurface(_Implicit):
         step = coarsening(grid.values.shape)
         coarse = values[::step, ::step, ::step]
         verts, faces = isosurface(coarse, grid.origin, grid.spacing * step)
-        self.reference = _reference(verts, faces, self, "The grid has no closed surface.")
+        self.reference = _reference(verts, faces, self, base_faces, "The grid has no closed surface.")
 
     def _value(self, points: Tensor) -> tuple[Tensor, Tensor]:
         places = 2 * (points - self._origin) / self._spacing / self._most - 1
@@ -199,7 +193,7 @@ class NetworkSurface(_Implicit):
 
     kind = "network"
 
-    def __init__(self, network: ImplicitNetwork) -> None:
+    def __init__(self, network: ImplicitNetwork, base_faces: int) -> None:
         self._layers = [(torch.from_numpy(w), torch.from_numpy(b)) for w, b in network.layers]
         self._activation, self._omega = network.activation, network.omega
         low, high = network.bounds
@@ -215,7 +209,9 @@ class NetworkSurface(_Implicit):
             raise AssetError("The network returns values that are not finite.", advice="Train it again.")
         network.check_values(values)
         verts, faces = isosurface(values, low, np.full(3, spacing))
-        self.reference = _reference(verts, faces, self, "The network has no closed surface within its bounds.")
+        self.reference = _reference(
+            verts, faces, self, base_faces, "The network has no closed surface within its bounds."
+        )
 
     def _forward(self, points: Tensor) -> Tensor:
         x = points
@@ -234,31 +230,27 @@ class NetworkSurface(_Implicit):
 
 
 def _activate(x: Tensor, name: str, omega: float) -> Tensor:
-    if name == "sine":
-        return (omega * x).sin()
-    if name == "relu":
-        return x.relu()
-    if name == "tanh":
-        return x.tanh()
-    return functional.softplus(x) if name == "softplus" else functional.silu(x)
+    found: Tensor = (omega * x).sin() if name == "sine" else getattr(functional, name)(x)
+    return found
 
 
-def _reference(verts: _Floats, faces: _Index, surface: Surface, otherwise: str) -> CleanMesh:
-    """Return the extracted mesh with its vertices moved to the surface, without tiny parts and slivers."""
+def _reference(verts: _Floats, faces: _Index, surface: Surface, base_faces: int, otherwise: str) -> CleanMesh:
+    """Return the extracted mesh with its vertices moved to the surface, without tiny parts."""
     if len(faces) < 4:
         raise AssetError(otherwise, advice="Check the sign and the bounds.")
     verts, faces = _largest(verts, faces)
     # Each handle takes two from V - F / 2, and needs four faces of a base.
     handles = 1 + len(faces) // 4 - len(np.unique(faces)) // 2
-    if handles > MAX_BASE_FACES:
+    if 4 * handles - 1 > base_faces:
         raise AssetError(
-            f"The surface has about {handles} handles, more than any base can have.",
-            advice="Smooth the values of a grid or network; check the normals of points.",
+            f"The surface has about {handles} handles, which need a base of {4 * handles} faces or more; "
+            f"params.base_faces is {base_faces}.",
+            advice=f"Set it higher (the limit is {MAX_BASE_FACES}), or smooth the values of a grid or network, and "
+            "check the normals of points.",
         )
     found = clean(verts, faces)
-    normals = np.zeros_like(found.verts)
-    moved, _ = surface.project(found.verts, normals)
-    return relaxed(CleanMesh(moved, found.faces, found.twin, found.topology, found.cleaned), surface.project)
+    moved, _ = surface.project(found.verts, np.zeros_like(found.verts))
+    return replace(found, verts=moved)
 
 
 def _largest(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index]:

@@ -300,7 +300,7 @@ def test_what_cannot_be_fitted_is_refused_with_the_reason() -> None:
         check_request(asked, Settings(), files=["asset"])
     many = join(*[torus(n=12, m=8) for _ in range(20)])
     apart = many.verts.numpy() + np.repeat(np.arange(20), 96)[:, None] * 3.0
-    with pytest.raises(AssetError, match="holes and parts"):
+    with pytest.raises(AssetError, match="20 parts, 20 handles and 0 borders, which need a base of 60"):
         base_of(clean(apart, many.faces.numpy()), 20)
 
 
