@@ -131,11 +131,6 @@ class AppState:
         ----------
         alone : bool
             Whether the process is a server and nothing else: what it needs once is then done in another one.
-
-        Raises
-        ------
-        UnavailableError, DependencyError
-            A connection cannot be opened. Redis may be unavailable: it is not contacted here.
         """
         record = JobRecord(settings.resolved_database_url, upgrade_elsewhere=alone)
         location, public_url = settings.resolved_storage_url, settings.storage_public_url

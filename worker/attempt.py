@@ -116,15 +116,7 @@ class Attempt:
         self._ends = time.monotonic() + self._max_run_s - job.ran_s
 
     def run(self) -> Ended:
-        """Run the attempt and return how it ended.
-
-        Raises
-        ------
-        StaleAttemptError
-            Another attempt has the job, or the job is over, for example by its deadline.
-        UnavailableError
-            The store or the record has not answered for too long.
-        """
+        """Run the attempt and return how it ended."""
         try:
             return self._work()
         except _InterruptedError:

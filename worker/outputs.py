@@ -121,15 +121,7 @@ class CheckpointStore:
         return True
 
     def save(self, run: JobRun, *, mesh: bool = True) -> None:
-        """Store the current state with the mesh of that step, and delete the oldest checkpoints.
-
-        Raises
-        ------
-        StaleAttemptError
-            Another attempt has taken the job over.
-        UnavailableError
-            The store or the record does not answer, or the store returns different bytes.
-        """
+        """Store the current state with the mesh of that step, and delete the oldest checkpoints."""
         job, step = self._job, run.step
         name = f"checkpoint-{step:06d}"
         stored = store_artifact(self._store, job, name, ArtifactData(run.checkpoint(), _CONTENT_TYPE))

@@ -59,11 +59,6 @@ def find(name: str) -> Path:
     name : str
         A path within the input folder, one that ends with ` [output]`, ` [input]` or ` [temp]`, as ComfyUI writes
         them, or a full path below one of these folders.
-
-    Raises
-    ------
-    NodeError
-        It leads elsewhere, or there is no such file.
     """
     import folder_paths
 

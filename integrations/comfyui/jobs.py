@@ -60,11 +60,6 @@ def run(
     -------
     JobView
         The job, which has succeeded.
-
-    Raises
-    ------
-    MeshdeformError
-        The request was refused, the job failed or was canceled, or the service was away for five minutes.
     """
     with Client() as client:
         job = client.submit(asset, prompt, params=params, target=target)

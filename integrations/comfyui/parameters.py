@@ -31,13 +31,7 @@ def inputs() -> dict[str, tuple[Any, ...]]:
 
 
 def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters that the values of the widgets ask for.
-
-    Raises
-    ------
-    ValueError
-        Says which widget is wrong, and how.
-    """
+    """Return the parameters that the values of the widgets ask for."""
     form = _form()
     chosen = {name: _value(form[name], value) for name, value in values.items() if name in form}
     params = grouped({name: value for name, value in chosen.items() if value is not None})

@@ -125,19 +125,7 @@ def not_found(what: str, names: Sequence[str]) -> str:
 
 
 def open_archive(data: Data, limits: Limits) -> Archive:
-    """Read every file of a ZIP into memory.
-
-    Raises
-    ------
-    AssetTooLargeError
-        It has too many files, or they are too large when unpacked.
-    AssetUnsupportedError
-        It is encrypted, or compressed by another method than Deflate.
-    AssetEmptyError
-        It holds no asset.
-    AssetError
-        It is broken, holds several assets, or names files outside itself.
-    """
+    """Read every file of a ZIP into memory."""
     try:
         with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
             entries = _entries(archive, limits)

@@ -53,11 +53,6 @@ def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = Non
     Returns
     -------
     A GLB.
-
-    Raises
-    ------
-    AssetError
-        An asset refers to a material, a texture or an image that it does not have.
     """
     about: Json = {"version": "2.0", "generator": f"Meshdeform {__version__}"}
     if provenance is not None:

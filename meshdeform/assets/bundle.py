@@ -29,15 +29,7 @@ _DEPTH, _MOST_NAMES = 3, 5_000
 
 
 def pack_gltf(archive: Archive, limits: Limits) -> bytes:
-    """Return the archive's glTF asset as a GLB that contains its buffers, and those of its images that are there.
-
-    Raises
-    ------
-    AssetExternalError
-        A buffer is not in the archive.
-    AssetError
-        The document is not valid.
-    """
+    """Return the archive's glTF asset as a GLB that contains its buffers, and those of its images that are there."""
     data = archive.files[archive.main]
     document = Document.parse(data, limits, glb=data.startswith(GLB_MAGIC))
     _check_references(document.root)
@@ -90,13 +82,6 @@ def read_with_files(path: Path, limits: Limits) -> bytes:
     """Read a local file; a .gltf, .obj or .ply comes as a ZIP with the files beside it that it refers to.
 
     Files outside its folder are left out: an asset from elsewhere must not carry off other files.
-
-    Raises
-    ------
-    AssetTooLargeError
-        The files are larger than an asset may be.
-    OSError
-        The file cannot be read.
     """
     data = _read(path, limits.max_bytes)
     links = {".gltf": _gltf_links, ".obj": linked_libraries, ".ply": ply_reader.linked_pictures}

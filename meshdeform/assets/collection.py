@@ -56,14 +56,7 @@ class CollectionFiles:
 
 
 def open_collection(data: Data, limits: Limits) -> CollectionFiles:
-    """Unpack a collection.
-
-    Raises
-    ------
-    AssetError
-        The ZIP is broken, too large, encrypted, or names files outside itself; it holds fewer than 10 or more than
-        3,000 assets; or its labels are not valid.
-    """
+    """Unpack a collection."""
     try:
         with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
             entries = _entries(archive, _bounds(limits))
@@ -87,13 +80,7 @@ def _asset(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str) -> bytes
 
 
 def unpacked(data: Data, limits: Limits) -> dict[str, bytes]:
-    """Return all files of a ZIP by name, those that a collection does not use too.
-
-    Raises
-    ------
-    AssetError
-        The ZIP is broken, too large, encrypted, or names files outside itself.
-    """
+    """Return all files of a ZIP by name, those that a collection does not use too."""
     try:
         with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
             return {name: _content(archive, entry) for name, entry in _entries(archive, _bounds(limits)).items()}
@@ -102,13 +89,7 @@ def unpacked(data: Data, limits: Limits) -> dict[str, bytes]:
 
 
 def inspect_collection(data: Data, limits: Limits) -> AssetSummary:
-    """Check a collection and the structure of every asset in it; `meshes` of the summary counts the assets.
-
-    Raises
-    ------
-    AssetError
-        As `open_collection`; or an asset cannot be used, and the error names it.
-    """
+    """Check a collection and the structure of every asset in it; `meshes` of the summary counts the assets."""
     files = open_collection(data, limits)
     vertices = triangles = 0
     for name, content in files.assets.items():

@@ -42,13 +42,6 @@ def decode_draco(document: Document) -> None:
 
     Accessors keep their indices and counts and gain the decoded data; bounds are recomputed. The extension is removed
     from these primitives, and from the document once no primitive uses it.
-
-    Raises
-    ------
-    AssetError
-        A stream is broken or does not match its accessors.
-    DependencyError
-        DracoPy is not installed.
     """
     meshes = document.root.get("meshes", [])
     for mesh in sorted({instance.mesh for instance in instances_of(document.root)}):
@@ -167,13 +160,7 @@ def _write_indices(document: Document, primitive: Json, corners: NDArray[Any], w
 
 
 def decode_view(data: bytes, view: CompressedView) -> bytes:
-    """Decode one compressed view.
-
-    Raises
-    ------
-    AssetError
-        The stream is not valid.
-    """
+    """Decode one compressed view."""
     if view.mode == "ATTRIBUTES":
         return apply_filter(view.filter, decode_attributes(data, view.count, view.stride)).tobytes()
     decode = decode_triangles if view.mode == "TRIANGLES" else decode_indices

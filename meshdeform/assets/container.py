@@ -37,19 +37,7 @@ class Layout:
 
 
 def glb_layout(data: Data, limits: Limits) -> Layout:
-    """Find the chunks of a GLB and check every length.
-
-    Raises
-    ------
-    AssetFormatError
-        Not a GLB, or not version 2.
-    AssetError
-        Bytes follow the end, or the first chunk is not JSON.
-    AssetTruncatedError
-        A length disagrees with the file's size.
-    AssetTooLargeError
-        The JSON chunk is over its limit.
-    """
+    """Find the chunks of a GLB and check every length."""
     size = len(data)
     if size < 12:
         raise AssetTruncatedError(f"A GLB starts with a header of 12 bytes; the file has {size}.")
@@ -156,13 +144,6 @@ def parse_json(text: bytes, limits: Limits) -> Json:
         UTF-8. Trailing padding is ignored.
     limits : Limits
         `max_json_values` and `max_json_depth` are checked before the parser runs.
-
-    Raises
-    ------
-    AssetError
-        Not UTF-8, not JSON, not an object, nested too deeply, or with a number too large for a double.
-    AssetTooLargeError
-        Too many values.
     """
     text = text.rstrip(b"\0 \t\r\n")
     _check_shape(text, limits)

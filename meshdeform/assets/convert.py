@@ -33,11 +33,6 @@ def convert_to_glb(data: bytes, kind: str, limits: Limits, archive: Archive) -> 
     A GLB with one mesh per object, group and material, and sentences about what became of the file, with all that a GLB
     cannot hold. Vertices are not merged. Normals are written only where the file has them. Materials have their names,
     and the colours and textures that are in the archive.
-
-    Raises
-    ------
-    AssetError
-        The file cannot be parsed, is empty, or exceeds a limit.
     """
     inspect_foreign(data, kind, limits)
     notices: tuple[str, ...] = ()

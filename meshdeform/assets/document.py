@@ -410,11 +410,6 @@ def read_accessor(document: Document, accessor: int) -> NDArray[Any]:
     Returns
     -------
     (count, components) array of the accessor's component type.
-
-    Raises
-    ------
-    AssetError
-        Sparse indices out of range.
     """
     description = document.root["accessors"][accessor]
     dtype = np.dtype(DTYPES[description["componentType"]])
@@ -479,13 +474,7 @@ def read_indices(document: Document, accessor: int) -> NDArray[np.int64]:
 
 
 def read_triangles(document: Document, primitive: Json, count: int, where: str) -> NDArray[np.int64]:
-    """Return the triangles of a primitive with `count` vertices, (T, 3) int64.
-
-    Raises
-    ------
-    AssetError
-        An index is out of range; `where` names the primitive.
-    """
+    """Return the triangles of a primitive with `count` vertices, (T, 3) int64."""
     mode, restart = primitive.get("mode", TRIANGLES), None
     corners = np.arange(count)
     if "indices" in primitive:

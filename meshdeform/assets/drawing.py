@@ -35,11 +35,6 @@ def read_drawing(data: bytes) -> NDArray[np.float32]:
     -------
     (SIDE, SIDE) float32
         As `prepared` returns it.
-
-    Raises
-    ------
-    DrawingError
-        It is no picture, too large, or no line drawing.
     """
     grey = _decoded(data)
     check_drawing(grey)
@@ -75,13 +70,7 @@ def ink_of(picture: Image.Image) -> NDArray[np.float32]:
 
 
 def check_drawing(picture: Image.Image) -> None:
-    """Refuse what is no line drawing.
-
-    Raises
-    ------
-    DrawingError
-        The page is empty, it has a dot or a single short line, or it has areas and shades instead of lines.
-    """
+    """Refuse what is no line drawing."""
     ink = ink_of(picture)
     dark = ink > _INK
     if dark.sum() < 12:

@@ -57,13 +57,6 @@ def run_child(module: str, arguments: list[str], *, timeout_s: float, temporary:
         Its command line; paths must be absolute.
     temporary : Path, optional
         The folder for the child's temporary files. Default: the system's.
-
-    Raises
-    ------
-    TimeoutError
-        The child was ended after `timeout_s`.
-    UnavailableError
-        The machine cannot start a process at the moment.
     """
     root = Path(__file__).resolve().parents[2]
     # -P leaves the current folder out of the module path.

@@ -29,14 +29,7 @@ def is_archive(data: Data) -> bool:
 
 
 def open_lesson(data: Data, filename: str, limits: Limits) -> dict[str, bytes]:
-    """Return the meshes by name in the ZIP, sorted; a file that is no ZIP is the only one, by its own name.
-
-    Raises
-    ------
-    AssetError
-        The ZIP is broken, too large, encrypted, or names files outside itself; or it holds no mesh or more than
-        `MAX_MESHES`.
-    """
+    """Return the meshes by name in the ZIP, sorted; a file that is no ZIP is the only one, by its own name."""
     if not is_archive(data):
         return {posixpath.basename(filename.replace("\\", "/")) or "mesh": bytes(data)}
     try:
@@ -50,13 +43,7 @@ def open_lesson(data: Data, filename: str, limits: Limits) -> dict[str, bytes]:
 
 
 def inspect_lesson(data: Data, limits: Limits) -> AssetSummary:
-    """Check a ZIP of meshes and the structure of each; the summary's `meshes` counts them, `mesh_names` names them.
-
-    Raises
-    ------
-    AssetError
-        As `open_lesson`; or a mesh cannot be used or has fewer than `MIN_FACES` triangles, and the error names it.
-    """
+    """Check a ZIP of meshes and the structure of each; the summary's `meshes` counts them, `mesh_names` names them."""
     vertices = triangles = 0
     files = open_lesson(data, "", limits)
     for name, content in files.items():

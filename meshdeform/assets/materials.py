@@ -33,12 +33,7 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureUse:
-    """A material's use of a texture.
-
-    Attributes
-    ----------
-    offset, scale : tuple of 2 floats
-    """
+    """A material's use of a texture."""
 
     image: int  # index into the document's images
     texcoord: int = 0  # number of the texture coordinate set
@@ -71,13 +66,7 @@ class Material:
 
 
 def read_material(document: Document, at: int) -> Material:
-    """Read one material; one of KHR_materials_pbrSpecularGlossiness gets its diffuse colour and texture.
-
-    Raises
-    ------
-    AssetError
-        There is no such material, a member has the wrong type, or an index is out of range.
-    """
+    """Read one material; one of KHR_materials_pbrSpecularGlossiness gets its diffuse colour and texture."""
     root, where = document.root, f"materials[{at}]"
     items = objects(root, "materials")
     if not 0 <= at < len(items):
@@ -174,13 +163,7 @@ def _source(root: Json, texture: Json, where: str) -> int | None:
 
 
 def read_image(document: Document, at: int) -> Image:
-    """Read an image's bytes.
-
-    Raises
-    ------
-    AssetError
-        The image has no data.
-    """
+    """Read an image's bytes."""
     image = document.root["images"][at]
     if "uri" in image:
         if image["uri"][:5].lower() != "data:":

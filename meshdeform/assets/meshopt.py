@@ -57,11 +57,6 @@ def decode_attributes(data: bytes, count: int, stride: int) -> Bytes:
     Returns
     -------
     (count, stride) uint8
-
-    Raises
-    ------
-    AssetError
-        The stream is not valid.
     """
     version = {0xA0: 0, 0xA1: 1}.get(data[0] if data else -1)
     if version is None:
@@ -186,13 +181,7 @@ _RESERVED_BYTES = 4
 
 
 def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:
-    """Decode an index sequence, (count,) uint32. Each index is a difference from one of two running baselines.
-
-    Raises
-    ------
-    AssetError
-        The stream is not valid.
-    """
+    """Decode an index sequence, (count,) uint32. Each index is a difference from one of two running baselines."""
     if len(data) < 1 + count + _RESERVED_BYTES or data[0] != 0xD1:
         raise AssetError("A meshopt index stream is too short, or does not start with its header.")
     stream = np.frombuffer(data, np.uint8, len(data) - 1 - _RESERVED_BYTES, 1)
@@ -215,13 +204,7 @@ def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:
 
 
 def decode_triangles(data: bytes, count: int) -> NDArray[np.uint32]:
-    """Decode a triangle list, (count,) uint32; count is a multiple of three.
-
-    Raises
-    ------
-    AssetError
-        The stream is not valid.
-    """
+    """Decode a triangle list, (count,) uint32; count is a multiple of three."""
     triangles = count // 3
     if len(data) < 1 + triangles + _TABLE_BYTES or data[0] != 0xE1:
         raise AssetError("A meshopt triangle stream is too short, or does not start with its header.")

@@ -57,11 +57,6 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
     Vertices of a primitive differ in their index of the position, the texture coordinates or the normal. Where only
     some corners have texture coordinates, the others have (0, 0) of the file. Normals are given if all corners have
     them. Colours of vertices replace the colour of a material, and a texture that was found replaces both.
-
-    Raises
-    ------
-    AssetError
-        A line cannot be read, or a face uses what the file does not have; the message names the line.
     """
     lines = _Lines(data)
     tables = {key: _table(lines, key) for key in _ELEMENTS}

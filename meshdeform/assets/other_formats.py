@@ -69,12 +69,7 @@ def no_triangles(surface: str) -> AssetEmptyError:
 
 
 def refuse_other_format(head: bytes, ending: str) -> None:
-    """Refuse a format that must be converted first, with the command that does it.
-
-    Raises
-    ------
-    AssetFormatError
-    """
+    """Refuse a format that must be converted first, with the command that does it."""
     kind = next((kind for magic, kind in _MAGICS if head.startswith(magic)), ending)
     if kind in CONVERTERS:
         raise AssetFormatError(

@@ -84,11 +84,6 @@ def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str,
     -------
     A primitive, or one for each texture; and sentences about what became of the file. Vertices are those of the file,
     split only where faces have colours or texture coordinates of their own.
-
-    Raises
-    ------
-    AssetError
-        The file cannot be parsed, or a face uses what it does not have.
     """
     header = _header(data)
     notices: list[str] = []
@@ -256,13 +251,7 @@ def _colors(columns: Mapping[str, NDArray[Any]]) -> NDArray[Any] | None:
 
 
 def read_elements(data: bytes) -> dict[str, PlyElement]:
-    """Return the elements of a PLY by name.
-
-    Raises
-    ------
-    AssetError
-        The file cannot be parsed.
-    """
+    """Return the elements of a PLY by name."""
     return _elements(data, _header(data), [])
 
 

@@ -71,11 +71,6 @@ def cut_polygons(points: _Floats, sizes: _Index) -> Triangulation:
     -------
     A fan from the first corner where each of its triangles faces as the polygon does, and where ears cannot be clipped
     because the outline crosses itself.
-
-    Raises
-    ------
-    AssetTooLargeError
-        Concave polygons have so many corners that clipping would take minutes.
     """
     starts = np.cumsum(sizes) - sizes
     polygons = np.repeat(np.arange(len(sizes)), sizes - 2)

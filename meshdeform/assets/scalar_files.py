@@ -43,13 +43,7 @@ class SampledScalars:
 
 
 def read_scalar_file(data: bytes) -> SampledScalars:
-    """Read an NPZ of values at points.
-
-    Raises
-    ------
-    AssetError
-        It cannot be used; the subclass and message say why and what to do.
-    """
+    """Read an NPZ of values at points."""
     arrays = _arrays(data)
     if "points" not in arrays:
         raise AssetError("The file of scalars has no 'points'.", advice=_FORM)

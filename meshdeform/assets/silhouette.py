@@ -53,13 +53,6 @@ def read_silhouette(data: bytes, name: str = "The picture") -> SilhouettePicture
         PNG, JPEG or WebP. A photograph is turned upright as its EXIF says.
     name : str
         What errors call the picture.
-
-    Raises
-    ------
-    SilhouetteError
-        It is no picture, its background is not plain, or it shows no object.
-    AssetTooLargeError
-        It has too many pixels.
     """
     with warnings.catch_warnings():
         # Our own limit is checked below, before anything is decoded.

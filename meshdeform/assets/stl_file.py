@@ -38,11 +38,6 @@ def write_stl(asset: Asset, up: Up = "y", unit: Unit = "m") -> Stl:
         The axis that points up. For `z`, the asset's front, +Z in glTF, becomes -Y.
     unit : str
         Of the lengths: the format stores none.
-
-    Raises
-    ------
-    AssetEmptyError
-        The asset has no triangles.
     """
     import trimesh
 

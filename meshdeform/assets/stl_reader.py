@@ -29,13 +29,6 @@ def read_stl(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, 
     Corners are not merged, and normals of facets are those that flat shading gives.
 
     Bytes after the facets that a binary file declares are left out.
-
-    Raises
-    ------
-    AssetTooLargeError
-        It has more solids than this.
-    AssetError
-        A number cannot be read, or a facet of a text has not three corners.
     """
     if is_ascii_stl(data):
         return _read_text(data, most_parts), ()

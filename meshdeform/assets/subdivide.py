@@ -92,11 +92,6 @@ def subdivide(document: Document, max_triangles: int, excluded: frozenset[int] =
 
     Meshes of excluded nodes stay as they are. Positions, normals, tangents and morph targets become floats, other
     attributes keep their types; all triangles become indexed lists.
-
-    Raises
-    ------
-    AssetError
-        An attribute has another number of elements than its positions.
     """
     groups = list(_groups(document, excluded))
     size = _size(groups)

@@ -85,13 +85,7 @@ class ImplicitNetwork:
 def read_surface_file(
     data: bytes, filename: str, limits: Limits | None = None
 ) -> OrientedPoints | DistanceGrid | ImplicitNetwork | None:
-    """Read a file without triangles; None if it is a mesh.
-
-    Raises
-    ------
-    AssetError
-        It cannot be used; the subclass and message say why and what to do.
-    """
+    """Read a file without triangles; None if it is a mesh."""
     limits = limits or Limits()
     kind = surface_format(data[:65_536], filename)
     if kind is None:

@@ -425,13 +425,7 @@ class SketchGuesses(_Open):
 
 
 def read(model: type[M], document: Any, url: str) -> M:
-    """Parse a document of the service.
-
-    Raises
-    ------
-    UnavailableError
-        The document does not match: another server answered, or an incompatible version of the service.
-    """
+    """Parse a document of the service."""
     try:
         return model.model_validate(document)
     except ValidationError as error:

@@ -54,16 +54,7 @@ class PartialFile:
         self._waiting, self._waiting_bytes = [], 0
 
     def verify(self, sha256: str | None) -> None:
-        """Compare the whole file with the SHA-256 that the service has sent, and with that of the artifact, if known.
-
-        Raises
-        ------
-        StoredFileError
-            They differ, after the download broke off: the service withholds the last bytes of a damaged file, and
-            cannot verify the range that then resumes it.
-        UnavailableError
-            They differ, though the service has verified what it sent.
-        """
+        """Compare the whole file with the SHA-256 that the service has sent, and with the artifact's, if known."""
         sent = _SHA256.fullmatch(self.tag)
         for expected in (sent[1] if sent else None, sha256):
             if expected is not None and expected != self._hash.hexdigest():

@@ -39,13 +39,7 @@ class Parser:
         self._type, self._data, self._id = "", list[str](), ""
 
     def feed(self, data: bytes) -> Iterator[ServerEvent]:
-        """Yield the events that these bytes complete.
-
-        Raises
-        ------
-        UnavailableError
-            An event is too long, so that this is not a stream of events.
-        """
+        """Yield the events that these bytes complete."""
         text = self._decoder.decode(data)
         if self._after_return and text:
             # The previous line ended with the CR of this CR LF.
@@ -89,13 +83,7 @@ def events_call(job_id: str, after: int, silence_s: float) -> Call:
 
 
 class EventStream:
-    """The events of one connection.
-
-    Raises
-    ------
-    MeshdeformError
-        The service refused the request, or the response is not a stream of events.
-    """
+    """The events of one connection."""
 
     def __init__(self, job_id: str, answer: Answer) -> None:
         if not answer.ok:

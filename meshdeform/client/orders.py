@@ -55,13 +55,7 @@ class Order:
     webhook: str | Mapping[str, Any] | None = None
 
     def document(self) -> dict[str, Any]:
-        """Return the JSON document.
-
-        Raises
-        ------
-        TypeError, ValueError
-            It cannot be written as JSON: a value of another type, or a number that is not finite.
-        """
+        """Return the JSON document."""
         members = {
             "kind": self.kind,
             "prompt": self.prompt,
@@ -99,24 +93,12 @@ class Files:
         upload: bool | None,
         key: str | None,
     ) -> Files:
-        """Return the files by part with the given key, or a new one.
-
-        Raises
-        ------
-        ValueError
-            The key is not valid in a header, or a file is given twice.
-        """
+        """Return the files by part with the given key, or a new one."""
         return cls(parts_of(files, asset=asset, target=target), filename, upload, checked_key(key))
 
 
 def parts_of(files: Mapping[str, AssetLike] | None, **named: AssetLike | None) -> dict[str, AssetLike]:
-    """Return the files by part, those with arguments of their own first.
-
-    Raises
-    ------
-    ValueError
-        A file is given twice.
-    """
+    """Return the files by part, those with arguments of their own first."""
     parts = {name: file for name, file in named.items() if file is not None}
     if twice := sorted(parts.keys() & (files or {}).keys()):
         raise ValueError(f"Give {', '.join(twice)} once, as an argument or in `files`.")
@@ -124,13 +106,7 @@ def parts_of(files: Mapping[str, AssetLike] | None, **named: AssetLike | None) -
 
 
 def checked_key(key: str | None) -> str:
-    """Return the given key for a request, or a new one.
-
-    Raises
-    ------
-    ValueError
-        The key is empty, longer than 255 characters, or has other than visible ASCII characters.
-    """
+    """Return the given key for a request, or a new one."""
     if key is None:
         return uuid.uuid4().hex
     if not re.fullmatch(r"[\x21-\x7e]{1,255}", key):
@@ -169,13 +145,6 @@ def open_source(
     """Open a local asset, or return the reference to a file of the service.
 
     The stack closes the files opened here; the caller's own stream stays open.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    TypeError
-        The asset has another type.
     """
     if isinstance(asset, UploadView):
         return {"upload_id": asset.id}
@@ -216,13 +185,6 @@ def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
     """Return what to send as the meshes of a lesson, with its file name if it has none of its own.
 
     One file is sent as it is. A folder and several files are packed into a ZIP, in which subfolders keep their names.
-
-    Raises
-    ------
-    ValueError
-        There is no mesh, or two files would have one name in the ZIP.
-    OSError
-        A file cannot be read.
     """
     if isinstance(meshes, str | os.PathLike):
         if not Path(meshes).is_dir():

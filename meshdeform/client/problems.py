@@ -92,13 +92,7 @@ def error_of(answer: Answer) -> MeshdeformError:
 
 
 def succeeded(job: JobView) -> JobView:
-    """Return the job if it succeeded.
-
-    Raises
-    ------
-    MeshdeformError
-        The job's error if it failed; `ConflictError` if it ended otherwise.
-    """
+    """Return the job if it succeeded."""
     if job.state is JobState.SUCCEEDED:
         return job
     if job.error is not None:

@@ -25,13 +25,7 @@ JobLike = str | JobView
 
 
 def identity(job: JobLike) -> str:
-    """Return a job's id.
-
-    Raises
-    ------
-    ValueError
-        It is empty, which would address all jobs.
-    """
+    """Return a job's id."""
     found = job.id if isinstance(job, JobView) else job
     if not found:
         raise ValueError("The job's id is empty.")
@@ -105,13 +99,7 @@ class Answer:
         return 200 <= self.status < 300 or self.status == 304
 
     def json(self) -> Any:
-        """Return the JSON document.
-
-        Raises
-        ------
-        UnavailableError
-            The body is not JSON, so that the response is not from the service.
-        """
+        """Return the JSON document."""
         try:
             return json.loads(self.content)
         except ValueError:
@@ -130,13 +118,7 @@ class Endpoint:
 
     @classmethod
     def of(cls, base_url: str | None, api_key: str | None, timeout_s: float) -> Endpoint:
-        """Return the endpoint given by the arguments, else by MESHDEFORM_URL and MESHDEFORM_API_KEY.
-
-        Raises
-        ------
-        ValueError
-            The URL is not http or https, the key has characters not allowed in a header, or the time is not positive.
-        """
+        """Return the endpoint given by the arguments, else by MESHDEFORM_URL and MESHDEFORM_API_KEY."""
         where = base_url or os.environ.get("MESHDEFORM_URL") or DEFAULT_URL
         try:
             url = httpx.URL(where)

@@ -45,13 +45,7 @@ class Policy:
 
     @classmethod
     def of(cls, timeout_s: float, max_retries: int) -> Policy:
-        """Return the policy of a client.
-
-        Raises
-        ------
-        ValueError
-            `max_retries` is below 0.
-        """
+        """Return the policy of a client."""
         if max_retries < 0:
             raise ValueError(f"max_retries must be 0 or more, not {max_retries!r}.")
         return cls(timeout_s, max_retries, reconnect_s=5.0 * timeout_s)
@@ -62,7 +56,6 @@ class Patience:
 
     Parameters
     ----------
-    policy : Policy
     retries : int, optional
         Number of retries; None: unlimited.
     seconds : float
@@ -82,13 +75,7 @@ class Patience:
         self._since = time.monotonic()
 
     def pause(self, error: MeshdeformError) -> float:
-        """Return the seconds to wait after a failure.
-
-        Raises
-        ------
-        MeshdeformError
-            The given error, if retries or time are exhausted, or the service's `Retry-After` exceeds the time left.
-        """
+        """Return the seconds to wait after a failure."""
         now = time.monotonic()
         if not self._failures:
             self._since = now
@@ -112,13 +99,7 @@ def worth_a_retry(error: MeshdeformError) -> bool:
 
 
 def unanswered(failure: httpx.HTTPError, url: str) -> UnavailableError:
-    """Return the error of a request without a response.
-
-    Raises
-    ------
-    UnavailableError
-        The same error, if a retry cannot help.
-    """
+    """Return the error of a request without a response."""
     error = unreachable(failure, url)
     if isinstance(failure, _NOT_WORTH_A_RETRY):
         raise error from failure
@@ -126,13 +107,7 @@ def unanswered(failure: httpx.HTTPError, url: str) -> UnavailableError:
 
 
 def left_s(deadline: float | None, job_id: str) -> float:
-    """Return the seconds until a deadline, in the time of the monotonic clock; without one, infinity.
-
-    Raises
-    ------
-    WaitTimeoutError
-        It has passed.
-    """
+    """Return the seconds until a deadline, in the time of the monotonic clock; without one, infinity."""
     left = math.inf if deadline is None else deadline - time.monotonic()
     if left <= 0.0:
         raise WaitTimeoutError(f"The job {job_id} has not finished in time.", job_id=job_id)

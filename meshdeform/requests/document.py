@@ -115,11 +115,6 @@ def read_unbounded(model: type[M], document: Mapping[str, Any]) -> M:
     ----------
     document : mapping
         Of JSON, or of members that are read already.
-
-    Raises
-    ------
-    ValidationError
-        It cannot be read as such a model.
     """
     read: M = _validator(model).validate_python(document)
     return read
@@ -397,12 +392,6 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     ----------
     document : mapping
         As stored in the record.
-
-    Raises
-    ------
-    UnreadableJobError
-        Its kind, one of its members or one of its values is not known in this process. Without it, the job would be
-        another one than was asked for.
     """
     document = translated(document)
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
@@ -430,12 +419,6 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
         What the user wrote.
     default_model : str
         The model if the user named none (the setting MESHDEFORM_MODEL).
-
-    Raises
-    ------
-    ParameterError
-        `timestep_min` is above the timesteps of the preset, rigid parts have no lattice, or the model cannot use the
-        appearance.
     """
     model = params.model or default_model
     family: Family = "builtin" if is_builtin(model) else "sd"

@@ -256,11 +256,6 @@ def find_parts(place: List, number: int, selection: Selection, parts: Sequence[M
         One that names something.
     parts : sequence of mappings
         Everything of that kind in the asset, each with `index` and `name`.
-
-    Raises
-    ------
-    ParameterError
-        There is none; the advice has the nearest name.
     """
     what, wanted = selection.named or selection.where
     found = _matching(wanted, parts)
@@ -274,14 +269,8 @@ def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any
 
     Parameters
     ----------
-    exclude : sequence of names and indices
     nodes : sequence of mappings
         All nodes, each with `index` and `name`.
-
-    Raises
-    ------
-    ParameterError
-        One names no node; the advice has the nearest name.
     """
     found: list[int] = []
     for number, wanted in enumerate(exclude):
@@ -314,11 +303,6 @@ def check_selections(
         Lists of what can be named: `nodes`, `mesh_names`, `materials` and `joints`. A missing list is not checked.
     triangles : int, optional
         The asset's triangles, if known.
-
-    Raises
-    ------
-    ParameterError
-        The error names the selection and the nearest name.
     """
     for number, selection in enumerate(selections):
         if selection.named is not None and (parts := named.get(_NAMED[selection.named[0]])) is not None:

@@ -55,13 +55,6 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
         Lists the models of this deployment.
     files : collection of str
         The names of the files sent with the request or named by it.
-
-    Raises
-    ------
-    RequestError
-        The request is not valid; a subclass says what to change.
-    ModelError
-        The model is not allowed in this deployment, or not on this machine.
     """
     kind = kind_of(request.kind)
     for part in kind.reads:
@@ -76,11 +69,5 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
 
 
 def start_run(given: RunInput) -> JobRun:
-    """Start the run of a job of any kind.
-
-    Raises
-    ------
-    MeshdeformError
-        The request, its files or this machine prevent the run.
-    """
+    """Start the run of a job of any kind."""
     return kind_of(given.request.kind).load()(given)

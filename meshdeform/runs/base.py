@@ -361,10 +361,6 @@ def check_weights_part(model: str | None, files: Collection[str], *group: str) -
     """Refuse a job whose model is taught weights that it lacks, or that has weights which its model does not use.
 
     `group` is where `model` is in `params`.
-
-    Raises
-    ------
-    ParameterError
     """
     place = ["params", *group, "model"]
     wanted, there = model is not None and is_sent(model), WEIGHTS_PART in files

@@ -40,13 +40,7 @@ _QUESTION = Question(
 
 
 def asked_changes(prompt: str, params: ResolvedParams) -> Sentence | None:
-    """Return the changes that a prompt asks for; None if something else guides, or it asks for none.
-
-    Raises
-    ------
-    PromptError
-        It asks for opposite changes, or for too much.
-    """
+    """Return the changes that a prompt asks for; None if something else guides, or it asks for none."""
     alone = not params.prompts and not params.silhouettes and params.guidance is GuidanceKind.SDS
     if not alone or not prompt:
         return None
@@ -63,12 +57,7 @@ def is_change(sentence: Sentence) -> bool:
 
 
 def check_change(params: ResolvedParams) -> None:
-    """Refuse controls that a change in plain words does not have.
-
-    Raises
-    ------
-    ParameterError
-    """
+    """Refuse controls that a change in plain words does not have."""
     for name in _UNUSED:
         if getattr(params, name):
             raise ParameterError.at(
@@ -98,12 +87,7 @@ def part_not_found(reason: str, parts: list[str]) -> PartNotFoundError:
 
 
 def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits) -> None:
-    """Refuse a change of a part that an asset lacks, in a child process; a machine that cannot tell accepts it.
-
-    Raises
-    ------
-    PartNotFoundError
-    """
+    """Refuse a change of a part that an asset lacks, in a child process; a machine that cannot tell accepts it."""
     sentence = asked_changes(prompt, params)
     if sentence is None or not is_change(sentence) or all(each.part == WHOLE for each in sentence.changes):
         return
@@ -129,17 +113,6 @@ def parts_of(asset: Path, filename: str, prompt: str, params: ResolvedParams, li
     `parts`, each with its `name`, `found_by`, `faces` as regions have them, and `changes`: an `operation`, and words
     for `more` and for `less` of it. `result` is a GLB in base64, or None if the prompt is no change, and `warnings`
     say what of it is less than was asked for.
-
-    Raises
-    ------
-    PartNotFoundError
-        The prompt names a part that the asset lacks.
-    PromptError
-        It asks for opposite changes, or for too much.
-    ParameterError
-        Nothing is left to deform.
-    DependencyError, UnavailableError
-        A package is not installed here; it took too long or too much memory, or no process can be started.
     """
     asked_changes(prompt, params)  # what it refuses
     found = _ask(asset, filename, params, limits, prompt=prompt)

@@ -80,11 +80,6 @@ class SelectableSurface:
             Name of the list in `params`, or the path to it there, for errors.
         number : int
             Place of the selection in the list.
-
-        Raises
-        ------
-        ParameterError
-            It selects nothing.
         """
         what, wanted = selection.where
         if what == "component":
@@ -162,11 +157,6 @@ def select_bodies(selectors: Sequence[RigidSelector], surface: SelectableSurface
     """Return the bodies of an asset that keep their shape.
 
     Selections that share vertices become one body, which is rigid if one of them is.
-
-    Raises
-    ------
-    ParameterError
-        A selector selects nothing, or nothing is left to deform.
     """
     if not selectors:
         return []
@@ -238,12 +228,6 @@ def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Fram
         In the file's units.
     mesh : RestMesh
         The welded mesh in the cameras' frame.
-
-    Raises
-    ------
-    ParameterError
-        A selection selects nothing, everything is kept, a handle has no free point or is far away, or the asset lacks
-        the symmetry.
     """
     verts = surface.mesh.verts.numpy()
     check_places(params, {"asset": (verts.min(0).tolist(), verts.max(0).tolist())})

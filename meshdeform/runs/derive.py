@@ -99,17 +99,6 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
         A key of `DERIVED`, `STRENGTH` or `ALIKE`.
     target : Path
         The file to write; its folder also takes the child's temporary files.
-
-    Raises
-    ------
-    AssetError
-        The files cannot be read, do not belong together, or need too much memory or time.
-    ParameterError
-        The result was not made from the source, or the file lies elsewhere than what the map deforms.
-    DependencyError
-        A package is not installed.
-    UnavailableError
-        The machine cannot start a process at the moment, or another strength needs too much memory or time.
     """
     limits = limits or Limits()
     seconds = _SECONDS * limits.max_check_s

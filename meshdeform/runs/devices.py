@@ -10,13 +10,7 @@ from meshdeform.support.threads import choose_threads, default_threads
 
 
 def resolve_device(name: str) -> str:
-    """Return the device of a setting: `auto` is CUDA if available, otherwise the CPU; other names are checked.
-
-    Raises
-    ------
-    ParameterError
-        There is no such device on this machine.
-    """
+    """Return the device of a setting: `auto` is CUDA if available, otherwise the CPU; other names are checked."""
     if name == "auto":
         return "cuda" if torch.cuda.is_available() else "cpu"
     try:

@@ -59,13 +59,7 @@ _Floats = NDArray[np.float64]
 def score_distillation(
     prior: Prior, prompt: str | Sequence[WeightedPrompt], params: ResolvedParams
 ) -> ScoreDistillation:
-    """Return the guidance `sds` of a job with these parameters.
-
-    Raises
-    ------
-    PromptError, ParameterError
-        The prior cannot use this prompt.
-    """
+    """Return the guidance `sds` of a job with these parameters."""
     return ScoreDistillation(
         prior,
         prompt,
@@ -107,19 +101,7 @@ class GoalSource:
 
 
 def read_goal(request: JobRequest, params: ResolvedParams, given: GoalSource) -> Goal:
-    """Return the goal of a job.
-
-    Raises
-    ------
-    ParameterError
-        The target or the prior is missing, or a landmark is a vertex that does not exist.
-    PromptError
-        The prompt is empty, or the prior cannot use it.
-    AlignmentError
-        The target is too far from the asset.
-    AssetError
-        The target cannot be read.
-    """
+    """Return the goal of a job."""
     if params.guidance is GuidanceKind.TARGET:
         return _fitted(params, given)
     if given.prompts is not None:
@@ -171,15 +153,7 @@ class SilhouetteFit:
 
     @classmethod
     def of(cls, params: ResolvedParams, pictures: Sequence[bytes]) -> Self:
-        """Read the pictures of a job.
-
-        Raises
-        ------
-        ParameterError
-            A picture is missing.
-        SilhouetteError, AssetTooLargeError
-            A picture cannot be used.
-        """
+        """Read the pictures of a job."""
         if len(pictures) != len(params.silhouettes):
             detail = f"silhouettes has {len(params.silhouettes)} entries, and there are {len(pictures)} pictures."
             raise ParameterError(detail, advice="Give each picture one entry with its azimuth.")
@@ -234,13 +208,6 @@ class TargetFit:
         ----------
         world : TriangleMesh
             The asset's welded mesh in its world.
-
-        Raises
-        ------
-        ParameterError
-            A landmark is a vertex that does not exist.
-        AlignmentError
-            The surfaces are too far apart; the error has a picture of both.
         """
         surface = target.surface
         goal = weld(surface.positions, surface.triangles).mesh

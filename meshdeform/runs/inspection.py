@@ -33,11 +33,6 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
     A component has its `number` for `params.control.rigid`, its `triangles`, its `size` as a share of the asset's,
     its `nodes` and its `materials`. A proposal has the numbers of its `components`, whether they are
     `congruent` and `round`, and the `selectors` that select them.
-
-    Raises
-    ------
-    AssetEmptyError
-        No triangle has an area.
     """
     parts = asset.parts()
     welded = welded_surface(asset)

@@ -30,12 +30,7 @@ _QUESTION = Question(
 
 
 def check_searchable(params: ResolvedParams) -> None:
-    """Refuse to search a front that a job with these parameters would not search.
-
-    Raises
-    ------
-    ParameterError
-    """
+    """Refuse to search a front that a job with these parameters would not search."""
     if params.guidance is not GuidanceKind.SDS:
         raise ParameterError.at(
             ["params", "guidance"], "A target has no front to find: `align` places it.", "Omit this request."
@@ -76,15 +71,6 @@ def orientation_of(
         `output.subdivide` of the job.
     dtype : str
         Precision of the model, as for `load_prior`.
-
-    Raises
-    ------
-    AssetError, RequestError, NumericalError
-        The job could not run.
-    DependencyError
-        Torch is not installed here.
-    UnavailableError
-        It took too long or too much memory, or no process can be started.
     """
     task = {
         "asset": str(asset.absolute()),

@@ -32,15 +32,7 @@ _GLB = "model/gltf-binary"
 def start_change(
     facts: AssetFacts, sentence: Sentence, recognised: Recognition | None, log: RunLog
 ) -> PlainChangeRun | None:
-    """Make the changes of a sentence; None if it describes what the source was recognised as, and a part is missing.
-
-    Raises
-    ------
-    PartNotFoundError
-        The asset lacks a part that the sentence names.
-    ParameterError
-        A control is set that changes do not have.
-    """
+    """Make the changes of a sentence; None if it describes what the source was recognised as, and a part is missing."""
     check_change(facts.params)
     welded = facts.welded
     with log.phase("change"):
@@ -76,13 +68,7 @@ class PlainChangeRun(JobRun):
         return ArtifactData(self._written, _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested.
-
-        Raises
-        ------
-        NumericalError
-            The result is not finite.
-        """
+        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
         facts = self._facts
         with self.log.phase("write"):
             result = self._written

@@ -76,13 +76,7 @@ class TeachRequest:
 
 
 def start(given: RunInput) -> LessonRun:
-    """Unpack the meshes, read the weights to start from, and draw the pictures.
-
-    Raises
-    ------
-    AssetError, RequestError, ModelError, CheckpointError
-        The input cannot be run; the error says what to do.
-    """
+    """Unpack the meshes, read the weights to start from, and draw the pictures."""
     params = _params(given)
     limits = given.limits or Limits()
     with ExitStack() as stack:
@@ -127,19 +121,7 @@ def start_lesson(
     device: str = "cpu",
     limits: Limits | None = None,
 ) -> LessonRun:
-    """Read the meshes and draw the pictures; go on from a saved state of the same lesson.
-
-    Raises
-    ------
-    ParameterError
-        There is no file, there are too many, or a noun cannot be taught.
-    ModelError
-        The weights to start from cannot be read.
-    CheckpointError
-        The state is of another lesson, or unreadable.
-    AssetError
-        A file cannot be read, or too little of its mesh can be seen; the message names the file.
-    """
+    """Read the meshes and draw the pictures; go on from a saved state of the same lesson."""
     check_count(len(files))
     identity = _identity(request, files)
     saved = read_state(state, identity, device) if state is not None else None

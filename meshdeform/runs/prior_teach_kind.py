@@ -44,13 +44,7 @@ MESHES_PART = "meshes"
 
 
 def params_of(request: JobRequest) -> TeachParams:
-    """Return the parameters of a request of this kind.
-
-    Raises
-    ------
-    ParameterError
-        They are those of another kind, or the request asks for what this kind does not make.
-    """
+    """Return the parameters of a request of this kind."""
     params: Any = request.params
     if not isinstance(params, TeachParams):
         raise ParameterError("The parameters are not those of `prior_teach`.")
@@ -70,11 +64,6 @@ def lesson_of(params: TeachParams, known: Words, names: Sequence[str]) -> dict[s
         Those of the weights to start from.
     names : sequence of str
         Of the meshes; none if they are not known yet.
-
-    Raises
-    ------
-    ParameterError
-        A noun cannot be taught to weights with these words, or a folder does not name attributes.
     """
     try:
         if params.noun is None:
@@ -209,13 +198,7 @@ class MeshFile:
 
 
 def check_count(count: int) -> None:
-    """Refuse a lesson without meshes or with too many.
-
-    Raises
-    ------
-    ParameterError
-        There are none, or more than `MAX_MESHES`.
-    """
+    """Refuse a lesson without meshes or with too many."""
     if not count:
         raise ParameterError("There is no mesh to learn from.", advice="Give at least one GLB, OBJ, PLY, STL or ZIP.")
     if count > MAX_MESHES:
@@ -226,15 +209,7 @@ def check_count(count: int) -> None:
 
 
 def packed_meshes(data: bytes, filename: str, params: TeachParams, known: Words, limits: Limits) -> list[MeshFile]:
-    """Unpack the meshes of a lesson: one file, or a ZIP with folders; see `lesson_of`.
-
-    Raises
-    ------
-    AssetError
-        The ZIP cannot be used; see `open_lesson`.
-    ParameterError
-        A noun cannot be taught, or a folder does not name attributes.
-    """
+    """Unpack the meshes of a lesson: one file, or a ZIP with folders; see `lesson_of`."""
     files = open_lesson(data, filename, limits)
     labels = lesson_of(params, known, list(files))
     return [MeshFile(name, content, labels[name]) for name, content in files.items()]
@@ -244,11 +219,6 @@ def labelled(names: Sequence[str], new: NewNoun) -> dict[str, tuple[Attribute, .
     """Return the attributes of meshes in a ZIP by name, from the names of their folders.
 
     A folder that holds everything is usually the one that was packed: unless it names attributes, its name is left out.
-
-    Raises
-    ------
-    ParameterError
-        A folder does not name attributes.
     """
     folders = {name: name.split("/")[:-1] for name in names}
     first = {tuple(folder[:1]) for folder in folders.values()}

@@ -63,11 +63,6 @@ def read_prompts(
         The welded mesh in the cameras' frame.
     control : Control
         With a symmetry, a region has its mirror image as well.
-
-    Raises
-    ------
-    ParameterError
-        A region selects nothing, everything or only what is kept.
     """
     given = active_prompts(prompt, params.prompts)
     # Their numbers in the request, for errors.

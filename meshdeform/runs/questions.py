@@ -37,15 +37,6 @@ class Question:
             The child's command line; paths must be absolute.
         folder : Path
             For its temporary files.
-
-        Raises
-        ------
-        MeshdeformError
-            What the child says.
-        DependencyError
-            It lacks a package.
-        UnavailableError
-            It took too long or too much memory, or no process can be started.
         """
         try:
             child = run_child(self.module, arguments, timeout_s=timeout_s, temporary=folder)

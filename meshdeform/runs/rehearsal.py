@@ -30,11 +30,6 @@ def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
     ----------
     prior : Prior, optional
         The builtin one. Without it a target pulls, which draws nothing during the steps.
-
-    Raises
-    ------
-    MeshdeformError
-        What a job would raise here.
     """
     sphere = _glb(1)
     if prior is None:

@@ -100,12 +100,7 @@ def _welded(source: Asset, positions: _Floats) -> WeldedMesh:
 
 
 def check_same_asset(source: Asset, result: Asset, names: tuple[str, str] = ("The source", "the result")) -> None:
-    """Refuse a result that was not made from the source.
-
-    Raises
-    ------
-    ParameterError
-    """
+    """Refuse a result that was not made from the source."""
     before, after = source.surface, result.surface
     if before.positions.shape != after.positions.shape or not np.array_equal(before.triangles, after.triangles):
         raise ParameterError(
@@ -123,11 +118,6 @@ def matched(source: Asset, result: Asset, exclude: Sequence[str | int], limits: 
         `params.control.exclude` of the run.
     limits : Limits, optional
         Those of the deployment that ran it.
-
-    Raises
-    ------
-    ParameterError
-        The result was not made from the source, or has no such node.
     """
     source, result = (asset.without(find_excluded(exclude, asset.parts().nodes)) for asset in (source, result))
     if len(source.surface.triangles) < len(result.surface.triangles):
@@ -157,11 +147,6 @@ def with_strength(
         As for `matched`.
     compact : bool
         Drop the data that the new shape made unused.
-
-    Raises
-    ------
-    ParameterError
-        The strength is out of range, or the result was not made from the source.
     """
     if not 0 <= strength <= MAX_STRENGTH:
         raise ParameterError(f"The strength {strength:g} is not between 0 and {MAX_STRENGTH:g}.")
@@ -188,13 +173,7 @@ def edit_of(
     exclude: Sequence[str | int] = (),
     limits: Limits | None = None,
 ) -> EditMap:
-    """Return what takes an asset's deformation to other files; the arguments are those of `with_strength`.
-
-    Raises
-    ------
-    ParameterError
-        The result was not made from the source.
-    """
+    """Return what takes an asset's deformation to other files; the arguments are those of `with_strength`."""
     source, end = matched(source, read_result(result), exclude, limits)
     path = AssetPath(source, end.surface.positions)
     return path.edit_map(strength, with_rig=source.rig_digest() != end.rig_digest())
@@ -204,13 +183,6 @@ def with_edit(asset: Asset, edit: EditMap, outside: Outside = Outside.REFUSE, *,
     """Return another asset as a GLB, deformed by a map.
 
     Where the joints of the map's asset moved, so do this one's, alike if both files have them, and its morph targets.
-
-    Raises
-    ------
-    AssetEmptyError
-        It has no triangle with an area.
-    ParameterError
-        It lies elsewhere, or reaches out of what the map deforms.
     """
     welded = welded_surface(asset, BackdropMode.DEFORM)
     verts = edit.move(welded.mesh, outside)

@@ -52,13 +52,7 @@ _ANCHOR_SLACK = 0.1
 
 
 def start(given: RunInput) -> SurfaceFitRun:
-    """Read the surface, make its base, and prepare the fit.
-
-    Raises
-    ------
-    AssetError, CheckpointError
-        The input cannot be fitted; the error says what to do.
-    """
+    """Read the surface, make its base, and prepare the fit."""
     log, params = RunLog(), params_of(given.request, given.resolved)
     file = given.files["asset"]
     sha256 = file.sha256 or sha256_hex(file.data)

@@ -258,13 +258,7 @@ def _poses(before: Surface, after: Surface) -> tuple[Pose, Pose]:
 def prepared(
     asset: Asset, params: ResolvedParams, output: OutputOptions, limits: Limits | None
 ) -> tuple[Asset, Subdivision | None]:
-    """Return the asset that a run deforms, and what was split if it is subdivided.
-
-    Raises
-    ------
-    ParameterError
-        An excluded node does not exist, or nothing else is left.
-    """
+    """Return the asset that a run deforms, and what was split if it is subdivided."""
     if params.exclude:
         asset = _without(asset, params.exclude)
     return subdivided(asset, limits) if output.subdivide else (asset, None)
@@ -287,13 +281,7 @@ def drawn_triangles(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -
 
 
 def welded_surface(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> WeldedMesh:
-    """Weld the triangles that are drawn and deformed.
-
-    Raises
-    ------
-    AssetEmptyError
-        None has an area.
-    """
+    """Weld the triangles that are drawn and deformed."""
     surface = asset.surface
     return weld(surface.positions, surface.triangles, left_out=~drawn_triangles(asset, backdrop))
 

@@ -62,13 +62,7 @@ _ON_ORIGIN = 0.01
 
 
 def start(given: RunInput) -> JobRun:
-    """Read the files and start the run; a prompt that is a change in plain words is carried out at once.
-
-    Raises
-    ------
-    AssetError, RequestError, ModelError, NumericalError, CheckpointError
-        The input cannot be run; the error says what to do.
-    """
+    """Read the files and start the run; a prompt that is a change in plain words is carried out at once."""
     log = RunLog()
     request, file, limits, device = given.request, given.files["asset"], given.limits, given.device
     params = resolved_params(request, given.default_model, given.resolved)
@@ -182,24 +176,12 @@ class TextDeformRun(JobRun):
         return self._facts.welded.scatter(self._world_verts(), self._facts.asset.surface.positions)
 
     def snapshot(self) -> ArtifactData:
-        """Return the asset with its current shape, in the form of `result.glb`.
-
-        Raises
-        ------
-        NumericalError
-            The shape is not finite.
-        """
+        """Return the asset with its current shape, in the form of `result.glb`."""
         verts = self._world_verts()
         return ArtifactData(self._written(self._surface(verts), verts), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested.
-
-        Raises
-        ------
-        NumericalError
-            The result is not finite.
-        """
+        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
         facts, verts = self._facts, self._world_verts()
         with self.log.phase("write"):
             surface = self._surface(verts)

@@ -96,16 +96,6 @@ def check(
         The names of the parts with pictures that are present.
     has_weights : bool
         Whether taught weights are among the files.
-
-    Raises
-    ------
-    ParameterError
-        `target` guidance without a target, a target without `target` guidance, pictures without a direction or the
-        reverse, or parameters that contradict the preset or each other.
-    PromptError, VocabularyError
-        The prompt is empty, or it or the negative prompt has words outside the builtin prior's vocabulary.
-    ModelError
-        The model is not allowed, or not on this machine.
     """
     resolved = resolve(request.params, default_model=default_model)
     _check_pictures(resolved, request.prompt, pictures)
@@ -154,13 +144,7 @@ def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
 
 
 def _prompts(request: JobRequest) -> list[_PlacedPrompt]:
-    """Return the prompts of a request, each with its place in the document.
-
-    Raises
-    ------
-    ParameterError
-        There are several, and none pulls at anything.
-    """
+    """Return the prompts of a request, each with its place in the document."""
     params = request.params
     if not params.prompts:
         return [(["prompt"], request.prompt)]
@@ -253,13 +237,7 @@ def _same(one: Silhouette, other: Silhouette) -> bool:
 
 
 def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, known: Words) -> None:
-    """Refuse prompts that the builtin prior with these words cannot read.
-
-    Raises
-    ------
-    PromptError, VocabularyError
-        One of them, or the negative prompt; of several prompts the error says which.
-    """
+    """Refuse prompts that the builtin prior with these words cannot read."""
     from meshdeform.priors.builtin.grammar import parse, parse_negative
 
     for place, prompt in prompts:
@@ -291,10 +269,6 @@ def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[
     ----------
     bounds : mapping
         The least and the greatest coordinates (2, 3) of the `asset` and the `target`, as far as they are known.
-
-    Raises
-    ------
-    ParameterError
     """
     for part, places in (("asset", _places_on_asset(params)), ("target", _places_on_target(params))):
         if not bounds.get(part):

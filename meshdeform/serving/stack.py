@@ -34,11 +34,6 @@ class DirectoryLock:
 
     A `serve` that starts right after another was killed therefore waits until the last child has exited, for
     `patience_s` seconds, instead of sharing the record, the port and the queue with it.
-
-    Raises
-    ------
-    UnavailableError
-        Another `serve` runs on the directory, or the directory cannot be written.
     """
 
     def __init__(self, directory: Path, *, patience_s: float = 40.0) -> None:

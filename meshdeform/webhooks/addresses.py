@@ -111,11 +111,6 @@ def find_destination(url: str, networks: Networks, lookup: Lookup = system_looku
         Networks allowed besides the public internet; there `http` is allowed too.
     lookup : callable
         Resolves the host.
-
-    Raises
-    ------
-    WebhookAddressError
-        The URL is not allowed, or the host has no address or one that is not allowed.
     """
     read, host, port = _read(url)
     # One message for all cases, without the address: users must not learn which names exist in the server's network.

@@ -30,13 +30,6 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
     """Make an artifact, one of `makeable`, of a job that has succeeded, and add it to the job.
 
     If another request has added it meanwhile, that one is returned.
-
-    Raises
-    ------
-    AssetError, TooMuchStoredError
-        It cannot be made of these files, or the owner's jobs would keep more bytes than allowed.
-    NotFoundError, StoredFileError, UnavailableError
-        The job or one of its files is gone or damaged, or the store or the record does not answer.
     """
     kind = next(kind for kind in kind_of(job.kind).artifacts if kind.name == name)
     result = next(artifact for artifact in job.artifacts if artifact.name == _RESULT)
@@ -56,15 +49,7 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
 
 
 def deformed_alike(app: AppState, job: Job, file: Path, filename: str, outside: str) -> Path:
-    """Deform another file as the asset of a job that has succeeded was, and return the GLB, in the folder of the file.
-
-    Raises
-    ------
-    AssetError, ParameterError
-        The file cannot be read, or lies elsewhere than the asset.
-    NotFoundError
-        Jobs of this kind deform no asset.
-    """
+    """Deform another file as the asset of a job was, and return the GLB, in the folder of the file."""
     edit = next((artifact for artifact in job.artifacts if artifact.name == _MAP), None)
     if edit is None:
         if _MAP not in makeable(job):

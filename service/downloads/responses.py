@@ -180,16 +180,7 @@ def _disposition(name: str) -> str:
 def download(
     request: Request, app: AppState, found: Download, conditions: Conditions, *, signed: bool = False
 ) -> Response:
-    """Return the answer to a request, by a verified URL if `signed`, for stored bytes: all of them, a range, or 304.
-
-    Raises
-    ------
-    RangeError
-        The range begins past the end.
-    NotFoundError, StoredFileError, UnavailableError
-        The object is missing from the store, or has another size, or is a damaged one of up to 256 KiB, or the store
-        does not answer. Raised before the first byte is sent.
-    """
+    """Return the answer to a request, by a verified URL if `signed`, for stored bytes: all of them, a range, or 304."""
     headers = found.headers
     if signed:
         # Anyone who has the URL may read the file, so pages of other origins may too: web viewers fetch models.

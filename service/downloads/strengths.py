@@ -46,15 +46,7 @@ class Strengths:
         self._lock = Lock()
 
     async def get(self, job: Job, artifact: Artifact, strength: float) -> tuple[str, StoredObject]:
-        """Return the key, size and SHA-256 of an artifact at another strength, after making it if necessary.
-
-        Raises
-        ------
-        ParameterError
-            The artifact has only one strength.
-        DependencyError, UnavailableError, UnreadableJobError
-            This server cannot make it, cannot make it now, or cannot read the job's request.
-        """
+        """Return the key, size and SHA-256 of an artifact at another strength, after making it if necessary."""
         kinds = {kind.name: kind for kind in kind_of(job.request.kind).artifacts}
         if artifact.name not in kinds or not kinds[artifact.name].strengths:
             having = [name for name, kind in kinds.items() if kind.strengths]

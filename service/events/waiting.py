@@ -238,13 +238,6 @@ async def settled(
     """Return a job once it has finished, or earlier on timeout, on disconnection, or if no slot is free.
 
     A request, its body already read, gives its slot back when its client disconnects. An owner of None means any.
-
-    Raises
-    ------
-    NotFoundError
-        The job does not exist, or was deleted meanwhile.
-    UnavailableError
-        The record does not respond at the start. Later, the job is returned as last read.
     """
     job = await waiters.read(record.get, job_id, owner)
     if job.state.terminal or wait_s <= 0:

@@ -77,15 +77,6 @@ class Gate:
         """Authenticate a request, count it against its key's rate limit, and return its caller.
 
         A key is verified even where none is required, so that its owner sees the same jobs everywhere.
-
-        Raises
-        ------
-        UnauthorizedError
-            The key is invalid, or a required key is missing.
-        LimitError
-            The key exceeds its rate limit, or its address has sent too many invalid keys.
-        UnavailableError
-            The record does not respond.
         """
         text = sent_key(request)
         if text is None:
@@ -263,13 +254,7 @@ def job_link(app: AppState, job_id: str, key_id: str | None) -> SignedUrl:
 
 
 def verify_link(app: AppState, job_id: str, token: str) -> None:
-    """Check that a link opens a job.
-
-    Raises
-    ------
-    UnauthorizedError
-        It is for another job, was changed, has expired, or the key that made it was revoked.
-    """
+    """Check that a link opens a job."""
     advice = "Ask whoever sent it for a new one."
     expires, _, rest = token.removeprefix(LINK_PREFIX).partition(".")
     key_id, _, signature = rest.partition(".")

@@ -43,15 +43,7 @@ _Document = TypeVar("_Document", bound=BaseModel)
 
 
 async def body_of(request: Request) -> AsyncIterator[bytes]:
-    """Yield the chunks of the body as they arrive.
-
-    Raises
-    ------
-    RequestTimeoutError
-        Nothing or little arrived for a minute, or the whole arrives too slowly on average.
-    RequestError
-        The sender closed the connection.
-    """
+    """Yield the chunks of the body as they arrive."""
     stream = aiter(request.stream())
     recent, deadline = 0, anyio.current_time() + IDLE_S
     total, waited_s = 0, 0.0  # only time that is spent waiting for the sender counts
@@ -143,15 +135,7 @@ class ReceivedFile:
 async def receive_form(
     content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
 ) -> tuple[bytes, dict[str, ReceivedFile]]:
-    """Receive the part `request`, unparsed, and the file parts by name: those of every kind of job are accepted.
-
-    Raises
-    ------
-    RequestError
-        The body is not such a form.
-    AssetTooLargeError
-        The body exceeds the limit; the rest of it is not read.
-    """
+    """Receive the part `request`, unparsed, and the file parts by name: those of every kind of job are accepted."""
     if content_length.isdigit() and int(content_length) > max_bytes:
         raise AssetTooLargeError.more_than(max_bytes, "The body has")
     kind, options = parse_options_header(content_type)

@@ -67,11 +67,6 @@ def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | 
 
     It yields the claim, to complete in the transaction that executes the request; the answer, if it was executed
     before; None if the request has no key.
-
-    Raises
-    ------
-    IdempotencyMismatchError, IdempotencyBusyError
-        The key was used for another request, or its request is still in progress.
     """
     if caller.idempotency_key is None:
         yield None

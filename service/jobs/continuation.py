@@ -34,17 +34,7 @@ _RETRYABLE = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)
 
 
 def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
-    """Create a new job from one that did not succeed; it continues from the last intact checkpoint.
-
-    Raises
-    ------
-    NotFoundError, ConflictError
-        There is no such job, or it has not ended, or it has succeeded.
-    UnreadableJobError, RequestError, ModelError
-        This version cannot read its request, or the deployment no longer accepts it.
-    StoredFileError
-        The stored copy of one of its files is damaged.
-    """
+    """Create a new job from one that did not succeed; it continues from the last intact checkpoint."""
     with claimed(app.record, caller, request_hash(caller.method, caller.path, None, {})) as claim:
         if isinstance(claim, Answer):
             return claim
@@ -74,11 +64,6 @@ def retry_failed(
     """Retry a page of the caller's jobs that failed with an error, but for those that were retried already.
 
     Where a limit of the caller's stops it, the cursor is that of the rest, if any was retried.
-
-    Raises
-    ------
-    LimitError, UnavailableError
-        The first was refused for the sake of a limit, or the record or the store does not answer.
     """
     page = app.record.list_jobs(None, cursor, limit, owner=caller.owner_id, created_after=created_after, error=error)
     known = app.record.retried(page.jobs, caller.owner_id)
@@ -107,15 +92,6 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
 
     Where several attempts have a checkpoint of the step, the newest intact one is used. The files that the document
     names are fetched to the folder.
-
-    Raises
-    ------
-    NotFoundError
-        There is no such job, or it has no such checkpoint.
-    UnreadableJobError, StoredFileError
-        This version cannot read its request, or the stored copy of one of its files is damaged.
-    AssetError, RequestError, ModelError
-        The request, or a file that it names, is not acceptable.
     """
     body = document.model_dump(mode="json", exclude_unset=True)
     with claimed(app.record, caller, request_hash(caller.method, caller.path, body, {})) as claim:

@@ -48,13 +48,7 @@ _CONTENT_TYPE = "application/octet-stream"
 
 
 def check_params(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
-    """Check a request for a job that has these files, and return the parameters that it would run with.
-
-    Raises
-    ------
-    RequestError, ModelError
-        No worker of this deployment could run it, or it exceeds a limit of the deployment.
-    """
+    """Check a request for a job that has these files, and return the parameters that it would run with."""
     for name, value in request.metadata.items():
         # PostgreSQL cannot store this character.
         if "\0" in name + value:
@@ -84,11 +78,6 @@ def check_job(
     """Check a job's parameters and decode its files completely. Nothing is stored.
 
     Return the parameters that it would run with, and its files and their summaries by part.
-
-    Raises
-    ------
-    AssetError, RequestError, ModelError
-        A file or the request is not acceptable.
     """
     params = check_params(submission.document, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
@@ -104,13 +93,7 @@ def check_job(
 
 
 def check_words(request: JobRequest, weights: Path, meshes: Mapping[str, AssetSummary]) -> None:
-    """Check a request against the words of taught weights, which have passed `check_file`.
-
-    Raises
-    ------
-    RequestError
-        It has words that they do not know, or would teach what they know.
-    """
+    """Check a request against the words of taught weights, which have passed `check_file`."""
     check = kind_of(request.kind).check_words
     if check is not None:
         check(request, taught.check(weights), meshes)
@@ -119,13 +102,7 @@ def check_words(request: JobRequest, weights: Path, meshes: Mapping[str, AssetSu
 def check_file(
     app: AppState, owner_id: str, kind: Kind, part: str, file: ReceivedFile
 ) -> AssetSummary | PictureSummary:
-    """Decode a file completely as what its part should be.
-
-    Raises
-    ------
-    AssetError
-        The file is not acceptable; the error names the part of a picture.
-    """
+    """Decode a file completely as what its part should be."""
     try:
         return app.assets.check(file.path, file.filename, file.sha256, owner_id, kind.content_of(part))
     except (SilhouetteError, DrawingError) as error:
@@ -133,17 +110,7 @@ def check_file(
 
 
 def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
-    """Accept a job durably, or refuse it without leaving anything behind.
-
-    Raises
-    ------
-    AssetError, RequestError, ModelError
-        A file or the request is not acceptable.
-    TooManyJobsError, TooMuchStoredError
-        The caller has as many unfinished jobs as its limit allows, or its jobs keep as many bytes.
-    UnavailableError
-        The record or the store does not answer. Redis is not needed: the reconciler enqueues the job later.
-    """
+    """Accept a job durably, or refuse it without leaving anything behind."""
     document = submission.document.model_dump(mode="json", exclude_unset=True)
     digests = {name: file.sha256 for name, file in submission.files.items()}
     with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
@@ -207,15 +174,7 @@ def _size(summaries: Mapping[str, AssetSummary | PictureSummary]) -> dict[str, i
 
 
 async def orient(app: AppState, owner_id: str, submission: Submission) -> FoundOrientation:
-    """Check a job as `validate` does, and search its front in a child process.
-
-    Raises
-    ------
-    AssetError, RequestError, ModelError
-        The job would not be accepted, or would not search its front.
-    DependencyError, UnavailableError
-        This server cannot search it, or cannot search it now.
-    """
+    """Check a job as `validate` does, and search its front in a child process."""
     params, asset = await app.take_in(owner_id, _searchable, app, owner_id, submission)
     async with app.orienting.slot(owner_id):
         return await to_thread.run_sync(_front, app, submission.document, params, asset)
@@ -245,15 +204,7 @@ def _front(app: AppState, request: JobRequest, params: ResolvedParams, asset: Re
 
 
 async def list_parts(app: AppState, owner_id: str, submission: Submission) -> FoundParts:
-    """Check a job as `validate` does, but for its prompt, and find the parts of its asset in a child process.
-
-    Raises
-    ------
-    AssetError, RequestError, ModelError
-        The job would not be accepted, or has no parts.
-    DependencyError, UnavailableError
-        This server cannot find them, or cannot find them now.
-    """
+    """Check a job as `validate` does, but for its prompt, and find the parts of its asset in a child process."""
     prompt = submission.document.prompt
     # The child reads the prompt; whatever it is, the rest is checked as that of a change that needs no part.
     whole = submission.document.model_copy(update={"prompt": "taller"})

@@ -68,13 +68,7 @@ def missing_files(document: JobDocument, sent: Collection[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Submission:
-    """A request for a job, and the files that were sent with it, by part; those that are fetched join them in `folder`.
-
-    Raises
-    ------
-    ParameterError
-        A required file is missing, or is both sent and named.
-    """
+    """A request for a job, and the files sent with it, by part; those that are fetched join them in `folder`."""
 
     document: JobDocument
     files: dict[str, ReceivedFile]
@@ -97,13 +91,7 @@ class Submission:
         return {*self.files, *self.document.references}
 
     def fetch_all(self, app: AppState, owner_id: str) -> dict[str, ReceivedFile]:
-        """Fetch the files that the document names, and return all files by name, in the order of the kind's parts.
-
-        Raises
-        ------
-        ParameterError, ConflictError
-            A reference names no file of this owner, or one that is not complete.
-        """
+        """Fetch the files that the document names, and return all files by name, in the order of the kind's parts."""
         named = self.document.references.items()
         fetched = {name: fetch(app, owner_id, *reference, self.folder) for name, reference in named}
         return in_order(self.document, {**self.files, **fetched})
@@ -165,17 +153,7 @@ def _reported_at(place: list[str], detail: str) -> Iterator[None]:
 
 
 async def take_along(app: AppState, owner_id: str, submission: Submission) -> Submission:
-    """Return a submission whose files have come with it: those that its document held, or named by a URL, as well.
-
-    Raises
-    ------
-    AssetNotFetchedError
-        A URL may not be fetched, or does not answer with the file.
-    AssetTooLargeError
-        A file is larger than an upload may be.
-    ParameterError
-        A text is not base64.
-    """
+    """Return a submission whose files have come with it: those that its document held, or named by a URL, as well."""
     files = dict(submission.files)
     for name, (source, place) in submission.document.sources.items():
         path = submission.folder / name

@@ -105,13 +105,7 @@ def received_bytes(app: AppState, upload: Upload) -> int:
 
 
 def authorize(app: AppState, upload_id: str, path: str, query: str) -> Upload:
-    """Verify a signed URL and return the upload that it grants write access to.
-
-    Raises
-    ------
-    ForbiddenError, NotFoundError
-        The URL is altered or has expired, or the upload no longer exists.
-    """
+    """Verify a signed URL and return the upload that it grants write access to."""
     verify_path("PUT", path, query, app.record.secret(_KEY_NAME))
     return app.record.uploads.get(upload_id)
 
@@ -137,13 +131,6 @@ async def receive_content(app: AppState, upload: Upload, part: ContentRange, bod
     """Append a body to an upload as it arrives, and return the number of received bytes in total.
 
     Received bytes are kept even if the body is cut off. A body that covers the whole upload replaces earlier bytes.
-
-    Raises
-    ------
-    ConflictError
-        The range does not begin at the upload's offset, the upload is complete, or another request writes to it.
-    AssetTooLargeError
-        The body is longer than announced.
     """
     if upload.complete:
         raise ConflictError(

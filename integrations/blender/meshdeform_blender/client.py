@@ -41,11 +41,6 @@ class Client:
         How long one response may take.
     tries : int
         How often to try if the service is busy or unreachable.
-
-    Raises
-    ------
-    AddonError
-        Raised by every method: the service's error with its advice, or why there was no response.
     """
 
     def __init__(

@@ -31,12 +31,6 @@ def region_documents(
         Weight of each vertex of each part in the group; None where the part has no such group.
     group : str
         Its name, for errors.
-    action : "keep" or "only"
-
-    Raises
-    ------
-    AddonError
-        No triangle is in the group, or they lie too scattered for one request.
     """
     flags = [
         np.zeros(len(part.triangles), bool) if weight is None else (weight > THRESHOLD)[part.triangles].all(1)

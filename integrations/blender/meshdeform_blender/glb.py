@@ -35,13 +35,7 @@ class Part:
 
 
 def write_glb(parts: Sequence[Part]) -> bytes:
-    """Write a scene, one mesh and one node for each part.
-
-    Raises
-    ------
-    AddonError
-        A part has no faces, or its transform flattens it.
-    """
+    """Write a scene, one mesh and one node for each part."""
     if not parts:
         raise AddonError("No mesh is selected.", "Select one or more mesh objects.")
     binary = bytearray()
@@ -75,13 +69,7 @@ def write_glb(parts: Sequence[Part]) -> bytes:
 
 
 def read_positions(glb: bytes, parts: Sequence[Part]) -> list[NDArray[np.float32]]:
-    """Read the new positions, each in its mesh's own space, from the deformed file of `write_glb` for the same parts.
-
-    Raises
-    ------
-    AddonError
-        The file does not match the parts.
-    """
+    """Read the new positions, each in its mesh's own space, from the deformed file of `write_glb` for these parts."""
     try:
         root, binary = _unpack(glb)
         found = [_positions(root, binary, root["nodes"][number]["mesh"]) for number in range(len(parts))]

@@ -30,11 +30,6 @@ def gather(objects: Sequence[Any]) -> list[Source]:
     """Read the meshes of objects; of objects that share a mesh, only the first.
 
     Modifiers are not applied: they still apply to the result. For a mesh with shape keys, the reference key is read.
-
-    Raises
-    ------
-    AddonError
-        A mesh belongs to another file, or an object is being edited.
     """
     found: dict[str, Source] = {}
     for obj in objects:
@@ -87,11 +82,6 @@ def apply(sources: Sequence[Source], positions: Sequence[NDArray[np.float32]], h
     Returns
     -------
     Remarks for the user.
-
-    Raises
-    ------
-    AddonError
-        An object is gone, or its vertices or faces have changed.
     """
     targets = []
     for source in sources:

@@ -33,13 +33,7 @@ class Session:
         return self.job.status if self.job else None
 
     def start(self, objects: Sequence[Any], settings: Any, preferences: Any) -> None:
-        """Read the meshes and start sending them; returns at once.
-
-        Raises
-        ------
-        AddonError
-            The job cannot be started.
-        """
+        """Read the meshes and start sending them; returns at once."""
         if self.job:
             raise AddonError("A deformation is running.", "Wait for it, or cancel it.")
         Client(preferences.url)  # raises if it is not an address
@@ -102,13 +96,7 @@ class Session:
 
 
 def _control(sources: Sequence[meshes.Source], settings: Any) -> dict[str, Any]:
-    """Return the parameters that say where the meshes may deform.
-
-    Raises
-    ------
-    AddonError
-        The vertex group selects nothing.
-    """
+    """Return the parameters that say where the meshes may deform."""
     params: dict[str, Any] = {}
     if settings.region != "none" and settings.group:
         parts = [source.part for source in sources]

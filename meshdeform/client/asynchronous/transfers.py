@@ -71,13 +71,6 @@ async def uploaded(connection: AsyncConnection, file: LocalFile, key: str) -> Up
     """Upload a file completely, with its SHA-256 verified by the service, and return the upload.
 
     The same file with the same key resumes where it stopped, also in another process.
-
-    Raises
-    ------
-    ChecksumError
-        The received bytes differ from the file.
-    MeshdeformError
-        The service refused the upload.
     """
     about = {"filename": file.filename[-MAX_FILENAME:], "size": file.size, "sha256": file.sha256}
     headers = {"Idempotency-Key": hashlib.sha256(f"{key}/{file.sha256}".encode()).hexdigest()}
@@ -147,13 +140,6 @@ async def saved(connection: AsyncConnection, url: str, path: Path, sha256: str |
     """Download a file to a path, replacing what is there, once it is complete.
 
     Its bytes must have the SHA-256 that the service sends, and the one that is expected.
-
-    Raises
-    ------
-    UnavailableError
-        The download failed too often, or the SHA-256 does not match.
-    OSError
-        The file cannot be written.
     """
     aside = path.with_name(f".{path.name[:100]}.{uuid.uuid4().hex}.part")
     file: IO[bytes] = await work(aside.open, "xb")
@@ -217,15 +203,6 @@ async def followed(
     """Yield a job's events after a number, each once and in order, up to the one that ends the job.
 
     The deadline is in the time of the monotonic clock.
-
-    Raises
-    ------
-    NotFoundError
-        The job does not exist, or was deleted.
-    WaitTimeoutError
-        The deadline has passed.
-    MeshdeformError
-        The service refused; `UnavailableError` if it does not answer for longer than the policy allows.
     """
     policy = connection.policy
     patience = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.reconnect_s)

@@ -28,13 +28,7 @@ class Connection:
         self._http, self._endpoint, self.policy = http, endpoint, policy
 
     def send(self, call: Call) -> Answer:
-        """Send a request once, and return the response with its body.
-
-        Raises
-        ------
-        httpx.HTTPError
-            There is no response.
-        """
+        """Send a request once, and return the response with its body."""
         auth = httpx.Auth() if call.signed else httpx.USE_CLIENT_DEFAULT
         response = self._http.send(self._endpoint.request(self._http, call), auth=auth, follow_redirects=False)
         return self._endpoint.answer(response, response.content)
@@ -52,13 +46,7 @@ class Connection:
                 response.close()
 
     def answered(self, call: Call, patience: Patience | None = None) -> Answer:
-        """Send a request, with retries, and return the response. It must be safe to send more than once.
-
-        Raises
-        ------
-        MeshdeformError
-            The service's error; `UnavailableError` if it did not answer.
-        """
+        """Send a request, with retries, and return the response. It must be safe to send more than once."""
         policy = self.policy
         patience = patience or Patience(policy, retries=policy.max_retries, seconds=policy.timeout_s)
         busy = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.busy_s)

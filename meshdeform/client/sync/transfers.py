@@ -72,13 +72,6 @@ def uploaded(connection: Connection, file: LocalFile, key: str) -> UploadView:
     """Upload a file completely, with its SHA-256 verified by the service, and return the upload.
 
     The same file with the same key resumes where it stopped, also in another process.
-
-    Raises
-    ------
-    ChecksumError
-        The received bytes differ from the file.
-    MeshdeformError
-        The service refused the upload.
     """
     about = {"filename": file.filename[-MAX_FILENAME:], "size": file.size, "sha256": file.sha256}
     headers = {"Idempotency-Key": hashlib.sha256(f"{key}/{file.sha256}".encode()).hexdigest()}
@@ -148,13 +141,6 @@ def saved(connection: Connection, url: str, path: Path, sha256: str | None = Non
     """Download a file to a path, replacing what is there, once it is complete.
 
     Its bytes must have the SHA-256 that the service sends, and the one that is expected.
-
-    Raises
-    ------
-    UnavailableError
-        The download failed too often, or the SHA-256 does not match.
-    OSError
-        The file cannot be written.
     """
     aside = path.with_name(f".{path.name[:100]}.{uuid.uuid4().hex}.part")
     file: IO[bytes] = work(aside.open, "xb")
@@ -216,15 +202,6 @@ def followed(connection: Connection, job_id: str, after: int, deadline: float | 
     """Yield a job's events after a number, each once and in order, up to the one that ends the job.
 
     The deadline is in the time of the monotonic clock.
-
-    Raises
-    ------
-    NotFoundError
-        The job does not exist, or was deleted.
-    WaitTimeoutError
-        The deadline has passed.
-    MeshdeformError
-        The service refused; `UnavailableError` if it does not answer for longer than the policy allows.
     """
     policy = connection.policy
     patience = Patience(policy, retries=None if policy.max_retries else 0, seconds=policy.reconnect_s)
