@@ -59,11 +59,20 @@ def randomized(field: LatticeField | JacobianField, seed: int = 0, size: float =
 def test_equal_controls_give_an_affine_map(carried: Carried) -> None:
     field = carried(Structure())
     linear = 0.3 * torch.randn(3, 3, generator=torch.Generator().manual_seed(1), dtype=F64)
+    linear = (linear + linear.T) / 2  # without a turn, which the whole does not make
     with torch.no_grad():
         next(iter(field.tensors.values())).add_(linear)
     arms = field.rest.verts - field.rest.centre_of_mass()
     expected = field.rest.centre_of_mass() + arms @ (torch.eye(3, dtype=F64) + linear).T
     torch.testing.assert_close(placed(field).detach(), expected, atol=1e-9, rtol=0)
+
+
+@each_case("carried", CARRIERS)
+@each_case("structure", [Structure(), Structure(planes=(0,)), Structure(level=True)])
+def test_the_whole_does_not_turn(carried: Carried, structure: Structure) -> None:
+    mean = randomized(carried(structure)).jacobians().mean(0)
+    torch.testing.assert_close(mean, mean.T)
+    assert (mean - torch.eye(3, dtype=F64)).abs().max() > 1e-3
 
 
 @each_case("carried", CARRIERS)
@@ -161,7 +170,7 @@ def test_levels_are_unlocked_one_after_the_other_and_all_count(fraction: float, 
 
 def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
     mesh = sled()
-    field = LatticeField(mesh, structure=Structure())
+    field = LatticeField(mesh)
     upper = (mesh.verts[mesh.faces].mean(1)[:, 1] > 0.3).double().numpy()
     regional = RegionalGradients([upper], RestMesh.of(mesh), field)
     field.begin_step(1.0)
@@ -171,7 +180,7 @@ def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
     assert (on_cells[heights < 0.0] == 0).all()
     assert (on_cells[heights > 0.6] != 0).any()
     regional.add(on_cells)
-    torch.testing.assert_close(field.tensors["cell_level_2"].grad, on_cells)
+    torch.testing.assert_close(field.tensors["cell_jacobians"].grad, on_cells)
 
 
 def test_mirror_planes_are_found_with_a_part_that_has_no_partner() -> None:
