@@ -354,7 +354,8 @@ def _upgrade(connection: sa.Connection) -> None:
         alembic.command.upgrade(config, "head")
     except alembic.util.CommandError as error:
         raise UnavailableError(
-            "The record has the schema of a newer Meshdeform.", advice="Install that version or a newer one."
+            "The record has the schema of a newer Meshdeform, or of one before the first release.",
+            advice="Install the version that wrote it.",
         ) from error
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sqlite3
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,7 +13,6 @@ from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from service.jobs.estimates import estimate
-from tests.cases import each_case
 from tests.integration.other_versions import LATER, accepted_elsewhere
 from tests.integration.record_calls import LEASE_S, OVER, artifact, history, ids, posted, set_to
 
@@ -163,34 +160,3 @@ def test_a_job_that_no_worker_takes_is_announced_ever_less_often(record: JobReco
         assert looks.run_once() == [lost.id]
     finally:
         queue.close()
-
-
-@each_case("version", ["0002", "0003", "0007"])
-def test_a_record_of_an_earlier_commit_is_upgraded_and_its_jobs_go_on(version: str, tmp_path: Path) -> None:
-    path = tmp_path / f"{version}.sqlite"
-    with sqlite3.connect(path) as connection:
-        connection.executescript((EARLIER / f"{version}.sql").read_text())
-    connection.close()
-    record = JobRecord(f"sqlite:///{path}")
-    try:
-        jobs = record.list_jobs().jobs
-        assert [job.unreadable for job in jobs] == [None] * len(jobs)
-        by_state: dict[JobState, list[str]] = {}
-        for job in jobs:
-            by_state.setdefault(job.state, []).append(job.id)
-            assert job.document.get("params", {}) is not None
-        assert set(by_state) == set(JobState) - {JobState.EXPIRED}
-        assert record.upkeep.reclaim_expired(3) == by_state[JobState.RUNNING]
-        assert [record.get(job_id).state for job_id in by_state[JobState.CANCELING]] == [JobState.CANCELED]
-        queued = sorted(by_state[JobState.QUEUED] + by_state[JobState.RUNNING])
-        taken: list[Any] = [record.leases.claim_next("worker", LEASE_S) for _ in queued]
-        assert ids(taken) == queued
-        assert record.leases.claim_next("worker", LEASE_S) is None
-        for job in taken:
-            assert job.request.kind is job.kind
-            record.leases.finish(job.id, job.attempt, JobState.SUCCEEDED, results=[artifact()])
-        for job in record.list_jobs().jobs:
-            assert history(record, job.id)
-            record.delete(job.id)
-    finally:
-        record.close()

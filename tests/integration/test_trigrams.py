@@ -93,35 +93,3 @@ def test_a_migration_may_take_longer_than_other_statements(
     with pytest.raises(UnavailableError), record.database.read() as connection:
         connection.exec_driver_sql("SELECT pg_sleep(1.0)")
     record.close()
-
-
-def _go_back(database_url: str) -> None:
-    """Give a record the schema from before the index of trigrams, but for that index."""
-    engine = sa.create_engine(database_url.replace("://", "+pg8000://"))
-    added = ("claimed_at", "ran_s", "yielded_at", "retry_at", "failures", "faces", "parts")
-    with engine.begin() as connection:
-        connection.exec_driver_sql("ALTER TABLE webhooks DROP COLUMN job_id")
-        connection.exec_driver_sql("ALTER TABLE jobs " + ", ".join(f"DROP COLUMN {column}" for column in added))
-        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0008'")
-    engine.dispose()
-
-
-def test_an_index_made_ahead_is_used_and_other_errors_are_not_passed_over(
-    database_url: str, administrator: sa.Engine
-) -> None:
-    JobRecord(database_url).close()
-    with administrator.connect() as connection:
-        connection.exec_driver_sql("DROP INDEX ix_job_texts_text")
-        for statement in documented():
-            connection.exec_driver_sql(statement)
-        _go_back(database_url)
-        JobRecord(database_url).close()
-        assert connection.scalar(INDEX) == 1
-        _go_back(database_url)
-        connection.exec_driver_sql("ALTER TABLE job_texts RENAME TO hidden")
-        connection.exec_driver_sql("DROP INDEX ix_job_texts_text")
-        try:
-            with pytest.raises(sa.exc.DBAPIError, match='"job_texts" does not exist'):
-                JobRecord(database_url)
-        finally:
-            connection.exec_driver_sql("ALTER TABLE hidden RENAME TO job_texts")
