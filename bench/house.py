@@ -13,7 +13,7 @@ import json
 import subprocess
 from pathlib import Path
 
-from meshdeform.requests.removed import PLACES
+from meshdeform.requests.groups import PLACES
 
 __all__ = ["EXPECTED", "ROOM", "counts"]
 

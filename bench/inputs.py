@@ -40,7 +40,7 @@ from meshdeform.geometry.weld import weld
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 

@@ -17,7 +17,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors import load_prior
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs.goals import score_distillation
 from training.evaluation.measures import measures
 from training.evaluation.retrieval import load_judge

@@ -25,7 +25,7 @@ from meshdeform.assets import load_asset
 from meshdeform.priors import load_prior
 from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 

@@ -29,7 +29,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.rasterizer import CoverageRenderer
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from training.shapes import box
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}

@@ -31,7 +31,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs.devices import use_threads
 
 WARM = 10

@@ -17,7 +17,7 @@ from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, NewJob, Origin, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore

@@ -18,6 +18,7 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
+from meshdeform.requests.groups import PLACES
 from meshdeform.requests.parameters import (
     CONSTANTS,
     FROM_PRESET,
@@ -26,7 +27,6 @@ from meshdeform.requests.parameters import (
     SilhouetteGuidance,
     TargetGuidance,
 )
-from meshdeform.requests.removed import PLACES
 from meshdeform.requests.selection import (
     Box,
     Capsule,
@@ -113,13 +113,6 @@ PICTURES = """\
 ```
 """
 
-FLAT_FORM = """\
-## From the flat form
-
-A request with parameters of a group directly in `params` is refused (`422`), and the answer names the place of each;
-`"guidance": "target"` is `"guidance": {"kind": "target"}`. Stored jobs of that form run as before, and the API returns
-them in the present one.
-"""
 
 PRESETS = """\
 ## Presets
@@ -296,6 +289,5 @@ def page() -> str:
             listed(("", Handle)),
             "## output\n",
             section(OutputOptions, prefix="output."),
-            FLAT_FORM,
         ]
     )

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from meshdeform import Client
 from meshdeform.requests.choices import Preset
-from meshdeform.requests.removed import without_unused
+from meshdeform.requests.groups import without_unused
 
 from . import host, parameters
 from .jobs import NodeError, explained, run

@@ -13,8 +13,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from meshdeform.requests.declaration import FORM
+from meshdeform.requests.groups import grouped, plain_place
 from meshdeform.requests.parameters import CommonParams, Control, DeformParams, PromptGuidance
-from meshdeform.requests.removed import grouped, plain_place
 
 __all__ = ["FROM_PRESET", "MORE", "inputs", "problem", "wanted"]
 

@@ -11,7 +11,6 @@ from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidatio
 from meshdeform.api.states import EventType, JobError, JobState, OriginMode, Progress
 from meshdeform.record.models import Artifact, CheckpointRef, Event, Job, Origin, StoredFile
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
-from meshdeform.requests.removed import translated
 
 _POLL_S = "1"
 _TIME = "2026-01-31T12:00:00Z"
@@ -86,7 +85,7 @@ class JobView(_Document):
     )
     prompt: str = Field(description="What the asset should become.", examples=["a mushroom"])
     params: SerializeAsAny[SkipValidation[DeformParams]] = Field(
-        description="The parameters as given in the request; those of earlier editions in the form of this one.",
+        description="The parameters as given in the request.",
         examples=[{"preset": "preview"}],
     )
     output: OutputOptions = Field(description="What the job writes.", examples=[{"morph": False}])
@@ -135,7 +134,7 @@ class JobView(_Document):
     def of(cls, job: Job) -> JobView:
         """Return the document of a job. Nothing of its request is read, so `unreadable` is for the caller to fill."""
         files = {part: FileView.of(file) for part, file in job.files.items()}
-        written = translated(job.document)
+        written = job.document
         return cls.model_construct(
             id=job.id,
             kind=job.kind,

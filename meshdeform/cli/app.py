@@ -17,7 +17,7 @@ from typer.core import TyperGroup
 import meshdeform
 from meshdeform.cli.batch import batch
 from meshdeform.cli.doctor import doctor
-from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors, report
+from meshdeform.cli.exits import ExitCode, OutcomeError, report
 from meshdeform.cli.form import form_command
 from meshdeform.cli.inspect import inspect
 from meshdeform.cli.jobs import branch, cancel, delete, fetch, jobs, retry, wait, watch
@@ -30,7 +30,6 @@ from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
 from meshdeform.cli.variants import variants
-from meshdeform.errors import ParameterError
 from meshdeform.support.memory import skip_last_collections
 from meshdeform.support.threads import limit_spinning
 
@@ -117,26 +116,6 @@ def _options(
     pass
 
 
-_GONE = {
-    "eval": OutcomeError(
-        ExitCode.USAGE,
-        "usage",
-        "meshdeform eval is no part of the package any more.",
-        "In a clone of the repository, use: python -m training.evaluation (docs/quality.md).",
-    ),
-    "submit": ParameterError(
-        "meshdeform submit is now meshdeform run --url URL, which also follows the job and saves its artifacts.",
-        advice="Name the service with --url; with --detach it prints the id of the job and does not wait.",
-    ),
-}
-
-
-@clean_errors
-def gone(ctx: typer.Context) -> None:
-    """Say what has become of this command."""
-    raise _GONE[str(ctx.info_name)]
-
-
 for _panel, _commands in {
     _MACHINE: (
         *(run, batch, apply, convert, variants, family_fit, family_synthesize, inspect, animate, surface_fit),
@@ -147,8 +126,6 @@ for _panel, _commands in {
 }.items():
     for _each in _commands:
         app.command(cls=form_command(*getattr(_each, "forms", ())), rich_help_panel=_panel)(_each)
-for _name in _GONE:
-    app.command(_name, hidden=True, context_settings=_ANYTHING)(gone)
 app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 
 

@@ -78,8 +78,7 @@ def _described(entry: dict[str, Any]) -> str:
         lines.append(entry["problem"])
     if words.get("nouns"):
         lines.append(f"{len(words['nouns'])} nouns")
-    # A service of an older version names no groups.
-    for name, nouns in (words.get("groups") or {"nouns": words.get("nouns") or []}).items():
+    for name, nouns in (words.get("groups") or {}).items():
         if nouns:
             lines.append(f"  {name}: {', '.join(nouns)}")
     for name in ("attributes", "examples"):

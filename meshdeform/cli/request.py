@@ -58,7 +58,7 @@ def merge_params(ctx: typer.Context, pairs: Sequence[str] | None, **options: Any
 
     Parameters of a deformation may be named without their group, which they are put in.
     """
-    from meshdeform.requests.removed import grouped
+    from meshdeform.requests.groups import grouped
 
     given = {name: value for name, value in options.items() if value is not None}
     return overlaid(overlaid(grouped(make_settings(pairs or [])), grouped(given)), written(ctx))

@@ -28,7 +28,7 @@ class Checkpoint:
     tensors: dict[str, Tensor]  # jacobians, Adam's moments and the random generator's state
     precision: str = ""
     """What the diffusion prior computed in up to this step; several, in order, such as `bfloat16, float32`, if the run
-    was resumed in another one. Empty if there was no prior, and in checkpoints of earlier versions."""
+    was resumed in another one. Empty if there was no prior."""
 
 
 def fingerprint(**parts: Any) -> str:
@@ -68,8 +68,7 @@ def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
         The bytes are incomplete or damaged, or belong to another asset.
     """
     checkpoint, metadata = _read(data)
-    # Older checkpoints do not name their asset; only the shapes of their tensors can be checked.
-    if metadata.get("asset") not in (None, "", asset):
+    if metadata.get("asset") != asset:
         raise CheckpointError(
             "The checkpoint was made with another asset, or other params.control.exclude, "
             "params.control.backdrop or output.subdivide."

@@ -416,17 +416,15 @@ class Deformation:
         if self._shape is not None:
             self._shape.restore(state)
         self.orientation = _stored_orientation(state)
-        if _PULLS in state:  # those of earlier versions have none
-            self.pulls.sums = state[_PULLS].clone()
+        self.pulls.sums = state[_PULLS].clone()
         self._generator.set_state(state["generator"])
         self._consistent = True
         self.step = checkpoint.step
 
 
 def _stored_orientation(state: Mapping[str, Tensor]) -> Orientation:
-    """Return the orientation in a checkpoint's tensors; those of earlier versions have none."""
-    stored = state.get(_ORIENTATION)
-    return Orientation() if stored is None else Orientation.from_tensor(stored)
+    """Return the orientation in a checkpoint's tensors."""
+    return Orientation.from_tensor(state[_ORIENTATION])
 
 
 def _stored_structure(state: Mapping[str, Tensor]) -> Structure | None:

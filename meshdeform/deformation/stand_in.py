@@ -73,16 +73,12 @@ def carry(
     Raises
     ------
     CheckpointError
-        The shape is of an edition that moved parts by translations, or of the surface while there are bodies.
+        The shape is of the surface while there are bodies.
     """
     rest = RestMesh.of(mesh)
     of_whole = rest if whole is None else RestMesh.of(whole)
     chosen = chosen_carrier(carrier, of_whole, rigid=bool(bodies))
     if initial is not None:
-        if "translations" in initial and bool(initial["translations"].any()) and len(initial["translations"]) > 1:
-            raise CheckpointError(
-                "The shape to start from was made by an earlier edition, which moved the parts of an asset separately."
-            )
         chosen = Carrier.LATTICE if any(name.startswith("cell_") for name in initial) else Carrier.SURFACE
     if chosen is Carrier.LATTICE:
         return LatticeField(rest, of_whole, bodies, constraints, structure)

@@ -140,8 +140,8 @@ class TargetGuidance:
         return {"fit.offset": self.offset, **self._paired}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
-        """Continue from `state`; a checkpoint of an earlier version has none."""
-        self.offset = state.get("fit.offset", self.offset)
+        """Continue from `state`."""
+        self.offset = state["fit.offset"]
         self._paired = {}
         if self._points is not None and "fit.verts" in state:
             self._pair_again(state)

@@ -49,7 +49,6 @@ from meshdeform.requests.parameters import (
     active_prompts,
 )
 from meshdeform.requests.presets import OVERRIDES, Family
-from meshdeform.requests.removed import translated
 from meshdeform.requests.surface_fit import SurfaceFitParams
 from meshdeform.requests.teaching import TeachParams
 
@@ -386,14 +385,13 @@ def _family(model: str | None) -> str:
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
-    """Read a stored request of any version, without bounds: in the form of this one, without what was removed since.
+    """Read a stored request, without bounds, since another version may have had others.
 
     Parameters
     ----------
     document : mapping
         As stored in the record.
     """
-    document = translated(document)
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
     model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
     if model is None:

@@ -9,8 +9,8 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.groups import elsewhere, plain_place
 from meshdeform.requests.parameters import GUIDANCES
-from meshdeform.requests.removed import instead, plain_place
 
 _CLOSE = 0.6
 
@@ -39,8 +39,8 @@ def in_plain_words(findings: Sequence[Any], model: type[BaseModel]) -> list[dict
 
 
 def _unknown(place: Sequence[Any], model: type[BaseModel]) -> str:
-    if elsewhere := instead(place):
-        return elsewhere
+    if said := elsewhere(place):
+        return said
     inner: type[BaseModel] | None = model
     for step in place[:-1]:
         inner = GUIDANCES[step] if step in list(GuidanceKind) else _model_of(inner, step) if inner is not None else None

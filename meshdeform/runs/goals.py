@@ -69,7 +69,6 @@ def score_distillation(
         timestep_min=params.timestep_min,
         timestep_max=params.timestep_max,
         timestep_max_end=params.timestep_max_end,
-        # Parameters resolved by an earlier edition have no appearance, and this model takes only its own.
         shading=None if is_builtin(params.model) else _SHADINGS[params.appearance],
     )
 

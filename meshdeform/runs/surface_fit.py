@@ -70,9 +70,8 @@ def start(given: RunInput) -> SurfaceFitRun:
             around = np.concatenate([around, verts])
         frame = FieldFrame.around(around)
         base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
-    # Left out where there are none, so that checkpoints of earlier versions fit.
     more = {"base": sha256_hex(given.files["base"].data)} if own is not None else {}
-    asked = params.model_dump(mode="json", exclude=None if params.anchors else {"anchors"})
+    asked = params.model_dump(mode="json")
     shape = fingerprint(
         asset=sha256, **more, **params.model_dump(include={"base_faces", "features", "octaves", "width", "depth"})
     )

@@ -44,7 +44,7 @@ from meshdeform.runs.surfaces import (
     vertex_jacobians,
     welded_surface,
 )
-from meshdeform.runs.text_deform_kind import read_target, resolved_params
+from meshdeform.runs.text_deform_kind import resolved_params
 from meshdeform.runs.text_report import (
     AssetFacts,
     Outcome,
@@ -69,7 +69,7 @@ def start(given: RunInput) -> JobRun:
     sentence = asked_changes(request.prompt, params)
     # A change needs no prior; whether a description is one, only the asset tells.
     prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS and sentence is None else None
-    target = read_target(params, given)
+    target = given.files.get("target")
     file = replace(file, sha256=file.sha256 or sha256_hex(file.data))
     with log.phase("read"):
         asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)

@@ -26,17 +26,15 @@ from meshdeform.requests.document import (
     read_unbounded,
     resolve,
 )
-from meshdeform.requests.parameters import CONSTANTS, SILHOUETTE_PARTS, Silhouette, active_prompts, prompt_words
-from meshdeform.requests.removed import PLACES, without_removed
+from meshdeform.requests.groups import PLACES
+from meshdeform.requests.parameters import SILHOUETTE_PARTS, Silhouette, active_prompts, prompt_words
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.runs.base import (
     FORMATS_OF_RESULT,
     WEIGHTS_FILE,
     ArtifactKind,
     FilePart,
-    InputFile,
     Kind,
-    RunInput,
     check_weights_part,
     start_of,
 )
@@ -387,8 +385,6 @@ def resolved_params(request: JobRequest, default_model: str, kept: Mapping[str, 
     """Return the parameters stored when the request was accepted; resolve them if there are none."""
     if kept is None:
         return resolve(request.params, default_model=default_model)
-    constants = {name: kept[name] for name in CONSTANTS & kept.keys()}  # earlier editions took them in requests
-    kept = without_removed({"params": kept})["params"] | constants
     try:
         return read_unbounded(ResolvedParams, kept)
     except ValidationError as error:
@@ -396,13 +392,7 @@ def resolved_params(request: JobRequest, default_model: str, kept: Mapping[str, 
         _log.info("the resolved parameters cannot be read and are resolved again: %s", error)
     if isinstance(kept.get("model"), str):  # the request may name a folder by its id
         request = request.model_copy(update={"params": request.params.with_model(kept["model"])})
-    return with_constants(resolve(request.params, default_model=default_model), constants)
-
-
-def with_constants(params: ResolvedParams, kept: Mapping[str, Any]) -> ResolvedParams:
-    """Return parameters with the constants that a job was accepted with: earlier editions took them in requests."""
-    values = {**params.model_dump(), **{name: kept[name] for name in CONSTANTS & kept.keys()}}
-    return read_unbounded(ResolvedParams, values)
+    return resolve(request.params, default_model=default_model)
 
 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
@@ -423,17 +413,6 @@ def _uses(request: JobRequest) -> list[str]:
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
-
-
-def read_target(params: ResolvedParams, given: RunInput) -> InputFile | None:
-    """Return the target mesh of a job; refuse a job whose target an earlier edition would have made of a drawing."""
-    target = given.files.get(_TARGET)
-    if target is None and params.guidance is GuidanceKind.TARGET:
-        raise ParameterError(
-            "The target of this job was to be made of a drawing, which jobs no longer do.",
-            advice="Make a mesh of the drawing (docs/sketch.md), and post a new job with it as the part `target`.",
-        )
-    return target
 
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:

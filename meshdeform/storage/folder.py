@@ -27,8 +27,6 @@ _PARTIAL = ".partial"
 _LOCKED = "locked-"
 # How long a file is kept of whose writer nothing is known: of an edition that locks none, or where locks do not work.
 _PARTIAL_KEPT_S = 3600.0
-# Folders that stores of editions without the marker have.
-_CONTENTS = ("assets", "jobs")
 
 
 class Folder:
@@ -50,12 +48,9 @@ class Folder:
                 self._mark()
 
     def ping(self, timeout_s: float | None = None) -> None:  # noqa: ARG002
-        """Return if the store is there; mark a store of an earlier edition."""
+        """Return if the store is there."""
         with file_errors():
             if (self.root / MARKER).exists():
-                return
-            if any((self.root / name).is_dir() for name in _CONTENTS):
-                self._mark()
                 return
         raise UnavailableError(
             f"The object store's folder {self.root.name} is missing or empty.",

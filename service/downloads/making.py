@@ -13,7 +13,6 @@ from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
 from meshdeform.runs.base import ArtifactKind
 from meshdeform.runs.derive import ALIKE, DERIVED, OF_RESULT, DerivedInput, derive
-from service.downloads.strengths import deformed_file
 from service.state import AppState
 
 _RESULT, _MAP = "result.glb", "map.safetensors"
@@ -40,7 +39,7 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
         if name in OF_RESULT:
             given = DerivedInput(shape, shape, _RESULT, output)
         else:
-            deformed = deformed_file(job)
+            deformed = job.source
             app.store.fetch(deformed.key, source, sha256=deformed.sha256)
             given = DerivedInput(source, shape, deformed.filename, output, job.request.params.control.exclude)
         derive(name, given, target, Limits.from_settings(app.settings))

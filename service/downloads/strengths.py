@@ -11,7 +11,7 @@ from anyio import CapacityLimiter, to_thread
 
 from meshdeform.assets import Limits
 from meshdeform.errors import NotFoundError, ParameterError
-from meshdeform.record.models import Artifact, Job, StoredFile
+from meshdeform.record.models import Artifact, Job
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import DeformParams
 from meshdeform.runs import kind_of
@@ -24,15 +24,6 @@ MAX_STRENGTH, STRENGTH_STEP = 1.5, 0.01
 _AT_ONCE, _PER_OWNER, _WAIT_S = 2, 1, 120.0
 _KEPT_PER_JOB = 16
 _REMEMBERED = 512
-_FITTED = "source.glb"  # the mesh that earlier editions fitted to an asset without triangles
-
-
-def deformed_file(job: Job) -> StoredFile:
-    """Return the file from which the job's result was made."""
-    for artifact in job.artifacts:
-        if artifact.name == _FITTED:
-            return StoredFile(key=artifact.key, filename=artifact.name, size=artifact.size, sha256=artifact.sha256)
-    return job.source
 
 
 class Strengths:
@@ -83,7 +74,7 @@ class Strengths:
             return known
         with self._workspace.temporary_folder() as folder:
             source, result, output = (folder / name for name in ("source", "result", "output"))
-            deformed = deformed_file(job)
+            deformed = job.source
             self._store.fetch(deformed.key, source, sha256=deformed.sha256)
             self._store.fetch(artifact.key, result, sha256=artifact.sha256)
             params = job.request.params

@@ -21,9 +21,7 @@ from meshdeform.record.files import FileLeases
 from meshdeform.record.ids import encode_cursor
 from meshdeform.record.models import CheckpointRef, Job, JobError, JobState, Origin, OriginMode, StoredFile
 from meshdeform.requests.choices import WEIGHTS_PART
-from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs import kind_of
-from meshdeform.runs.text_deform_kind import with_constants
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import BranchDocument, FileReference, FileSource
 from service.jobs.intake import check_file, check_params, check_words, key_of, new_job, record_job, store_file
@@ -45,8 +43,6 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 state=job.state.value,
             )
         params = check_params(job.request, app.settings, files=job.files)
-        if isinstance(params, ResolvedParams):
-            params = with_constants(params, job.resolved or {})
         app.record.check_room(caller.owner_id, {}, app.settings.max_stored_bytes)
         with app.record.files.leases() as leases:
             _lease(app, leases, job.files.values())

@@ -18,7 +18,7 @@ from typing import IO, Any, TypeVar
 import httpx
 import psutil
 
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 
 T = TypeVar("T")
 DEADLINE_S = 120.0

@@ -58,10 +58,6 @@ def test_unknown_query_parameters_are_refused(url: str, place: str, message: str
             {"prompt": "a vase", "output": {"xyz": True}},
             {"output.xyz": f"there is no such member. There are: {OUTPUTS}."},
         ),
-        (
-            {"prompt": "a vase", "output": {"usd": True}},
-            {"output.usd": "it was removed. Convert result.glb (docs/recipes.md#to-usdz)."},
-        ),
     ],
 )
 def test_a_misspelt_member_is_answered_with_the_right_one(

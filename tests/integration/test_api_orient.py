@@ -16,7 +16,7 @@ from meshdeform.errors import DependencyError, ParameterError, VocabularyError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import orientation_process, questions, text_deform
 from meshdeform.runs.base import job_input
 from tests.cases import each_case

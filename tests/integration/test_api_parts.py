@@ -14,7 +14,7 @@ from meshdeform.client import Client
 from meshdeform.errors import PartNotFoundError
 from meshdeform.geometry.shapes import join
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import questions, text_deform
 from meshdeform.runs.base import job_input
 from tests.cases import each_case

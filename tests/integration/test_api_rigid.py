@@ -7,7 +7,7 @@ from typing import Any
 
 from meshdeform.assets import Primitive, build_glb
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
 from tests.unit.geometry.test_structure import STATUE

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from meshdeform.errors import ConflictError, UnreadableJobError
@@ -16,8 +14,6 @@ from service.jobs.estimates import estimate
 from tests.integration.other_versions import LATER, accepted_elsewhere
 from tests.integration.record_calls import LEASE_S, OVER, artifact, history, ids, posted, set_to
 
-EARLIER = Path(__file__).with_name("earlier")
-"""Records that earlier commits wrote, as SQL, by the version of their schema."""
 both_databases = pytest.mark.both_databases
 
 

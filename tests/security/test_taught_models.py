@@ -21,7 +21,7 @@ from meshdeform.errors import (
     VocabularyError,
 )
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import start_run
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore

@@ -244,7 +244,7 @@ def _plan(
     ablation: str | None,
 ) -> Plan:
     from meshdeform.requests.document import resolve
-    from meshdeform.requests.removed import grouped
+    from meshdeform.requests.groups import grouped
     from meshdeform.runs.devices import resolve_device
     from training.evaluation.ablations import Ablation, ablated_params
     from training.evaluation.plan import Plan

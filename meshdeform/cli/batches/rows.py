@@ -224,7 +224,7 @@ def make_rows(
 
 
 def _request(entry: Entry, defaults: Mapping[str, Any], output: Mapping[str, bool]) -> JobRequest:
-    from meshdeform.requests.removed import grouped, without_unused
+    from meshdeform.requests.groups import grouped, without_unused
 
     if entry.name and (not _NAME.fullmatch(entry.name) or len(entry.name) > _MAX_NAME):
         raise ParameterError(

@@ -16,14 +16,13 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.regularizers import STRAINED
 from meshdeform.deformation.stand_in import chosen_carrier
 from meshdeform.deformation.variables import placed
-from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from tests.close import assert_close
 from training.evaluation.neighbours import neighbour_offsets
 from training.shapes import box, torus
@@ -196,9 +195,6 @@ def test_a_run_that_starts_from_a_shape_keeps_its_carrier() -> None:
     assert torch.equal(branch.verts(), first.verts())
     assert branch.cells == first.cells == len(first._variables.elements)
     assert Deformation(CART, guidance, paper).cells is None
-    old = {"jacobians": torch.eye(3, dtype=F64).repeat(len(CART.faces), 1, 1), "translations": torch.ones(5, 3)}
-    with pytest.raises(CheckpointError, match="earlier edition"):
-        Deformation(CART, guidance, paper, initial=old)
 
 
 # Details on a large face follow its chord, however the map of space bends; what is far off follows the map.

@@ -21,7 +21,7 @@ from meshdeform.rendering.rasterizer import rasterize
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from tests.cases import each_case
 from tests.close import assert_close
 from training.prior.families import member

@@ -18,7 +18,7 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.rendering.cameras import Cameras, Frame, fixed_cameras
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 from training.evaluation.sources import source_mesh

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from tests.cases import each_case
 from training.evaluation.listing import listing, outline
 from training.evaluation.plan import Plan

@@ -12,7 +12,7 @@ import torch
 from meshdeform.errors import ParameterError
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from tests.cases import each_case
 from training.evaluation.evaluator import Evaluator
 from training.evaluation.plan import (

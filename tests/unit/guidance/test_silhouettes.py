@@ -18,7 +18,7 @@ from meshdeform.guidance.silhouettes import SilhouetteGuidance, SilhouetteTerm, 
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.rasterizer import CoverageRenderer
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from training.shapes import box, lathe
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}

@@ -21,7 +21,7 @@ from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from tests.cases import each_case
 from tests.close import assert_close
 from training.shapes import box, grid, lathe

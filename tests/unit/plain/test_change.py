@@ -19,7 +19,7 @@ from meshdeform.plain.parts import PartMissingError
 from meshdeform.plain.words import OF_PARTS, Sentence, read_changes
 from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.changes import check_parts, part_names

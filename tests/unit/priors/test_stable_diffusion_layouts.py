@@ -25,7 +25,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.priors.model_files import find
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import start_run
 from meshdeform.settings import Settings
 from tests.cases import each_case

@@ -21,7 +21,7 @@ from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_kind import check

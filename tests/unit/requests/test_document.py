@@ -12,15 +12,14 @@ from meshdeform.requests.document import (
     PARAMS_OF_KIND,
     DeformParams,
     JobRequest,
-    OutputOptions,
     Preset,
     ResolvedParams,
     read_stored,
     read_unbounded,
     resolve,
 )
+from meshdeform.requests.groups import PLACES, elsewhere, grouped, plain_place, without_unused
 from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET, GUIDANCES, CommonParams, Control
-from meshdeform.requests.removed import PLACES, REMOVED, grouped, instead, plain_place, without_unused
 from meshdeform.runs import kinds
 from tests.cases import each_case
 
@@ -115,14 +114,6 @@ def test_a_timestep_above_those_of_the_preset_is_told_with_what_to_do() -> None:
         assert f"at most {highest}" in caught.value.advice_text
 
 
-def test_constants_are_no_parameters_and_what_an_earlier_edition_resolved_stays() -> None:
-    for name in CONSTANTS:
-        with pytest.raises(ValidationError):
-            DeformParams.model_validate({name: 0.5})
-        assert instead(["params", name]) == "it was removed. The preset sets it."
-    assert read_stored({"params": {"framing": 0.5, "steps": 7}}).params == DeformParams(steps=7)
-
-
 def test_requests_are_stripped_and_bounded() -> None:
     assert JobRequest(prompt="  a vase ").prompt == "a vase"
     for bad in ({"prompt": "a" * 1001}, {"metadata": {"": "x"}}, {"metadata": {"k": "v" * 501}}, {"kind": "cook"}):
@@ -165,42 +156,6 @@ def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
     assert nullable == {"source_noun"}  # none is made
 
 
-OLD = {
-    "distillation": "ism", "ism_interval": 0.05, "ism_stride": 0.2, "noise_draws": 2, "candidates": 4,
-    "candidate_steps": 25, "stop_when_settled": 0.3, "smoothing_start": 0.1, "resolution_start": 0.5,
-    "coarse_until": 0.5, "rigidity": "rotation", "learning_rate_end": 0.01, "annealing": "cosine",
-    "regularizer_scale_end": 1.0, "timestep_min_end": 0.02, "view_prompts": True, "negative": "perpendicular",
-    "negative_weight": 2.0, "optimizer": "adam_uniform", "parametrization": "vertices", "views": "random_batch",
-}  # fmt: skip
-STORED = [("params", name, value) for name, value in OLD.items()] + [
-    ("params", "align", [1.0] * 16),
-    ("params", "encoder", "tiny"),
-    ("params", "length", {"x": "keep", "y": {"max": 1.2}}),
-    ("params", "stages", [{"prompt": "a pear"}, {"prompt": "a mushroom"}]),
-    ("params", "target", {"prompt": "a shark", "model": "shap-e"}),
-    ("output", "usd", True),
-]
-
-
-@each_case(("part", "name", "value"), STORED)
-def test_a_member_of_an_earlier_version_is_refused_in_a_new_request_and_dropped_from_a_stored_one(
-    part: str, name: str, value: object
-) -> None:
-    document: dict[str, Any] = {"prompt": "a vase", "params": {"preset": "preview", "seed": 3}, "output": {}}
-    document[part] = {**document[part], name: value}
-    with pytest.raises(ValidationError):
-        JobRequest.model_validate(document)
-    read = read_stored(document)
-    assert read.params.model_dump(mode="json") == {"preset": "preview", "seed": 3}
-    assert read.output == OutputOptions()
-
-
-def test_no_member_has_the_name_of_a_removed_one() -> None:
-    members = {f"params.{name}" for model in PARAMS_OF_KIND.values() for name in model.model_fields}
-    members |= {f"output.{name}" for name in OutputOptions.model_fields} | set(JobRequest.model_fields)
-    assert not members & REMOVED.keys()
-
-
 @each_case("kind", [{}, [None, None], 3, None, "no-such-kind"])
 def test_a_kind_that_is_no_kind_is_refused_whatever_its_type(kind: object) -> None:
     with pytest.raises(ValidationError):
@@ -214,37 +169,10 @@ def test_what_is_in_a_group_now_is_said_with_its_place() -> None:
         (["params", "guidance", "sds", "handles"], "it is params.control.handles."),
         (["params", "control", "steps"], "it is params.steps."),
     ):
-        assert (instead(place) or "").endswith(words), place
+        assert (elsewhere(place) or "").endswith(words), place
     for unknown in (["params", "wobble"], ["params", "control", "regions", 0, "steps"], ["metadata", "steps"]):
-        assert instead(unknown) is None
+        assert elsewhere(unknown) is None
     assert plain_place(("params", "guidance", "sds", "prompts", 0)) == ["params", "guidance", "prompts", 0]
-
-
-STORED_FLAT = {
-    "preset": "preview", "guidance": "target", "align": "none", "point_weight": 2.0, "guidance_scale": 50.0,
-    "orientation": "keep", "exclude": ["Ground"], "symmetry": "x", "stiffness": 3.0,
-}  # fmt: skip
-
-
-def test_a_request_of_an_earlier_edition_is_read_in_the_form_of_this_one() -> None:
-    read = read_stored({"params": STORED_FLAT}).params
-    assert read.model_dump(mode="json") == {
-        "preset": "preview",
-        "guidance": {"kind": "target", "align": "none", "point_weight": 2.0},
-        "control": {"exclude": ["Ground"], "symmetry": "x"},
-    }
-    assert read_stored({"params": read.model_dump(mode="json")}).params == read
-    assert set(read.flat()) == {"preset", "align", "point_weight", "exclude", "symmetry"}
-    resolved = resolve(read)
-    assert (resolved.guidance, resolved.align, resolved.exclude) == ("target", "none", ("Ground",))
-    prompted = read_stored({"prompt": "a vase", "params": {"model": "a/b", "silhouettes": [{"azimuth": 0}], "seed": 3}})
-    assert prompted.params.model_dump(mode="json") == {
-        "seed": 3,
-        "guidance": {"model": "a/b", "silhouettes": [{"azimuth": 0.0, "elevation": 0.0, "fov": 20.0}]},
-    }
-
-
-# Stored documents: what they mean is read as at the door, and no bound is in the way.
 
 
 def examples(model: type[BaseModel]) -> list[dict[str, Any]]:
@@ -288,10 +216,10 @@ def test_what_the_door_takes_is_read_as_at_the_door() -> None:
 def test_bounds_are_for_the_door_alone(params: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         DeformParams.model_validate(grouped(params))
-    read = read_stored({"prompt": "x" * 9000, "params": params, "priority": 10**6, "metadata": {"n" * 99: "v" * 999}})
+    stored = grouped(params)
+    read = read_stored({"prompt": "x" * 9000, "params": stored, "priority": 10**6, "metadata": {"n" * 99: "v" * 999}})
     assert set(read.params.flat()) == set(params)
-    assert read.params.model_dump(mode="json", exclude_unset=True).keys() == grouped(params).keys()
-    # A worker resolves the request of a job from before values were stored.
+    assert read.params.model_dump(mode="json", exclude_unset=True).keys() == stored.keys()
     assert resolve(read.params).model_dump(mode="json", exclude_unset=True)
     assert read_unbounded(ResolvedParams, {**resolve(DeformParams()).model_dump(), "steps": 10**9}).steps == 10**9
 
@@ -300,11 +228,14 @@ def test_bounds_are_for_the_door_alone(params: dict[str, Any]) -> None:
     ("params", "reason"),
     [
         ({"wobble": 1}, "params.wobble: there is no such member"),
-        ({"regions": [{"node": "Lid", "wobble": 1}]}, "params.control.regions.0.wobble: there is no such member"),
+        (
+            {"control": {"regions": [{"node": "Lid", "wobble": 1}]}},
+            "params.control.regions.0.wobble: there is no such member",
+        ),
         ({"preset": "ultra"}, "params.preset: Input should be"),
         ({"steps": "many"}, "params.steps: Input should be a valid integer"),
-        ({"guidance": "target", "align": "matrix"}, "params.guidance"),
-        ({"regions": [{"node": "Lid", "material": "wood"}]}, "exactly one of"),
+        ({"guidance": {"kind": "target", "align": "matrix"}}, "params.guidance"),
+        ({"control": {"regions": [{"node": "Lid", "material": "wood"}]}}, "exactly one of"),
         ([], "params: Input should be a valid dictionary"),
     ],
 )

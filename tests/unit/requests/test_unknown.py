@@ -23,7 +23,6 @@ def test_the_nearest_name_is_proposed_or_all_are_listed() -> None:
     [
         ({"stepz": 3}, "params.stepz: there is no such member. Did you mean 'steps'?"),
         ({"control": {"symetry": "x"}}, "params.control.symetry: there is no such member. Did you mean 'symmetry'?"),
-        ({"rigidity": 1}, "params.rigidity: it was removed. It brought no gain when measured."),
         ({"stepz": 3, "seed": "a"}, "as an integer; params.stepz: there is no such member. Did you mean 'steps'?"),
     ],
 )

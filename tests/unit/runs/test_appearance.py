@@ -18,7 +18,7 @@ from meshdeform.geometry.simplify import simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.base_colours import BaseColours
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform import TextDeformRun

@@ -16,7 +16,7 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import Selection, check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input

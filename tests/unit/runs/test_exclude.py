@@ -14,7 +14,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.errors import CheckpointError, ParameterError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.strength import with_strength

@@ -26,7 +26,7 @@ from meshdeform.errors import (
     ParameterError,
 )
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings

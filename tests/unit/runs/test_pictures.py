@@ -18,7 +18,7 @@ from meshdeform.cli.request import parse_pictures
 from meshdeform.errors import ParameterError, PromptError, SilhouetteError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check

@@ -19,7 +19,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import NewJob
 from meshdeform.record.repository import searched_text
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check

@@ -15,7 +15,7 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import RigidSelector, check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input

@@ -31,7 +31,7 @@ from meshdeform.kinds.surface_fit.learned_scalars import learned_scalars, places
 from meshdeform.kinds.surface_fit.reader import read_field
 from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request, kind_of, start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.settings import Settings

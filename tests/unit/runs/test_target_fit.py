@@ -16,7 +16,7 @@ from meshdeform.errors import AlignmentError, ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from tests.cases import each_case

@@ -20,7 +20,7 @@ from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import JobRequest, OutputOptions, resolve
-from meshdeform.requests.removed import grouped
+from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from tests.fakes import FakePrior

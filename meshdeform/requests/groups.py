@@ -1,0 +1,70 @@
+"""Say in which group of a request each parameter is, and put those that are named alone in theirs. Torch-free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.parameters import GUIDANCES, CommonParams, Control
+
+PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    **dict.fromkeys(CommonParams.model_fields, ("", ())),
+    **dict.fromkeys(Control.model_fields, ("control", ())),
+    **{
+        name: ("guidance", tuple(kind for kind, other in GUIDANCES.items() if name in other.model_fields))
+        for group in GUIDANCES.values()
+        for name in group.model_fields
+        if name != "kind"
+    },
+}
+"""The group of each parameter, empty for those that are in none, and for `guidance` the kinds that have it."""
+
+
+def plain_place(place: Sequence[Any]) -> list[Any]:
+    """Return a place in a request without the kind of guidance, which pydantic adds to the path of a union's member."""
+    tagged = list(place[:2]) == ["params", "guidance"] and place[2:3] and place[2] in list(GuidanceKind)
+    return [*place[:2], *place[3:]] if tagged else list(place)
+
+
+def elsewhere(place: Sequence[Any]) -> str | None:
+    """Return where a parameter is that was looked for at this place; None if there is none of this name."""
+    path = plain_place(place)
+    name = str(path[-1])
+    if path[0] != "params" or len(path) > 3 or name not in PLACES:
+        return None
+    group, kinds = PLACES[name]
+    said = f"it is params.{group}.{name}" if group else f"it is params.{name}"
+    return f"{said}, where the guidance is {' or '.join(kinds)}." if group == "guidance" else f"{said}."
+
+
+def grouped(params: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters with each in its group; what is in one already stays there.
+
+    Parameters
+    ----------
+    params : mapping
+        Parameters by their names alone, and `guidance` by its kind, as the command line takes them. Unknown names stay
+        where they are.
+    """
+    kind = params.get("guidance")
+    groups: dict[str, dict[str, Any]] = {"guidance": {}, "control": dict(params.get("control") or {})}
+    if kind is not None:
+        groups["guidance"] = dict(kind) if isinstance(kind, Mapping) else {"kind": kind}
+    rest: dict[str, Any] = {}
+    for name, value in params.items():
+        if name not in groups:
+            group = PLACES.get(name, ("", ()))[0]
+            (groups[group] if group else rest)[name] = value
+    return {**rest, **{name: group for name, group in groups.items() if group}}
+
+
+def without_unused(params: Mapping[str, Any]) -> dict[str, Any]:
+    """Return grouped parameters without those that only another kind of guidance has."""
+    guidance = params.get("guidance")
+    used = GUIDANCES.get(guidance.get("kind", GuidanceKind.SDS)) if isinstance(guidance, Mapping) else None
+    if used is None or not isinstance(guidance, Mapping):
+        return dict(params)
+    # What is unknown altogether is to be refused, not dropped.
+    own = {name: value for name, value in guidance.items() if name in used.model_fields or name not in PLACES}
+    return {**params, "guidance": own}
