@@ -14,8 +14,8 @@ which can bear it: of several parts, more are cut.
 
 P keeps what the asset has (`Structure`). Mirror symmetry: the mean of the controls with their mirror images,
 C <- (C + R C' R) / 2 with R the reflection, makes the map commute with it. Level and upright: without the terms that
-mix the height with the other axes, what is level stays level, and what is upright upright. The antisymmetric part of
-the mean of all J_e is taken off them, so that the whole does not turn: an animal does not rear.
+mix the height with the other axes, what is level stays level, and what is upright upright. Either way the
+antisymmetric part of the mean of all J_e is taken off them, so that the whole does not turn: an animal does not rear.
 
 Sources: Sederberg and Parry 1986, Free-form deformation of solid geometric models (here of Jacobians in place of
 positions); Forsey and Bartels 1988, Hierarchical B-spline refinement.
@@ -306,6 +306,7 @@ class Hierarchy:
         self.local = self._own is not None
         if self._own is not None:
             self._levels.append(self._own)
+        self._keeps = structure != Structure()
         self._unlocked = 1
         self._current: tuple[tuple[bool | int, ...], Tensor] | None = None
         self.tensors = {f"{name}_level_{number}": level.controls for number, level in enumerate(self._levels)}
@@ -325,7 +326,7 @@ class Hierarchy:
             added[self._unlocked :] = [fixed.detach() for fixed in added[self._unlocked :]]
             jacobians = torch.stack(added).sum(0) + torch.eye(3, dtype=torch.float64)
             mean = jacobians.mean(0)
-            self._current = state, jacobians - (mean - mean.T) / 2
+            self._current = state, jacobians - (mean - mean.T) / 2 * self._keeps
         return self._current[1]
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
