@@ -12,10 +12,9 @@ from meshdeform.errors import ConflictError, IdempotencyBusyError, NotFoundError
 from meshdeform.record.models import Claim, EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest, ResolvedParams, resolve
-from service.jobs.estimates import estimate
 from tests.cases import each_case
 from tests.integration.conftest import new_job, stored_file
-from tests.integration.record_calls import LEASE_S, OVER, artifact, claimed, history, ids, posted, set_to
+from tests.integration.record_calls import LEASE_S, OVER, artifact, claimed, history, ids, posted
 
 pytestmark = pytest.mark.both_databases(long=True)
 
@@ -33,21 +32,6 @@ def test_a_new_job_comes_back_as_it_was_written(record: JobRecord) -> None:
     assert abs(found.created_at - datetime.now(UTC)) < timedelta(minutes=5)
     assert found.error is None
     assert found.finished_at is None
-
-
-def test_a_job_of_an_earlier_version_is_read_without_the_parameters_that_are_gone(record: JobRecord) -> None:
-    old = new_job(record)
-    params = {"steps": None, "seed": 4, "candidates": 3, "distillation": "ism", "views": "random_batch"}
-    set_to(record, old, request={"prompt": "a vase", "params": params})
-    new_job(record)
-    assert old.id in [job.id for job in record.list_jobs().jobs]
-    found = record.get(old.id)
-    assert found.request.params.model_dump(mode="json") == {"seed": 4}
-    assert found.prompt == "a vase"
-    assert claimed(record, old).request == found.request
-    # Whoever waits behind it is told when it is over: its steps are those of the preset.
-    asked = JobRequest.model_validate({"prompt": "a vase"})
-    estimate(record.database, record.leases, asked, default_model="builtin", queue="test")
 
 
 def test_there_is_no_job_of_an_unknown_id(record: JobRecord) -> None:

@@ -94,7 +94,6 @@ def test_what_does_not_go_together_is_refused_by_name(
     [
         (["run", "ball.obj", "--kind", "surface_fit"], "meshdeform surface-fit"),
         (["run", "ball.obj", "a mushroom", "--detach"], "--url"),
-        (["submit", "ball.obj", "a mushroom", "--wait"], "meshdeform run --url"),
     ],
 )
 def test_a_job_of_a_service_needs_its_address(

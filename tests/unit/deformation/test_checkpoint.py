@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-import safetensors.torch
 import torch
 
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
@@ -59,13 +58,6 @@ def test_a_shape_is_for_any_run_with_the_same_asset() -> None:
         load_shape(data, "1e")
     with pytest.raises(CheckpointError, match="damaged"):
         load_shape(data[:-1], "0f")
-
-
-def test_a_checkpoint_from_before_the_asset_was_noted_is_taken() -> None:
-    metadata = {"format": "meshdeform-checkpoint-1", "step": "7", "run": "a"}
-    old = safetensors.torch.save(dict(state().tensors), metadata)
-    assert load_checkpoint(old, "a").step == 7
-    assert torch.equal(load_shape(old, "0f")["jacobians"], state().tensors["jacobians"])
 
 
 def test_the_fingerprint_covers_values_and_ignores_their_order() -> None:

@@ -15,10 +15,9 @@ from pydantic import ValidationError
 from meshdeform.client import Client
 from meshdeform.errors import NotFoundError, ParameterError
 from meshdeform.record.ids import new_job_id
-from meshdeform.requests.document import JobKind, JobRequest, read_stored, resolve
-from meshdeform.runs import check_request, kind_of, kinds, start_run
-from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput, StepReport
-from meshdeform.runs.text_deform_kind import resolved_params
+from meshdeform.requests.document import JobKind, JobRequest, resolve
+from meshdeform.runs import check_request, kind_of, kinds
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, StepReport
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.http.bodies import ReceivedFile
@@ -73,13 +72,6 @@ def test_the_kept_parameters_decide_unless_another_version_wrote_them() -> None:
     assert steps(asked, "builtin", None) == kept["steps"]
     assert steps(asked, "builtin", {**kept, "steps": 7}) == 7
     assert steps(asked, "builtin", {**kept, "steps": 7, "a_parameter_of_before": 1}) == kept["steps"]
-
-
-def test_constants_that_an_earlier_edition_took_stay_those_of_its_job() -> None:
-    asked = read_stored({"prompt": "a vase", "params": {"framing": 0.5}})
-    kept = {**resolve(asked.params).model_dump(mode="json"), "framing": 0.5}
-    assert resolved_params(asked, "builtin", kept).framing == 0.5
-    assert resolved_params(asked, "builtin", None).framing != 0.5
 
 
 def test_the_service_asks_for_the_files_that_a_kind_reads(tmp_path: Path) -> None:
@@ -174,14 +166,3 @@ def test_it_is_retried_and_branched_and_its_files_go_with_the_last_job(
         assert {key for key, _ in store.list()} == files
         client.delete(last)
         assert list(store.list()) == []
-
-
-def test_a_queued_job_with_a_drawing_fails_with_what_to_do() -> None:
-    """Earlier editions made the target; without it the job must not run towards anything else."""
-    stored = read_stored({"params": {"sketch": {"family": "vase"}, "guidance": {"kind": "target"}}})
-    kept = {**resolve(stored.params).model_dump(mode="json"), "sketch": {"family": "vase", "values": {}}}
-    implied = read_stored({"params": {"sketch": {"family": "vase"}}})  # the guidance was resolved at the door
-    for job in (stored, implied):
-        with pytest.raises(ParameterError, match="made of a drawing") as caught:
-            start_run(RunInput(job, {"asset": InputFile(b"", "a.glb")}, resolved=kept))
-        assert "`target`" in caught.value.advice_text

@@ -16,7 +16,7 @@ import pytest
 
 from meshdeform.errors import MeshdeformError, NotFoundError, UnavailableError
 from meshdeform.storage import ObjectStore, folder
-from meshdeform.storage.folder import MARKER, Folder
+from meshdeform.storage.folder import Folder
 
 
 def test_no_key_leads_out_of_the_folder(tmp_path: Path) -> None:
@@ -85,14 +85,6 @@ def test_a_store_that_is_away_lacks_nothing(tmp_path: Path, empty: bool, create:
     assert [key for key, _ in store.list()] == ["jobs/a/1/x"]
     assert store.commit_append("upload", "assets/u").size == len(DATA)
     assert not store.exists("jobs/b")
-
-
-def test_a_store_of_an_earlier_edition_gets_the_marker(tmp_path: Path) -> None:
-    ObjectStore(tmp_path).put("jobs/a", DATA)
-    (tmp_path / MARKER).unlink()
-    store = ObjectStore(tmp_path, create=False)
-    assert store.get("jobs/a") == DATA
-    assert (tmp_path / MARKER).exists()
 
 
 def test_a_store_that_comes_back_during_a_read_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
