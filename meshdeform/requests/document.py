@@ -223,34 +223,31 @@ class OutputOptions(StrictModel):
     )
     morph_path: MorphPath = Field(
         MorphPath(),
-        description="The frames and the timing of `morph.glb`: `frames`, `easing`, `ping_pong`, `seconds` "
-        "(docs/control.md).",
+        description="The frames and the timing of `morph.glb` ([Control](control.md#morph)).",
         examples=[{"frames": 12}],
     )
     compact: bool = Field(
         False,
-        description="Drop the data that the new shape made unused, such as the old positions: the file is then about "
-        "as large as the source. Everything still referenced keeps its values, but not its place in the file.",
+        description="Drop the data that the new shape made unused, such as the old positions. "
+        "[What stays](assets.md#compact-results).",
         examples=[False],
     )
     subdivide: bool = Field(
         False,
         description="Split edges that are longer than a tenth of the asset before the first step, so that surfaces of "
-        "few large triangles can bend. The result then has more vertices and triangles than the source, and the report "
-        "says how many.",
+        "few large triangles can bend. [What changes](assets.md#subdivision).",
         examples=[False],
     )
     rig: RigMode = Field(
         RigMode.KEEP,
-        description="What becomes of the morph targets, joints and animations that the asset already has: `keep`, "
-        "byte for byte; or `follow`: morph targets turn and stretch with the surface, and joints move with the volume "
-        "around them, so that a character still animates after it has become fat ([Assets](assets.md#rigs)).",
+        description="What becomes of the morph targets, joints and animations that the asset already has: `keep`, byte "
+        "for byte; or `follow` the surface and the volume ([Assets](assets.md#rigs)).",
         examples=["follow"],
     )
     provenance: bool = Field(
         False,
-        description="Store in the file, as `asset.extras.meshdeform`, where it comes from: prompt, seed, preset, step, "
-        "version, and SHA-256 of parameters and source.",
+        description="Store in the file, as `asset.extras.meshdeform`, where it comes from. "
+        "[How](assets.md#provenance).",
         examples=[False],
     )
 
@@ -316,8 +313,8 @@ class JobRequest(StrictModel):
         0,
         ge=-MAX_PRIORITY,
         le=MAX_PRIORITY,
-        description="Jobs with a higher priority run first. Among equal ones, owners take turns, each with its oldest "
-        "job. API keys have a limit.",
+        description="Jobs with a higher priority run first; among equal ones, owners take turns. API keys have a "
+        "limit.",
         examples=[0],
     )
     deadline_s: float | None = Field(
@@ -332,8 +329,7 @@ class JobRequest(StrictModel):
         ge=1.0,
         le=MAX_DEADLINE_S,
         description="Seconds for which the job may run, all its attempts together and without its waits; it then fails "
-        "with `run_time_exceeded` and a checkpoint, from which a retry goes on. Default and maximum: the server's "
-        "MESHDEFORM_MAX_RUN_S.",
+        "with `run_time_exceeded`. Default and maximum: the server's MESHDEFORM_MAX_RUN_S.",
         examples=[3600],
     )
     retention_s: float | None = Field(
@@ -346,8 +342,8 @@ class JobRequest(StrictModel):
     )
     webhook: JobWebhook | None = Field(
         None,
-        description="Where to send messages about this job, beside the account's webhooks; signed with the account's "
-        "secret (`GET /v1/webhooks/secret`). Default: nowhere.",
+        description="Where to send messages about this job, beside your webhooks ([Webhooks](webhooks.md#one-job)). "
+        "Default: nowhere.",
         examples=[None],
     )
 

@@ -178,8 +178,8 @@ class CommonParams(Parameters):
 
     preset: Preset = Field(
         Preset.BALANCED,
-        description="The set of parameters that fills in everything left out: `preview` (the same in fewer steps), "
-        "`balanced`, or `paper` (the published settings, 5,000 steps).",
+        description="The set of parameters that fills in everything left out: `preview` (few steps), `balanced`, or "
+        "`paper` (as published).",
         examples=["preview"],
     )
     steps: int = of_preset(
@@ -207,10 +207,9 @@ class CommonParams(Parameters):
     )
     carrier: Carrier = of_preset(
         Carrier.SURFACE,
-        "What the Jacobians belong to: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts of "
-        "the asset together; or `auto`: the lattice if the asset has more than one connected part or `rigid` is set, "
-        "else the surface, and for a prompt few controls of either, from coarse to fine, which keep the asset's "
-        "structure.",
+        "What the Jacobians belong to: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts "
+        "together; or `auto`: the lattice if there are several connected parts or `rigid` is set, else the surface, "
+        "and for a prompt few controls of either, which keep the asset's structure.",
         examples=["auto"],
         form={
             "label": "Carrier",
@@ -246,14 +245,14 @@ class CommonParams(Parameters):
     )
     laplacian_weight: float = of_preset(
         1e-4,
-        "Weight of the scale-free Laplacian energy of the displacement (see docs/method.md).",
+        "Weight of the Laplacian energy of the displacement (docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[0.1],
     )
     normal_weight: float = of_preset(
         0.1,
-        "Weight against bending between neighbouring faces (see docs/method.md).",
+        "Weight against bending between neighbouring faces (docs/method.md).",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[0.1],
@@ -306,14 +305,13 @@ class SilhouetteParams(Parameters):
     silhouettes: tuple[Silhouette, ...] = Field(
         (),
         max_length=MAX_SILHOUETTES,
-        description="Pictures whose silhouettes the result should have: the first entry describes the part "
-        "`silhouette_1`, the second `silhouette_2`, and so on. With `guidance` = `silhouettes` they guide alone, with "
-        "`sds` beside the prompt ([Control](control.md#pictures-as-targets)).",
+        description="Pictures whose silhouettes the result should have ([Control](control.md#pictures-as-targets)): "
+        "the first entry describes the part `silhouette_1`, and so on.",
         examples=[[{"azimuth": 0.0}, {"azimuth": 90.0}]],
     )
     silhouette_weight: float = of_preset(
         10.0,
-        "Weight of the difference between the silhouettes of `silhouettes` and those of the asset.",
+        "Weight of the difference between the silhouettes.",
         ge=0.0,
         le=1e6,
         examples=[10.0],
@@ -342,24 +340,23 @@ class PromptParams(SilhouetteParams):
     negative_prompt: str = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the result should not look like: guidance points away from it instead of from the empty "
-        "prompt. With the built-in model: a prompt that it accepts (a chair) or attributes alone (fat, long neck), "
-        "which then apply to the object in the prompt.",
+        description="What the result should not look like, in place of the empty prompt. With the built-in model: a "
+        "prompt that it accepts (a chair), or attributes of the object in the prompt (fat, long neck).",
         examples=["blurry, many heads"],
         json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not look like."}},
     )
     prompts: tuple[Prompt, ...] = Field(
         (),
         max_length=MAX_PROMPTS,
-        description="Further prompts that guide at the same time as `prompt` of the request, each with a weight and, "
-        "if it has one, a region. Without `prompt`, they are all there are ([Control](control.md#several-prompts)).",
+        description="Further prompts that guide at the same time, each with a weight and, if it has one, a region "
+        "([Control](control.md#several-prompts)).",
         examples=[[{"prompt": "a rabbit", "weight": 0.5}]],
     )
     orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = of_preset(
         OrientationMode.KEEP,
-        "Which side of the asset the model sees as its front: `auto`, the one that the model takes for the front of "
-        "what the asset is (`source_noun`), if one is clearly better; `keep`, +Z; or the azimuth of that side in "
-        "degrees, from +Z (0) towards +X (90). Only the cameras turn: the result stays as the asset is.",
+        "Which side of the asset the model sees as its front: `auto`, the one that it takes for the front of what the "
+        "asset is (`source_noun`), if one is clearly better; `keep`, +Z; or its azimuth in degrees, from +Z (0) "
+        "towards +X (90). Only the cameras turn.",
         examples=["auto"],
         form={
             "label": "Front",
@@ -382,10 +379,10 @@ class PromptParams(SilhouetteParams):
     )
     appearance: AppearanceMode = of_preset(
         AppearanceMode.CLAY,
-        "What the model sees: `clay`, grey under a varying light; `textured`, the asset's own colours, textures and "
-        "cut-outs under that light, so that what they show need not become shape; `mixed`, `textured` in half of the "
-        "steps and `clay` in the others; or `normals`, each face coloured by its normal. An asset without colours is "
-        "drawn as clay. The built-in model and targets compare `normals` and take nothing else.",
+        "What the model sees: `clay`, grey under a varying light; `textured`, the asset's own colours under that "
+        "light, so that what they show need not become shape; `mixed`, each in half of the steps; or `normals`, each "
+        "face coloured by its normal, which the built-in model and targets need. An asset without colours is drawn as "
+        "clay.",
         examples=["mixed"],
         form={
             "label": "Model sees",
@@ -408,20 +405,19 @@ class TargetParams(Parameters):
 
     align: AlignMode = Field(
         AlignMode.AUTO,
-        description="With `target`: how the target is placed on the asset. `auto`: up stays up, the best turn is "
-        "searched, and both get the same centre of mass and spread; `none`: both files share their coordinates.",
+        description="How the target is placed on the asset. `auto`: up stays up, the best turn is searched, and both "
+        "get the same centre of mass and spread; `none`: both files share their coordinates.",
         examples=["auto"],
     )
     landmarks: tuple[LandmarkPair, ...] = Field(
         (),
         max_length=MAX_LANDMARKS,
-        description="With `target`: points of the asset and their places on the target. With `align` = `auto`, they "
-        "also help to find the turn.",
+        description="Points of the asset and their places on the target, which also help to find the turn.",
         examples=[[{"source": 120, "target": [0.1, 0.9, 0.5]}]],
     )
     point_weight: float = of_preset(
         0.0,
-        "With `target`: weight of the distances between the two surfaces, relative to that of their pictures.",
+        "Weight of the distances between the two surfaces, relative to that of their pictures.",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[1.0],
@@ -441,22 +437,22 @@ class Control(Parameters):
         0.1,
         ge=0.0,
         le=1.0,
-        description="Distance along the surface over which it joins what `regions` keep, and over which a prompt's "
-        "pull begins within its regions, as a share of the diagonal of the asset's bounding box.",
+        description="Distance along the surface over which motion begins beside what `regions` keep, and a prompt's "
+        "pull within its regions, as a share of the diagonal of the asset's bounding box.",
         examples=[0.1],
     )
     handles: tuple[Handle, ...] = Field(
         (),
         max_length=MAX_HANDLES,
-        description="Points of the surface that go to places. A large asset with handles is deformed as it is, without "
-        "a simplified stand-in, which takes longer.",
+        description="Points of the surface that go to places. A large asset with handles has no simplified stand-in, "
+        "which takes longer.",
         examples=[[{"position": [0, 1, 0], "to": [0, 1.5, 0]}]],
     )
     rigid: tuple[RigidSelector, ...] = Field(
         (),
         max_length=MAX_SELECTORS,
-        description="The parts that keep their shape, such as wheels: they move and turn with what is around them. "
-        "Needs the lattice, which `carrier` = `auto` then chooses. Bodies that share vertices become one.",
+        description="The parts that keep their shape, such as wheels, and move with what is around them. Needs the "
+        "lattice. Bodies that share vertices become one.",
         examples=[[{"node": "wheel-front-left"}, {"material": "rubber", "mode": "similarity"}]],
     )
     symmetry: Symmetry = Field(
