@@ -15,7 +15,8 @@ __all__ = ["page"]
 
 def page(text: str) -> str:
     """Return docs/http.md with its lists of files and artifacts regenerated."""
-    return renewed(text, "meshdeform/runs", "\n".join(lists(kind) for kind in kinds()))
+    deformation, *others = kinds()
+    return renewed(text, "meshdeform/runs", "\n".join([lists(deformation), *(names(kind) for kind in others)]))
 
 
 def lists(kind: Kind) -> str:
@@ -24,6 +25,13 @@ def lists(kind: Kind) -> str:
     writes = _rows((each.name, each.summary) for each in kind.artifacts)
     lines = [f"**`{kind.name}`.** {kind.summary}", "", "It reads", "", *reads, "", "and writes", "", *writes]
     return "\n".join(lines) + "\n"
+
+
+def names(kind: Kind) -> str:
+    """Return what a kind does, and the names of its files; `GET /v1/limits` describes them."""
+    reads = ", ".join(f"`{each.name}`{'' if each.required else ' (optional)'}" for each in kind.reads)
+    writes = ", ".join(f"`{each.name}`" for each in kind.artifacts)
+    return f"**`{kind.name}`.** {kind.summary} Reads {reads}; writes {writes}.\n"
 
 
 def _rows(files: Iterable[tuple[str, str]]) -> list[str]:
