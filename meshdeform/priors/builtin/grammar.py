@@ -139,7 +139,7 @@ class Words:
 BUILTIN_WORDS = Words(
     NOUNS,
     NOUN_SYNONYMS,
-    tuple(dict.fromkeys(["<pad>", *NOUNS, *ADJECTIVES, *LENGTH, *SIZE, "whole", *PARTS])),
+    ("<pad>", *NOUNS, *dict.fromkeys([*ADJECTIVES, *LENGTH, *SIZE]), "whole", *PARTS),
 )
 
 VOCABULARY = BUILTIN_WORDS.tokens
