@@ -114,7 +114,7 @@ def test_every_setting_that_any_page_names_exists(repository: Path) -> None:
 @each_case("error", ERRORS, ids=lambda error: error.code)
 def test_every_error_has_a_section_with_its_status_and_advice(error: type[MeshdeformError], repository: Path) -> None:
     text = flat(sections(repository / "docs/errors.md")[error.code])
-    assert f"Status {error.status}. {flat(error.__doc__ or '')}" in text
+    assert f"{error.status}. {flat(error.__doc__ or '')}" in text
     assert flat(error.advice) in text
 
 
