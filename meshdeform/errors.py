@@ -532,7 +532,7 @@ class DependencyError(MeshdeformError):
 
 
 def install_command(extra: str = "") -> str:
-    """Return what advice says about installing Meshdeform, or an extra of it: no index of packages has it."""
+    """Return the command that installs Meshdeform, or an extra of it: no index of packages has it."""
     return f'pip install -e "{f".[{extra}]" if extra else "."}", in a clone of Meshdeform'
 
 

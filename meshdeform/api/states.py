@@ -1,4 +1,4 @@
-"""Define what the record, the service and the client say about jobs: states, events, progress and errors."""
+"""Define the states, events, progress and errors of jobs, for record, service and client."""
 
 from __future__ import annotations
 

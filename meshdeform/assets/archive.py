@@ -73,7 +73,7 @@ class FileNames:
 
 
 def _key(name: str) -> str:
-    """Return what two spellings of a name have in common."""
+    """Return the form that all spellings of a name share."""
     return unicodedata.normalize("NFC", name).casefold()
 
 

@@ -371,7 +371,7 @@ class Asset:
 
     @property
     def provenance(self) -> dict[str, Any] | None:
-        """What `output.provenance` stored in the file; None if nothing."""
+        """The provenance that `output.provenance` stored in the file; None if there is none."""
         extras = self._document.root["asset"].get("extras")
         found = extras.get("meshdeform") if isinstance(extras, dict) else None
         return found if isinstance(found, dict) else None

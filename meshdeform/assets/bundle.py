@@ -62,7 +62,7 @@ def _is_data(uri: str) -> bool:
 
 
 def _check_references(root: Json) -> None:
-    """Check what packing reads of a document that is otherwise unchecked."""
+    """Check the members of an otherwise unchecked document that packing reads."""
     buffers = objects(root, "buffers")
     for i, buffer in enumerate(buffers):
         integer(buffer, "byteLength", f"buffers[{i}]", minimum=1)

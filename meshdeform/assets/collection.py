@@ -31,7 +31,7 @@ _Name = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 
 
 class AssetLabels(StrictModel):
-    """What is known about one asset."""
+    """Metadata of one asset."""
 
     nodes: dict[str, str] = Field(default_factory=dict, description="Part of each node, by its name.")
     materials: dict[str, str] = Field(default_factory=dict, description="Part of each material, by its name.")

@@ -21,7 +21,7 @@ _WORD = 4  # bytes; offsets keep their alignment
 
 
 def compact(document: Document, source: Usage, replaced: list[tuple[int, int]]) -> None:
-    """Drop what the source used and the document no longer does; entries that were never used stay.
+    """Drop the entries that the source used and the document no longer does; those that were never used stay.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Decode what exists only in compressed form into plain accessors: Draco's primitives and meshopt's buffer views.
+"""Decode compressed data into plain accessors: Draco's primitives and meshopt's buffer views.
 
 A view of meshopt whose buffer has real data is read directly, as core glTF specifies. Views into a placeholder buffer
 are decoded and appended; the placeholders and the extension are removed. Lossy decoding loses exact sums and lengths

@@ -1,4 +1,4 @@
-"""Read what a file says about the corners of its triangles besides their places: joint weights and vertex colours."""
+"""Read attributes of the corners of a file's triangles: joint weights and vertex colours."""
 
 from __future__ import annotations
 

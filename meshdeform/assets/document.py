@@ -256,7 +256,7 @@ _WITHOUT_REFERENCES = (
 
 @dataclass(frozen=True)
 class Usage:
-    """What a document uses."""
+    """The entries and bytes that a document uses."""
 
     # Indices that something of the core format or of a known extension refers to
     accessors: frozenset[int]
@@ -268,7 +268,7 @@ class Usage:
 
     @classmethod
     def of(cls, root: Json, binary_length: int | None) -> Usage:
-        """Return what a document uses whose binary chunk has this length, if it has one."""
+        """Return the entries and bytes that a document uses; `length` is that of its binary chunk, if it has one."""
         stored = bool(root.get("buffers")) and not is_placeholder(root, 0, binary_length)
         return cls(
             frozenset(holder[key] for holder, key in accessor_slots(root)),

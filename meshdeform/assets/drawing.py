@@ -70,7 +70,7 @@ def ink_of(picture: Image.Image) -> NDArray[np.float32]:
 
 
 def check_drawing(picture: Image.Image) -> None:
-    """Refuse what is no line drawing."""
+    """Refuse pictures that are no line drawing."""
     ink = ink_of(picture)
     dark = ink > _INK
     if dark.sum() < 12:

@@ -501,7 +501,7 @@ def _walk(root: Json) -> tuple[list[Instance], list[Instance]]:
 
 @dataclass(frozen=True)
 class PictureSummary:
-    """What a picture shows."""
+    """Content of a picture."""
 
     format: str  # `png`, `jpeg` or `webp`
     # Pixels

@@ -18,7 +18,7 @@ _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
 _MAX_PIXELS = 2**26
 _PORTABLE = ("BMP", "DDS", "GIF", "TGA", "TIFF", "WEBP")
-"""What Pillow may decode: of its other formats, some start programs."""
+"""Formats that Pillow may decode: some of its others start programs."""
 _IMAGE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
 _KNOWN_EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_unlit"}
 

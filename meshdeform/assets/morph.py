@@ -49,7 +49,7 @@ class Track:
 
 @dataclass(frozen=True)
 class NewTargets:
-    """What is new in a document: names and weights at rest of the targets (T), and their animation."""
+    """Additions to a document: names and weights at rest of the targets (T), and their animation."""
 
     names: Sequence[str]
     weights: Sequence[float]

@@ -1,4 +1,4 @@
-"""Notice what makes a deformation go wrong, for an asset's warnings: a backdrop, large triangles, Z for up, rounding.
+"""Find causes of bad deformations, for an asset's warnings: a backdrop, large triangles, Z for up, rounding.
 
 A ground plane or backdrop makes the object itself small in every picture that the guidance sees. Beside one that is far
 larger, the object is smaller than a few cells of a lattice, and a ground of two triangles is only a chord of the map

@@ -38,7 +38,7 @@ _OPTIONS = re.compile(r"(?:-(?:[ost](?: +[-+.\deE]+){1,3}|mm +\S+ +\S+|[a-z]+ +\
 _UNREAD = (b"p", b"l", b"curv", b"curv2", b"surf", b"vp")
 """Keywords of points, lines, curves and free-form surfaces."""
 _ELEMENTS = {b"v": ("vertex", 3, 6), b"vt": ("texture coordinate", 1, 2), b"vn": ("normal", 3, 3)}
-"""What a keyword lists, and how many numbers it has at least and at most."""
+"""Content of a keyword, and the least and the largest count of its numbers."""
 
 
 def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primitive], tuple[str, ...]]:
@@ -123,12 +123,12 @@ class _Lines:
         return numbers[ended]
 
     def value(self, keyword: bytes, number: int) -> str:
-        """Return what follows a keyword in a line."""
+        """Return the rest of a line after its keyword."""
         line = self._text[self._begin[number] + len(keyword) : self._begin[number + 1]]
         return line.decode("utf-8", "replace").strip()
 
     def libraries(self) -> list[str]:
-        """Return what `mtllib` lines may name."""
+        """Return the file names that `mtllib` lines may mean."""
         values = [self.value(b"mtllib", number) for number in self.of(b"mtllib").tolist()]
         names = (name.replace("\\", "/") for value in values for name in (value, *value.split()))
         return list(dict.fromkeys(map(posixpath.normpath, names)))

@@ -109,7 +109,7 @@ def _decoded(data: bytes, name: str) -> tuple[Image.Image, str, tuple[int, int]]
 
 
 def _of_opacity(picture: Image.Image) -> NDArray[np.bool_] | None:
-    """Return what is opaque; None if nothing is transparent."""
+    """Return the mask of opaque pixels; None if none is transparent."""
     if picture.mode not in ("RGBA", "LA"):
         return None
     opacity = np.asarray(picture.getchannel("A"))
@@ -117,7 +117,7 @@ def _of_opacity(picture: Image.Image) -> NDArray[np.bool_] | None:
 
 
 def _of_colours(picture: Image.Image, name: str) -> NDArray[np.bool_]:
-    """Return what differs from the colour of the border."""
+    """Return the mask of pixels that differ from the colour of the border."""
     colours = np.asarray(picture, np.int16)
     width = max(1, round(_BORDER * min(colours.shape[:2])))
     inner = np.zeros(colours.shape[:2], bool)

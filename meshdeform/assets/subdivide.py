@@ -50,7 +50,7 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Subdivision:
-    """What `subdivide` did."""
+    """Summary of a subdivision."""
 
     # Over all instances
     triangles_before: int

@@ -128,7 +128,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class _RestTargets:
-    """What morph targets add to a block at rest, by the weights of its node or mesh, in mesh space."""
+    """Displacements of a block at rest by morph targets, with the weights of its node or mesh, in mesh space."""
 
     positions: Floats  # (V, 3) float64
     # (V, 3) float64
@@ -306,7 +306,7 @@ def _rest_weights(root: Json, instance: Instance) -> list[float]:
 
 
 def _rest_targets(document: Document, instance: Instance, block: Block) -> _RestTargets | None:
-    """Return what the morph targets of a block add at rest; None if that is nothing."""
+    """Return the displacements of a block at rest by its morph targets; None if there are none."""
     targets = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]].get("targets", [])
     added: dict[str, Floats] = {}
     for weight, target in zip(_rest_weights(document.root, instance), targets, strict=False):
@@ -491,7 +491,7 @@ def _name(item: Any) -> str:
 
 @dataclass(frozen=True)
 class Rig:
-    """What a surface has that would have to follow it."""
+    """Attachments that would have to follow a surface."""
 
     joints: int  # joints of its skins
     morph_targets: int  # morph targets of its meshes; each counts once however many primitives have it
@@ -502,7 +502,7 @@ class Rig:
 
 
 def read_rig(document: Document, blocks: Sequence[Block]) -> Rig:
-    """Count what the deformed meshes have."""
+    """Count the attachments of the deformed meshes."""
     nodes, skins, meshes = document.root["nodes"], document.root.get("skins", []), document.root["meshes"]
     used = {nodes[block.node]["skin"] for block in blocks if "skin" in nodes[block.node]}
     joints = {joint for skin in used for joint in skins[skin]["joints"]}

@@ -114,7 +114,7 @@ ok, skip, warn, fail = (partial(Finding, status) for status in Status)
 
 @dataclass
 class Subject:
-    """What the checks examine.
+    """Subject of the checks.
 
     `serve` would listen on host and port; `url` and `api_key` are those of a service to check; one request over a
     network may take `timeout_s` seconds. The checks fill in `skews_s`: by how many seconds the clocks of servers are

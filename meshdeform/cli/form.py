@@ -112,7 +112,7 @@ def with_options(*forms: Form) -> Callable[[_F], _F]:
 
 
 def written(ctx: typer.Context, name: str = "params") -> dict[str, Any]:
-    """Return what the options of a form say, nested as in the request; what was not written is left out."""
+    """Return the values of a form's options, nested as in the request, without those that were not written."""
     forms: dict[str, dict[str, Any]] = ctx.meta.get(_META, {})
     return forms.get(name, {})
 

@@ -104,7 +104,7 @@ JobIdsArgument = Annotated[
 
 @dataclass(frozen=True)
 class Printed:
-    """What a command prints."""
+    """Options for the output of a command."""
 
     as_json: JsonOption = False
     quiet: QuietOption = False

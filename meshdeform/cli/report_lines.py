@@ -1,4 +1,4 @@
-"""Print what a job of each kind has made: a summary for `--json`, lines about its report for people."""
+"""Print the results of each kind of job: a summary for `--json`, lines about its report for people."""
 
 from __future__ import annotations
 

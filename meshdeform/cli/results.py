@@ -1,4 +1,4 @@
-"""What is made of an asset or a result without a new run: `meshdeform apply`, `animate` and `convert`."""
+"""Make files of an asset or a result without a new run: `meshdeform apply`, `animate` and `convert`."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ def run(
 
 
 def _refuse_deformation(kind: JobKind, prompt: str, outputs: Mapping[str, Any]) -> None:
-    """Refuse what only a deformation has: a prompt, and options of the output."""
+    """Refuse options that only a deformation has: a prompt, and those of the output."""
     if prompt:
         raise typer.BadParameter(f"a job of kind {kind} has no prompt", param_hint="PROMPT")
     for name in outputs:

@@ -32,7 +32,7 @@ class PartialFile:
         return {"Range": f"bytes={self._count}-", "If-Range": self.tag} if self._count else {}
 
     def begin(self) -> None:
-        """Discard what has been received."""
+        """Discard the bytes received so far."""
         self._resumed = False
         self._file.seek(0)
         self._file.truncate()
@@ -46,7 +46,7 @@ class PartialFile:
         return self._waiting_bytes >= _BATCH
 
     def flush(self) -> None:
-        """Write what has been buffered."""
+        """Write the buffered bytes."""
         for data in self._waiting:
             self._file.write(data)
             self._hash.update(data)

@@ -27,7 +27,7 @@ class Checkpoint:
     step: int  # number of completed steps
     tensors: dict[str, Tensor]  # jacobians, Adam's moments and the random generator's state
     precision: str = ""
-    """What the diffusion prior computed in up to this step; several, in order, such as `bfloat16, float32`, if the run
+    """Precision of the diffusion prior up to this step; several, in order, such as `bfloat16, float32`, if the run
     was resumed in another one. Empty if there was no prior."""
 
 

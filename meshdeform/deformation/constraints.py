@@ -67,7 +67,7 @@ class Constraints:
         return bool(self.handles)
 
     def placement(self, mesh: RestMesh) -> Placement | None:
-        """Return what places the vertices of the mesh; None if nothing is constrained but by handles."""
+        """Return the placement of the mesh's vertices; None if only handles constrain them."""
         if self.freedom is None and self.mirror is None:
             return None
         return Placement(mesh, self)

@@ -87,7 +87,7 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Structure:
-    """What few controls keep of an asset."""
+    """Properties of an asset that few controls keep."""
 
     planes: tuple[int, ...] = ()  # axes to which the mirror planes, through the middle of the box, are perpendicular
     level: bool = False  # whether what is level stays level, and what is upright upright
@@ -98,7 +98,7 @@ class Structure:
 
     @classmethod
     def from_tensor(cls, values: Tensor) -> Self:
-        """Return what `to_tensor` stored."""
+        """Return the structure that `to_tensor` stored."""
         *planes, level = values.tolist()
         return cls(tuple(plane for plane in planes if plane >= 0), bool(level))
 
@@ -255,7 +255,7 @@ class Level:
         return least
 
     def jacobians(self) -> Tensor:
-        """Return what the level adds to the Jacobians, (E, 3, 3), differentiable in `controls`."""
+        """Return the level's part of the Jacobians, (E, 3, 3), differentiable in `controls`."""
         controls = self.controls * self._free
         for signs, partner in self._mirrors:
             controls = 0.5 * (controls + signs[:, None] * signs * controls[partner])

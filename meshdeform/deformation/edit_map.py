@@ -41,7 +41,7 @@ _Floats = NDArray[np.float64]
 
 
 class Outside(StrEnum):
-    """What is done with a connected piece that reaches out of the map's box."""
+    """Treatment of a connected piece that reaches out of the map's box."""
 
     REFUSE = "refuse"
     RIGID = "rigid"

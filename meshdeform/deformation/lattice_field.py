@@ -256,7 +256,7 @@ _CONTACT, _FULLY = 0.1, 0.5
 
 
 def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
-    """Return what to add to the weights (V, N) with which the vertices of a mesh follow the nodes of a lattice."""
+    """Return the corrections (V, N) of the weights with which the vertices of a mesh follow the nodes of a lattice."""
     verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
     nothing = sparse.csr_matrix((len(verts), len(lattice.keys)))
     corners = verts[faces]

@@ -198,7 +198,7 @@ class Deformation:
 
     @property
     def carrier(self) -> dict[str, Any]:
-        """What carries the mesh: its `kind`, the number of `cells` of a lattice, and what few controls keep."""
+        """The carrier of the mesh: its `kind`, the number of `cells` of a lattice, and the structure that is kept."""
         carrier: dict[str, Any] = {"kind": "surface" if self.cells is None else "lattice", "cells": self.cells}
         if self.structure is None:
             return carrier
@@ -428,7 +428,7 @@ def _stored_orientation(state: Mapping[str, Tensor]) -> Orientation:
 
 
 def _stored_structure(state: Mapping[str, Tensor]) -> Structure | None:
-    """Return what the few controls of a checkpoint keep; None if every element has its own Jacobian."""
+    """Return the structure stored in a checkpoint; None if every element has its own Jacobian."""
     stored = state.get(_STRUCTURE)
     return None if stored is None else Structure.from_tensor(stored)
 

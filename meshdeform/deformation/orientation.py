@@ -45,7 +45,7 @@ _KEPT = 4
 """How many turns, besides none, stay after the first draw."""
 _MIN_MARGIN = 0.03
 _MIN_ERRORS = 3.0
-"""What the best turn must gain over none: relative to the grade, and in standard errors of the paired difference."""
+"""Least gain of the best turn over none: relative to the grade, and in standard errors of the paired difference."""
 
 Draw = Callable[[float, torch.Generator], tuple[Tensor, Cameras]]
 
@@ -83,7 +83,7 @@ class Grader(Protocol):
 
 @dataclass(frozen=True)
 class Front:
-    """What is known of a source before its front is searched."""
+    """Knowledge of a source before its front is searched."""
 
     grader: Grader | None
     """A guidance towards what the source is; None if that is not known, so that nobody is asked for the front."""
@@ -114,7 +114,7 @@ class Orientation:
 
     @classmethod
     def from_tensor(cls, values: Tensor) -> Orientation:
-        """Read what `to_tensor` returned."""
+        """Return the orientation that `to_tensor` stored."""
         turn, number, margin, *grades = values.tolist()
         return cls(turn, list(OrientationSource)[int(number)], margin, tuple(grades))
 

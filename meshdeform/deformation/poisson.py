@@ -297,7 +297,7 @@ class PoissonSystem:
         return moved
 
     def _balanced(self, forces: _Floats) -> _Floats:
-        """Remove what would move a component's centre of mass."""
+        """Remove the part that would move a component's centre of mass."""
         balanced: _Floats = forces - self._shares * self._sums(forces)[self._labels]
         return balanced
 

@@ -1,5 +1,5 @@
 # ruff: noqa: D102 - docs/parameters.md says what each value means
-"""Declare what the optimisation is told: which values a run has, and which choices there are. Imports nothing.
+"""Declare the settings of the optimisation and their choices. Imports nothing.
 
 `meshdeform.requests` makes these values of what a user wrote; any object with them will do.
 """
@@ -19,7 +19,7 @@ class GuidanceKind(StrEnum):
 
 
 class Carrier(StrEnum):
-    """What carries the vertices."""
+    """Carrier of the vertices."""
 
     AUTO = "auto"
     SURFACE = "surface"
@@ -42,7 +42,7 @@ class Safeguard(StrEnum):
 
 
 class Rigidity(StrEnum):
-    """What a part that keeps its shape may still do."""
+    """Freedom of a part that keeps its shape."""
 
     SIMILARITY = "similarity"
     RIGID = "rigid"

@@ -1,4 +1,4 @@
-"""Choose what carries the vertices, and deform a simplified mesh in place of a large one.
+"""Choose the carrier of the vertices, and deform a simplified mesh in place of a large one.
 
 The carrier is the surface itself, or a lattice around all components.
 

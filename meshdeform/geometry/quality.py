@@ -419,7 +419,7 @@ def _areas(points: _Floats) -> _Floats:
 
 @dataclass(frozen=True)
 class Structure:
-    """What became of mirror symmetry, flat pieces and contacts."""
+    """Changes of mirror symmetry, flat pieces and contacts."""
 
     asymmetry: float | None  # added; None if the source is not symmetric
     flatness: float | None  # lost; None if the source has no flat piece

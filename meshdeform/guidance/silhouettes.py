@@ -124,7 +124,7 @@ class SilhouetteTerm:
             self._placed.append(self._place(view, scale, radius))
 
     def _rest_masks(self, mesh: TriangleMesh, reach: float) -> list[tuple[NDArray[np.bool_], float]]:
-        """Return what the mesh covers in each view, and the length of a pixel in the plane of the origin."""
+        """Return the coverage of each view by the mesh, and the length of a pixel in the plane of the origin."""
         assert self._renderer is not None
         found = []
         for view in self._views:

@@ -307,7 +307,7 @@ def explained(tool: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable[An
 
 
 def _summary(job: JobView) -> dict[str, Any]:
-    """Return what an agent needs to know of a job."""
+    """Return the members of a job that an agent needs."""
     found: dict[str, Any] = {
         "job_id": job.id,
         "state": job.state.value,

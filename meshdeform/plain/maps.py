@@ -238,7 +238,7 @@ def _leg(parts: Parts, operation: str, factor: float) -> Moved:
 
 
 def _girth(body: Body, legs: Legs) -> Callable[[Floats], float]:
-    """Return what measures how thick legs are half way up."""
+    """Return the measure of how thick legs are half way up."""
     half = (body.ground + legs.hip) / 2
     far = np.abs(body.points[:, UP] - half) / max(legs.hip - body.ground, 1e-12)
     own = [np.flatnonzero((legs.limb == k) & (legs.weight > 0.9) & (far < 0.3)) for k in np.unique(legs.limb)]
@@ -305,7 +305,7 @@ def _head(parts: Parts, _operation: str, factor: float) -> Moved:
 
 
 def _spread(body: Body, weight: Floats) -> Callable[[Floats], float]:
-    """Return what measures the size of a part, or the mean size of its pieces, by their inner vertices."""
+    """Return the measure of a part's size, or of the mean size of its pieces, by their inner vertices."""
     pieces = []
     for piece in body.groups(weight > 0.5):
         inner = piece[weight[piece] >= np.quantile(weight[piece], 0.6)]

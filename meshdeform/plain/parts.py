@@ -1,4 +1,4 @@
-"""Find what a word names on a body: by joints, by names of nodes and materials, by components, else by its solid.
+"""Find the part that a word names: by joints, by names of nodes and materials, by components, else by the solid.
 
 Legs are what touches the ground below the level at which the stems join; of a pedestal, what is below the widest slab.
 Head and tail are the two ends of the body in the mirror plane, cut at the narrowest section; the thin end is the tail.
@@ -488,7 +488,7 @@ class Parts:
         return float(heights[low] - solid.side / 2), float(heights[high] + solid.side / 2)
 
     def back(self) -> Limb:
-        """Return what stands above a seat.
+        """Return the part above a seat.
 
         Raises
         ------
@@ -568,7 +568,7 @@ class _Stand:
 
 
 def _find_stand(body: Body) -> _Stand:
-    """Return what stands on the ground below the body, by the layers of its solid.
+    """Return the stand below the body, by the layers of its solid.
 
     Raises
     ------

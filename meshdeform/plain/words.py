@@ -373,7 +373,7 @@ def _joined(clauses: list[_Clause], text: str) -> list[Change] | None:
 
 
 def _on(operation: str, part: str) -> str:
-    """Return what an operation means on a part: "tall legs" are long ones, and a "wide head" is a big one."""
+    """Return the meaning of an operation on a part: "tall legs" are long ones, and a "wide head" is a big one."""
     if part in _LONG:
         long = ("tall", "long", "big") if part in ("leg", "arm", "neck", "tail") else ("tall", "long")
         return "long" if operation in long else "fat" if operation == "wide" else operation

@@ -38,7 +38,7 @@ def is_fast_in_int8(device: str | torch.device) -> bool:
 
 
 def _features() -> Mapping[str, Any]:
-    """Return what torch knows of this CPU: nothing before torch 2.9."""
+    """Return torch's description of this CPU: empty before torch 2.9."""
     found: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
     return found
 

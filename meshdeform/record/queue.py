@@ -78,7 +78,7 @@ class JobQueue:
 
     @contextmanager
     def _queue_errors(self) -> Iterator[None]:
-        """Delete what stands in the queue's place and is no list; the reconciler then announces the jobs again."""
+        """Delete a value in the queue's place that is no list; the reconciler then announces the jobs again."""
         try:
             with _redis_errors():
                 yield

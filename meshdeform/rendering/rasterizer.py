@@ -529,7 +529,7 @@ def _crossings_of(
     depth: NDArray[np.float32],
     removed: NDArray[np.float32] | None,
 ) -> tuple[_Index, _Floats]:
-    """Find what `_walk` finds, with the views shared among threads."""
+    """Share the views of `_walk` among threads."""
 
     def walk(begin: int, end: int) -> tuple[_Index, _Floats]:
         views = slice(begin, end)

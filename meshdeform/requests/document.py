@@ -376,7 +376,7 @@ TAUGHT = "taught"
 
 
 def _family(model: str | None) -> str:
-    """Return what decides how long a step of a model takes: all taught weights are of one network."""
+    """Return the name that decides how long a step of a model takes: all taught weights are of one network."""
     return TAUGHT if model and is_sent(model) else model or ""
 
 

@@ -508,7 +508,7 @@ class SilhouetteGuidance(SilhouetteParams):
 
 
 def _kind_of_guidance(value: Any) -> str | None:
-    """Return what decides which guidance a value is; None for what is none."""
+    """Return the kind of guidance of a value; None if it is none."""
     kind = value.get("kind", "sds") if isinstance(value, Mapping) else getattr(value, "kind", None)
     return kind if isinstance(kind, str) else None
 
@@ -574,7 +574,7 @@ class DeformParams(CommonParams):
         return self.model_copy(update={"guidance": self.guidance.model_copy(update={"model": model})})
 
     def flat(self) -> dict[str, Any]:
-        """Return what was written, by the parameters' names alone."""
+        """Return the parameters that were written, by their names alone."""
         own = {name: getattr(self, name) for name in self.model_fields_set - {"guidance", "control"}}
         for group in (self.guidance, self.control):
             own |= {name: getattr(group, name) for name in group.model_fields_set - {"kind"}}

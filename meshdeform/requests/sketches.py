@@ -175,7 +175,7 @@ _ALL = (
 )
 
 SKETCH_FAMILIES: dict[str, FamilyParameters] = {each.name: each for each in _ALL}
-"""What can be drawn, by name, in the order of the network's outputs."""
+"""Families that can be drawn, by name, in the order of the network's outputs."""
 
 
 def sketch_family(name: str) -> FamilyParameters:

@@ -16,7 +16,7 @@ _CLOSE = 0.6
 
 
 def did_you_mean(name: str, known: Collection[str], what: str = "member") -> str:
-    """Return what is wrong with an unknown name, and the known name that it resembles or else all of them.
+    """Return a sentence about an unknown name, with the known name that it resembles or else all of them.
 
     `what` says what the name is of.
     """

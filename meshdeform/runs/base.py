@@ -157,7 +157,7 @@ FORMATS_OF_RESULT = (
         afterwards=True,
     ),
 )
-"""What any kind of job that writes `result.glb` can have made of it."""
+"""Artifacts that any kind of job with `result.glb` can have made of it."""
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def job_input(
     resolved: BaseModel | None = None,
     **more: Any,
 ) -> RunInput:
-    """Return what starts a deformation whose files are at hand, as scripts and tests have them.
+    """Return the input of a deformation whose files are at hand, as scripts and tests have them.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ class Kind:
     """Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
     request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free."""
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
-    """Returns what the result is meant to be in a few words, for the names of downloads. Takes the request and the
+    """Returns the goal in a few words, for the names of downloads. Takes the request and the
     names of its files by part. Default: the prompt."""
 
     @property
@@ -349,7 +349,7 @@ class Kind:
         return tuple(part.name for part in self.reads)
 
     def content_of(self, part: str) -> FileContent:
-        """Return what the file of a part is checked as."""
+        """Return the type as which the file of a part is checked."""
         return next(each.content for each in self.reads if each.name == part)
 
     def inherits(self, request: JobRequest) -> frozenset[str]:

@@ -68,7 +68,7 @@ def check_change(params: ResolvedParams) -> None:
 
 
 def part_names(body: Body, params: ResolvedParams | None = None) -> list[str]:
-    """Return what the prompt of a job can name on a body; it has the builtin prior if nothing else is said."""
+    """Return the parts that the prompt of a job can name on a body; by default it has the builtin prior."""
     from meshdeform.plain.naming import find_parts
 
     read = partial(asked_changes, params=params or resolve(DeformParams()))

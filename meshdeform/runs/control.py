@@ -63,7 +63,7 @@ class SelectableSurface:
 
     @cached_property
     def parts(self) -> Parts:
-        """What the asset names."""
+        """Names in the asset."""
         return self._asset.parts()
 
     @cached_property
@@ -209,11 +209,11 @@ def _groups(values: _Index, label: NDArray[np.int32], count: int) -> list[_Index
 
 @dataclass(frozen=True)
 class Control:
-    """What a request says about where its asset may deform."""
+    """Control of a request over where its asset may deform."""
 
     constraints: Constraints = field(default_factory=Constraints)  # on the welded mesh in the cameras' frame
     bodies: list[Body] = field(default_factory=list)
-    """What keeps its shape; a body that touches what is kept is kept as a whole, and not listed."""
+    """Bodies that keep their shape; one that touches what is kept is kept as a whole, and not listed."""
     regions: list[dict[str, Any]] = field(default_factory=list)
     """For each region: its `action`, and the `faces` that it selects."""
     partners: Partners | None = None  # the mirrored partners of the vertices, if a symmetry is kept

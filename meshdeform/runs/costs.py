@@ -1,4 +1,4 @@
-"""What jobs cost by their mesh, steps and guidance: the basis of estimates. Torch-free.
+"""Model the cost of jobs by mesh, steps and guidance: the basis of estimates. Torch-free.
 
 The seconds are those of one thread on the machine where `python -m bench.estimates` measured them. Estimates scale them
 by what the newest jobs of a deployment took, so that only their proportions matter once a job has succeeded.
@@ -41,7 +41,7 @@ class Seconds:
 
 @dataclass(frozen=True)
 class Costs:
-    """What the jobs of one kind and guidance cost."""
+    """Cost of the jobs of one kind and guidance."""
 
     # Seconds of start and end, and those that each 100,000 faces add
     once: float = 1.0
@@ -53,13 +53,13 @@ class Costs:
     parts: float = 0.0
 
     def seconds(self, faces: int | None, parts: int | None, safeguard: str | None) -> Seconds:
-        """Return what a job costs with a mesh of so many faces and parts, None where unknown."""
+        """Return the cost of a job with a mesh of so many faces and parts, None where unknown."""
         large, guarded, several = features(faces, parts, safeguard)
         return Seconds(self.once + large * self.faces, self.step + guarded * self.guard + several * self.parts)
 
 
 def features(faces: int | None, parts: int | None, safeguard: str | None) -> tuple[float, float, float]:
-    """Return what `Costs.faces`, `guard` and `parts` are multiplied with."""
+    """Return the factors of `Costs.faces`, `guard` and `parts`."""
     count = _USUAL_FACES if faces is None else faces
     guarded = safeguard not in (None, Safeguard.NONE)
     deformed = _DEFORMED_FACES if count > _LARGE else count

@@ -249,7 +249,7 @@ DERIVED: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
     "result.stl": _stl,
     "map.safetensors": _map,
 }
-"""What can be made afterwards, by the artifact's name."""
+"""Artifacts that can be made afterwards, by name."""
 
 OF_RESULT = frozenset({"result.stl"})
 """The names in `DERIVED` that are made of `result.glb` alone."""

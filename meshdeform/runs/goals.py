@@ -1,4 +1,4 @@
-"""Create what guides a run: a prompt with a prior, a target mesh placed on the asset, or pictures of its outline."""
+"""Create the guidance: a prompt with a prior, a target mesh placed on the asset, or pictures of its outline."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def score_distillation(
 
 @dataclass(frozen=True)
 class Goal:
-    """What a run aims at."""
+    """Goal of a run."""
 
     prompt: str  # with which the result is compared; empty for a target, and if each prompt has a region
     guidance: Guidance
@@ -86,7 +86,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class GoalSource:
-    """What a goal is made of."""
+    """Ingredients of a goal."""
 
     asset: Asset
     world: TriangleMesh  # the asset's welded mesh in its world

@@ -1,4 +1,4 @@
-"""Describe what an asset consists of, and propose the parts that should keep their shape. Imports torch."""
+"""Describe the parts of an asset, and propose those that should keep their shape. Imports torch."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _Index = NDArray[np.int64]
 
 
 def inspect_parts(asset: Asset) -> dict[str, Any]:
-    """Return what a selection can refer to in an asset, and proposals for `params.control.rigid`, as JSON.
+    """Return the names that a selection can refer to in an asset, and proposals for `params.control.rigid`, as JSON.
 
     Beside the named `nodes`, `mesh_names`, `materials` and `joints` there are the `box` of its coordinates, whether it
     has vertex `colors`, the `parts` that a change in plain words can name, and its `symmetry`: the axes along which

@@ -64,7 +64,7 @@ _FORGOTTEN = 2
 
 @dataclass(frozen=True)
 class TeachRequest:
-    """What to teach, and how."""
+    """Order of a lesson."""
 
     synonyms: tuple[str, ...] = ()  # of the only noun
     replace: bool = False  # whether nouns that the weights know may get a new meaning
@@ -290,7 +290,7 @@ class LessonRun(JobRun):
         return learned_sheet(network, self._words, self._pictures.kept, seed=self._request.config.seed)
 
     def report(self) -> dict[str, Any]:
-        """Measure what was learned and forgotten, and describe the lesson.
+        """Measure learning and forgetting, and describe the lesson.
 
         Retrieval asks the network itself: which noun explains a held-out picture best? Up to 30 old nouns have
         one grid of a member that the lesson did not show.
@@ -367,7 +367,7 @@ def _share(hits: int, count: int) -> dict[str, Any]:
 
 
 def _doubts(taken_for: Mapping[str, Counter[str]], before: int, after: int) -> list[str]:
-    """Return what the measures warn of."""
+    """Return the warnings that follow from the measures."""
     warnings = [
         f"Only {found[noun]} of {found.total()} held-out pictures are taken for a {noun}: take more steps or meshes, "
         "or meshes that differ more from what the model knows."

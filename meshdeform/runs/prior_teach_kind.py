@@ -56,7 +56,7 @@ def params_of(request: JobRequest) -> TeachParams:
 
 
 def lesson_of(params: TeachParams, known: Words, names: Sequence[str]) -> dict[str, MeshLabel]:
-    """Return what each mesh shows, by its name in the ZIP.
+    """Return the label of each mesh, by its name in the ZIP.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def lesson_of(params: TeachParams, known: Words, names: Sequence[str]) -> dict[s
 
 
 def _kit(params: TeachParams, known: Words, names: Sequence[str]) -> dict[str, MeshLabel]:
-    """Return what each mesh of a kit shows."""
+    """Return the label of each mesh of a kit."""
     if params.synonyms:
         raise ParameterError("A kit has no synonyms.", advice="Leave params.synonyms out, or name one noun.")
     kit = nouns_of_kit(names)
@@ -182,7 +182,7 @@ PRIOR_TEACH = Kind(
 
 @dataclass(frozen=True)
 class MeshLabel:
-    """What a mesh shows."""
+    """Label of a mesh."""
 
     noun: str
     attributes: tuple[Attribute, ...] = ()

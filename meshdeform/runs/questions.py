@@ -20,12 +20,12 @@ _MEMORY_BYTES = 16 * 2**30
 
 @dataclass(frozen=True)
 class Question:
-    """What a module's `main` answers in a child process by `answer`."""
+    """A question that a module's `main` answers in a child process by `answer`."""
 
     module: str  # its full name
     cannot: str  # what is so where it takes too much: "The front cannot be found on this server."
     lacks: str
-    """What is so where the child lacks a package: "The front is found with the extra `deform`, which ... lacks"."""
+    """Sentence for where the child lacks a package: "The front is found with the extra `deform`, which ... lacks"."""
     instead: str  # advice for both
 
     def ask(self, arguments: list[str], folder: Path, timeout_s: float) -> Any:
@@ -60,7 +60,7 @@ class Question:
 
 
 def answer(find: Callable[[], Any]) -> int:
-    """Print what `find` returns, or its error, as a JSON verdict; return the exit status. For the child's `main`."""
+    """Print the result of `find`, or its error, as a JSON verdict; return the exit status. For the child's `main`."""
     bound_memory(_MEMORY_BYTES)
     try:
         verdict: dict[str, Any] = {"ok": True, "found": find()}

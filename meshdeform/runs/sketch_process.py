@@ -24,7 +24,7 @@ _QUESTION = Question(
 
 
 def guesses_of(drawing: Path, *, family: str = "", timeout_s: float) -> dict[str, Any]:
-    """Return what a drawing may show.
+    """Return the families that a drawing may show.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class AssetPath:
         return dataclasses.replace(found, positions=positions)
 
     def edit_map(self, share: float, *, with_rig: bool) -> EditMap:
-        """Return what takes the shape at a share of the way to other files, with the moves of the joints or without."""
+        """Return the transfer of the shape at a share of the way, with the moves of the joints or without."""
         joints = None
         if with_rig:
             moves = self._source.joint_moves(self.at(share).positions, self.jacobians(share))
@@ -93,7 +93,7 @@ class AssetPath:
 
 
 def _welded(source: Asset, positions: _Floats) -> WeldedMesh:
-    """Weld what the run deformed: everything but a backdrop that stayed where it was."""
+    """Weld the deformed surface: everything but a backdrop that stayed where it was."""
     kept = source.surface.triangles[~drawn_triangles(source)]
     moved = (positions != source.surface.positions).any(1)
     return welded_surface(source, BackdropMode.DEFORM if moved[kept].any() else BackdropMode.LEAVE)
@@ -173,7 +173,7 @@ def edit_of(
     exclude: Sequence[str | int] = (),
     limits: Limits | None = None,
 ) -> EditMap:
-    """Return what takes an asset's deformation to other files; the arguments are those of `with_strength`."""
+    """Return the transfer of an asset's deformation to other files; the arguments are those of `with_strength`."""
     source, end = matched(source, read_result(result), exclude, limits)
     path = AssetPath(source, end.surface.positions)
     return path.edit_map(strength, with_rig=source.rig_digest() != end.rig_digest())

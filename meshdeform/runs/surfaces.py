@@ -202,7 +202,7 @@ def deformed_surface(surface: Surface, welded: WeldedMesh, verts: Tensor) -> Def
 
 @dataclass(frozen=True)
 class Shown:
-    """What viewers show of a source and of its result."""
+    """A source and its result as viewers show them."""
 
     # The welded surfaces, +Y up, with the same faces
     source: TriangleMesh

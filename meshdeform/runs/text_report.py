@@ -54,7 +54,7 @@ _COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
 
 @dataclass(frozen=True)
 class AssetFacts:
-    """What is known of a request and its asset."""
+    """Facts about a request and its asset."""
 
     request: JobRequest
     params: ResolvedParams
@@ -68,7 +68,7 @@ class AssetFacts:
 
 @dataclass(frozen=True)
 class RunFacts(AssetFacts):
-    """What is known of a run before its first step."""
+    """Facts about a run before its first step."""
 
     frame: Frame
     # Of the mesh, and of the run
@@ -89,7 +89,7 @@ class RunFacts(AssetFacts):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run has made."""
+    """Results of a run."""
 
     verts: Tensor  # (V, 3) float64: deformed welded world positions
     result: bytes  # `result.glb`
@@ -103,7 +103,7 @@ class Outcome:
 
 
 def provenance(facts: AssetFacts, step: int) -> dict[str, Any]:
-    """Return what `output.provenance` stores in a file with the shape of a step."""
+    """Return the provenance that `output.provenance` stores in a file with the shape of a step."""
     params = facts.params
     weighted = [{"prompt": each.prompt, "weight": each.weight} for each in params.prompts]
     return {
@@ -411,7 +411,7 @@ def rig_warnings(rig: Rig, mode: RigMode) -> list[str]:
 
 
 def precision_of(prior: Prior | None, state: Checkpoint | None = None) -> str | None:
-    """Return what a run computes in, such as `float32`; None without a prior.
+    """Return the precision of a run, such as `float32`; None without a prior.
 
     Where the run resumes at a state that was computed in another precision, both are named, in order.
     """

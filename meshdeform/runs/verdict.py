@@ -1,4 +1,4 @@
-"""Say what a result looks like to the judge, and whether it is worse than doing nothing by a run's own checks.
+"""Judge the likeness of a result, and whether it is worse than doing nothing by a run's own checks.
 
 It is worse if nothing was gained of what the prompt asks for, while a figure of the structure is beyond `LIMITS`. The
 noun's rank among all that the judge knows must become half of the source's to count as gained, since far from the first
@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 _SURE = 0.5
 
 CROOKED = frozenset({"twisted", "leaning", "bent"})
-"""What a prompt may ask for that costs symmetry and flatness."""
+"""Words of prompts that cost symmetry and flatness."""
 
 _BUILT = ("vehicles", "furniture", "buildings", "vessels and tools")
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
@@ -67,7 +67,7 @@ _SENTENCES = {
 
 @dataclass(frozen=True)
 class Recognition:
-    """What a source was taken for."""
+    """Noun that a source was taken for."""
 
     noun: str  # the most probable noun; empty if there is no judge
     probability: float  # 1 for a noun that the request gives
@@ -90,7 +90,7 @@ class Recognition:
 
 
 def recognise(mesh: TriangleMesh, given: str | None = None) -> Recognition:
-    """Return what a mesh, +Y up, is taken for, or the noun that is given for it."""
+    """Return the noun that a mesh, +Y up, is taken for, or the one that is given for it."""
     if given is not None:
         return Recognition(given, 1.0)
     try:
@@ -105,7 +105,7 @@ def recognise(mesh: TriangleMesh, given: str | None = None) -> Recognition:
 def known_source(
     mesh: TriangleMesh, prior: Prior | None, params: ResolvedParams, known: Recognition | None = None
 ) -> Recognition | None:
-    """Return what the source of a run is taken for, `known` if it was asked; None where nothing depends on it."""
+    """Return the noun of a run's source, `known` if it was asked; None where nothing depends on it."""
     if prior is None or not is_builtin(params.model) or params.orientation is not OrientationMode.AUTO:
         return None
     return known or recognise(mesh, params.source_noun)
@@ -126,7 +126,7 @@ def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedPa
 
 
 def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any]) -> dict[str, Any]:
-    """Measure what a result kept of its source.
+    """Measure how much a result kept of its source.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Define what all object stores share: keys, errors and the interface of a backend."""
+"""Define keys, errors and the interface of a backend for all object stores."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class Folder:
         sync_folder(self.root)
 
     def _clean_up(self) -> None:
-        """Remove what processes left that died while writing."""
+        """Remove partial files of processes that died while writing."""
         with file_errors(), suppress(FileNotFoundError):
             for left_over in self._partial.iterdir():
                 with suppress(FileNotFoundError), left_over.open("r+b") as file:

@@ -1,1 +1,1 @@
-"""Provide what every part may use: logs, traces, atomic files, failpoints. Imports only `errors` of the package."""
+"""Provide logs, traces, atomic files and failpoints to all parts. Imports only `errors` of the package."""

@@ -1,4 +1,4 @@
-"""Download what a job has: its artifacts, which URLs can be signed for, its checkpoints and its input files."""
+"""Download the files of a job: its artifacts, which URLs can be signed for, its checkpoints and its input files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Limit what one caller may take: the request rate of each key, and the slots of each owner.
+"""Limit the request rate of each key, and the slots of each owner.
 
 The rate is a leaky bucket in Redis, shared by all API processes. The generic cell rate algorithm stores one number per
 key: the time at which its bucket will be empty. While Redis is unavailable, each process limits with buckets of its

@@ -112,7 +112,7 @@ class _History:
         return model == TAUGHT or is_builtin(model or self._default_model)
 
     def _measured(self, alike: sa.ColumnElement[bool]) -> list[tuple[Seconds, Seconds]]:
-        """Return what the newest successful jobs were expected to take, and what they took."""
+        """Return the expected and the actual seconds of the newest successful jobs."""
         times = (jobs.c.step_s, jobs.c.total_steps, jobs.c.ran_s, jobs.c.started_at, jobs.c.finished_at)
         done = sa.and_(jobs.c.state == JobState.SUCCEEDED, jobs.c.step_s.is_not(None), jobs.c.origin.is_(None))
         query = sa.select(*_COSTS, *times).where(alike, done)
@@ -141,7 +141,7 @@ def _expected(row: _Row) -> Seconds:
 
 
 def _taken(row: _Row) -> Seconds:
-    """Return what a job took, without the time between its attempts where that is known."""
+    """Return the seconds that a job took, without the time between its attempts where that is known."""
     ran_s = row.ran_s or (row.finished_at - row.started_at).total_seconds()
     return Seconds(max(0.0, ran_s - row.total_steps * row.step_s), row.step_s)
 

@@ -1,4 +1,4 @@
-"""Report what this server is: its models and limits; and, for its operator, liveness, readiness and metrics."""
+"""Report the models and limits of this server; and, for its operator, liveness, readiness and metrics."""
 
 from __future__ import annotations
 

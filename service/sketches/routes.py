@@ -1,4 +1,4 @@
-"""Guess what drawings show, and make the shapes of corrected parameters."""
+"""Recognise drawings, and make the shapes of corrected parameters."""
 
 from __future__ import annotations
 

@@ -271,7 +271,7 @@ def suggest(
     unknown: Sequence[str],
     words: Words = BUILTIN_WORDS,
 ) -> Suggestions:
-    """Return what to say in place of a refused prompt.
+    """Return prompts in place of a refused one.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Shape what flies or floats. It faces +Z."""
+"""Shape aircraft and ships, facing +Z."""
 
 from __future__ import annotations
 
