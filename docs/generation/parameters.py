@@ -82,8 +82,6 @@ GUIDANCE = """\
 An object whose `kind` says what guides the deformation. It may be left out: without one, it is `sds`. A parameter of
 another kind is refused.
 
-| `kind` | what guides | its parameters |
-|---|---|---|
 """
 
 KINDS = {
@@ -235,12 +233,12 @@ def cell(name: str, family: str) -> str:
 
 
 def guidances() -> str:
-    """Return the table of the kinds of guidance with the parameters of each."""
+    """Return the list of the kinds of guidance with the parameters of each."""
     lines = []
     for kind, (what, title) in KINDS.items():
         names = ", ".join(f"`{name}`" for name, (_, kinds) in PLACES.items() if kind in kinds)
         anchor = title.lower().replace(" ", "-")
-        lines.append(f"| `{kind}` | [{what}](#{anchor}) | {names} |")
+        lines.append(f"- `{kind}`: [{what}](#{anchor}), with {names}")
     return "\n".join(lines) + "\n"
 
 
