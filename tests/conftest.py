@@ -68,7 +68,6 @@ SHARING = {
         "tests/integration/test_eval.py",
         "tests/unit/evaluation/test_clip_judge.py",
         "tests/unit/priors/test_stable_diffusion",
-        "tests/unit/test_fakes.py",
     ),
     "the S3 server": (
         "tests/acceptance/test_storage_faults.py",

@@ -248,21 +248,6 @@ def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster)
     assert cluster.events(job_id)[-1].seq == last
 
 
-# Messages that come twice
-
-
-@pytest.mark.long  # in test_leases.py many claim one job
-def test_a_message_that_comes_many_times_starts_one_attempt(cluster: Cluster) -> None:
-    job_id = cluster.submit(60)
-    for _ in range(6):
-        cluster.queue.enqueue(job_id)
-    cluster.start_worker("one")
-    cluster.start_worker("two")
-    assert cluster.check(job_id, steps=60).attempt == 1
-    until("every message was read", lambda: not cluster.queue.announced())
-    assert cluster.job(job_id).attempt == 1
-
-
 # The record
 
 

@@ -374,14 +374,6 @@ def test_a_mesh_that_cannot_be_written_costs_no_checkpoint(world: World, monkeyp
     assert [(each.step, each.mesh_key) for each in world.record.leases.checkpoints(job.id)] == [(17, None), (10, None)]
 
 
-def test_the_most_urgent_job_comes_first_whichever_was_told(world: World) -> None:
-    usual = world.create()
-    urgent = world.create(priority=5)
-    world.runner().run(usual.id)
-    assert world.record.get(urgent.id).state is JobState.SUCCEEDED
-    assert world.record.get(usual.id).state is JobState.QUEUED
-
-
 def test_a_job_that_only_another_version_can_read_is_left_to_it(world: World) -> None:
     later, ordinary = world.create(priority=5), world.create()
     with world.record.database.write() as connection:
@@ -439,15 +431,6 @@ def test_the_state_before_the_step_is_stored_and_the_process_ends(world: World) 
     assert world.run(job).state is JobState.SUCCEEDED
     assert world.kind.started_at == [0, 0, 16]
     assert world.result(job) == world.result(whole)
-
-
-def test_after_so_many_times_it_fails(world: World) -> None:
-    job = world.create()
-    for _ in range(Settings().max_attempts):
-        left = run_out(world, job, at=17)
-    assert left.error is not None
-    assert (left.state, left.error.code) == (JobState.FAILED, "gpu_oom")
-    assert len(world.renewals) == Settings().max_attempts
 
 
 def test_it_may_come_before_the_first_step(world: World) -> None:
