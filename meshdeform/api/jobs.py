@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, SkipValidation
+from pydantic import Field, SerializeAsAny, SkipValidation
 
+from meshdeform.api.documents import Document, or_new
 from meshdeform.api.states import EventType, JobError, JobState, OriginMode, Progress
 from meshdeform.record.models import Artifact, CheckpointRef, Event, Job, Origin, StoredFile
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
@@ -18,17 +19,7 @@ _JOB_ID = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 
-class _Document(BaseModel):
-    # A newer server may send members that this client does not know.
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the JSON document."""
-        # Stored values of other versions are shown as they are, whatever this one declares.
-        return self.model_dump(mode="json", warnings=False)
-
-
-class FileView(_Document):
+class FileView(Document):
     """An uploaded file."""
 
     filename: str = Field(description="Its name, as sent.", examples=["sphere.glb"])
@@ -41,12 +32,12 @@ class FileView(_Document):
         return cls(filename=file.filename, size=file.size, sha256=file.sha256)
 
 
-class OriginView(_Document):
+class OriginView(Document):
     """The job and step from which a job continues."""
 
     job_id: str = Field(description="The other job, which may have been deleted since.", examples=[_JOB_ID])
     step: int = Field(ge=0, description="Steps that the other job had completed.", examples=[500])
-    mode: OriginMode = Field(
+    mode: Annotated[OriginMode, or_new(OriginMode)] = Field(
         description="`retry`: the same request continues as if never interrupted. `branch`: another request starts "
         "from the shape of that step.",
         examples=["branch"],
@@ -58,7 +49,7 @@ class OriginView(_Document):
         return cls(job_id=origin.job_id, step=origin.step, mode=origin.mode)
 
 
-class ArtifactView(_Document):
+class ArtifactView(Document):
     """A result of a job."""
 
     name: str = Field(description="Its name within the job.", examples=["result.glb"])
@@ -74,12 +65,12 @@ class ArtifactView(_Document):
         return cls(**artifact.model_dump(exclude={"key"}), href=f"/v1/jobs/{job_id}/artifacts/{artifact.name}")
 
 
-class JobView(_Document):
+class JobView(Document):
     """A job."""
 
     id: str = Field(description="Sorts by the time of creation.", examples=[_JOB_ID])
-    kind: JobKind = Field(description="What the job does.", examples=["text_deform"])
-    state: JobState = Field(
+    kind: Annotated[JobKind, or_new(JobKind)] = Field(description="What the job does.", examples=["text_deform"])
+    state: Annotated[JobState, or_new(JobState)] = Field(
         description="`succeeded`, `failed`, `canceled` and `expired` are terminal: such a job never changes again.",
         examples=["running"],
     )
@@ -181,7 +172,7 @@ def _over(defaults: Mapping[str, Any], written: Mapping[str, Any]) -> Any:
     return {**defaults, **written, **deep}
 
 
-class JobList(_Document):
+class JobList(Document):
     """A page of jobs, newest first."""
 
     jobs: list[JobView] = Field(description="The jobs of this page.")
@@ -190,7 +181,7 @@ class JobList(_Document):
     )
 
 
-class RetriedJob(_Document):
+class RetriedJob(Document):
     """A failed job, and what became of its retry."""
 
     of: str = Field(description="The failed job.", examples=[_JOB_ID])
@@ -198,7 +189,7 @@ class RetriedJob(_Document):
     error: JobError | None = Field(None, description="Why it was refused; else null.")
 
 
-class RetriedJobs(_Document):
+class RetriedJobs(Document):
     """The failed jobs of a page, newest first."""
 
     jobs: list[RetriedJob] = Field(description="Those that had not been retried before.")
@@ -207,13 +198,13 @@ class RetriedJobs(_Document):
     )
 
 
-class ArtifactList(_Document):
+class ArtifactList(Document):
     """The results of a job."""
 
     artifacts: list[ArtifactView] = Field(description="The artifacts, sorted by name.")
 
 
-class SignedUrl(_Document):
+class SignedUrl(Document):
     """A URL that needs no API key."""
 
     url: str = Field(
@@ -223,12 +214,12 @@ class SignedUrl(_Document):
     expires_at: datetime = Field(description="When it expires, UTC.", examples=["2026-01-31T13:00:00Z"])
 
 
-class EventView(_Document):
+class EventView(Document):
     """Something that happened to a job."""
 
     seq: int = Field(ge=1, description="Its number within the job: 1, 2, 3 and so on, without gaps.", examples=[3])
     job_id: str = Field(description="The job.", examples=[_JOB_ID])
-    type: EventType = Field(
+    type: Annotated[EventType, or_new(EventType)] = Field(
         description="What happened. Exactly one of `succeeded`, `failed`, `canceled` and `expired` ends the job; no "
         "event follows it.",
         examples=["progress"],
@@ -247,14 +238,14 @@ class EventView(_Document):
         return cls(**event.model_dump())
 
 
-class EventList(_Document):
+class EventList(Document):
     """Events of a job."""
 
     events: list[EventView] = Field(description="Oldest first.")
     next_after: int = Field(ge=0, description="Pass it as `after` to get the following events.", examples=[3])
 
 
-class MeshView(_Document):
+class MeshView(Document):
     """The mesh of a checkpoint."""
 
     href: str = Field(description="URL of its bytes.", examples=[f"/v1/jobs/{_JOB_ID}/checkpoints/500/mesh.glb"])
@@ -262,7 +253,7 @@ class MeshView(_Document):
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
 
 
-class CheckpointView(_Document):
+class CheckpointView(Document):
     """A checkpoint from which a job can continue or be branched."""
 
     step: int = Field(ge=0, description="Completed optimiser steps.", examples=[500])
@@ -281,7 +272,7 @@ class CheckpointView(_Document):
         return cls(step=found.step, attempt=found.attempt, size=found.size, created_at=found.created_at, mesh=mesh)
 
 
-class CheckpointList(_Document):
+class CheckpointList(Document):
     """The checkpoints of a job."""
 
     checkpoints: list[CheckpointView] = Field(

@@ -7,29 +7,25 @@
 
 from __future__ import annotations
 
-from meshdeform.client.asynchronous.client import AsyncClient, AsyncResult
-from meshdeform.client.documents import (
-    ArtifactView,
+from meshdeform.api.documents import (
     AssetFound,
-    CheckpointView,
-    EventView,
     FoundOrientation,
     FoundPart,
     FoundParts,
     JobEstimate,
-    JobView,
-    KindInfo,
-    Limits,
     ModelList,
     ModelView,
-    SignedUrl,
     SketchGuess,
     SketchGuesses,
     SketchParameter,
     UploadView,
-    Validation,
-    Vocabulary,
 )
+from meshdeform.api.documents import KindView as KindInfo
+from meshdeform.api.documents import LimitList as Limits
+from meshdeform.api.documents import VocabularyView as Vocabulary
+from meshdeform.api.jobs import ArtifactView, CheckpointView, EventView, SignedUrl
+from meshdeform.client.asynchronous.client import AsyncClient, AsyncResult
+from meshdeform.client.documents import JobView, Validation
 from meshdeform.client.orders import AssetLike
 from meshdeform.client.problems import WaitTimeoutError
 from meshdeform.client.sync.client import Client, Result

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import IO
 
-from meshdeform.client.documents import ArtifactView
+from meshdeform.api.jobs import ArtifactView
 from meshdeform.errors import StoredFileError, UnavailableError
 
 AFTERWARDS = ("morph.glb", "map.safetensors", "result.stl")

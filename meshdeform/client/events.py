@@ -12,7 +12,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from meshdeform.client.documents import EventView, read
+from meshdeform.api.jobs import EventView
+from meshdeform.client.documents import read
 from meshdeform.client.problems import error_of
 from meshdeform.client.requests import Answer, Call, job_path
 from meshdeform.errors import MeshdeformError, UnavailableError

@@ -21,7 +21,7 @@ from typing import IO, Any, cast
 
 from pydantic import BaseModel
 
-from meshdeform.client.documents import UploadView
+from meshdeform.api.documents import UploadView
 from meshdeform.requests.document import DeformParams, OutputOptions
 from meshdeform.support.files import zipped
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Request, Response
 
+from meshdeform.api.documents import FoundOrientation, FoundParts, Validation
 from meshdeform.api.jobs import JobView, RetriedJobs
 from meshdeform.api.limits import MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
 from meshdeform.errors import (
@@ -47,7 +48,6 @@ from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import accept_job, list_parts, orient, validate
 from service.jobs.routes import CreatedAfter, Cursor, ErrorCode, shown
 from service.jobs.sources import Submission, file_advice, missing_files, take_along
-from service.schemas import FoundOrientation, FoundParts, Validation
 from service.state import AppState, AppStateDep
 from service.webhooks.routes import checked_address
 

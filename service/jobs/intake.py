@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from anyio import to_thread
 
+from meshdeform.api.documents import AssetFound, FoundOrientation, FoundParts, JobEstimate, PictureFound, Validation
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
 from meshdeform.assets.inspect import PictureSummary
@@ -36,7 +37,6 @@ from service.http.bodies import ReceivedFile
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.estimates import estimate
 from service.jobs.sources import Submission
-from service.schemas import AssetFound, FoundOrientation, FoundParts, JobEstimate, PictureFound, Validation
 from service.state import AppState
 
 if TYPE_CHECKING:
@@ -139,6 +139,7 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
     pictures: dict[str, PictureFound] = {}
     for name, file in files.items():
         members = {"filename": file.filename, "size": file.size, "sha256": file.sha256, **asdict(summaries[name])}
+        members.pop("bounds", None)
         if isinstance(summaries[name], AssetSummary):
             found[name] = AssetFound(**members)
         else:

@@ -10,6 +10,18 @@ from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from meshdeform import __version__
+from meshdeform.api.documents import (
+    ArtifactKindView,
+    FileLimits,
+    FilePartView,
+    JobLimits,
+    KindView,
+    LimitList,
+    ModelList,
+    ModelView,
+    RequestLimits,
+    UploadLimits,
+)
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MAX_KEY, MAX_PAGE, MAX_WAIT_S, MIN_BODY_RATE
 from meshdeform.assets import Limits
 from meshdeform.errors import LimitError, UnauthorizedError
@@ -29,21 +41,7 @@ from meshdeform.runs.base import Kind
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses
-from service.schemas import (
-    ArtifactKindView,
-    FileLimits,
-    FilePartView,
-    Health,
-    JobLimits,
-    KindView,
-    LimitList,
-    ModelList,
-    ModelView,
-    PartHealth,
-    Readiness,
-    RequestLimits,
-    UploadLimits,
-)
+from service.schemas import Health, PartHealth, Readiness
 from service.state import AppStateDep
 
 router = APIRouter(dependencies=KNOWN_QUERY)

@@ -16,6 +16,7 @@ from datetime import UTC, datetime
 
 from anyio import to_thread
 
+from meshdeform.api.documents import UploadView
 from meshdeform.errors import (
     AssetTooLargeError,
     ChecksumError,
@@ -28,7 +29,6 @@ from meshdeform.errors import (
 from meshdeform.record.reconciler import remove_upload
 from meshdeform.record.uploads import Upload
 from meshdeform.storage import sign_path, verify_path
-from service.schemas import UploadView
 from service.state import AppState
 
 _KEY_NAME = "signed-urls"

@@ -8,6 +8,7 @@ import sqlalchemy as sa
 from anyio import to_thread
 from fastapi import APIRouter, Header, Path, Request, Response
 
+from meshdeform.api.documents import UploadView
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetTooLargeError,
@@ -29,7 +30,6 @@ from service.http.bodies import body_of, clean_filename, parse_document, receive
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Answer, Caller, IdempotencyKey, claimed, request_hash
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
-from service.schemas import UploadView
 from service.state import AppState, AppStateDep
 from service.uploads.receiving import authorize, complete, parse_content_range, receive_content, received_bytes, view
 

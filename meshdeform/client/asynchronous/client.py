@@ -16,29 +16,21 @@ from typing import Any, Literal, Self, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from meshdeform.api.states import JobState
-from meshdeform.client.asynchronous.connection import AsyncConnection, pause, shielded, tell, work
-from meshdeform.client.asynchronous.transfers import followed, loaded, prepared, saved, uploaded
-from meshdeform.client.documents import (
+from meshdeform.api.documents import FoundOrientation, FoundParts, LimitList, ModelList, SketchGuesses, UploadView
+from meshdeform.api.jobs import (
     ArtifactList,
     ArtifactView,
     CheckpointList,
     CheckpointView,
     EventView,
-    FoundOrientation,
-    FoundParts,
-    JobList,
-    JobView,
-    Limits,
-    ModelList,
     RetriedJob,
     RetriedJobs,
     SignedUrl,
-    SketchGuesses,
-    UploadView,
-    Validation,
-    read,
 )
+from meshdeform.api.states import JobState
+from meshdeform.client.asynchronous.connection import AsyncConnection, pause, shielded, tell, work
+from meshdeform.client.asynchronous.transfers import followed, loaded, prepared, saved, uploaded
+from meshdeform.client.documents import JobList, JobView, Validation, read
 from meshdeform.client.downloads import AFTERWARDS, is_same
 from meshdeform.client.orders import (
     AssetLike,
@@ -672,9 +664,9 @@ class AsyncClient:
             return link
         return link.model_copy(update={"url": answer.url.rpartition("/v1/jobs/")[0] + link.url})
 
-    async def limits(self) -> Limits:
+    async def limits(self) -> LimitList:
         """Return the service's limits on requests."""
-        return await self._connection.document(Limits, Call("GET", "/v1/limits"))
+        return await self._connection.document(LimitList, Call("GET", "/v1/limits"))
 
     async def models(self) -> ModelList:
         """Return the models that jobs may use."""

@@ -17,27 +17,19 @@ from typing import Any, Literal, Self, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from meshdeform.api.states import JobState
-from meshdeform.client.documents import (
+from meshdeform.api.documents import FoundOrientation, FoundParts, LimitList, ModelList, SketchGuesses, UploadView
+from meshdeform.api.jobs import (
     ArtifactList,
     ArtifactView,
     CheckpointList,
     CheckpointView,
     EventView,
-    FoundOrientation,
-    FoundParts,
-    JobList,
-    JobView,
-    Limits,
-    ModelList,
     RetriedJob,
     RetriedJobs,
     SignedUrl,
-    SketchGuesses,
-    UploadView,
-    Validation,
-    read,
 )
+from meshdeform.api.states import JobState
+from meshdeform.client.documents import JobList, JobView, Validation, read
 from meshdeform.client.downloads import AFTERWARDS, is_same
 from meshdeform.client.orders import (
     AssetLike,
@@ -671,9 +663,9 @@ class Client:
             return link
         return link.model_copy(update={"url": answer.url.rpartition("/v1/jobs/")[0] + link.url})
 
-    def limits(self) -> Limits:
+    def limits(self) -> LimitList:
         """Return the service's limits on requests."""
-        return self._connection.document(Limits, Call("GET", "/v1/limits"))
+        return self._connection.document(LimitList, Call("GET", "/v1/limits"))
 
     def models(self) -> ModelList:
         """Return the models that jobs may use."""

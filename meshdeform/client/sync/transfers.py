@@ -14,8 +14,10 @@ from typing import IO
 
 import httpx
 
+from meshdeform.api.documents import UploadView
+from meshdeform.api.jobs import EventView
 from meshdeform.api.limits import MAX_FILENAME
-from meshdeform.client.documents import EventView, UploadView, read
+from meshdeform.client.documents import read
 from meshdeform.client.downloads import PartialFile, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call
 from meshdeform.client.orders import Files, LocalFile, Order, open_source, refer

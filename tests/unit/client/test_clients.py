@@ -24,7 +24,6 @@ from meshdeform.client import __all__ as exported
 from meshdeform.client.problems import WaitTimeoutError, class_of, error_of, retry_after_s, unreachable
 from meshdeform.client.requests import Answer
 from meshdeform.errors import MeshdeformError, UnavailableError
-from service import schemas
 from tests.cases import each_case
 from tests.unit.client.worlds import answer
 
@@ -147,17 +146,6 @@ def test_keys_of_requests_are_checked() -> None:
     for key in ("", "with space", "ä", "x" * 256):
         with pytest.raises(ValueError, match="255 visible"):
             client.retry("job_1", idempotency_key=key)
-
-
-def test_the_documents_have_the_services_members() -> None:
-    from meshdeform.client import documents
-
-    for name in ("AssetFound", "JobEstimate", "Validation", "UploadView"):
-        ours, theirs = getattr(documents, name).model_fields, getattr(schemas, name).model_fields
-        assert ours.keys() == theirs.keys(), name
-    for name in ("FileLimits", "JobLimits", "RequestLimits", "UploadLimits"):
-        ours, theirs = getattr(documents, name).model_fields, getattr(schemas, name).model_fields
-        assert ours.keys() <= theirs.keys(), name
 
 
 # Every code of the service comes back as its class, and so does what nobody has heard of.

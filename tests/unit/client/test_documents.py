@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshdeform.client import events
-from meshdeform.client.documents import EventView, JobView, Limits, Validation, read
+from meshdeform.api.documents import FoundOrientation, UploadLimits
+from meshdeform.client import EventView, events
+from meshdeform.client.documents import JobView, Validation, read
 from meshdeform.client.events import Parser, ServerEvent
 from meshdeform.client.retries import Policy
 from meshdeform.errors import MeshdeformError, UnavailableError
@@ -87,20 +88,18 @@ def test_what_is_new_is_kept() -> None:
     }
 
 
-def test_limits_and_validations_keep_what_is_new() -> None:
-    limits = {
-        "files": {"formats": ["glb", "usd"], "max_bytes": 1, "max_triangles": 1, "max_vertices": 1, "max_bones": 5},
-        "jobs": {"max_steps": 1, "max_prompt_characters": 1},
-        "requests": {"max_page": 1, "max_wait_s": 60},
-        "uploads": {"max_bytes": 1, "ttl_s": 1},
-        "gpus": 3,
-    }
-    found = read(Limits, limits, "u")
-    assert (found.model_extra, found.files.model_extra) == ({"gpus": 3}, {"max_bones": 5})
+def test_other_documents_keep_what_is_new() -> None:
+    limits = {"max_bytes": 1, "max_uploads": None, "max_uploads_bytes": None, "ttl_s": 1, "signed_url_ttl_s": 1}
+    assert read(UploadLimits, {**limits, "gpus": 3}, "u").model_extra == {"gpus": 3}
     asset = dict.fromkeys(("vertices", "triangles", "meshes", "size"), 1) | {"filename": "a", "sha256": "0"}
-    asset |= {"format": "usd", "extensions": [], "skipped": []}
-    seen = read(Validation, {"asset": asset, "params": {"steps": 3, "wobble": 1}, "estimate": {}, "score": 1}, "u")
-    assert (seen.params.steps, seen.params.model_extra) == (3, {"wobble": 1})
+    asset |= {"format": "usd", "extensions": [], "skipped": [], "materials": [], "warnings": []}
+    asset |= {"nodes": [{"index": 0, "name": "a", "depth": 2}], "mesh_names": [], "joints": [], "bones": 5}
+    document = {"files": {}, "asset": asset, "params": {"steps": 3, "wobble": 1}, "estimate": {"basis": ""}, "score": 1}
+    seen = read(Validation, document, "u")
+    assert (seen.params.steps, seen.params.model_extra, seen.model_extra) == (3, {"wobble": 1}, {"score": 1})
+    assert (seen.asset.model_extra, seen.asset.nodes[0].model_extra) == ({"bones": 5}, {"depth": 2})
+    front = {"turn_deg": 0.0, "source": "guessed", "margin": None, "grades": [], "notice": None}
+    assert read(FoundOrientation, front, "u").source == "guessed"
 
 
 @each_case("document", [None, [], {}, {**JOB, "asset": 3}, {**JOB, "state": 3}, {**JOB, "params": 3}])

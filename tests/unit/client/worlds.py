@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import httpx
 import pytest
 
-from meshdeform.client.documents import EventView
+from meshdeform.api.jobs import EventView
 from meshdeform.client.requests import Answer, Call, Endpoint
 from meshdeform.client.retries import Policy
 from meshdeform.client.sync.connection import Connection

@@ -1,0 +1,486 @@
+"""Define the HTTP API's documents about files, models, limits, uploads and drawings, and what all documents share.
+
+The service writes them and the client reads them; those of jobs are in `meshdeform.api.jobs`.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from datetime import datetime
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializeAsAny,
+    SkipValidation,
+    ValidationError,
+    WrapValidator,
+)
+
+from meshdeform.requests.choices import member_of
+from meshdeform.requests.document import ResolvedParams
+
+_SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
+
+
+def _closed(schema: dict[str, Any]) -> None:
+    """Say nothing in a schema about members of newer servers."""
+    schema.pop("additionalProperties", None)
+
+
+class Document(BaseModel):
+    """A document; what only a newer server says is in `model_extra`."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", protected_namespaces=(), json_schema_extra=_closed)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON document."""
+        # Stored values of other versions are shown as they are, whatever this one declares.
+        return self.model_dump(mode="json", warnings=False)
+
+
+def or_new(names: type[StrEnum] | type[str]) -> WrapValidator:
+    """Return a validator that keeps a name which only a newer server knows: as a member that has only a value."""
+
+    def validate(value: Any, known: Callable[[Any], Any]) -> Any:
+        try:
+            return known(value)
+        except ValidationError:
+            if not isinstance(value, str):
+                raise
+            return member_of(names, value) if issubclass(names, StrEnum) else value
+
+    return WrapValidator(validate)
+
+
+_OrNew = or_new(str)
+
+
+class PartFound(Document):
+    """A node, material, mesh or joint of an asset, which `rigid` and `regions` can name."""
+
+    index: int = Field(ge=0, description="Its index in the file.", examples=[2])
+    name: str = Field(description="Its name; empty if it has none.", examples=["wheel-front-left"])
+
+
+class AssetFound(Document):
+    """The contents of an asset file."""
+
+    filename: str = Field(description="Its name, as sent.", examples=["sphere.glb"])
+    size: int = Field(ge=0, description="Bytes.", examples=[30720])
+    sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
+    format: str = Field(description="`glb`, `gltf`, `obj`, `ply`, `stl` or `zip`.", examples=["glb"])
+    vertices: int = Field(ge=0, description="Vertices in the default scene, counting every instance.", examples=[642])
+    triangles: int = Field(
+        ge=0, description="Triangles in the default scene, counting every instance.", examples=[1280]
+    )
+    meshes: int = Field(ge=0, description="Mesh instances in the default scene.", examples=[1])
+    extensions: list[str] = Field(description="The glTF extensions that it uses.", examples=[["KHR_materials_unlit"]])
+    skipped: list[dict[str, Any]] = Field(description="Parts that would not be deformed, and why.", examples=[[]])
+    nodes: list[PartFound] = Field(
+        description="The first 200 nodes with triangles in or below them; a node without a name has that of its mesh."
+    )
+    materials: list[PartFound] = Field(description="The first 200 materials in use.")
+    mesh_names: list[PartFound] = Field(description="The first 200 meshes in use.")
+    joints: list[PartFound] = Field(description="The first 200 joints of the skins in use.")
+    warnings: list[str] = Field(
+        description="Sentences about anything in the file that may surprise or get in the way.", examples=[[]]
+    )
+
+
+class PictureFound(Document):
+    """The silhouette in a picture."""
+
+    filename: str = Field(description="Its name, as sent.", examples=["front.png"])
+    size: int = Field(ge=0, description="Bytes.", examples=[20480])
+    sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
+    format: str = Field(description="`png`, `jpeg` or `webp`.", examples=["png"])
+    width: int = Field(ge=1, description="Pixels.", examples=[1024])
+    height: int = Field(ge=1, description="Pixels.", examples=[768])
+    box: list[float] = Field(
+        min_length=4,
+        max_length=4,
+        description="Left, top, right and bottom of the silhouette, as shares of the width and height.",
+        examples=[[0.1, 0.05, 0.9, 0.95]],
+    )
+    share: float = Field(ge=0.0, le=1.0, description="Share of the picture that the silhouette covers.", examples=[0.4])
+
+
+class JobEstimate(Document):
+    """The estimated time of a job, based on finished jobs."""
+
+    queue_s: float | None = Field(
+        None, ge=0.0, description="Seconds until a worker takes it; null if unknown.", examples=[12.5]
+    )
+    run_s: float | None = Field(
+        None, ge=0.0, description="Seconds from then until it finishes; null if unknown.", examples=[90.0]
+    )
+    basis: str = Field(description="What the estimate is based on.", examples=["20 jobs of this kind and model"])
+    steps: int = Field(0, ge=0, description="Its steps; 0 of a change in plain words.", examples=[200])
+
+
+class Validation(Document):
+    """A valid job."""
+
+    valid: Literal[True] = Field(
+        True, description="Always true: an invalid job is reported as a problem.", examples=[True]
+    )
+    files: dict[str, AssetFound] = Field(description="Its meshes by the names of their parts.")
+    pictures: dict[str, PictureFound] = Field(
+        default_factory=dict, description="Its pictures by the names of their parts."
+    )
+    asset: AssetFound = Field(description="The first of `files`: the asset to deform.")
+    target: AssetFound | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")
+    # Other kinds than `text_deform` have other parameters.
+    params: SkipValidation[SerializeAsAny[ResolvedParams]] = Field(
+        description="Every parameter, with the value with which the job would run."
+    )
+    estimate: JobEstimate = Field(description="The time that it would take.")
+
+
+class FoundOrientation(Document):
+    """The side of an asset that a job would make the front."""
+
+    turn_deg: float = Field(
+        description="Azimuth of that side, from +Z (0) towards +X (90), -180 to 180.", examples=[-165.0]
+    )
+    source: Annotated[Literal["found", "undecided", "unrecognised"], _OrNew] = Field(
+        description="`undecided`: no side is clearly the front; `unrecognised`: nothing says what the asset is, so "
+        "that +Z stays the front.",
+        examples=["found"],
+    )
+    margin: float | None = Field(
+        description="By how much the best turn predicts the pictures better than none or, of two sides, than the "
+        "other, relatively.",
+        examples=[0.44],
+    )
+    grades: list[list[float]] = Field(
+        description="Pairs of a turn and its grade from the first draws; lower is better.",
+        examples=[[[0.0, 0.0561], [180.0, 0.0392]]],
+    )
+    notice: str | None = Field(description="What to do if no side was found.", examples=[None])
+
+
+class PartChange(Document):
+    """An operation that suits a part."""
+
+    operation: str = Field(description="As in `changes` of the report.", examples=["long"])
+    more: str = Field(description='Its word for more: "legs longer by 30 %".', examples=["longer"])
+    less: str = Field(description="Its word for less.", examples=["shorter"])
+
+
+class FoundPart(Document):
+    """A part of an asset that words can name."""
+
+    name: str = Field(description="What a prompt calls it.", examples=["legs"])
+    found_by: Annotated[Literal["joints", "names", "components", "geometry"], _OrNew] = Field(
+        description="What it was found by.", examples=["joints"]
+    )
+    faces: list[int | list[int]] = Field(
+        description="Its triangles, as `faces` of a region has them.", examples=[[[0, 143], 150]]
+    )
+    changes: list[PartChange] = Field(description="What can be asked of it.")
+
+
+class FoundParts(Document):
+    """The parts of an asset, or those that a prompt names and what it makes of the asset."""
+
+    parts: list[FoundPart] = Field(description="Those that everybody knows come first.")
+    result: str | None = Field(
+        description="The asset as a prompt that is a change makes it: a GLB in base64, without `output.subdivide`; its "
+        "rig stays where it is. Null without such a prompt.",
+        json_schema_extra={"contentEncoding": "base64"},
+        examples=[None],
+    )
+    warnings: list[str] = Field(description="What of it is less than was asked for, in sentences.", examples=[[]])
+
+    @property
+    def glb(self) -> bytes | None:
+        """What the prompt makes of the asset."""
+        return None if self.result is None else base64.b64decode(self.result)
+
+
+class FileLimits(Document):
+    """Limits on a file."""
+
+    formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl", "zip"]])
+    max_bytes: int = Field(description="Bytes of a request's body, and of an upload.", examples=[104857600])
+    max_json_bytes: int = Field(description="Bytes of a GLB's JSON chunk.", examples=[16777216])
+    max_json_values: int = Field(description="Values in that JSON.", examples=[500000])
+    max_json_depth: int = Field(description="Nesting depth of that JSON.", examples=[128])
+    max_accessor_elements: int = Field(description="Elements of one accessor.", examples=[20000000])
+    max_triangles: int = Field(description="Triangles to deform, counting every instance.", examples=[1000000])
+    max_vertices: int = Field(description="Vertices to deform, counting every instance.", examples=[2000000])
+    max_primitives: int = Field(description="Primitives and morph targets, counting every instance.", examples=[50000])
+    max_check_bytes: int = Field(
+        description="Bytes of memory for checking the largest file; less for smaller files.", examples=[2214592512]
+    )
+    max_check_s: float = Field(description="Seconds for checking a file.", examples=[60.0])
+
+
+class JobLimits(Document):
+    """Limits on a job."""
+
+    max_document_bytes: int = Field(description="Bytes of the JSON document.", examples=[262144])
+    max_steps: int = Field(description="Optimiser steps.", examples=[50000])
+    max_prompt_characters: int = Field(description="Characters of the prompt.", examples=[1000])
+    max_filename_characters: int = Field(
+        description="Characters of a file name; only the end of a longer one is kept.", examples=[200]
+    )
+    max_metadata_entries: int = Field(description="Number of labels.", examples=[32])
+    max_metadata_name_characters: int = Field(description="Characters of a label's name.", examples=[64])
+    max_metadata_value_characters: int = Field(description="Characters of a label's value.", examples=[500])
+    min_priority: int = Field(description="Lowest priority.", examples=[-100])
+    max_priority: int = Field(description="Highest priority.", examples=[100])
+    max_deadline_s: float = Field(description="Longest `deadline_s`.", examples=[2678400])
+    max_run_s: float | None = Field(
+        description="Seconds for which a job may run, and largest `max_run_s`; null: unlimited.", examples=[86400]
+    )
+    max_running_jobs: int | None = Field(
+        description="Jobs of one owner that run at the same time; null: unlimited.", examples=[4]
+    )
+    max_retention_s: float = Field(description="Longest `retention_s`.", examples=[316224000])
+    max_stored_bytes: int | None = Field(
+        description="Bytes of files, checkpoints and artifacts that the jobs of one owner keep; null: unlimited.",
+        examples=[107374182400],
+    )
+    default_retention_s: float | None = Field(
+        description="`retention_s` of a job that sets none; null: such a job is never deleted.", examples=[604800]
+    )
+
+
+class RequestLimits(Document):
+    """Limits on requests."""
+
+    requests_per_minute: int | None = Field(
+        description="Requests per minute with this API key; null: unlimited.", examples=[600]
+    )
+    max_active_jobs: int | None = Field(
+        description="Unfinished jobs of this API key; null: unlimited.", examples=[1000]
+    )
+    max_page: int = Field(description="Entries on a page of a list.", examples=[200])
+    max_wait_s: int = Field(description="Longest `Prefer: wait`, in seconds.", examples=[60])
+    max_idempotency_key_characters: int = Field(description="Characters of an `Idempotency-Key`.", examples=[255])
+    idempotency_kept_s: float = Field(description="Seconds for which such a key is remembered.", examples=[86400])
+    max_bodies_at_once: int = Field(
+        description="Bodies with files that one server process receives at the same time.", examples=[16]
+    )
+    max_own_bodies_at_once: int = Field(description="How many of these may be one owner's.", examples=[8])
+    max_body_idle_s: float = Field(
+        description="Seconds without data after which a request's body is abandoned.", examples=[60]
+    )
+    min_body_rate: int = Field(
+        description="Bytes per second at which a body must arrive on average, after that time.", examples=[32768]
+    )
+
+
+class UploadLimits(Document):
+    """Limits on uploads."""
+
+    max_bytes: int = Field(description="Bytes.", examples=[104857600])
+    max_uploads: int | None = Field(
+        description="Uploads of one owner that no job has used; null: unlimited.", examples=[1000]
+    )
+    max_uploads_bytes: int | None = Field(
+        description="Bytes of these altogether; null: unlimited.", examples=[21474836480]
+    )
+    ttl_s: float = Field(description="Seconds for which an upload that no job uses is kept.", examples=[86400])
+    signed_url_ttl_s: float = Field(description="Seconds for which a signed URL is valid.", examples=[3600])
+
+
+class FilePartView(Document):
+    """A file that a kind of job reads."""
+
+    name: str = Field(description="Its part in a form, or its member in `files` of a document.", examples=["asset"])
+    summary: str = Field(description="What it is.", examples=["The file to deform: GLB, OBJ, PLY, STL or ZIP."])
+    required: bool = Field(description="Whether every job of this kind needs it.", examples=[True])
+    media_types: list[str] = Field(description="Its media types.", examples=[["model/gltf-binary"]])
+
+
+class ArtifactKindView(Document):
+    """A result that a kind of job may write."""
+
+    name: str = Field(description="Its name within the job.", examples=["result.glb"])
+    media_type: str = Field(description="Its media type.", examples=["model/gltf-binary"])
+    summary: str = Field(description="What it is.", examples=["The asset with its new shape."])
+
+
+class KindView(Document):
+    """A kind of job."""
+
+    name: str = Field(description="The value for `kind`.", examples=["text_deform"])
+    summary: str = Field(
+        description="What it does.",
+        examples=["Deforms an asset until its pictures show what a prompt says, or until it looks like a second mesh."],
+    )
+    reads: list[FilePartView] = Field(description="The files that it reads.")
+    params: dict[str, Any] = Field(
+        description="JSON schema of its `params`.", examples=[{"type": "object", "properties": {}}]
+    )
+    artifacts: list[ArtifactKindView] = Field(description="The results that it may write.")
+
+
+class LimitList(Document):
+    """All limits on requests."""
+
+    files: FileLimits = Field(description="Limits on the files of jobs.")
+    jobs: JobLimits = Field(description="Limits on the request document.")
+    requests: RequestLimits = Field(description="Limits on HTTP requests.")
+    uploads: UploadLimits = Field(description="Limits on `POST /v1/uploads`.")
+    kinds: list[KindView] = Field(description="The kinds of job.")
+
+
+class UploadView(Document):
+    """A file uploaded separately, for use in jobs."""
+
+    id: str = Field(
+        description="Use it in `files`, `asset` or `target` of a job.",
+        examples=["upl_01kg9zqk2xf3v8c5m7n9p1r4t6"],
+    )
+    filename: str = Field(description="Its name.", examples=["knight.glb"])
+    size: int = Field(ge=1, description="Bytes of the complete file.", examples=[30720])
+    state: Annotated[Literal["open", "complete"], _OrNew] = Field(
+        description="`open`: it accepts bytes. `complete`: jobs may use it.", examples=["open"]
+    )
+    offset: int = Field(ge=0, description="Bytes received so far.", examples=[0])
+    sha256: str | None = Field(
+        None,
+        description="SHA-256 of its bytes: announced while it is open, verified once it is complete.",
+        examples=[_SHA256],
+    )
+    created_at: datetime = Field(description="UTC.", examples=["2026-01-31T12:00:00Z"])
+    expires_at: datetime = Field(
+        description="When it is deleted unless a job uses it, UTC.", examples=["2026-02-01T12:00:00Z"]
+    )
+    method: str | None = Field(
+        None, description="HTTP method for sending the bytes; null once it is complete.", examples=["PUT"]
+    )
+    url: str | None = Field(
+        None,
+        description="Where to send the bytes: absolute, or a path of this server. It is signed and needs no API key. "
+        "Null once the upload is complete.",
+        examples=["/v1/uploads/upl_01kg9zqk2xf3v8c5m7n9p1r4t6/content?expires=1769950800&signature=3b1f"],
+    )
+    url_expires_at: datetime | None = Field(
+        None, description="When the URL expires, UTC; `GET` returns a new one.", examples=["2026-01-31T13:00:00Z"]
+    )
+    headers: dict[str, str] = Field(
+        default_factory=dict,
+        description="Headers to send with the bytes.",
+        examples=[{"Content-Type": "application/octet-stream"}],
+    )
+    resumable: bool = Field(
+        False,
+        description="Whether the bytes may be sent in several requests, each with `Content-Range`.",
+        examples=[True],
+    )
+
+
+class VocabularyView(Document):
+    """The vocabulary of a model."""
+
+    nouns: list[str] = Field(
+        description="The objects that it can make; a prompt names one of them.", examples=[["giraffe"]]
+    )
+    attributes: list[str] = Field(
+        description="Properties of an object or of its parts.", examples=[["tall", "long neck", "short neck"]]
+    )
+    parts: dict[str, list[str]] = Field(
+        description="The parts of each noun's object.", examples=[{"giraffe": ["head", "legs", "neck"]}]
+    )
+    max_attributes: int = Field(ge=0, description="Attributes allowed in one prompt.", examples=[3])
+    examples: list[str] = Field(
+        description="Examples of prompts.", examples=[["a giraffe with a long neck", "a tall vase"]]
+    )
+    groups: dict[str, list[str]] = Field(
+        default_factory=dict, description="The nouns by kind.", examples=[{"animals": ["giraffe"]}]
+    )
+
+
+class LessonView(Document):
+    """What the builtin model was taught by `meshdeform teach`."""
+
+    noun: str = Field(description="The noun.", examples=["gnome"])
+    synonyms: list[str] = Field(description="Other names of it.", examples=[["dwarf"]])
+    attributes: list[str] = Field(description="Attributes that its meshes were labelled with.", examples=[["tall"]])
+    meshes: list[str] = Field(description="The names of its meshes.", examples=[["round.glb", "tall/garden.obj"]])
+    licence: str = Field(description="What was said about the licence of the meshes.", examples=["CC0-1.0"])
+    date: str = Field(description="The day of the lesson.", examples=["2026-11-22"])
+    steps: int = Field(ge=0, description="Steps of the training.", examples=[600])
+    seed: int = Field(description="Its seed.", examples=[0])
+
+
+class ModelView(Document):
+    """A model that jobs may use."""
+
+    id: str = Field(description="The value for `params.guidance.model`.", examples=["builtin"])
+    title: str = Field(description="Its display name.", examples=["Builtin"])
+    description: str = Field(
+        description="Its description.", examples=["The small demonstration model that comes with Meshdeform."]
+    )
+    available: bool | None = Field(
+        description="Whether it can be loaded; null if this server cannot check that.", examples=[True]
+    )
+    problem: str | None = Field(description="Why it is not available and what to do, else null.", examples=[None])
+    vocabulary: VocabularyView | None = Field(description="The words that it understands; null: any prompt.")
+    licence: str = Field("", description="What its model card states; empty: unknown.", examples=["mit"])
+    lessons: list[LessonView] = Field(
+        default_factory=list,
+        description="What the builtin model was taught; empty for every other model.",
+    )
+
+
+class ModelList(Document):
+    """The models of this server."""
+
+    default: str = Field(description="The model of jobs that name none.", examples=["builtin"])
+    models: list[ModelView] = Field(description="The models, the default first.")
+
+
+class SketchParameter(Document):
+    """A parameter of a family: a number in a range, or one of several options."""
+
+    name: str = Field(description="Its name.", examples=["lip"])
+    value: float | str = Field(description="What the drawing shows.", examples=[0.2])
+    default: float | str = Field(description="Its value where nothing is known.", examples=[0.16])
+    minimum: float | None = Field(None, description="Of a number: the least value.", examples=[0.08])
+    maximum: float | None = Field(None, description="Of a number: the greatest value.", examples=[0.3])
+    options: list[str] | None = Field(None, description="Of a choice: its values.", examples=[None])
+
+
+class SketchGuess(Document):
+    """One reading of a drawing."""
+
+    family: str = Field(description="What it shows.", examples=["vase"])
+    probability: float = Field(ge=0.0, le=1.0, description="That it shows this family and no other.", examples=[0.98])
+    parameters: list[SketchParameter] = Field(description="All parameters of the family.")
+    mesh: str = Field(
+        description="The shape as a GLB, in base64.",
+        examples=["Z2xURgIAAAA="],
+        json_schema_extra={"contentEncoding": "base64", "contentMediaType": "model/gltf-binary"},
+    )
+
+    @property
+    def values(self) -> dict[str, float | str]:
+        """The parameters by name."""
+        return {each.name: each.value for each in self.parameters}
+
+    @property
+    def glb(self) -> bytes:
+        """The shape."""
+        return base64.b64decode(self.mesh)
+
+
+class SketchGuesses(Document):
+    """What a drawing may show."""
+
+    guesses: list[SketchGuess] = Field(description="The likeliest first: three, or one if the family is named.")
+    unsure: bool = Field(
+        description="Whether the drawing may be of none of the families: the first guess has a probability below 0.85, "
+        "and no family was named.",
+        examples=[False],
+    )
