@@ -21,8 +21,9 @@ _RADII = (0.06, 0.12, 0.24)
 _DENSE = 8
 """Candidates for each sample that is kept; the kept ones are far from each other."""
 _TURNS = 24
-_KEEP = 0.93
-"""A turn must lower the distance to the other shapes below this share of what it is without one."""
+_KEEP, _MOST, _SURE = 0.93, 0.5, 0.8
+"""A turn must lower the distance to the other shapes below the first share of what it is without one; where the second
+share of the shapes faces one way, below the third."""
 _COMPARED, _PROBES = 192, 16
 
 
@@ -129,30 +130,38 @@ def rotated(vectors: Tensor, turns: Tensor) -> Tensor:
 def turned_alike(points: Tensor) -> Tensor:
     """Return the turn around +Y (T,) that places each shape best on the others.
 
-    The reference are the shapes nearest to all others as they are; a shape keeps its direction unless another one is
-    clearly nearer, so that collections which face one way stay as they are.
+    The reference are the shapes nearest to all others as they are. A collection most of which faces one way already
+    keeps its directions, but for quarter turns that place a shape far better: what is merely a little nearer does not
+    tell the front of a vehicle from its back.
     """
     few = points[:, :: max(1, points.shape[1] // _COMPARED)]
-    count = len(few)
-    probe = _in_unit_box(few[:: max(1, count // _PROBES)])
+    cost = _turned_costs(few, per_axis=True)
+    keep = _KEEP
+    if float((cost.amin(1) >= _KEEP * cost[:, 0]).float().mean()) >= _MOST:
+        cost, keep = (cost * _turned_costs(few, per_axis=False)).sqrt(), _SURE
+        cost[:, torch.arange(_TURNS) % (_TURNS // 4) != 0] = torch.inf
+    return torch.where(cost.amin(1) < keep * cost[:, 0], cost.argmin(1) * (2 * math.pi / _TURNS), 0.0)
+
+
+def _turned_costs(few: Tensor, *, per_axis: bool) -> Tensor:
+    """Return how far each shape (T, P, 3), turned by each angle (T, _TURNS), is from the typical ones.
+
+    `per_axis`: scaled along x, y and z to bounding boxes of size 1, so that only what is where counts.
+    """
+
+    def boxed(sets: Tensor) -> Tensor:
+        low, high = sets.amin(1, keepdim=True), sets.amax(1, keepdim=True)
+        return (sets - (low + high) / 2) / ((high - low).clamp_min(1e-3) if per_axis else 1.0)
+
+    probe = boxed(few[:: max(1, len(few) // _PROBES)])
     between = torch.stack([_mean_distance(each.expand_as(probe), probe) for each in probe])
     # The middle half: what all others are compared with.
     typical = probe[between.sum(1).argsort()[: max(1, len(probe) // 2)]]
     angles = torch.arange(_TURNS) * (2 * math.pi / _TURNS)
-    turns = torch.zeros(count)
-    for t in range(count):
-        turned = _in_unit_box(rotated(few[t].expand(_TURNS, -1, -1), angles))
-        cost = torch.stack([_mean_distance(turned, each.expand_as(turned)) for each in typical]).median(0).values
-        best = int(cost.argmin())
-        if cost[best] < _KEEP * cost[0]:
-            turns[t] = angles[best]
-    return turns
-
-
-def _in_unit_box(points: Tensor) -> Tensor:
-    """Scale point sets (B, P, 3) along x, y and z to bounding boxes of size 1, so that only what is where counts."""
-    low, high = points.amin(1, keepdim=True), points.amax(1, keepdim=True)
-    return (points - (low + high) / 2) / (high - low).clamp_min(1e-3)
+    turned = [boxed(rotated(each.expand(_TURNS, -1, -1), angles)) for each in few]
+    return torch.stack(
+        [torch.stack([_mean_distance(t, e.expand_as(t)) for e in typical]).median(0).values for t in turned]
+    )
 
 
 def _mean_distance(a: Tensor, b: Tensor) -> Tensor:

@@ -25,7 +25,7 @@ _PER_SITE = 24
 _OPPOSITE = 0.2
 _ONE_SIDE, _ASIDE = 0.5, 0.005
 _TIED, _DENSE = 0.008, 20_000
-"""Pieces of one part move together if samples of them are no farther apart than this, in diagonals; their number."""
+"""Pieces of one part move together if samples of them are no farther apart than this, in diagonals; most samples."""
 
 
 def turned(vectors: _Floats, angle: float) -> _Floats:
@@ -181,9 +181,11 @@ def _tied(verts: _Floats, faces: _Index, pieces: _Index) -> _Index:
     if count == 1:
         return np.zeros(1, np.int64)
     corners = verts[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    owners, weights = even_samples(areas + 1e-12, _DENSE, 0)
-    points = np.concatenate([np.einsum("pc,pcd->pd", weights, corners[owners]), corners.reshape(-1, 3)])
-    owners = np.concatenate([owners, np.repeat(np.arange(len(faces)), 3)])
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2 + 1e-12
+    owners, weights = even_samples(areas, int(min(4 * areas.sum() / _TIED**2, _DENSE)) + 1, 0)
+    of_verts = np.zeros(len(verts), np.int64)
+    of_verts[faces] = np.arange(len(faces))[:, None]
+    points = np.concatenate([np.einsum("pc,pcd->pd", weights, corners[owners]), verts])
+    owners = np.concatenate([owners, of_verts])
     pairs = pieces[owners[cKDTree(points).query_pairs(_TIED, output_type="ndarray")]]
     return components(count, pairs[pairs[:, 0] != pairs[:, 1]])
