@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import load_asset
+from meshdeform.assets import Asset, load_asset
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Orientation
@@ -102,7 +102,7 @@ def start(given: RunInput) -> JobRun:
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
-        recognised = known_source(welded.mesh, prior, params, recognised)
+        recognised = known_source(welded.mesh, prior, params, recognised, _joints(asset))
         deformation = Deformation(
             mesh,
             goal.guidance,
@@ -132,6 +132,10 @@ def start(given: RunInput) -> JobRun:
     return TextDeformRun(known, deformation, log)
 
 
+def _joints(asset: Asset) -> list[str]:
+    return [joint["name"] for joint in asset.parts().joints]
+
+
 def _change(
     facts: AssetFacts, sentence: Sentence, given: RunInput, log: RunLog
 ) -> tuple[JobRun | None, Recognition | None]:
@@ -140,7 +144,7 @@ def _change(
         return start_change(facts, sentence, None, log), None
     if given.initial is not None or given.checkpoint is not None:
         return None, None
-    recognised = recognise(facts.welded.mesh, facts.params.source_noun)
+    recognised = recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
     if not recognised.sure or recognised.noun != sentence.noun:
         return None, recognised
     return start_change(facts, sentence, recognised, log), recognised

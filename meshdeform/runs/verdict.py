@@ -12,7 +12,8 @@ What the source is, `recognise` finds in the same way, among the nouns of the bu
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Mapping
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,6 +41,10 @@ _SURE = 0.5
 
 CROOKED = frozenset({"twisted", "leaning", "bent"})
 """Words of prompts that cost symmetry and flatness."""
+
+_LIMBS = ("head", "arm(?!at)|hand(?!le)", "leg|thigh|foot")
+_OF_ANIMALS = "tail|wing|front|paw|hoof"
+"""In the names of joints: of a person, and of nobody."""
 
 _BUILT = ("vehicles", "furniture", "buildings", "vessels and tools")
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
@@ -89,8 +94,12 @@ class Recognition:
         return {"noun": self.noun, "probability": round(self.probability, 4), "recognised": self.sure}
 
 
-def recognise(mesh: TriangleMesh, given: str | None = None) -> Recognition:
-    """Return the noun that a mesh, +Y up, is taken for, or the one that is given for it."""
+def recognise(mesh: TriangleMesh, given: str | None = None, joints: Iterable[str] = ()) -> Recognition:
+    """Return the noun that a mesh, +Y up, is taken for, or the one that is given for it.
+
+    With the joints of a person it is one, unless it clearly is another figure: to the judge, whoever holds out both
+    arms looks like a helicopter.
+    """
     if given is not None:
         return Recognition(given, 1.0)
     try:
@@ -99,16 +108,27 @@ def recognise(mesh: TriangleMesh, given: str | None = None) -> Recognition:
         _log.warning("the source is not recognised: %s", error)
         return Recognition("", 0.0)
     noun = max(nouns, key=nouns.__getitem__)
-    return Recognition(noun, nouns[noun], nouns)
+    found = Recognition(noun, nouns[noun], nouns)
+    figure = found.sure and noun in NOUN_GROUPS["figures"]
+    return Recognition("person", 1.0, nouns) if _is_person(joints) and not figure else found
+
+
+def _is_person(joints: Iterable[str]) -> bool:
+    names = " ".join(joints).lower()
+    return all(re.search(part, names) for part in _LIMBS) and not re.search(_OF_ANIMALS, names)
 
 
 def known_source(
-    mesh: TriangleMesh, prior: Prior | None, params: ResolvedParams, known: Recognition | None = None
+    mesh: TriangleMesh,
+    prior: Prior | None,
+    params: ResolvedParams,
+    known: Recognition | None = None,
+    joints: Iterable[str] = (),
 ) -> Recognition | None:
     """Return the noun of a run's source, `known` if it was asked; None where nothing depends on it."""
     if prior is None or not is_builtin(params.model) or params.orientation is not OrientationMode.AUTO:
         return None
-    return known or recognise(mesh, params.source_noun)
+    return known or recognise(mesh, params.source_noun, joints)
 
 
 def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedParams, prompt: str) -> Front | None:

@@ -34,6 +34,7 @@ from tests.cases import each_case
 from training.evaluation.sources import source_mesh
 from training.judge.members import HELD_OUT, seeded
 from training.prior.families import member
+from training.shapes import box
 
 GOOD = {"asymmetry": 0.0, "flatness": None, "contacts": 0.0, "cut_share": 0.0, "flipped_faces": 0}
 
@@ -185,6 +186,25 @@ def test_only_the_builtin_prior_has_it_and_a_verdict_in_its_report(guidance: str
 
 
 # What a source is taken for, and what follows from it.
+
+
+@each_case(
+    ("joints", "person"),
+    [
+        (["Head", "UpperArm.L", "UpperLeg.L"], True),
+        (["mixamorig:Head", "mixamorig:LeftForeArm", "mixamorig:LeftFoot"], True),
+        (["Bip01 Head", "Bip01 L Hand", "Bip01 L Thigh"], True),
+        (["Armature", "Head", "FrontUpLeg.R"], False),
+        (["head", "arm.L", "leg.L", "Tail1"], False),
+        (["TankTrack22.L", "Root"], False),
+        ([], False),
+    ],
+)
+def test_the_joints_of_a_person_say_what_the_shape_does_not(joints: list[str], person: bool) -> None:
+    known = recognise(box(3), joints=joints)
+    assert (known.noun == "person") is person
+    assert not (person and (known.built or not known.sure))
+    assert recognise(box(3), "chair", joints).noun == "chair"
 
 
 def test_a_noun_that_is_given_is_taken() -> None:
