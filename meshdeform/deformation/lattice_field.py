@@ -41,7 +41,7 @@ from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.lattice import Lattice, LatticeSystem
 from meshdeform.deformation.regularizers import STRAINED, penalty
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
-from meshdeform.deformation.variables import Elements
+from meshdeform.deformation.variables import ControlledMap, Elements
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, sparse_product
@@ -57,7 +57,7 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
-class LatticeField:
+class LatticeField(ControlledMap):
     """One Jacobian per cell of a lattice around the mesh. Implements `deformation.variables.Variables`.
 
     Parameters
@@ -96,37 +96,19 @@ class LatticeField:
         areas = rest.vertex_areas
         shares = areas / areas.sum() if areas.sum() > 0 else np.full(len(areas), 1 / len(areas))
         weights = _balanced(lattice, self._embedding.T @ shares, planes)
-        self._system = LatticeSystem(lattice, weights, self._pinned(constraints))
+        system = LatticeSystem(lattice, weights, self._pinned(constraints))
         self._placement = constraints.placement(rest)
-        given, smooth = constraints.handles, self._system.smooth
-        self._handles = Handles(given, rest, self._placement, self._embedding, smooth) if given else None
+        given = constraints.handles
+        handles = Handles(given, rest, self._placement, self._embedding, system.smooth) if given else None
         count = len(lattice.cells)
         rigid = None if self._bodies is None else self._bodies.members[rest.faces.numpy()].any(1)
         self.elements = Elements(lattice.cell_nodes, np.zeros(count, np.int64), self._cells_around, rigid)
         self.resolution = lattice.spacing
-        self._controls: Controls = OwnJacobians("cell_jacobians", count)
+        controls: Controls = OwnJacobians("cell_jacobians", count)
         if structure is not None:
             centres = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
-            self._controls = Hierarchy("cell", centres, None, rest.box, structure)
-        self.tensors, self.local = self._controls.tensors, self._controls.local
-        self._solved: tuple[Tensor, Tensor] | None = None
-
-    def begin_step(self, fraction: float) -> None:
-        """Free the controls that are due."""
-        self._controls.begin_step(fraction)
-
-    def jacobians(self) -> Tensor:
-        """Return the Jacobians (C, 3, 3) of the cells."""
-        return self._controls.jacobians()
-
-    def solve(self) -> Tensor:
-        """Solve for the nodes; the solution is reused while the Jacobians do not change."""
-        jacobians = self.jacobians()
-        known = self._solved[1] if self._solved is not None and torch.equal(self._solved[0], jacobians) else None
-        nodes = self._system.solve(jacobians, known)
-        if known is None:
-            self._solved = (jacobians.detach().clone(), nodes.detach().clone())
-        return nodes if self._handles is None else self._handles.pull(nodes)
+            controls = Hierarchy("cell", centres, None, rest.box, structure)
+        super().__init__(system, controls, handles)
 
     def _cells_around(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return flags (C,) of the cells of these faces (F,) and of their neighbours, on which folds depend as well."""
@@ -173,10 +155,6 @@ class LatticeField:
         """Return the mean logarithm of the cells' symmetric Dirichlet energy."""
         cells, spacing = self.lattice.cell_nodes, self.lattice.spacing
         return penalty(lambda nodes, gradient: cells_dirichlet_penalty(nodes, cells, spacing, gradient), control)
-
-    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
-        """Return, for each control, the least value among its cells."""
-        return self._controls.rows(of_element)
 
     def adopt(self, control: Tensor) -> None:
         """Correct the Jacobians until they give these nodes, but for differences that alternate from node to node.

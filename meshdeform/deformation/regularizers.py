@@ -53,7 +53,7 @@ from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, through_normals
 
 _CREASE = 1 - math.cos(math.radians(15))
 """y_0: on the reference mesh, an angle of more than 15 degrees between neighbours counts as a crease."""
@@ -225,36 +225,8 @@ def normal_penalty(
                 d_normals[f, c] += by_cosine * normals[g, c]
                 d_normals[g, c] += by_cosine * normals[f, c]
     if gradient is not None:
-        _through_normals(verts, faces, normals, inverse, d_normals, gradient)
+        through_normals(verts, faces, normals, inverse, d_normals, gradient)
     return total
-
-
-@kernel
-def _through_normals(
-    verts: _Floats, faces: _Index, normals: _Floats, inverse: _Floats, d_normals: _Floats, gradient: _Floats
-) -> None:
-    """Add the gradient (V, 3) of the vertices that the unit normals' gradient (F, 3) means."""
-    for f in range(len(faces)):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        along = 0.0
-        for c in range(3):
-            along += normals[f, c] * d_normals[f, c]
-        gx = (d_normals[f, 0] - along * normals[f, 0]) * inverse[f]
-        gy = (d_normals[f, 1] - along * normals[f, 1]) * inverse[f]
-        gz = (d_normals[f, 2] - along * normals[f, 2]) * inverse[f]
-        bx, by, bz = verts[j, 0] - verts[i, 0], verts[j, 1] - verts[i, 1], verts[j, 2] - verts[i, 2]
-        cx, cy, cz = verts[k, 0] - verts[i, 0], verts[k, 1] - verts[i, 1], verts[k, 2] - verts[i, 2]
-        jx, jy, jz = cy * gz - cz * gy, cz * gx - cx * gz, cx * gy - cy * gx
-        kx, ky, kz = gy * bz - gz * by, gz * bx - gx * bz, gx * by - gy * bx
-        gradient[j, 0] += jx
-        gradient[j, 1] += jy
-        gradient[j, 2] += jz
-        gradient[k, 0] += kx
-        gradient[k, 1] += ky
-        gradient[k, 2] += kz
-        gradient[i, 0] -= jx + kx
-        gradient[i, 1] -= jy + ky
-        gradient[i, 2] -= jz + kz
 
 
 @kernel

@@ -136,7 +136,48 @@ class Variables(Protocol):
         """Set the variables to give these control points, up to a translation of all, as exactly as they can."""
 
 
-class JacobianField:
+class _System(Protocol):
+    """A linear system whose solution best fits Jacobians."""
+
+    def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
+        """Solve, or attach the derivative to a known solution."""
+
+
+class ControlledMap:
+    """Jacobians from controls, and the control points that best fit them; what is common to faces and cells."""
+
+    def __init__(self, system: _System, controls: Controls, handles: Handles | None) -> None:
+        self._system, self._controls, self._handles = system, controls, handles
+        self.tensors, self.local = controls.tensors, controls.local
+        self._solved: tuple[Tensor, Tensor] | None = None
+
+    def begin_step(self, fraction: float) -> None:
+        """Free the controls that are due."""
+        self._controls.begin_step(fraction)
+
+    def jacobians(self) -> Tensor:
+        """Return the Jacobians (E, 3, 3) of the elements."""
+        return self._controls.jacobians()
+
+    def solve(self) -> Tensor:
+        """Solve for the control points.
+
+        The solution is reused while the Jacobians do not change: the step limit, the surface guard and the next step's
+        loss share it.
+        """
+        jacobians = self.jacobians()
+        known = self._solved[1] if self._solved is not None and torch.equal(self._solved[0], jacobians) else None
+        solution = self._system.solve(jacobians, known)
+        if known is None:
+            self._solved = (jacobians.detach().clone(), solution.detach().clone())
+        return solution if self._handles is None else self._handles.pull(solution)
+
+    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
+        """Return, for each control, the least value among its elements."""
+        return self._controls.rows(of_element)
+
+
+class JacobianField(ControlledMap):
     """One Jacobian per face: ``verts = poisson(J)``.
 
     Every connected component of which nothing is kept keeps its centre of mass.
@@ -159,39 +200,16 @@ class JacobianField:
     def __init__(
         self, mesh: TriangleMesh, constraints: Constraints = UNCONSTRAINED, structure: Structure | None = None
     ) -> None:
-        self._poisson = PoissonSystem(mesh, constraints.kept)
-        self.rest = rest = self._poisson.rest
+        poisson = PoissonSystem(mesh, constraints.kept)
+        self.rest = rest = poisson.rest
         self._placement = constraints.placement(rest)
         given = constraints.handles
-        self._handles = Handles(given, rest, self._placement, None, self._poisson.smooth) if given else None
+        handles = Handles(given, rest, self._placement, None, poisson.smooth) if given else None
+        super().__init__(poisson, _controls_of_faces(rest, structure), handles)
         self._regularizers = Regularizers(rest)
         self._along_normal = rest.normals[:, :, None] * rest.normals[:, None, :]
         self.elements = Elements.faces_of(rest)
         self.resolution = 0.0
-        self._controls = _controls_of_faces(rest, structure)
-        self.tensors, self.local = self._controls.tensors, self._controls.local
-        self._solved: tuple[Tensor, Tensor] | None = None
-
-    def begin_step(self, fraction: float) -> None:
-        """Free the controls that are due."""
-        self._controls.begin_step(fraction)
-
-    def jacobians(self) -> Tensor:
-        """Return the Jacobians (F, 3, 3) of the faces."""
-        return self._controls.jacobians()
-
-    def solve(self) -> Tensor:
-        """Solve for the vertices.
-
-        The solution is reused while the Jacobians do not change: the step limit, the surface guard and the next step's
-        loss share it.
-        """
-        jacobians = self.jacobians()
-        known = self._solved[1] if self._solved is not None and torch.equal(self._solved[0], jacobians) else None
-        solution = self._poisson.solve(jacobians, known)
-        if known is None:
-            self._solved = (jacobians.detach().clone(), solution.detach().clone())
-        return solution if self._handles is None else self._handles.pull(solution)
 
     def verts(self, control: Tensor) -> Tensor:
         """Return the argument, placed where the constraints allow: the control points are the vertices."""
@@ -204,10 +222,6 @@ class JacobianField:
     def dirichlet_penalty(self, control: Tensor) -> Tensor:
         """Return the area-weighted mean symmetric Dirichlet energy of the faces, each in its plane."""
         return self._regularizers.dirichlet(self.verts(control))
-
-    def rows(self, of_element: _Floats) -> dict[str, _Floats]:
-        """Return, for each control, the least value among its faces."""
-        return self._controls.rows(of_element)
 
     def adopt(self, control: Tensor) -> None:
         """Set the Jacobians to those of the map from rest; their normal part, which it does not determine, stays."""

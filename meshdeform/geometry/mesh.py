@@ -31,6 +31,7 @@ from meshdeform.geometry.kernels import kernel
 # Squared lengths below this count as zero: no mesh has such edges, and 1 / sqrt is still finite here.
 _TINY_SQUARE = 1e-280
 _Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -317,3 +318,34 @@ def area_vectors(verts: _Floats, faces: NDArray[np.int64]) -> _Floats:
         cx, cy, cz = verts[k, 0] - ax, verts[k, 1] - ay, verts[k, 2] - az
         cross[f, 0], cross[f, 1], cross[f, 2] = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
     return cross
+
+
+@kernel
+def through_normals(
+    verts: _Floats, faces: _Index, normals: _Floats, inverse: _Floats, d_normals: _Floats, gradient: _Floats
+) -> None:
+    """Add the gradient (V, 3) of the vertices that the gradient (F, 3) of the unit normals means.
+
+    `inverse` (F,) are the inverse lengths of the cross products; zero of a face without an area, which has no gradient.
+    """
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        along = 0.0
+        for c in range(3):
+            along += normals[f, c] * d_normals[f, c]
+        gx = (d_normals[f, 0] - along * normals[f, 0]) * inverse[f]
+        gy = (d_normals[f, 1] - along * normals[f, 1]) * inverse[f]
+        gz = (d_normals[f, 2] - along * normals[f, 2]) * inverse[f]
+        bx, by, bz = verts[j, 0] - verts[i, 0], verts[j, 1] - verts[i, 1], verts[j, 2] - verts[i, 2]
+        cx, cy, cz = verts[k, 0] - verts[i, 0], verts[k, 1] - verts[i, 1], verts[k, 2] - verts[i, 2]
+        jx, jy, jz = cy * gz - cz * gy, cz * gx - cx * gz, cx * gy - cy * gx
+        kx, ky, kz = gy * bz - gz * by, gz * bx - gx * bz, gx * by - gy * bx
+        gradient[j, 0] += jx
+        gradient[j, 1] += jy
+        gradient[j, 2] += jz
+        gradient[k, 0] += kx
+        gradient[k, 1] += ky
+        gradient[k, 2] += kz
+        gradient[i, 0] -= jx + kx
+        gradient[i, 1] -= jy + ky
+        gradient[i, 2] -= jz + kz

@@ -56,7 +56,7 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import area_vectors, edges_of
+from meshdeform.geometry.mesh import area_vectors, edges_of, through_normals
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import CameraRange, Cameras, fixed_cameras, sample_orthogonal_cameras
@@ -240,37 +240,6 @@ def _backward(
 
 
 @kernel
-def _through_normals(
-    verts: _Floats, faces: _Index, normals: _Floats, lengths: _Floats, d_normals: _Floats, d_verts: _Floats
-) -> None:
-    """Take the gradient of unit normals (F, 3), faces times their lengths, to the vertices (V, 3)."""
-    for f in range(len(faces)):
-        if lengths[f] <= _SHORTEST:
-            continue
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        along = 0.0
-        for c in range(3):
-            along += normals[f, c] * d_normals[f, c]
-        inverse = 1.0 / lengths[f]
-        gx = (d_normals[f, 0] - along * normals[f, 0]) * inverse
-        gy = (d_normals[f, 1] - along * normals[f, 1]) * inverse
-        gz = (d_normals[f, 2] - along * normals[f, 2]) * inverse
-        bx, by, bz = verts[j, 0] - verts[i, 0], verts[j, 1] - verts[i, 1], verts[j, 2] - verts[i, 2]
-        cx, cy, cz = verts[k, 0] - verts[i, 0], verts[k, 1] - verts[i, 1], verts[k, 2] - verts[i, 2]
-        jx, jy, jz = cy * gz - cz * gy, cz * gx - cx * gz, cx * gy - cy * gx
-        kx, ky, kz = gy * bz - gz * by, gz * bx - gx * bz, gx * by - gy * bx
-        d_verts[j, 0] += jx
-        d_verts[j, 1] += jy
-        d_verts[j, 2] += jz
-        d_verts[k, 0] += kx
-        d_verts[k, 1] += ky
-        d_verts[k, 2] += kz
-        d_verts[i, 0] -= jx + kx
-        d_verts[i, 1] -= jy + ky
-        d_verts[i, 2] -= jz + kz
-
-
-@kernel
 def _shrink(image: _Floats, factor: int, out: _Floats) -> None:
     """Fill in the means (H, W, C) of squares of an image (factor H, factor W C)."""
     height, width, channels = out.shape
@@ -408,7 +377,8 @@ class _Colour(torch.autograd.Function):
             )  # fmt: skip
 
         in_ranges(through_views, len(clip))
-        _through_normals(verts, faces, normals, lengths, d_normals.sum(0), d_verts)
+        inverse = np.divide(1.0, lengths, out=np.zeros_like(lengths), where=lengths > _SHORTEST)
+        through_normals(verts, faces, normals, inverse, d_normals.sum(0), d_verts)
         return (
             torch.from_numpy(d_verts.astype(verts.dtype)),
             torch.from_numpy(d_clip.astype(clip.dtype)),

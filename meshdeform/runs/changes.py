@@ -8,9 +8,7 @@ A child process is asked for parts, which are found with numpy and scipy: an API
 
 from __future__ import annotations
 
-import argparse
 import base64
-import json
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -22,7 +20,7 @@ from meshdeform.plain.words import OF_PARTS, WHOLE, Sentence, read_changes
 from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.requests.choices import BackdropMode, GuidanceKind, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.runs.questions import Question, answer
+from meshdeform.runs.questions import Question, answer_task
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -125,24 +123,18 @@ def parts_of(asset: Path, filename: str, prompt: str, params: ResolvedParams, li
 def _ask(asset: Path, filename: str, params: ResolvedParams, limits: Limits, **more: Any) -> dict[str, Any]:
     """Let the child answer; of the parameters it needs those that say what a prompt is and what is left out."""
     task = {
-        "asset": str(asset.absolute()),
         "filename": f"asset{Path(filename).suffix[:16]}",
         "params": params.model_dump(mode="json"),
         "limits": asdict(limits),
         **more,
     }
-    given = asset.absolute().with_name("parts.json")
-    given.write_text(json.dumps(task))
-    found: dict[str, Any] = _QUESTION.ask([str(given)], given.parent, _TIMEOUT_S)
+    found: dict[str, Any] = _QUESTION.ask_about(asset, task, _TIMEOUT_S)
     return found
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Carry out the task in a file of JSON: print which part is missing, or all parts and what becomes of them."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("task", type=Path)
-    task = json.loads(parser.parse_args(arguments).task.read_text())
-    return answer(partial(_answer, task))
+    return answer_task(_answer, arguments)
 
 
 def _answer(task: dict[str, Any]) -> dict[str, Any]:

@@ -6,10 +6,7 @@ time. It knows only the builtin prior, the one that is conditioned on the azimut
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +15,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import GuidanceKind, OrientationMode, is_builtin, is_sent
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, ResolvedParams
 from meshdeform.runs.base import job_input
-from meshdeform.runs.questions import Question, answer
+from meshdeform.runs.questions import Question, answer_task
 
 _QUESTION = Question(
     __name__,
@@ -73,25 +70,19 @@ def orientation_of(
         Precision of the model, as for `load_prior`.
     """
     task = {
-        "asset": str(asset.absolute()),
         "suffix": Path(filename).suffix[:16],
         "request": {"prompt": prompt, "output": {"subdivide": subdivide}},
         "params": params.model_dump(mode="json"),
         "limits": asdict(limits),
         "dtype": dtype,
     }
-    given = asset.absolute().parent / "orientation.json"
-    given.write_text(json.dumps(task))
-    found: dict[str, Any] = _QUESTION.ask([str(given)], given.parent, timeout_s)
+    found: dict[str, Any] = _QUESTION.ask_about(asset, task, timeout_s)
     return found
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Carry out the task in a file of JSON, and print a JSON verdict with the orientation or what went wrong."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("task", type=Path)
-    task = json.loads(parser.parse_args(arguments).task.read_text())
-    return answer(partial(_find, task))
+    return answer_task(_find, arguments)
 
 
 def _find(task: dict[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,8 @@ The child has no secrets in its environment, and bounded memory and time. Import
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,12 @@ class Question:
             raise self._error(child.verdict["error"])
         return child.verdict["found"]
 
+    def ask_about(self, file: Path, task: Mapping[str, Any], timeout_s: float) -> Any:
+        """Return the answer to a task, which the child's `main` hands to `answer_task`; it lies beside the file."""
+        path = file.absolute().with_name(f"{self.module.rpartition('.')[2]}.json")
+        path.write_text(json.dumps({**task, "asset": str(file.absolute())}))
+        return self.ask([str(path)], path.parent, timeout_s)
+
     def _error(self, found: dict[str, Any]) -> MeshdeformError:
         if found["code"] == DependencyError.code:
             return DependencyError(f"{self.lacks}: {found['detail']}", advice=self.instead)
@@ -70,3 +77,9 @@ def answer(find: Callable[[], Any]) -> int:
         verdict = {"ok": False, "error": error_to_json(DependencyError(f"{error.name} is not installed."))}
     print(json.dumps(verdict))
     return 0 if verdict["ok"] else 1
+
+
+def answer_task(find: Callable[[dict[str, Any]], Any], arguments: Sequence[str] | None) -> int:
+    """Answer the task of `Question.ask_about`, whose file is the only argument, by what `find` makes of it."""
+    (path,) = sys.argv[1:] if arguments is None else arguments
+    return answer(lambda: find(json.loads(Path(path).read_text())))

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import sqlalchemy as sa
 
+from meshdeform.api.documents import JobEstimate
 from meshdeform.errors import UnreadableJobError
 from meshdeform.record.database import Database
 from meshdeform.record.leases import Leases
@@ -31,20 +32,6 @@ _SAFEGUARD = jobs.c.resolved["safeguard"].as_string().label("safeguard")
 _COSTS = (jobs.c.workload, jobs.c.faces, jobs.c.parts, _SAFEGUARD)
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """The expected duration of a job, and the data that says so.
-
-    `queue_s` are the seconds until a worker takes the job, None if unknown; `run_s` those from then to its end, None if
-    no similar job has succeeded and none was measured beforehand. `steps` is 0 of a change in plain words.
-    """
-
-    queue_s: float | None
-    run_s: float | None
-    basis: str
-    steps: int
-
-
 def estimate(
     database: Database,
     leases: Leases,
@@ -57,7 +44,7 @@ def estimate(
     faces: int | None = None,
     parts: int | None = None,
     turn_s: float = math.inf,
-) -> Estimate:
+) -> JobEstimate:
     """Estimate a job from its mesh, the newest successful jobs, the jobs ahead, and the number of live workers.
 
     The job's owner takes turns with the others, whose jobs are handed over after `turn_s` seconds. A request that names
@@ -68,7 +55,7 @@ def estimate(
         history = _History(connection, default_model)
         pace, basis = history.pace(request.kind, request.workload)
         if pace is None:
-            return Estimate(None, None, basis, steps)
+            return JobEstimate(basis=basis, steps=steps)
         run_s = costs_of(request.workload).seconds(faces, parts, safeguard).times(pace).of(steps)
 
         def seconds_left(row: _Row) -> float:
@@ -78,9 +65,9 @@ def estimate(
         ahead = _Ahead.of(connection, request.priority, owner_id, seconds_left)
     workers = leases.alive(queue)
     if workers == 0:
-        return Estimate(None, run_s, f"{basis}; no worker is alive", steps)
+        return JobEstimate(run_s=run_s, basis=f"{basis}; no worker is alive", steps=steps)
     basis = f"{basis}; {workers} worker{'s' * (workers > 1)} alive"
-    return Estimate(ahead.seconds_until_free(workers), run_s, basis, steps)
+    return JobEstimate(queue_s=ahead.seconds_until_free(workers), run_s=run_s, basis=basis, steps=steps)
 
 
 class _History:

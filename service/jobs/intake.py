@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from anyio import to_thread
 
-from meshdeform.api.documents import AssetFound, FoundOrientation, FoundParts, JobEstimate, PictureFound, Validation
+from meshdeform.api.documents import AssetFound, FoundOrientation, FoundParts, PictureFound, Validation
 from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
 from meshdeform.assets.inspect import PictureSummary
@@ -164,7 +164,7 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         asset=next(iter(found.values())),
         target=found.get("target"),
         params=params,
-        estimate=JobEstimate(**asdict(expected)),
+        estimate=expected,
     )
 
 

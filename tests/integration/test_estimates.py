@@ -7,12 +7,13 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from meshdeform.api.documents import JobEstimate
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState, NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs.costs import MEASURED
-from service.jobs.estimates import Estimate, estimate
+from service.jobs.estimates import estimate
 from tests.integration.conftest import stored_file
 from tests.integration.record_calls import at, claimed, posted, set_to
 
@@ -23,7 +24,7 @@ BEGAN = datetime(2026, 1, 1, tzinfo=UTC)
 
 def estimated(
     record: JobRecord, owner_id: str = "", faces: int | None = None, turn_s: float = math.inf, **request: object
-) -> Estimate:
+) -> JobEstimate:
     """Return the estimate for a job of ten steps, or for this request."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", "params": {"steps": STEPS}, **request})
     places = {"default_model": "builtin", "queue": QUEUE, "owner_id": owner_id}
