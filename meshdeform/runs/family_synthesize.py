@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -31,6 +31,8 @@ from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
 _SAME = 1e-6
+_TRIES, _GOOD = (True, True, True, False), 0.02
+"""Whether each try mixes parts of two members, and the fault, in diagonals, below which a shape is taken."""
 
 
 def machine_of(family: FamilyFile) -> BetaMachine:
@@ -181,37 +183,45 @@ class FamilySynthesisRun(JobRun):
     def _make(self, number: int) -> None:
         if self._assembler is None:
             self._assembler = Assembler(self._family, self._load, self._defects, self._params.max_defect)
-        random = np.random.default_rng([self._params.seed, number])
-        family, mode, choice = self._family, self._params.mode, {}
-        diagonal, centre = float(np.median(family.diagonals)), np.median(family.centres, axis=0)
-        if mode is SynthesisMode.INTERPOLATE:
-            share = number / (self._params.count - 1)
-            drawn = between(family, self._members, share)
-            choice = {part: near for part, (near,) in drawn.sources.items()}
-            diagonal, centre = (
-                (1 - share) * values[self._members[0]] + share * values[self._members[1]]
-                for values in (family.diagonals, family.centres)
+        diagonal, centre, draws = self._draws(number)
+        tried: list[tuple[Assembly, Drawn]] = []
+        for drawn in draws:
+            choice = self._assembler.chosen(drawn) | dict.fromkeys(self._keep, (self._members or [0])[0])
+            if self._params.mode is SynthesisMode.INTERPOLATE:
+                choice = {part: near for part, (near,) in drawn.sources.items()}
+            if not choice:
+                continue
+            made = self._assembler.assemble(
+                drawn.points, drawn.exists, choice, kept=self._keep, diagonal=diagonal, centre=centre
             )
-        elif mode is SynthesisMode.COMPLETE:
-            member = self._members[0]
-            drawn = completed(family, member, self._keep, random)
-            choice = self._assembler.chosen(drawn) | dict.fromkeys(self._keep, member)
-            diagonal, centre = float(family.diagonals[member]), family.centres[member]
-        else:
-            drawn = sampled(family, random)
-            choice = self._assembler.chosen(drawn)
-        if not choice:
+            tried.append((made, drawn))
+            if made.fault < _GOOD:
+                break
+        if not tried:
             raise AssetError(
                 f"Shape {number} has no point that any member has.",
                 advice="Take another seed, or run family_fit again with more points.",
             )
-        made = self._assembler.assemble(
-            drawn.points, drawn.exists, choice, kept=self._keep, diagonal=float(diagonal), centre=np.asarray(centre)
-        )
+        made, drawn = min(tried, key=lambda each: each[0].fault)
         self._shapes.append(assemble(made.pieces, {"kind": "family_synthesize", "shape": number}))
         self._drawn.append((drawn.points, drawn.exists))
         frame = {"centre": [float(value) for value in centre], "diagonal": float(diagonal)}
         self._about.append({"frame": frame, **self._described(made, drawn)})
+
+    def _draws(self, number: int) -> tuple[float, NDArray[np.float64], Iterable[Drawn]]:
+        """Return the diagonal and the centre of a shape, and its draws, of which the first good one is taken."""
+        family, members, mode = self._family, self._members, self._params.mode
+        random = np.random.default_rng([self._params.seed, number])
+        if mode is SynthesisMode.INTERPOLATE:
+            share = number / (self._params.count - 1)
+            one, other = (np.append(family.centres[each], family.diagonals[each]) for each in members)
+            frame = (1 - share) * one + share * other
+            return float(frame[3]), frame[:3], [between(family, members, share)]
+        if mode is SynthesisMode.COMPLETE:
+            draws = (completed(family, members[0], self._keep, random, mixed=mixed) for mixed in _TRIES)
+            return float(family.diagonals[members[0]]), family.centres[members[0]], draws
+        middle = np.median(family.centres, axis=0)
+        return float(np.median(family.diagonals)), middle, (sampled(family, random, mixed=mixed) for mixed in _TRIES)
 
     def _described(self, made: Assembly, drawn: Drawn) -> dict[str, Any]:
         family = self._family

@@ -76,6 +76,11 @@ class Assembly:
     pieces: list[Piece]  # for `assets.assemble`
     loose: list[int]  # parts that touch no other part, because no member says where they would
 
+    @property
+    def fault(self) -> float:
+        """The widest gap or the deepest penetration, in diagonals."""
+        return max((max(each.gap, each.penetration) for each in self.parts), default=0.0)
+
 
 class Assembler:
     """Makes shapes of a family out of parts of its members.
@@ -299,7 +304,7 @@ def _beyond(each: PlacedPart, other: PlacedPart, surfaces: Mapping[int, PlacedSu
     deepest, own, target = 0.0, surfaces[each.number], surfaces[other.number]
     for contact in each.shape.contacts(each.number, other.number):
         here = contact.points + each.moved(contact.points, contact.patches)
-        if np.linalg.norm(target.nearest(here, contact.normals)[2] - here, axis=1).min() < _REACH:
+        if np.linalg.norm(target.nearest(here, contact.normals)[2] - here, axis=1).mean() < _REACH:
             points = each.part.beside(here, contact.patches, own.verts)
             deepest = max(deepest, depth_beyond(target, points, contact.normals) - contact.depth)
     return deepest

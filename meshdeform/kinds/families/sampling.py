@@ -52,17 +52,19 @@ def distances(family: FamilyFile, member: int, known: NDArray[np.bool_] | None =
     return np.where(both.any(1), mean + _LACKING * (exists != exists[member]).mean(1), 1.0)
 
 
-def sampled(family: FamilyFile, random: np.random.Generator) -> Drawn:
-    """Draw a shape between a random member and one of those nearest to it."""
-    return _beside(family, int(random.integers(len(family.names))), random)
+def sampled(family: FamilyFile, random: np.random.Generator, *, mixed: bool = True) -> Drawn:
+    """Draw a shape between a random member and one of those nearest to it; if not `mixed`, with parts of the first."""
+    return _beside(family, int(random.integers(len(family.names))), random, mixed)
 
 
-def completed(family: FamilyFile, member: int, keep: Sequence[int], random: np.random.Generator) -> Drawn:
+def completed(
+    family: FamilyFile, member: int, keep: Sequence[int], random: np.random.Generator, *, mixed: bool = True
+) -> Drawn:
     """Draw a shape with some parts of a member; the others are of a shape beside one whose parts are like them."""
     known = np.isin(family.labels, keep)
     near = _nearest(distances(family, member, known), member)
     base = int(random.choice(near))
-    drawn = _beside(family, base, random)
+    drawn = _beside(family, base, random, mixed)
     own, common = family.points[member], known & family.exists[member] & family.exists[base]
     scale, shift = axis_fit(family.points[base][common], own[common]) if common.any() else (np.ones(3), np.zeros(3))
     points = np.where(known[:, None], own, drawn.points * scale + shift)
@@ -86,18 +88,19 @@ def _nearest(apart: _Floats, member: int) -> NDArray[np.int64]:
     return order[: min(_NEAREST, len(apart) - 1)]
 
 
-def _beside(family: FamilyFile, member: int, random: np.random.Generator) -> Drawn:
+def _beside(family: FamilyFile, member: int, random: np.random.Generator, mixed: bool) -> Drawn:
     """Draw a shape that lies, each part by a share of its own, between a member and one of those nearest to it."""
     apart = distances(family, member)
     other = int(random.choice(_nearest(apart, member)))
     shares = random.uniform(-_BEYOND, 1 + _BEYOND, len(family.parts))
+    shares = shares if mixed else np.full(len(shares), shares[0] / 2)
     both = (family.exists[member] & family.exists[other])[:, None]
     way = both * (family.points[other] - family.points[member])
     points = family.points[member] + shares[family.labels, None] * way
     order = np.argsort(apart, kind="stable").tolist()
     sources = {}
     for part in np.unique(family.segments[member]).tolist():
-        first = [other, member] if shares[part] > 0.5 else [member, other]
+        first = [other, member] if mixed and shares[part] > 0.5 else [member, other]
         sources[part] = first + [each for each in order if each not in first]
     return Drawn(points, family.exists[member], sources)
 

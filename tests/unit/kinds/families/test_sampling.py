@@ -51,6 +51,8 @@ def test_a_sample_lies_between_two_near_members_each_part_by_its_own_share(pairs
             assert drawn.sources[part][0] == nearer  # the part comes from the member that it is more like
             shares.append(way)
     assert -0.25 <= min(shares) < 0 < 1 < max(shares) <= 1.25
+    whole = sampled(pairs, np.random.default_rng(0), mixed=False)
+    assert whole.sources[0][:2] == whole.sources[1][:2]
 
 
 def test_what_lies_between_two_shapes_begins_and_ends_with_them_and_completions_keep_what_is_known(pairs):
