@@ -89,16 +89,24 @@ def unpacked(data: Data, limits: Limits) -> dict[str, bytes]:
 
 
 def inspect_collection(data: Data, limits: Limits) -> AssetSummary:
-    """Check a collection and the structure of every asset in it; `meshes` of the summary counts the assets."""
+    """Check a collection and the structure of its assets; `meshes` of the summary counts those that can be used.
+
+    Raises
+    ------
+    AssetError
+        As `open_collection`; or too many assets cannot be used, and the error names the last one.
+    """
     files = open_collection(data, limits)
-    vertices = triangles = 0
+    usable, wrong = [], None
     for name, content in files.assets.items():
         try:
-            found = inspect_asset(content, name, limits)
+            usable.append(inspect_asset(content, name, limits))
         except AssetError as error:
-            raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
-        vertices, triangles = vertices + found.vertices, triangles + found.triangles
-    return AssetSummary("zip", vertices, triangles, meshes=len(files.assets))
+            wrong = type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra)
+    if wrong is not None and len(usable) < MIN_COLLECTION:
+        raise wrong
+    vertices, triangles = sum(each.vertices for each in usable), sum(each.triangles for each in usable)
+    return AssetSummary("zip", vertices, triangles, meshes=len(usable))
 
 
 def _broken(error: Exception) -> AssetTruncatedError:

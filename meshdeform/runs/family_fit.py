@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Limits, build_glb, load_asset
-from meshdeform.assets.collection import AssetLabels, CollectionFiles, open_collection
+from meshdeform.assets.collection import MIN_COLLECTION, AssetLabels, CollectionFiles, open_collection
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError
 from meshdeform.kinds.families.collection import Collection, SampledShape, sample_shape
@@ -57,15 +57,14 @@ class FamilyFitRun(JobRun):
         state: Checkpoint | None,
     ) -> None:
         self._files, self._params, self._limits, self._run, self._sha256 = files, params, limits, run, sha256
-        self._names = list(files.assets)
-        labels = files.labels
-        by_name = labels.assets if labels else {}
-        self._labels = [by_name.get(n) or by_name.get(posixpath.basename(n)) or AssetLabels() for n in self._names]
+        self._every = list(files.assets)
+        self._names: list[str] = []  # of those that can be read
         super().__init__(total_steps(params), 0 if state is None else state.step)
         self._shapes: list[SampledShape] = []
         self._truth: list[NDArray[np.int64]] = []
         self._inference: Inference | None = None
         self._learning: Learning | None = None
+        self._wrong: AssetError | None = None
         if state is not None:
             self._resume(state)
 
@@ -82,6 +81,7 @@ class FamilyFitRun(JobRun):
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
         tensors = dump_shapes(self._shapes, self._truth)
+        tensors["names"] = torch.tensor([self._every.index(name) for name in self._names], dtype=torch.long)
         if self._inference is not None:
             tensors |= dump_inference(self._inference)
         if self._learning is not None:
@@ -120,21 +120,31 @@ class FamilyFitRun(JobRun):
 
     def _read(self) -> dict[str, float]:
         """Read and sample a tenth of the assets."""
-        count = len(self._names)
+        count = len(self._every)
         for t in range(count * self.step // READ_STEPS, count * (self.step + 1) // READ_STEPS):
-            name, labels = self._names[t], self._labels[t]
+            name = self._every[t]
             try:
                 asset = load_asset(self._files.assets[name], name, self._limits)
-                surface = asset.surface
-                shape = sample_shape(
-                    surface.positions, surface.triangles, self._params.samples, self._params.seed * 4099 + t
-                )
+                positions, triangles = asset.surface.positions, asset.surface.triangles
+                shape = sample_shape(positions, triangles, self._params.samples, self._params.seed * 4099 + t)
             except AssetError as error:
-                raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
-            marks = labels_of(asset, name, labels, self._files.labels.parts if self._files.labels else [])
+                self._wrong = type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra)
+                continue
+            parts = self._files.labels.parts if self._files.labels else []
+            self._truth.append(labels_of(asset, name, self._labels_of(name), parts)[shape.triangles])
             self._shapes.append(shape)
-            self._truth.append(marks[shape.triangles])
-        return {"total": float(count - len(self._shapes))}
+            self._names.append(name)
+        if self._wrong is not None and count - self._every.index(name) - 1 + len(self._names) < MIN_COLLECTION:
+            raise self._wrong  # the others are too few
+        return {"total": float(count - t - 1)}
+
+    def _labels_of(self, name: str) -> AssetLabels:
+        by_name = self._files.labels.assets if self._files.labels else {}
+        return by_name.get(name) or by_name.get(posixpath.basename(name)) or AssetLabels()
+
+    @property
+    def _labels(self) -> list[AssetLabels]:
+        return [self._labels_of(name) for name in self._names]
 
     def _infer(self) -> dict[str, float]:
         if self._inference is None:
@@ -196,6 +206,7 @@ class FamilyFitRun(JobRun):
 
     def _resume(self, state: Checkpoint) -> None:
         self._shapes, self._truth = load_shapes(state.tensors)
+        self._names = [self._every[t] for t in state.tensors["names"].tolist()]
         if state.step > READ_STEPS:
             tensors: dict[str, Any] = state.tensors
             self._inference = load_inference(tensors, self._collection(), self._given(), self._part_count())

@@ -115,7 +115,7 @@ class FamilyResults:
                     archive.writestr(zipfile.ZipInfo(path), _embedded(asset, found))
         names = np.array(self.names)
         result = {
-            "report.json": ArtifactData(self._report(accuracy, segments), "application/json"),
+            "report.json": ArtifactData(self._report(accuracy, segments, digests), "application/json"),
             "preview.png": ArtifactData(family_png(pictures, self.parts), "image/png"),
             "wall.glb": wall(shapes, self.parts, self.inference.template.labels.numpy(), len(self.names)),
             "segmentation.npz": packed_arrays({"names": names, "parts": np.array(self.parts), **segments}),
@@ -221,7 +221,9 @@ class FamilyResults:
         }
         return dump_family(family, more)
 
-    def _report(self, accuracy: list[float | None], segments: dict[str, NDArray[np.uint8]]) -> bytes:
+    def _report(
+        self, accuracy: list[float | None], segments: dict[str, NDArray[np.uint8]], digests: list[str]
+    ) -> bytes:
         likelihood = self.inference.likelihood
         other, warnings = self._strangers()
         fit = self.machine.log_likelihood(self._visible[0], self._matched.exists)
@@ -242,6 +244,11 @@ class FamilyResults:
                     **({"accuracy": accuracy[t]} if accuracy[t] is not None else {}),
                 }
             )
+        copies = [self.names[t] for t, digest in enumerate(digests) if digest in digests[:t]]
+        left_out = [name for name in self.files.assets if name not in self.names]
+        for names, what in ((left_out, "cannot be read and are left out"), (copies, "are copies of others")):
+            if names:
+                warnings.append(f"{len(names)} of {len(self.files.assets)} assets {what}: {_listed(names)}.")
         if turned := int((turns != 0).sum()):
             warnings.append(
                 f"{turned} of {len(self.names)} assets were turned around the vertical axis to face as the others do."
@@ -272,7 +279,7 @@ class FamilyResults:
             why, advice = "are much less likely than the others", ""
         if not other:
             return [], []
-        listed = ", ".join(self.names[t] for t in other[:5]) + (" ..." if len(other) > 5 else "")
+        listed = _listed([self.names[t] for t in other])
         first = f"{len(other)} of {len(self.names)} assets {why}, as if they were of another family: {listed}."
         return other, [first + advice]
 
@@ -300,6 +307,10 @@ class FamilyResults:
             name = f"part {part + 1}"
             made.append(Primitive(verts, rows, name=name, material=name, base_color=COLOURS[part % len(COLOURS)]))
         return made
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:5]) + (" ..." if len(names) > 5 else "")
 
 
 def _as_glb(name: str) -> str:

@@ -208,7 +208,8 @@ def test_a_collection_that_is_none_is_refused(glbs):
             {**{f"b/{name}": glb for name, glb in glbs.items()}, "c/chair_0000.glb": first},
             {**two, "assets": {"chair_0000.glb": {}}}, AssetError, "'chair_0000.glb', which is the name of 2 assets",
         ),
-        ({**glbs, "broken.glb": first[:200]}, None, AssetError, "broken.glb: "),
+        ({**glbs, "chair_0000.glb": first[:200]}, None, AssetError, "chair_0000.glb: "),
+        ({**glbs, "broken.glb": first[:200]}, None, None, ""),
     ]  # fmt: skip
     for files, labels, error, words in cases:
         with pytest.raises(error, match=words) if error else nullcontext():
@@ -222,12 +223,23 @@ def test_a_collection_that_is_none_is_refused(glbs):
     assert found.triangles > 0
 
 
-def test_what_only_reading_shows_is_refused_with_the_name_of_the_asset(glbs):
+def test_what_cannot_be_read_is_left_out_and_named_and_so_are_copies(glbs):
     whole = build_glb(np.array([[0, 0, 0], [1, 0, 0], [0.1, 1, 0.625]]), np.array([[0, 1, 2]]))
     places = [at for at in range(len(whole)) if whole.startswith(np.float32(0.625).tobytes(), at)]
-    broken = {**glbs, "a.glb": whole[: places[-1]] + np.float32("nan").tobytes() + whole[places[-1] + 4 :]}
-    with pytest.raises(AssetError, match=r"a\.glb: "):
-        next(iter(begin(packed(broken))))
+    broken = whole[: places[-1]] + np.float32("nan").tobytes() + whole[places[-1] + 4 :]
+    with pytest.raises(AssetError, match=r"chair_0003\.glb: "):
+        for _ in begin(packed({**glbs, "chair_0003.glb": broken})):
+            pass
+    run = begin(packed({**glbs, "a.glb": broken, "copy.glb": glbs["chair_0002.glb"]}))
+    for _ in run:
+        pass
+    report = json.loads(run.finish()["report.json"].data)
+    assert len(report["assets"]) == 11
+    assert "1 of 12 assets cannot be read and are left out: a.glb." in report["warnings"]
+    assert "1 of 12 assets are copies of others: copy.glb." in report["warnings"]
+
+
+def test_labels_that_do_not_fit_an_asset_are_refused_with_its_name(glbs):
     wrong = {"parts": ["a", "b"], "assets": {"chair_0000.glb": {"nodes": {"seats": "a"}}}}
     with pytest.raises(AssetError, match="has no node 'seats'") as caught:
         next(iter(begin(packed(glbs, wrong))))
