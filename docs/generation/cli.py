@@ -41,9 +41,9 @@ def parts() -> Iterator[tuple[str, Any]]:
 def _command(name: str, command: Any) -> str:
     context = typer.Context(command, info_name=f"meshdeform {name}")
     records = (each.get_help_record(context) for each in command.get_params(context) if each.name != "help")
-    rows = [f"| `{_cell(record[0])}` | {_cell(record[1])} |" for record in records if record]
+    rows = [f"| `{option}` | {_cell(meaning)} |" for option, meaning in filter(None, records)]
     summary = inspect.cleandoc(command.help or "").partition("\n\n")[0]
-    return "\n".join([f"## meshdeform {name}\n", f"{summary}\n", "| | |", "|---|---|", *rows, ""])
+    return "\n".join([f"## meshdeform {name}\n", f"{summary}\n", "| option | meaning |", "|---|---|", *rows, ""])
 
 
 def _cell(text: str) -> str:

@@ -182,7 +182,7 @@ def test_the_reference_says_of_every_option_what_it_is_for() -> None:
     rows = [line.split(" | ", 1) for line in page.splitlines() if line.startswith("| `")]
     assert len(rows) > 200
     assert [name for name, meaning in rows if meaning.strip(" |") == ""] == []
-    assert "| `--rig <keep\\|follow>` | " in page
+    assert "| `--rig <keep|follow>` | " in page
 
 
 def test_every_json_request_that_is_shown_is_valid(repository: Path) -> None:
