@@ -53,7 +53,7 @@ Cloud = NDArray[np.float64]
 
 def ordered(found: FamilyFile, order: NDArray[np.int64]) -> FamilyFile:
     """Return the family with these of its members."""
-    arrays = ("points", "triangles", "exists", "centres", "diagonals", "turns", "descriptors")
+    arrays = ("points", "triangles", "exists", "centres", "diagonals", "turns")
     lists = ("names", "digests", "segments")
     chosen = {name: getattr(found, name)[order] for name in arrays}
     return dataclasses.replace(found, **chosen, **{name: [getattr(found, name)[t] for t in order] for name in lists})

@@ -19,7 +19,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.assets.surface import Surface
 from meshdeform.errors import AssetError, AssetFormatError, AssetNotFiniteError, AssetTruncatedError
 
-FAMILY_FORMAT = "meshdeform-family-2"
+FAMILY_FORMAT = "meshdeform-family-3"
 _ANY_VERSION = "meshdeform-family-"
 _MAX_HEADER_BYTES = 16 * 2**20
 _MOST_POINTS, _MOST_MEMBERS, _MOST_PARTS = 1000, 3000, 16
@@ -48,7 +48,6 @@ class FamilyFile:
     centres: NDArray[np.float64]  # (T, 3) float64
     diagonals: NDArray[np.float64]  # (T,) float64
     turns: NDArray[np.float64]  # (T,) float64
-    descriptors: NDArray[np.float32]  # (T, D) float32
     segments: list[NDArray[np.uint8]]  # list of (F,) uint8: the part of each triangle of each member
 
     def member(self, name: str) -> int | None:
@@ -74,7 +73,7 @@ def dump_family(family: FamilyFile, more: Arrays) -> bytes:
     counts = np.array([len(each) for each in family.segments], np.int64)
     arrays: Arrays = {f"machine.{name}": value for name, value in family.machine.items()}
     arrays |= {"template.labels": family.labels, "scaling": family.scaling, **more}
-    for name in ("points", "triangles", "exists", "centres", "diagonals", "turns", "descriptors"):
+    for name in ("points", "triangles", "exists", "centres", "diagonals", "turns"):
         arrays[f"members.{name}"] = getattr(family, name)
     arrays |= {"members.segments": np.concatenate(family.segments), "members.triangle_counts": counts}
     about = {"names": family.names, "parts": family.parts, "digests": family.digests}
@@ -109,7 +108,6 @@ def read_family(data: bytes, limits: Limits | None = None) -> FamilyFile:
             centres=arrays["members.centres"],
             diagonals=arrays["members.diagonals"],
             turns=arrays["members.turns"],
-            descriptors=arrays["members.descriptors"],
             segments=_split(arrays["members.segments"], arrays["members.triangle_counts"]),
         )
         _check(family)
@@ -177,7 +175,6 @@ def _check(family: FamilyFile) -> None:
         "centres": (family.centres, (members, 3), "float64"),
         "diagonals": (family.diagonals, (members,), "float64"),
         "turns": (family.turns, (members,), "float64"),
-        "descriptors": (family.descriptors, (members, hidden[2] + latent), "float32"),
     }
     visible = (3 * count, hidden[0])
     shapes: dict[str, tuple[int, ...]] = {

@@ -33,6 +33,7 @@ from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.matching import (
     Correspondences,
     correspondences,
+    descriptors,
     strangers,
     triangle_parts,
     unlike,
@@ -120,7 +121,7 @@ class FamilyResults:
             "wall.glb": wall(shapes, self.parts, self.inference.template.labels.numpy(), len(self.names)),
             "segmentation.npz": packed_arrays({"names": names, "parts": np.array(self.parts), **segments}),
             "correspondences.npz": packed_arrays({"names": names, **self._correspondence_arrays()}),
-            "descriptors.npz": packed_arrays({"names": names, "descriptors": self._descriptors.numpy()}),
+            "descriptors.npz": packed_arrays({"names": names, "descriptors": self._descriptors}),
             "family.safetensors": ArtifactData(
                 self._family(digests, list(segments.values())), "application/octet-stream"
             ),
@@ -138,8 +139,14 @@ class FamilyResults:
         return visible_points(self.inference, self._matched)
 
     @cached_property
-    def _descriptors(self) -> Tensor:
-        return self.machine.describe(self._visible[0], self._matched.exists)
+    def _descriptors(self) -> NDArray[np.float32]:
+        return descriptors(self._points, self._matched.exists.numpy().astype(bool))
+
+    @property
+    def _points(self) -> NDArray[np.float64]:
+        """The places of the template's points (T, K, 3) in the frame."""
+        rows = torch.arange(len(self.shapes))[:, None]
+        return self.inference.collection.points[rows, self._matched.samples].double().numpy()
 
     def _segment(self, t: int, asset: Asset) -> tuple[NDArray[np.uint8], float | None]:
         """Return the part of each triangle, given or found; and the accuracy by area where labels are held out."""
@@ -196,7 +203,6 @@ class FamilyResults:
 
     def _family(self, digests: list[str], segments: list[NDArray[np.uint8]]) -> bytes:
         template, collection = self.inference.template, self.inference.collection
-        rows = torch.arange(len(self.shapes))[:, None]
         family = FamilyFile(
             names=self.names,
             parts=self.parts,
@@ -205,13 +211,12 @@ class FamilyResults:
             | {"sees": self.machine.sees.numpy()},
             labels=template.labels.numpy(),
             scaling=self._visible[1].numpy(),
-            points=collection.points[rows, self._matched.samples].double().numpy(),
+            points=self._points,
             triangles=self._correspondence_arrays()["triangles"],
             exists=self._matched.exists.numpy().astype(bool),
             centres=np.stack([shape.centre for shape in self.shapes]),
             diagonals=np.array([shape.diagonal for shape in self.shapes]),
             turns=collection.turns.double().numpy(),
-            descriptors=self._descriptors.numpy(),
             segments=segments,
         )
         more = {
@@ -264,7 +269,7 @@ class FamilyResults:
             "strangers": [self.names[t] for t in other],
             "accuracy": {"held_out": len(scores), "parts": float(np.mean(scores))} if scores else None,
             "classes": self._class_accuracy(),
-            "machine": {"reconstruction_error": self.best_error, "descriptor_size": self._descriptors.shape[1]},
+            "machine": {"reconstruction_error": self.best_error},
             "warnings": warnings,
         }
         return json.dumps(report, indent=1, allow_nan=False).encode()
@@ -288,7 +293,8 @@ class FamilyResults:
         known = [t for t, labels in enumerate(self.labels) if labels.class_]
         if len(known) < 2:
             return None
-        distance = torch.cdist(self._descriptors[known], self._descriptors[known], p=1)
+        looks = torch.from_numpy(self._descriptors[known])
+        distance = torch.cdist(looks, looks, p=1)
         distance.fill_diagonal_(torch.inf)
         nearest = distance.argmin(1).tolist()
         same = [self.labels[known[i]].class_ == self.labels[known[j]].class_ for i, j in enumerate(nearest)]
@@ -505,9 +511,12 @@ def _welded(verts: NDArray[np.float64], faces: NDArray[np.int64]) -> TriangleMes
     return TriangleMesh(torch.from_numpy(places), torch.from_numpy(rows.reshape(-1, 3).astype(np.int64)))
 
 
-def nearest_members(family: FamilyFile, descriptor: NDArray[np.float32], count: int) -> list[dict[str, Any]]:
-    """Return the members with the nearest descriptors (L1), nearest first."""
-    distance = np.abs(family.descriptors - descriptor).sum(1)
+def nearest_members(
+    family: FamilyFile, points: NDArray[np.float64], exists: NDArray[np.bool_], count: int
+) -> list[dict[str, Any]]:
+    """Return the members with the descriptors nearest (L1) to that of a shape (K, 3), (K,), nearest first."""
+    members = family.points, family.exists
+    distance = np.abs(descriptors(*members) - descriptors(points[None], exists[None], members)).sum(1)
     order = np.argsort(distance, kind="stable")[:count]
     return [{"name": family.names[member], "distance": float(distance[member])} for member in order]
 
@@ -601,7 +610,8 @@ class SynthesisResults:
     def _neighbours(self) -> list[dict[str, Any]]:
         """Return the members nearest to the one that is searched for, without itself."""
         query = self.members[0]
-        found = nearest_members(self.family, self.family.descriptors[query], self.params.count + 1)
+        shape = self.family.points[query], self.family.exists[query]
+        found = nearest_members(self.family, *shape, self.params.count + 1)
         return [each for each in found if each["name"] != self.family.names[query]][: self.params.count]
 
     def _report(self, found: list[dict[str, Any]] | None) -> bytes:

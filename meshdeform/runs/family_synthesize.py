@@ -227,7 +227,6 @@ class FamilySynthesisRun(JobRun):
         family = self._family
         points, exists = self._known(drawn.points[None], drawn.exists[None])
         energy = float(self._energy(points, exists)[0])
-        descriptor = self._machine.describe(points, exists)[0]
         parts = [
             {
                 "part": family.parts[each.number],
@@ -245,7 +244,7 @@ class FamilySynthesisRun(JobRun):
             "loose": [family.parts[part] for part in made.loose],
             "free_energy": energy,
             "plausibility": self._energy.plausibility(energy),
-            "nearest_members": nearest_members(family, descriptor.numpy(), 3),
+            "nearest_members": nearest_members(family, drawn.points, drawn.exists, 3),
         }
 
     def _resume(self, state: Checkpoint) -> None:

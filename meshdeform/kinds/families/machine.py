@@ -195,14 +195,6 @@ class BetaMachine:
         """Return the probability (T, K) that each point exists given the structure's latent units (T, R)."""
         return torch.sigmoid(self.weights["e0"] + latent @ self.weights["eg"].T)
 
-    def describe(self, points: Tensor, exists: Tensor) -> Tensor:
-        """Return descriptors (T, O + R): the top layer of the surface part, and the inputs of the structure part's.
-
-        Those are nearly binary once they are learned, and then tell fewer shapes apart than their inputs do.
-        """
-        inputs = self.weights["g0"] + exists @ self.weights["eg"]
-        return torch.cat([self.infer(points, exists).h3, inputs], 1)
-
     def log_likelihood(self, points: Tensor, exists: Tensor) -> Tensor:
         """Return the mean log density (T,) of the existing coordinates given the inferred hidden units."""
         alpha, beta = self.exponents(self.infer(points, exists).h1)

@@ -168,12 +168,12 @@ def test_the_labelled_assets_serve_as_the_collection(chairs):
 def test_a_family_that_cannot_be_used_is_refused(chairs):
     whole = chairs[2]["family.safetensors"]
     found = read_family(whole)
-    version = whole.replace(b"meshdeform-family-2", b"meshdeform-family-1")
+    version = whole.replace(b"meshdeform-family-3", b"meshdeform-family-2")
     arrays = safetensors.numpy.load(whole)
     places = np.where(np.arange(found.points.size).reshape(found.points.shape) == 5, np.nan, found.points)
     strong = {**found.machine, "a": found.machine["a"] * np.float32(1e9)}
     cases = [
-        (version, AssetFormatError, "this version reads 'meshdeform-family-2'"),
+        (version, AssetFormatError, "this version reads 'meshdeform-family-3'"),
         (whole[:-8], AssetTruncatedError, "damaged or incomplete"),
         (b"\x80\x04\x95" + b"x" * 60, AssetFormatError, "not a safetensors file"),
         (safetensors.numpy.save(arrays), AssetFormatError, "holds no family"),
@@ -231,13 +231,13 @@ def test_a_family_is_posted_and_its_shapes_are_downloaded(chairs, tmp_path, redi
     (tmp_path / "chairs.zip").write_bytes(chairs[1])
     (tmp_path / "family.safetensors").write_bytes(chairs[2]["family.safetensors"])
     (tmp_path / "old.safetensors").write_bytes(
-        chairs[2]["family.safetensors"].replace(b"meshdeform-family-2", b"meshdeform-family-1")
+        chairs[2]["family.safetensors"].replace(b"meshdeform-family-3", b"meshdeform-family-2")
     )
     settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-family-synthesize")
     asked = {"kind": "family_synthesize", "params": {"count": 1}}
     collection = {"collection": tmp_path / "chairs.zip"}
     with serving(settings) as url, Client(url) as client:
-        with pytest.raises(AssetFormatError, match="meshdeform-family-1"):
+        with pytest.raises(AssetFormatError, match="meshdeform-family-2"):
             client.submit(files={"family": tmp_path / "old.safetensors", **collection}, **asked)
         with working(settings, start_run):
             files = {"family": tmp_path / "family.safetensors", **collection}

@@ -12,7 +12,7 @@ from bench.parametric_families import CLASSES, PARTS, family
 from meshdeform.assets import load_asset
 from meshdeform.kinds.families.collection import Collection, sample_shape, turned_alike
 from meshdeform.kinds.families.inference import Inference
-from meshdeform.kinds.families.matching import correspondences, strangers, triangle_parts, unlike
+from meshdeform.kinds.families.matching import correspondences, descriptors, strangers, triangle_parts, unlike
 
 
 def dense_matches(inference: Inference, source: int, target: int) -> torch.Tensor:
@@ -176,3 +176,19 @@ def test_what_is_far_from_the_others_is_of_another_family():
         both = stacked([*shapes[name], *shapes[other][:2]])[2]
         scaled = (both - both.mean((0, 1))) / both.std((0, 1))
         assert unlike(scaled, torch.arange(14) < 10) == [12, 13]
+
+
+def test_descriptors_tell_places_and_existence_at_one_scale():
+    random = np.random.default_rng(0)
+    points, exists = random.normal(size=(6, 10, 3)), random.random((6, 10)) < 0.7
+    exists[:2] = True
+    points[1] = points[0]
+    points[1, 3, 2] += 0.25
+    found = descriptors(points, exists)
+    assert found.shape == (6, 40)
+    assert np.abs(found[0] - found[1]).sum() == pytest.approx(0.25, abs=1e-5)
+    lacking = exists.copy()
+    lacking[1, 3] = False
+    apart = np.abs(descriptors(points[1:2], lacking[1:2], (points, exists)) - found[1:2]).sum()
+    way = points[1, 3] - (points[:, 3] * exists[:, 3, None]).sum(0) / exists[:, 3].sum()
+    assert apart == pytest.approx(0.8 + np.abs(way).sum(), abs=1e-5)
