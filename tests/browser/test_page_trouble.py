@@ -146,6 +146,7 @@ def test_a_server_that_is_away_is_said_to_be_away_and_nothing_is_lost(
         proxy.pass_through()
         with service.held_jobs():
             job_id = start(page)
+            expect(page.locator(".view-job")).to_be_visible()  # so its modules are loaded
             service.at_step(job_id, 1)
             notice = page.locator(".notice")
             for fault in (proxy.refuse, proxy.error503):

@@ -56,17 +56,6 @@ def test_their_results_are_downloaded(api: Api, new: str) -> None:
     check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/morph.glb"), 404, "not_found")
 
 
-def test_an_earlier_request_is_shown_in_the_form_of_this_version_so_that_it_can_be_sent_again(api: Api) -> None:
-    earlier = {
-        "prompt": "a vase",
-        "params": {"framing": 0.5, "seed": 3, "orientation": "keep", "symmetry": "x"},
-        "output": {"usd": True},
-    }
-    shown = api.http.get(f"/v1/jobs/{accepted_elsewhere(api.record, earlier).id}").json()
-    assert shown["params"] == {"seed": 3, "guidance": {"orientation": "keep"}, "control": {"symmetry": "x"}}
-    assert (shown["unreadable"], "usd" in shown["output"]) == (None, False)
-
-
 def test_an_ordinary_job_can_be_read(api: Api) -> None:
     job_id = new_job(api.record).id
     assert api.http.get(f"/v1/jobs/{job_id}").json()["unreadable"] is None

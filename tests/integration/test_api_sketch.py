@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -96,13 +95,3 @@ def test_a_child_makes_the_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(questions, "run_child", run_child)
     sketch = Sketch(family="table")
     assert sketch_process.shape_of(sketch, tmp_path, timeout_s=DEADLINE_S) == member_glb("table", {})
-
-
-def test_a_job_with_a_drawing_says_what_to_do(api: Api, sphere: bytes) -> None:
-    document = json.dumps({"params": {"sketch": {"family": "vase"}}})
-    files = {"asset": ("a.glb", sphere), "request": (None, document)}
-    problem = check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "parameter_invalid")
-    assert problem["errors"][0]["loc"] == ["params", "sketch"]
-    assert "part `target`" in problem["errors"][0]["msg"]
-    files = {"asset": ("a.glb", sphere), "sketch": ("vase.png", vase()), "request": (None, "{}")}
-    check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "request_invalid")

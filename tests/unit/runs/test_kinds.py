@@ -114,7 +114,7 @@ def test_it_is_described_posted_and_downloaded_over_http(
     with serving(settings) as url, working(settings, start), Client(url) as client:
         described = {kind.name: kind for kind in client.limits().kinds}
         assert list(described) == [kind.name for kind in kinds()]
-        assert [part["name"] for part in described[KIND].reads if part["required"]] == ["asset"]
+        assert [part.name for part in described[KIND].reads if part.required] == ["asset"]
         assert "base_faces" in described[KIND].params["properties"]
         params = {"steps": len(content), "checkpoint_every_steps": len(content)}
         checked = client.validate(files=meshes, kind=KIND, params=params)
