@@ -30,9 +30,7 @@ from service.workspace import Workspace
 # One more than an owner may have: nobody waits for the files of one other owner.
 _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
-_FRONTS_AT_ONCE, _FRONTS_PER_OWNER = 2, 1
-_NAMINGS_AT_ONCE, _NAMINGS_PER_OWNER = 2, 1
-_SKETCHES_AT_ONCE, _SKETCHES_PER_OWNER = 2, 1
+_PROCESSES_AT_ONCE, _PROCESSES_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
 _STORE_HEALTH_S = 2.0
 
@@ -74,6 +72,11 @@ class Probe:
         answer.set_result(health)
 
 
+def _processes(purpose: str) -> Callable[[], FairSlots]:
+    """Make the slots of what takes a process of its own."""
+    return lambda: FairSlots(_PROCESSES_AT_ONCE, _PROCESSES_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose=purpose)
+
+
 @dataclass(frozen=True)
 class AppState:
     """The shared objects of the service."""
@@ -104,21 +107,9 @@ class AppState:
     redis_health: Probe = field(default_factory=Probe)
     store_health: Probe = field(default_factory=lambda: Probe(_STORE_HEALTH_S))
     # Searches of fronts and parts, and readings of drawings and makings of shapes: each in a process of its own.
-    orienting: FairSlots = field(
-        default_factory=lambda: FairSlots(
-            _FRONTS_AT_ONCE, _FRONTS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="fronts are being searched"
-        )
-    )
-    naming: FairSlots = field(
-        default_factory=lambda: FairSlots(
-            _NAMINGS_AT_ONCE, _NAMINGS_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="parts are being found"
-        )
-    )
-    sketching: FairSlots = field(
-        default_factory=lambda: FairSlots(
-            _SKETCHES_AT_ONCE, _SKETCHES_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose="drawings are being read"
-        )
-    )
+    orienting: FairSlots = field(default_factory=_processes("fronts are being searched"))
+    naming: FairSlots = field(default_factory=_processes("parts are being found"))
+    sketching: FairSlots = field(default_factory=_processes("drawings are being read"))
     # Threads that resolve the hosts of webhooks.
     lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))

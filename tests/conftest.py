@@ -21,7 +21,7 @@ import typer.testing
 
 from tests.acceptance.service import Service, serving
 from tests.s3_fixtures import s3_server, s3_store_url  # noqa: F401 - fixtures
-from tests.servers import NotInstalledError, postgres_server, redis_server
+from tests.servers import NotInstalledError, postgres_database, postgres_server, redis_server
 from tests.smaller.sitecustomize import SMALLER
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -218,21 +218,10 @@ def postgres_port(server_folder: Path) -> Iterator[int]:
 
 
 @pytest.fixture
-def postgres_url(postgres_port: int, request: pytest.FixtureRequest) -> Iterator[str]:
+def postgres_url(postgres_port: int) -> Iterator[str]:
     """A new, empty PostgreSQL database, dropped afterwards."""
-    import uuid
-
-    import sqlalchemy as sa
-
-    name = f"test_{uuid.uuid4().hex}"
-    server = f"postgresql+pg8000://meshdeform@127.0.0.1:{postgres_port}"
-    engine = sa.create_engine(f"{server}/postgres", isolation_level="AUTOCOMMIT", poolclass=sa.NullPool)
-    with engine.connect() as connection:
-        connection.execute(sa.text(f"CREATE DATABASE {name}"))
-    yield f"{server}/{name}"
-    with engine.connect() as connection:
-        connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
-    engine.dispose()
+    with postgres_database(postgres_port) as url:
+        yield url
 
 
 @pytest.fixture(scope="session")

@@ -15,20 +15,19 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
 from pathlib import Path
 
 import httpx
 
 import service.http.auth
 from meshdeform.errors import MeshdeformError
-from meshdeform.record.models import Artifact, Job, JobState
+from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.http.limits import Rate
 from tests.contract_links import add_links
-from tests.integration.conftest import serving
+from tests.integration.conftest import serving, stored_result
 from tests.servers import redis_server
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -79,22 +78,10 @@ def _work(record: JobRecord, store: ObjectStore, over: threading.Event) -> None:
         taken += 1
         with suppress(MeshdeformError):  # canceled meanwhile
             key = f"jobs/{job.id}/{job.attempt}/result.glb"
-            result = _stored(store, job, key)
+            result = stored_result(store, key, store.get(job.files["asset"].key))
             record.leases.set_checkpoint(job.id, job.attempt, key, 5, result.sha256, size=result.size, mesh=result)
             if taken % 3:
                 record.leases.finish(job.id, job.attempt, JobState.SUCCEEDED, results=[result])
-
-
-def _stored(store: ObjectStore, job: Job, key: str) -> Artifact:
-    stored = store.put(key, store.get(job.files["asset"].key))
-    return Artifact(
-        name="result.glb",
-        content_type="model/gltf-binary",
-        size=stored.size,
-        sha256=stored.sha256,
-        key=key,
-        created_at=datetime.now(UTC),
-    )
 
 
 def run(

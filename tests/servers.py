@@ -11,6 +11,7 @@ import socket
 import subprocess
 import threading
 import time
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -220,6 +221,21 @@ def postgres_server(folder: Path) -> Iterator[int]:
         yield server.port
     finally:
         server.kill()
+
+
+@contextlib.contextmanager
+def postgres_database(port: int) -> Iterator[str]:
+    """Make a database of its own in a running PostgreSQL, and drop it afterwards; gives its URL."""
+    import sqlalchemy as sa
+
+    server, name = f"postgresql+pg8000://meshdeform@127.0.0.1:{port}", f"test_{uuid.uuid4().hex}"
+    engine = sa.create_engine(f"{server}/postgres", isolation_level="AUTOCOMMIT", poolclass=sa.NullPool)
+    with engine.connect() as connection:
+        connection.execute(sa.text(f"CREATE DATABASE {name}"))
+    yield f"{server}/{name}"
+    with engine.connect() as connection:
+        connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
+    engine.dispose()
 
 
 class PgBouncer:

@@ -5,7 +5,6 @@ While the store or the record does not answer, an operation is repeated, up to a
 
 from __future__ import annotations
 
-import datetime as dt
 import hashlib
 import logging
 import time
@@ -161,14 +160,7 @@ def store_artifact(store: ObjectStore, job: Job, name: str, artifact: ArtifactDa
     """
     key = f"jobs/{job.id}/{job.attempt}/{name}"
     stored = store.put_verified(key, artifact.data, artifact.content_type)
-    return Artifact(
-        name=name,
-        content_type=artifact.content_type,
-        size=stored.size,
-        sha256=stored.sha256,
-        key=key,
-        created_at=dt.datetime.now(dt.UTC),
-    )
+    return Artifact(name=name, content_type=artifact.content_type, size=stored.size, sha256=stored.sha256, key=key)
 
 
 def store_results(store: ObjectStore, job: Job, artifacts: dict[str, ArtifactData], retry: Retry) -> list[Artifact]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any
 
@@ -63,7 +63,7 @@ class Artifact(_Frozen):
     size: int
     sha256: str
     key: str
-    created_at: datetime
+    created_at: datetime = Field(default_factory=lambda: datetime.now(UTC))
 
 
 class Origin(_Frozen):

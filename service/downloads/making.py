@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import secrets
-from datetime import UTC, datetime
 from pathlib import Path
 
 from meshdeform.assets.limits import Limits
@@ -65,14 +64,7 @@ def _added(app: AppState, job: Job, kind: ArtifactKind, file: Path) -> Artifact:
     """Store a file and record it as an artifact; remove it if the job has one of that name, or is gone."""
     key = f"jobs/{job.id}/made/{secrets.token_hex(8)}-{kind.name}"  # removed with the job
     stored = app.store.put_verified(key, file, kind.media_type)
-    new = Artifact(
-        name=kind.name,
-        content_type=kind.media_type,
-        size=stored.size,
-        sha256=stored.sha256,
-        key=key,
-        created_at=datetime.now(UTC),
-    )
+    new = Artifact(name=kind.name, content_type=kind.media_type, size=stored.size, sha256=stored.sha256, key=key)
     recorded = None
     try:
         recorded = app.record.add_artifact(job.id, new, job.owner_id)

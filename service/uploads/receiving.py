@@ -29,9 +29,9 @@ from meshdeform.errors import (
 from meshdeform.record.reconciler import remove_upload
 from meshdeform.record.uploads import Upload
 from meshdeform.storage import sign_path, verify_path
+from service.http.auth import SIGNING_KEY
 from service.state import AppState
 
-_KEY_NAME = "signed-urls"
 # This many bytes are written, and count as received, before more of the body is read.
 _BLOCK = 4 << 20
 _RANGE = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18})")
@@ -85,7 +85,7 @@ def _address(app: AppState, upload: Upload, until: int) -> tuple[str, dict[str, 
     headers = {"Content-Type": "application/octet-stream"}
     if app.store.appends:
         path = f"/v1/uploads/{upload.id}/content"
-        return f"{path}?{sign_path('PUT', path, until, app.record.secret(_KEY_NAME))}", headers
+        return f"{path}?{sign_path('PUT', path, until, app.record.secret(SIGNING_KEY))}", headers
     lifetime_s = min(max(1, until - int(time.time())), 7 * 86_400)
     url = app.store.presign_put(_sent_key(upload), lifetime_s)
     if url is None:
@@ -106,7 +106,7 @@ def received_bytes(app: AppState, upload: Upload) -> int:
 
 def authorize(app: AppState, upload_id: str, path: str, query: str) -> Upload:
     """Verify a signed URL and return the upload that it grants write access to."""
-    verify_path("PUT", path, query, app.record.secret(_KEY_NAME))
+    verify_path("PUT", path, query, app.record.secret(SIGNING_KEY))
     return app.record.uploads.get(upload_id)
 
 

@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ import sqlalchemy as sa
 import uvicorn
 from fastapi import FastAPI
 
-from meshdeform.record.models import Job, NewJob, StoredFile
+from meshdeform.record.models import Artifact, Job, NewJob, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import metadata
 from meshdeform.requests.document import JobRequest
@@ -29,7 +29,7 @@ from meshdeform.storage import ObjectStore
 from meshdeform.webhooks.delivery import WebhookDelivery
 from service.app import create_app
 from tests.in_process import children_in_process
-from tests.servers import free_port
+from tests.servers import free_port, postgres_database
 from tests.unit.webhooks.receiver import Receiver, receiving
 
 DEADLINE_S = 90.0
@@ -60,15 +60,8 @@ def database_url(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
     if request.param == "sqlite":
         yield f"sqlite:///{tmp_path_factory.mktemp('record') / 'record.sqlite'}"
         return
-    server = f"postgresql+pg8000://meshdeform@127.0.0.1:{request.getfixturevalue('postgres_port')}"
-    name = f"test_{uuid.uuid4().hex}"
-    engine = sa.create_engine(f"{server}/postgres", isolation_level="AUTOCOMMIT", poolclass=sa.NullPool)
-    with engine.connect() as connection:
-        connection.execute(sa.text(f"CREATE DATABASE {name}"))
-    yield f"{server.replace('+pg8000', '')}/{name}"
-    with engine.connect() as connection:
-        connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
-    engine.dispose()
+    with postgres_database(request.getfixturevalue("postgres_port")) as url:
+        yield url.replace("+pg8000", "")
 
 
 @pytest.fixture
@@ -85,6 +78,13 @@ def record(database_url: str) -> Iterator[JobRecord]:
 def stored_file(letter: str = "a", filename: str = "sphere.glb") -> StoredFile:
     """A file that nobody really stored."""
     return StoredFile(key=f"assets/{letter * 64}", filename=filename, size=3, sha256=letter * 64)
+
+
+def stored_result(store: ObjectStore, key: str, content: bytes, content_type: str = "model/gltf-binary") -> Artifact:
+    """An artifact that is stored, named like the end of its key."""
+    stored = store.put(key, content, content_type)
+    name = key.rpartition("/")[2]
+    return Artifact(name=name, content_type=content_type, size=stored.size, sha256=stored.sha256, key=key)
 
 
 def new_job(record: JobRecord, prompt: str = "a mushroom", letter: str = "a") -> Job:
@@ -169,17 +169,29 @@ def serving(settings: Settings) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def api(database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
-    """The API with nothing faked behind it; what it leaves to child processes is done in this one."""
-    folder: Path = tmp_path_factory.mktemp("api")
-    settings = Settings(
-        data_dir=folder,
-        database_url=database_url,
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        max_upload_bytes=2**20,
-    )
+def own_settings(
+    database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., Settings]:
+    """Make the settings of a server that has a folder and a queue of its own; by name, what else is set."""
+
+    def make(**more: Any) -> Settings:
+        given = {"data_dir": tmp_path_factory.mktemp("api"), "queue": f"test-{uuid.uuid4().hex}"}
+        return Settings(database_url=database_url, redis_url=redis_server_url, **{**given, **more})
+
+    return make
+
+
+@contextmanager
+def serving_api(settings: Settings) -> Iterator[Api]:
+    """Run the application as `serving` does, and open what is behind it."""
     with serving(settings) as url, httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
-        record = JobRecord(database_url)
+        record = JobRecord(settings.resolved_database_url)
         yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
         record.close()
+
+
+@pytest.fixture(scope="module")
+def api(own_settings: Callable[..., Settings]) -> Iterator[Api]:
+    """The API with nothing faked behind it; what it leaves to child processes is done in this one."""
+    with serving_api(own_settings(max_upload_bytes=2**20)) as found:
+        yield found

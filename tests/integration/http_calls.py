@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import json
 import struct
-import time
-from collections.abc import Callable
-from datetime import UTC, datetime
 from typing import Any
 
 import httpx
 import jsonschema_rs
 
-from meshdeform.record.models import Artifact, JobState, NewJob
+from meshdeform.record.models import JobState, NewJob
 from meshdeform.requests.document import JobRequest
-from tests.integration.conftest import DEADLINE_S, Api, stored_file
+from tests.integration.conftest import Api, stored_file, stored_result
 
 PROMPT = {"prompt": "a mushroom"}
 
@@ -59,23 +56,5 @@ def finished_job(api: Api, content: bytes = bytes(range(256)) * 64, owner_id: st
     job = api.record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner_id))
     assert api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
-    stored = api.store.put(key, content, "model/gltf-binary")
-    made = Artifact(
-        name="result.glb",
-        content_type="model/gltf-binary",
-        size=stored.size,
-        sha256=stored.sha256,
-        key=key,
-        created_at=datetime.now(UTC),
-    )
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[stored_result(api.store, key, content)])
     return job.id
-
-
-def eventually(look: Callable[[], Any]) -> Any:
-    """Return the first true value."""
-    deadline = time.monotonic() + DEADLINE_S
-    while not (result := look()):
-        assert time.monotonic() < deadline, "it never came to be so"
-        time.sleep(0.01)
-    return result

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ import httpx
 
 from meshdeform.record.models import JobState, Progress
 from meshdeform.record.repository import JobRecord
-from tests.integration.conftest import DEADLINE_S
+from tests.waiting import until
 
 STREAM = {"Accept": "text/event-stream"}
 
@@ -77,11 +76,3 @@ def recovered_run(record: JobRecord, job_id: str) -> None:
     for step in (3, 4, 5, 6, 7, 8):
         progress(record, job_id, 2, step)
     record.leases.finish(job_id, 2, JobState.SUCCEEDED)
-
-
-def until(seen: Any, what: str) -> None:
-    """Return when something is so."""
-    deadline = time.monotonic() + DEADLINE_S
-    while not seen():
-        assert time.monotonic() < deadline, f"not in time: {what}"
-        time.sleep(0.01)

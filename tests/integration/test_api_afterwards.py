@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 from concurrent.futures import ThreadPoolExecutor
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,12 @@ from meshdeform.cli.app import app
 from meshdeform.client import AsyncClient, Client
 from meshdeform.errors import NotFoundError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
+from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest, MorphPath, OutputOptions
 from meshdeform.runs import derive
 from meshdeform.runs.strength import AssetPath, write_morph
 from tests.cases import each_case
-from tests.integration.conftest import Api, new_job
+from tests.integration.conftest import Api, new_job, stored_result
 from tests.integration.http_calls import check_document, check_problem
 
 ORIGIN = {"prompt": "a tall ball", "seed": 7}
@@ -45,12 +44,7 @@ def finished(api: Api, result: bytes, **output: bool) -> str:
     job = api.record.create(NewJob(JobRequest.model_validate({"prompt": "x", "output": output}), {"asset": file}))
     assert api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
-    stored = api.store.put(key, result)
-    made = Artifact(
-        name="result.glb", content_type="model/gltf-binary", size=stored.size, sha256=stored.sha256, key=key,
-        created_at=datetime.now(UTC),
-    )  # fmt: skip
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[stored_result(api.store, key, result)])
     return job.id
 
 

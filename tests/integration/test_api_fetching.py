@@ -6,7 +6,7 @@ import base64
 import hashlib
 import threading
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,11 +16,9 @@ import pytest
 
 import service.jobs.sources
 from meshdeform.api.limits import MAX_DOCUMENT_BYTES
-from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from meshdeform.storage import ObjectStore
 from tests.cases import each_case
-from tests.integration.conftest import DEADLINE_S, Api, serving
+from tests.integration.conftest import DEADLINE_S, Api, serving, serving_api
 from tests.integration.http_calls import PROMPT, check_document, check_problem, post
 
 
@@ -76,20 +74,10 @@ def files(sphere: bytes) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def fetching(database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
+def fetching(own_settings: Callable[..., Settings]) -> Iterator[Api]:
     """An API that may fetch from loopback."""
-    settings = Settings(
-        data_dir=tmp_path_factory.mktemp("fetching"),
-        database_url=database_url,
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        max_upload_bytes=2**20,
-        fetch_networks=["127.0.0.0/8"],
-    )
-    with serving(settings) as url, httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
-        record = JobRecord(database_url)
-        yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
-        record.close()
+    with serving_api(own_settings(max_upload_bytes=2**20, fetch_networks=["127.0.0.0/8"])) as found:
+        yield found
 
 
 def test_a_url_is_fetched_and_the_job_has_the_file(

@@ -13,7 +13,8 @@ from meshdeform.record.queue import JobQueue
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.conftest import Api, new_job, serving_app, stored_file
-from tests.integration.http_calls import check_document, check_problem, eventually, finished_job
+from tests.integration.http_calls import check_document, check_problem, finished_job
+from tests.waiting import until
 
 
 def test_a_job_shows_its_progress_and_its_version(api: Api, openapi: dict[str, Any]) -> None:
@@ -177,4 +178,4 @@ def test_a_job_is_deleted_while_the_store_is_away(api: Api, monkeypatch: pytest.
         monkeypatch.setattr(app.state.app_state.store, "delete_prefix", away)
         assert httpx.delete(f"{url}/v1/jobs/{job_id}").status_code == 204
         check_problem(httpx.get(f"{url}/v1/jobs/{job_id}"), 404, "not_found")
-    eventually(lambda: not api.store.exists(artifact.key))
+    until(lambda: not api.store.exists(artifact.key))

@@ -3,40 +3,25 @@
 from __future__ import annotations
 
 import socket
-import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
-from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from meshdeform.storage import ObjectStore
-from tests.integration.conftest import Api, serving
+from tests.integration.conftest import Api, serving, serving_api
 from tests.integration.http_calls import check_document, check_problem, post
 
 HEAD = b'--x\r\nContent-Disposition: form-data; name="asset"; filename="a.glb"\r\n\r\n'
 
 
 @pytest.fixture(scope="module")
-def small(database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
+def small(own_settings: Callable[..., Settings]) -> Iterator[Api]:
     """A server that allows little."""
-    settings = Settings(
-        data_dir=tmp_path_factory.mktemp("small"),
-        database_url=database_url,
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        max_steps=1000,
-        max_run_s=60,
-        max_upload_bytes=2**20,
-        retention_s=3600,
-    )
-    with serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
-        record = JobRecord(database_url)
-        yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
-        record.close()
+    with serving_api(own_settings(max_steps=1000, max_run_s=60, max_upload_bytes=2**20, retention_s=3600)) as found:
+        yield found
 
 
 def begun(api: Api, length: int = 1000, body: bytes = HEAD) -> socket.socket:

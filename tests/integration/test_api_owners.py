@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -15,14 +14,12 @@ from fastapi import FastAPI, Request
 
 from meshdeform.errors import UnavailableError
 from meshdeform.record.models import JobError, JobState, NewJob
-from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
-from meshdeform.storage import ObjectStore
 from service.app import create_app
 from service.http.auth import Principal, principal
 from tests.integration import conftest
-from tests.integration.conftest import Api, stored_file
+from tests.integration.conftest import Api, stored_file, stored_result
 from tests.integration.http_calls import PROMPT, check_problem
 
 
@@ -37,17 +34,8 @@ async def named_too(request: Request, _: object) -> Principal:
 
 
 @pytest.fixture(scope="module")
-def two(
-    database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[Api, Api]]:
+def two(own_settings: Callable[..., Settings]) -> Iterator[tuple[Api, Api]]:
     """The same server, as two owners see it."""
-    settings = Settings(
-        data_dir=tmp_path_factory.mktemp("owners"),
-        database_url=database_url,
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        max_upload_bytes=2**20,
-    )
 
     def application(settings: Settings) -> FastAPI:
         app = create_app(settings)
@@ -57,37 +45,22 @@ def two(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(conftest, "create_app", application)
         patch.setattr("service.http.auth.principal", named_too)
-        with conftest.serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
-            record = JobRecord(database_url)
-            ann = Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
-            http.headers["x-owner"] = "ann"
-            with httpx.Client(base_url=url, timeout=30, headers={"x-owner": "bob"}) as other:
+        with conftest.serving_api(own_settings(max_upload_bytes=2**20)) as ann:
+            ann.http.headers["x-owner"] = "ann"
+            with httpx.Client(base_url=ann.url, timeout=30, headers={"x-owner": "bob"}) as other:
                 yield ann, replace(ann, http=other)
-            record.close()
 
 
 def finished(api: Api, owner: str, content: bytes = b"result") -> str:
     """A job of an owner that has succeeded, with an artifact and a checkpoint."""
-    from datetime import UTC, datetime
-
-    from meshdeform.record.models import Artifact
-
     file = replace_file(api, content)
     request = JobRequest(prompt="a vase", metadata={"whose": "mine"})
     job = api.record.create(NewJob(request, {"asset": file}, owner_id=owner))
     api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
-    made = api.store.put(key, content)
+    made = stored_result(api.store, key, content)
     api.record.leases.set_checkpoint(job.id, 1, key, 5, made.sha256)
-    artifact = Artifact(
-        name="result.glb",
-        content_type="model/gltf-binary",
-        size=made.size,
-        sha256=made.sha256,
-        key=key,
-        created_at=datetime.now(UTC),
-    )
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[artifact])
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
     return job.id
 
 

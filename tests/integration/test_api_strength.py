@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +14,12 @@ from meshdeform.assets import load_asset
 from meshdeform.assets.isolation import run_child
 from meshdeform.assets.limits import Limits
 from meshdeform.client import AsyncClient, Client
-from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
+from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import derive
 from meshdeform.runs.derive import DerivedInput
 from service.downloads import strengths
-from tests.integration.conftest import Api
+from tests.integration.conftest import Api, stored_result
 from tests.integration.http_calls import check_problem
 
 REPORT = b"{}"
@@ -36,14 +35,7 @@ def job_id(api: Api, sphere: bytes) -> str:
     assert api.record.leases.claim(job.id, "worker", 60.0)
     source = load_asset(sphere)
     made = {"result.glb": source.replace(source.surface.positions * [1.0, 2.0, 1.0]), "report.json": REPORT}
-    results = []
-    for name, data in made.items():
-        stored = api.store.put(f"jobs/{job.id}/1/{name}", data)
-        kind = "model/gltf-binary" if name.endswith("glb") else "application/json"
-        key, now = f"jobs/{job.id}/1/{name}", datetime.now(UTC)
-        results.append(
-            Artifact(name=name, content_type=kind, size=stored.size, sha256=stored.sha256, key=key, created_at=now)
-        )
+    results = [stored_result(api.store, f"jobs/{job.id}/1/{name}", data) for name, data in made.items()]
     api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=results)
     return job.id
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import uuid
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
@@ -13,12 +11,11 @@ import pytest
 
 from meshdeform.errors import UnavailableError
 from meshdeform.record.reconciler import remove_unreachable
-from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import uploads
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from tests.cases import each_case
-from tests.integration.conftest import Api, serving
+from tests.integration.conftest import Api, serving_api
 from tests.integration.http_calls import check_document, check_problem
 
 TEXT = bytes(range(256)) * 40
@@ -215,20 +212,10 @@ def test_a_bad_announcement_says_what_is_wrong(api: Api, document: Any, loc: str
 
 
 @pytest.fixture
-def bucket_api(database_url: str, redis_server_url: str, s3_store_url: str, tmp_path: Path) -> Iterator[Api]:
+def bucket_api(own_settings: Callable[..., Settings], s3_store_url: str) -> Iterator[Api]:
     """The API on a bucket."""
-    settings = Settings(
-        data_dir=tmp_path,
-        database_url=database_url,
-        redis_url=redis_server_url,
-        storage_url=s3_store_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        max_upload_bytes=2**20,
-    )
-    with serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
-        record = JobRecord(database_url)
-        yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
-        record.close()
+    with serving_api(own_settings(storage_url=s3_store_url, max_upload_bytes=2**20)) as found:
+        yield found
 
 
 def test_into_a_bucket_the_bytes_go_straight(bucket_api: Api, sphere: bytes) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from datetime import UTC, datetime
 from typing import Any
 
-from meshdeform.record.models import Artifact, JobState
-from tests.integration.conftest import Api, new_job
+from meshdeform.record.models import JobState
+from tests.integration.conftest import Api, new_job, stored_result
 from tests.integration.http_calls import check_document, check_problem
-from tests.integration.streams import until
+from tests.waiting import until
 
 
 def store_checkpoint(api: Api, job_id: str, attempt: int, step: int, mesh: bytes | None) -> None:
@@ -18,15 +17,7 @@ def store_checkpoint(api: Api, job_id: str, attempt: int, step: int, mesh: bytes
     state = api.store.put(key, b"state" * step)
     made = None
     if mesh is not None:
-        stored = api.store.put(f"{key}.glb", mesh)
-        made = Artifact(
-            name="mesh.glb",
-            content_type="model/gltf-binary",
-            size=stored.size,
-            sha256=stored.sha256,
-            key=f"{key}.glb",
-            created_at=datetime.now(UTC),
-        )
+        made = stored_result(api.store, f"{key}.glb", mesh).model_copy(update={"name": "mesh.glb"})
     api.record.leases.set_checkpoint(job_id, attempt, key, step, state.sha256, size=state.size, mesh=made)
 
 

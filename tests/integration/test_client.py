@@ -6,7 +6,6 @@ import hashlib
 import threading
 import time
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +23,10 @@ from meshdeform.errors import (
     ParameterError,
     VocabularyError,
 )
-from meshdeform.record.models import Artifact, JobError, JobState, Progress
+from meshdeform.record.models import JobError, JobState, Progress
 from meshdeform.requests.document import DeformParams, OutputOptions, Preset
 from tests.client_flavors import both_clients, opened
-from tests.integration.conftest import DEADLINE_S, Api, new_job
+from tests.integration.conftest import DEADLINE_S, Api, new_job, stored_result
 
 CONTENT = bytes(range(256)) * 4096
 
@@ -45,15 +44,7 @@ def sphere(repository: Path) -> Path:
 
 def publish(api: Api, job_id: str, content: bytes = CONTENT) -> None:
     """Do what a worker does at the end."""
-    stored = api.store.put(f"jobs/{job_id}/1/result.glb", content)
-    made = Artifact(
-        name="result.glb",
-        content_type="model/gltf-binary",
-        size=stored.size,
-        sha256=stored.sha256,
-        key=f"jobs/{job_id}/1/result.glb",
-        created_at=datetime.now(UTC),
-    )
+    made = stored_result(api.store, f"jobs/{job_id}/1/result.glb", content)
     api.record.leases.finish(job_id, 1, JobState.SUCCEEDED, results=[made])
 
 

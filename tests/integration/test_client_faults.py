@@ -7,7 +7,6 @@ import hashlib
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,11 @@ import pytest
 from meshdeform.client import Client, EventView
 from meshdeform.client.retries import Policy
 from meshdeform.errors import NotFoundError, StaleAttemptError
-from meshdeform.record.models import Artifact, JobState
+from meshdeform.record.models import JobState
 from tests.acceptance.cluster import SPHERE, Cluster, running_redis, until
 from tests.client_flavors import both_clients, opened
 from tests.fault_proxy import FaultProxy
+from tests.integration.conftest import stored_result
 from tests.integration.streams import progress, recovered_run
 from tests.servers import NotInstalledError
 
@@ -226,18 +226,7 @@ def test_a_download_goes_on_where_it_broke_off(
     job_id = cluster.submit()
     assert cluster.record.leases.claim(job_id, "worker", 60.0)
     names = ("result.glb", "report.json")
-    stored = {name: cluster.store.put(f"jobs/{job_id}/1/{name}", content + name.encode()) for name in names}
-    results = [
-        Artifact(
-            name=name,
-            content_type="model/gltf-binary",
-            size=made.size,
-            sha256=made.sha256,
-            key=f"jobs/{job_id}/1/{name}",
-            created_at=datetime.now(UTC),
-        )
-        for name, made in stored.items()
-    ]
+    results = [stored_result(cluster.store, f"jobs/{job_id}/1/{name}", content + name.encode()) for name in names]
     cluster.record.leases.finish(job_id, 1, JobState.SUCCEEDED, results=results)
     proxy.cut_after(400_000)
     paths = client.fetch(job_id, tmp_path / "new" / "folder")

@@ -22,8 +22,9 @@ from meshdeform.record.schema import jobs
 from meshdeform.settings import Settings
 from tests.fault_proxy import FaultProxy
 from tests.integration.conftest import DEADLINE_S, new_job, serving
-from tests.integration.http_calls import check_problem, eventually
+from tests.integration.http_calls import check_problem
 from tests.shut_database import WAYS, database_to_shut
+from tests.waiting import until
 
 
 def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: str) -> None:
@@ -89,8 +90,8 @@ def test_a_server_that_takes_no_writes_or_no_logins_is_away_until_it_does(
             # What a standby still answers.
             assert http.get(f"/v1/jobs/{job_id}").status_code == (200 if way == "read-only" else 503)
             database.open(way)
-            eventually(lambda: http.get("/readyz").status_code == 200)
-            eventually(lambda: http.post(f"/v1/jobs/{job_id}/cancel").json().get("state") == "canceled")
+            until(lambda: http.get("/readyz").status_code == 200)
+            until(lambda: http.post(f"/v1/jobs/{job_id}/cancel").json().get("state") == "canceled")
 
 
 def test_connections_to_a_server_that_became_a_standby_are_given_up(postgres_url: str) -> None:

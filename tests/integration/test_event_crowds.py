@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +22,17 @@ from meshdeform.settings import Settings
 from service.events import waiting as hub_module
 from service.events.waiting import JobWaiters
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
-from tests.integration.streams import STREAM, stream, until
+from tests.integration.streams import STREAM, stream
 from tests.integration.test_api_process import api_process
+from tests.waiting import until
 
 TERMINAL = {state.value for state in TERMINAL_STATES}
 
 
 @pytest.fixture
-def own(tmp_path: Path, record: JobRecord, database_url: str, redis_url: str) -> Settings:
+def own(record: JobRecord, own_settings: Callable[..., Settings]) -> Settings:
     """Settings of a server of its own."""
-    return Settings(data_dir=tmp_path, database_url=database_url, redis_url=redis_url, queue=f"test-{tmp_path.name}")
+    return own_settings()
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -25,9 +25,9 @@ TERMINAL = {state.value for state in TERMINAL_STATES}
 
 
 @pytest.fixture
-def own(tmp_path: Path, record: JobRecord, database_url: str, redis_url: str) -> Settings:
+def own(record: JobRecord, own_settings: Callable[..., Settings]) -> Settings:
     """Settings of a server of its own."""
-    return Settings(data_dir=tmp_path, database_url=database_url, redis_url=redis_url, queue=f"test-{tmp_path.name}")
+    return own_settings()
 
 
 def check_whole(events: list[dict[str, Any]], first: int = 1) -> None:

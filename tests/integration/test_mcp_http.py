@@ -5,9 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import threading
-import uuid
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import anyio
@@ -18,9 +16,8 @@ import uvicorn
 from meshdeform.record.repository import JobRecord
 from meshdeform.serving.stack import listen
 from meshdeform.settings import Settings
-from meshdeform.storage import ObjectStore
 from tests.acceptance.service import until
-from tests.integration.conftest import Api, new_job, serving
+from tests.integration.conftest import new_job, serving_api
 from tests.integration.http_calls import finished_job
 
 
@@ -55,20 +52,12 @@ async def agent(url: str, key: str) -> Any:
 
 
 def test_agents_act_with_their_own_key_and_see_no_file_of_the_server(
-    record: JobRecord, database_url: str, redis_url: str, tmp_path: Path, sphere: bytes
+    record: JobRecord, own_settings: Callable[..., Settings], sphere: bytes
 ) -> None:
-    settings = Settings(
-        data_dir=tmp_path,
-        database_url=database_url,
-        redis_url=redis_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        auth="on",
-    )
     owner, key = record.keys.create("studio")
     _, other = record.keys.create("other")
     nobodys = new_job(record).id
-    with serving(settings) as service, mcp_server(service) as url, httpx.Client(base_url=service) as http:
-        api = Api(service, settings, record, ObjectStore(settings.resolved_storage_url), http)
+    with serving_api(own_settings(auth="on")) as api, mcp_server(api.url) as url:
         done = finished_job(api, sphere, owner.owner_id)
         hello = {"jsonrpc": "2.0", "id": 1, "method": "tools/list", "params": {}}
         for header in ({}, {"Authorization": "Bearer nonsense"}, {"Authorization": f"Basic {key}"}):
@@ -106,10 +95,8 @@ def test_agents_act_with_their_own_key_and_see_no_file_of_the_server(
 
         job = anyio.run(first)
         anyio.run(second, job)
-        assert (
-            httpx.get(f"{service}/v1/jobs/{job}", headers={"Authorization": f"Bearer {key}"}).json()["state"]
-            == "queued"
-        )
+        found = api.http.get(f"/v1/jobs/{job}", headers={"Authorization": f"Bearer {key}"})
+        assert found.json()["state"] == "queued"
 
 
 def test_a_service_that_is_down_is_said_and_nothing_is_let_in() -> None:

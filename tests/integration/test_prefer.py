@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -19,20 +18,15 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
 from tests.integration.http_calls import check_problem
-from tests.integration.streams import until
+from tests.waiting import until
 
 WAIT = {"Prefer": "wait=60"}
 
 
 @pytest.fixture
-def server(
-    tmp_path: Path, record: JobRecord, database_url: str, redis_url: str
-) -> Iterator[tuple[httpx.Client, FastAPI]]:
+def server(record: JobRecord, own_settings: Callable[..., Settings]) -> Iterator[tuple[httpx.Client, FastAPI]]:
     """A server of its own, and a client that waits for longer than the test may take."""
-    settings = Settings(
-        data_dir=tmp_path, database_url=database_url, redis_url=redis_url, queue=f"test-{tmp_path.name}"
-    )
-    with serving_app(settings) as (url, app), httpx.Client(base_url=url, timeout=2 * DEADLINE_S) as http:
+    with serving_app(own_settings()) as (url, app), httpx.Client(base_url=url, timeout=2 * DEADLINE_S) as http:
         yield http, app
 
 

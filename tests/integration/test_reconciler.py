@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable, Iterator
 from datetime import timedelta
 from pathlib import Path
@@ -21,6 +20,7 @@ from meshdeform.storage import ObjectStore
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, claimed, ids, late, posted, set_to
 from tests.servers import free_port
+from tests.waiting import until
 
 
 @pytest.fixture
@@ -52,13 +52,6 @@ class Paused:
         """Do it at once."""
         assert seconds > 0
         self._do()
-
-
-def until(true: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + DEADLINE_S
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 @pytest.mark.both_databases

@@ -19,8 +19,8 @@ from meshdeform.record.webhooks import Webhook
 from meshdeform.settings import Settings
 from meshdeform.webhooks.delivery import WebhookDelivery
 from tests.integration.conftest import DEADLINE_S, WEBHOOK_SETTINGS, new_job
-from tests.integration.http_calls import eventually
 from tests.unit.webhooks.receiver import Message, Receiver
+from tests.waiting import until
 
 
 def make_due(record: JobRecord) -> None:
@@ -326,7 +326,7 @@ def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRe
     webhook, _ = record.webhooks.create("", receiver.url, ["job.queued"])
     with WebhookDelivery(record, WEBHOOK_SETTINGS):
         new_job(record)
-        eventually(lambda: only_delivery(record, webhook).state == "delivered")
+        until(lambda: only_delivery(record, webhook).state == "delivered")
         receiver.answer = answer
         new_job(record)
         assert waiting.wait(DEADLINE_S)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import uuid
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -19,22 +18,13 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, serving, stored_file
-from tests.integration.http_calls import eventually
 from tests.unit.webhooks.receiver import Receiver
+from tests.waiting import until
 
 
 @pytest.fixture(scope="module")
-def http(
-    database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Callable[[str], httpx.Client]]:
+def http(own_settings: Callable[..., Settings], database_url: str) -> Iterator[Callable[[str], httpx.Client]]:
     """A server, and a client for each owner."""
-    settings = Settings(
-        data_dir=tmp_path_factory.mktemp("api"),
-        database_url=database_url,
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        webhook_networks=["127.0.0.0/8"],
-    )
     clients: list[httpx.Client] = []
     keys = JobRecord(database_url)
 
@@ -43,7 +33,7 @@ def http(
         clients.append(httpx.Client(base_url=url, headers=headers, timeout=DEADLINE_S))
         return clients[-1]
 
-    with serving(settings) as url:
+    with serving(own_settings(webhook_networks=["127.0.0.0/8"])) as url:
         yield client
         for each in clients:
             each.close()
@@ -67,9 +57,9 @@ def test_a_webhook_over_http_from_its_making_to_its_end(
     assert (document["url"], document["events"], document["enabled"]) == (receiver.url, ["job.queued"], True)
 
     job_id = post_job(record, "ann")
-    message = eventually(lambda: receiver.messages and receiver.messages[0])
+    message = until(lambda: receiver.messages and receiver.messages[0])
     assert message.verified(secret)["data"]["job"]["id"] == job_id
-    log = eventually(lambda: ann.get(f"{path}/deliveries?state=delivered").json()["deliveries"])
+    log = until(lambda: ann.get(f"{path}/deliveries?state=delivered").json()["deliveries"])
     assert (log[0]["id"], log[0]["job_id"], log[0]["attempt_count"]) == (message.id, job_id, 1)
     detail = ann.get(f"{path}/deliveries/{message.id}").json()
     assert detail["payload"] == message.verified(secret)
@@ -79,13 +69,13 @@ def test_a_webhook_over_http_from_its_making_to_its_end(
     assert rotated["rotation_ends_at"] is not None
     tested = ann.post(f"{path}/test")
     assert (tested.status_code, tested.json()["type"], tested.json()["job_id"]) == (202, TEST_EVENT, None)
-    second = eventually(lambda: len(receiver.messages) > 1 and receiver.messages[1])
+    second = until(lambda: len(receiver.messages) > 1 and receiver.messages[1])
     assert second.verified(secret) == second.verified(rotated["secret"])
     assert second.verified(secret)["type"] == TEST_EVENT
 
     replayed = ann.post(f"{path}/deliveries/{message.id}/replay")
     assert (replayed.status_code, replayed.json()["message_id"]) == (202, message.id)
-    third = eventually(lambda: len(receiver.messages) > 2 and receiver.messages[2])
+    third = until(lambda: len(receiver.messages) > 2 and receiver.messages[2])
     assert (third.id, third.body) == (message.id, message.body)
 
     off = ann.patch(path, json={"enabled": False}).json()
@@ -168,7 +158,7 @@ def test_a_job_names_a_webhook_of_its_own(
     other = post_job(record, "ann")
     assert ann.post(f"/v1/jobs/{job}/cancel").json()["state"] == "canceled"
     record.request_cancel(other)
-    eventually(lambda: len(receiver.messages) == 2)
+    until(lambda: len(receiver.messages) == 2)
     secret = ann.get("/v1/webhooks/secret").json()["secret"]
     assert secret != bob.get("/v1/webhooks/secret").json()["secret"]
     messages = [message.verified(secret) for message in receiver.messages]

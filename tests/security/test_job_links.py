@@ -15,14 +15,14 @@ import pytest
 
 from meshdeform.client import Client
 from meshdeform.errors import UnauthorizedError
-from meshdeform.record.models import Artifact, JobState, NewJob, StoredFile
+from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import sign_path
 from service.events import routes as event_routes
 from service.http.auth import SIGNING_KEY
 from tests.cases import each_case
-from tests.integration.conftest import DEADLINE_S, Api
+from tests.integration.conftest import DEADLINE_S, Api, stored_result
 from tests.integration.http_calls import check_problem
 from tests.integration.test_downloads import closed_server
 
@@ -44,12 +44,7 @@ def owned_job(api: Api, owner_id: str, **files: StoredFile) -> str:
     job = api.record.create(NewJob(JobRequest.model_validate(REQUEST), given, owner_id=owner_id))
     assert api.record.leases.claim(job.id, "worker", 60.0)
     key = f"jobs/{job.id}/1/result.glb"
-    api.store.put(key, CONTENT)
-    made = Artifact(
-        name="result.glb", content_type="model/gltf-binary", size=len(CONTENT), key=key, created_at=datetime.now(UTC),
-        sha256=hashlib.sha256(CONTENT).hexdigest(),
-    )  # fmt: skip
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[stored_result(api.store, key, CONTENT)])
     return job.id
 
 

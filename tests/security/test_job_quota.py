@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -29,14 +29,8 @@ LIMIT = 200_000
 
 
 @pytest.fixture
-def settings(database_url: str, redis_server_url: str, tmp_path: Path) -> Settings:
-    return Settings(
-        data_dir=tmp_path,
-        database_url=database_url,
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        max_stored_bytes=LIMIT,
-    )
+def settings(own_settings: Callable[..., Settings]) -> Settings:
+    return own_settings(max_stored_bytes=LIMIT)
 
 
 @pytest.fixture

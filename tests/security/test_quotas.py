@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -22,17 +20,9 @@ from tests.integration.test_api_owners import named
 
 
 @pytest.fixture
-def url(database_url: str, redis_server_url: str, tmp_path: Path) -> Iterator[str]:
+def url(own_settings: Callable[..., Settings]) -> Iterator[str]:
     """A server that allows each owner three uploads of 200,000 bytes altogether."""
-    settings = Settings(
-        data_dir=tmp_path,
-        database_url=database_url,
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        max_uploads=3,
-        max_uploads_bytes=200_000,
-    )
-    with serving_app(settings) as (url, app):
+    with serving_app(own_settings(max_uploads=3, max_uploads_bytes=200_000)) as (url, app):
         app.dependency_overrides[principal] = named
         yield url
 

@@ -6,7 +6,6 @@ import contextlib
 import socket
 import threading
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -25,6 +24,7 @@ from service.state import AppState
 from tests.integration.conftest import Api, serving_app
 from tests.integration.http_calls import PROMPT, check_problem, post
 from tests.integration.test_api_owners import named
+from tests.waiting import until
 
 HEAD = b'--x\r\nContent-Disposition: form-data; name="asset"; filename="a.glb"\r\n\r\n'
 
@@ -39,15 +39,9 @@ class Tenants:
 
 
 @pytest.fixture(scope="module")
-def tenants(database_url: str, redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tenants]:
-    settings = Settings(
-        data_dir=tmp_path_factory.mktemp("shares"),
-        database_url=database_url,
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        max_upload_bytes=2**20,
-    )
-    record, store = JobRecord(database_url), ObjectStore(settings.resolved_storage_url)
+def tenants(own_settings: Callable[..., Settings]) -> Iterator[Tenants]:
+    settings = own_settings(max_upload_bytes=2**20)
+    record, store = JobRecord(settings.database_url), ObjectStore(settings.resolved_storage_url)
     with serving_app(settings) as (url, app), contextlib.ExitStack() as clients:
         app.dependency_overrides[principal] = named
         ann, bob = (
@@ -68,13 +62,6 @@ def sending(api: Api, path: str, method: str = "POST", length: int = 1000) -> It
     with socket.create_connection((host, int(port)), timeout=30) as connection:
         connection.sendall(head.encode() + b"Content-Type: multipart/form-data; boundary=x\r\n\r\n" + HEAD)
         yield connection
-
-
-def until(true: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def upload(api: Api, content: bytes) -> dict[str, Any]:

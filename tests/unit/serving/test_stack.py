@@ -8,8 +8,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import psutil
@@ -21,6 +19,7 @@ from meshdeform.serving.processes import Backoff, Child, SignalInbox, Supervised
 from meshdeform.serving.stack import DirectoryLock, _environment, _url, listen
 from meshdeform.settings import Settings
 from tests.cases import each_case
+from tests.waiting import until
 
 
 def test_port_0_takes_a_free_one() -> None:
@@ -111,13 +110,6 @@ def test_on_and_off_ask_no_address(address: str | None) -> None:
 
 
 SLEEP = [sys.executable, "-c", "import time; time.sleep(600)"]
-
-
-def until(condition: Callable[[], bool], deadline_s: float = 30.0) -> None:
-    deadline = time.monotonic() + deadline_s
-    while not condition():
-        assert time.monotonic() < deadline, "the condition did not come true in time"
-        time.sleep(0.01)
 
 
 def test_each_line_of_a_child_arrives() -> None:

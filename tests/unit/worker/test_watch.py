@@ -6,7 +6,7 @@ import contextlib
 import datetime as dt
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -14,6 +14,7 @@ from meshdeform.errors import StaleAttemptError, UnavailableError
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress, StoredFile
 from meshdeform.runs.base import StepReport
+from tests.waiting import until
 from worker.watch import JobWatch, StepTimer
 
 JOB = Job(
@@ -100,13 +101,6 @@ def ear() -> Ear:
 
 def watch_of(record: RecordStub, ear: Ear, job: Job = JOB, lease_s: float = 30.0) -> JobWatch:
     return JobWatch(record, WORKER, job, ear.listen, lease_s)  # type: ignore[arg-type]
-
-
-def until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
 
 
 def step(n: int, total: int = 100) -> StepReport:
