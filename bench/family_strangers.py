@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds i
 
 from bench.parametric_families import PARTS, Member, family, labels_document, packed
 from meshdeform.kinds.families.collection import SampledShape, sample_shape
-from meshdeform.kinds.families.matching import unlike
+from meshdeform.kinds.families.matching import unlike, unrelated
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, RunInput
@@ -52,11 +52,15 @@ def named(members: list[Member], labels: dict[str, object]) -> set[str]:
     return set(report["strangers"])
 
 
+def scaled(shapes: list[SampledShape]) -> torch.Tensor:
+    """Return the features (T, P, F) of shapes, of unit variance."""
+    features = torch.stack([shape.features for shape in shapes])
+    return (features - features.mean((0, 1))) / features.std((0, 1)).clamp_min(1e-6)
+
+
 def unlike_in(shapes: list[SampledShape], labelled: int) -> list[int]:
     """Return the numbers of the shapes that are unlike the first ones, which are labelled."""
-    features = torch.stack([shape.features for shape in shapes])
-    scaled = (features - features.mean((0, 1))) / features.std((0, 1)).clamp_min(1e-6)
-    return unlike(scaled, torch.arange(len(shapes)) < labelled) or []
+    return unlike(scaled(shapes), torch.arange(len(shapes)) < labelled) or []
 
 
 def among_nouns(mixes: int) -> None:
@@ -68,6 +72,14 @@ def among_nouns(mixes: int) -> None:
         parts = [member(noun, (), np.random.default_rng([7, number])) for number in range(_MEMBERS)]
         shapes[noun] = [sample_shape(part.verts, part.faces, _SAMPLES, number) for number, part in enumerate(parts)]
     nouns = list(shapes)
+    random = np.random.default_rng(1)
+    single = [unrelated(scaled(shapes[noun])) for noun in nouns]
+    picks = [random.choice(len(nouns), _MEMBERS, replace=False) for _ in nouns]
+    mixed = [unrelated(scaled([shapes[nouns[each]][0] for each in pick])) for pick in picks]
+    for title, found in (("collections of one noun", single), ("mixes of twelve nouns", mixed)):
+        spreads = [spread for spread, _ in found]
+        flagged = sum(bool(farthest) for _, farthest in found)
+        print(f"{flagged} of {len(found)} {title} are no family; {min(spreads):.2f} to {max(spreads):.2f} apart")
     for labelled in (5, 8, 10):
         random = np.random.default_rng(0)
         alone = sum(len(unlike_in(shapes[noun], labelled)) for noun in nouns)

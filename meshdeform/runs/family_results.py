@@ -31,12 +31,14 @@ from meshdeform.kinds.families.collection import SampledShape
 from meshdeform.kinds.families.inference import Inference
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.matching import (
+    NO_FAMILY,
     Correspondences,
     correspondences,
     descriptors,
     strangers,
     triangle_parts,
     unlike,
+    unrelated,
     visible_points,
 )
 from meshdeform.kinds.families.members import turned
@@ -249,6 +251,12 @@ class FamilyResults:
                     **({"accuracy": accuracy[t]} if accuracy[t] is not None else {}),
                 }
             )
+        spread, farthest = unrelated(self.inference.collection.features)
+        if farthest:
+            warnings.append(
+                f"These assets seem to be no family: they are {spread:.2f} apart, and families at most {NO_FAMILY}. "
+                f"Farthest from the others are: {_listed([self.names[t] for t in farthest])}."
+            )
         copies = [self.names[t] for t, digest in enumerate(digests) if digest in digests[:t]]
         left_out = [name for name in self.files.assets if name not in self.names]
         for names, what in ((left_out, "cannot be read and are left out"), (copies, "are copies of others")):
@@ -266,6 +274,7 @@ class FamilyResults:
             "input": {"sha256": self.sha256, "assets": len(self.names)},
             "parts": self.parts,
             "assets": assets,
+            "spread": spread,
             "strangers": [self.names[t] for t in other],
             "accuracy": {"held_out": len(scores), "parts": float(np.mean(scores))} if scores else None,
             "classes": self._class_accuracy(),

@@ -29,6 +29,8 @@ _UNLIKE = 1.6
 _ALIKE = 0.2
 """Standard deviations of a feature: what differs by less is alike, however much alike the labelled shapes are."""
 _QUANTILES = 100
+NO_FAMILY, _COMPARED = 0.55, 100
+"""Mean distance of the shapes of a collection from which on they are no family; and most shapes that are compared."""
 _EXISTS = 0.8
 """Distance, in diagonals, that counts as much as a point that only one of two shapes has."""
 
@@ -153,14 +155,33 @@ def unlike(features: Tensor, labelled: Tensor) -> list[int] | None:
     """
     if int(labelled.sum()) < _ENOUGH:
         return None
-    count = features.shape[1]
-    places = torch.linspace(0, count - 1, min(count, _QUANTILES)).round().long()
-    quantiles = features.sort(dim=1).values[:, places]
-    known = quantiles[labelled]
-    squares = torch.zeros(len(features), len(known))
-    for column in range(features.shape[2]):
-        squares += (torch.cdist(quantiles[:, :, column], known[:, :, column], p=1) / len(places)).square()
-    squares[labelled.nonzero()[:, 0], torch.arange(len(known))] = torch.inf  # another one than itself
-    nearest = (squares.amin(1) / features.shape[2]).sqrt()
+    squares = _squares(features, features[labelled])
+    squares[labelled.nonzero()[:, 0], torch.arange(squares.shape[1])] = torch.inf  # another one than itself
+    nearest = squares.amin(1).sqrt()
     most = (_UNLIKE * nearest[labelled].max()).clamp_min(_ALIKE)
     return torch.nonzero((nearest > most) & ~labelled)[:, 0].tolist()
+
+
+def unrelated(features: Tensor) -> tuple[float, list[int]]:
+    """Return how far shapes are apart on average, and which ones are farthest from all others if they are no family.
+
+    Parameters
+    ----------
+    features : (T, P, F) float32
+        Of the samples of each shape, of unit variance over the collection.
+    """
+    some = torch.arange(0, len(features), max(1, len(features) // _COMPARED))
+    apart = _squares(features[some], features[some]).sqrt()
+    mean = apart.sum(1) / (len(some) - 1)
+    spread = float(mean.mean())
+    return spread, some[mean.argsort(descending=True)].tolist() if spread > NO_FAMILY else []
+
+
+def _squares(features: Tensor, others: Tensor) -> Tensor:
+    """Return the squares (T, S) of the distances between the distributions of the local features of shapes."""
+    places = torch.linspace(0, features.shape[1] - 1, min(features.shape[1], _QUANTILES)).round().long()
+    own, theirs = (each.sort(dim=1).values[:, places] for each in (features, others))
+    squares = torch.zeros(len(own), len(theirs))
+    for column in range(own.shape[2]):
+        squares += (torch.cdist(own[:, :, column], theirs[:, :, column], p=1) / len(places)).square()
+    return squares / own.shape[2]

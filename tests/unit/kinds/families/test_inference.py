@@ -12,7 +12,14 @@ from bench.parametric_families import CLASSES, PARTS, family
 from meshdeform.assets import load_asset
 from meshdeform.kinds.families.collection import Collection, sample_shape, turned_alike
 from meshdeform.kinds.families.inference import Inference
-from meshdeform.kinds.families.matching import correspondences, descriptors, strangers, triangle_parts, unlike
+from meshdeform.kinds.families.matching import (
+    correspondences,
+    descriptors,
+    strangers,
+    triangle_parts,
+    unlike,
+    unrelated,
+)
 
 
 def dense_matches(inference: Inference, source: int, target: int) -> torch.Tensor:
@@ -192,3 +199,17 @@ def test_descriptors_tell_places_and_existence_at_one_scale():
     apart = np.abs(descriptors(points[1:2], lacking[1:2], (points, exists)) - found[1:2]).sum()
     way = points[1, 3] - (points[:, 3] * exists[:, 3, None]).sum(0) / exists[:, 3].sum()
     assert apart == pytest.approx(0.8 + np.abs(way).sum(), abs=1e-5)
+
+
+def test_what_has_little_in_common_is_no_family():
+    chairs = stacked(sampled("chairs", 12, 120)[1])[2]
+    mixed = torch.rand(12, 120, chairs.shape[2], generator=torch.Generator().manual_seed(0)) * 0.1
+    mixed += 5 * torch.rand(12, 1, chairs.shape[2], generator=torch.Generator().manual_seed(1))
+    mixed[3] += 20
+    found = []
+    for features in (chairs, mixed):
+        scaled = (features - features.mean((0, 1))) / features.std((0, 1))
+        found.append(unrelated(scaled))
+    assert found[0][0] < 0.55 < found[1][0]
+    assert found[0][1] == []
+    assert found[1][1][0] == 3  # the farthest first
