@@ -543,7 +543,9 @@ def _schema_finding(detail: str, version: str) -> Finding:
         return ok("database", f"{detail}, schema {version}, of a newer Meshdeform, which this one can use")
     if version < HEAD:
         return warn(
-            "database", f"{detail}, schema {version}, not {HEAD}", "The next start migrates it: make a backup first."
+            "database",
+            f"{detail}, schema {version}, not {HEAD}",
+            "The next start migrates it if a release wrote it: make a backup first.",
         )
     return fail("database", f"{detail}, schema {version}, from a newer Meshdeform", "Install that version.")
 
