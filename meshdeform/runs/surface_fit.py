@@ -47,6 +47,8 @@ _SNAPSHOT_LEVEL = 1
 _DRAWN_FACES = 10_000
 _MOST_SIZES = 20.0
 """Times the surface's diagonal that the one of a base may be, or the other way round."""
+_REVERSED, _UNCOVERED = 0.01, 0.01
+"""Share of the area that may face the other way, and of the diagonal by which a hundredth of the input may be away."""
 _ANCHOR_SLACK = 0.1
 """Share of the diagonal by which an anchor may be outside of the bounding box."""
 
@@ -153,6 +155,24 @@ def _source(given: RunInput) -> CleanMesh | OrientedPoints | DistanceGrid | Impl
     return clean(surface.positions, surface.triangles)
 
 
+def _warnings(distance: dict[str, Any], cleaned: dict[str, int]) -> list[str]:
+    """Return what must be said of a result."""
+    found = []
+    if cleaned.get("turned_normals"):
+        found.append("The normals of the points faced inside; they were turned.")
+    if distance["reversed"] > _REVERSED:
+        found.append(
+            f"{distance['reversed']:.1%} of the result faces the other way than the surface: it is folded. "
+            "More steps, more anchors or a base that is more like the surface unfold it."
+        )
+    if distance["from_input"]["p99"] > _UNCOVERED:
+        found.append(
+            f"A hundredth of the input is {distance['from_input']['p99']:.1%} of the diagonal or more away from the "
+            "result: parts of it are missing. Set params.base_faces and params.steps higher, or send more points."
+        )
+    return found
+
+
 class SurfaceFitRun(JobRun):
     """A run in progress, created by `start`."""
 
@@ -225,8 +245,8 @@ class SurfaceFitRun(JobRun):
         with self.log.phase("measure"):
             for level, (points, triangles) in zip(levels, meshes, strict=True):
                 level["distance"] = distances(self._surface, points, triangles)
-            reference = Reference(self._surface)
-            compared = reference.compare(mesh, verts)
+            compared = Reference(self._surface).compare(mesh, verts)
+        self._facts["warnings"] += _warnings(levels[-1]["distance"], self._surface.reference.cleaned)
         with self.log.phase("draw"):
             artifacts["preview.png"] = ArtifactData(self._picture(artifacts), "image/png")
         report = self._report(data, artifacts, levels, mesh, {"scalars": learned, **compared})

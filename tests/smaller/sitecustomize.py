@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 SMALLER = {
-    "meshdeform.kinds.surface_fit.surface_sources": ("_POINT_CELLS", 32),
+    "meshdeform.kinds.surface_fit.oriented_points": ("_MOST", 48),
     "meshdeform.geometry.quality": ("_FIT_SAMPLES", 2000),
     "meshdeform.guidance.points": ("SAMPLES", 2000),
     "meshdeform.rendering.studio": ("_SIZE", 32),

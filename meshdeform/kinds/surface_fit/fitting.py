@@ -49,6 +49,9 @@ _BORDER_BATCH = 512
 _WARM_STEPS = 20
 _BORDER = 0.3
 """Weight of the distance between borders, beside that of the surfaces."""
+_FOLDED, _UNFOLD = 0.02, 100
+"""Share of reversed triangles of a step from which on normals count for more, and how many times as much at twice it:
+a base of another shape unfolds only so, and what is not folded would be fitted less closely."""
 _LAST_RATE = 0.01
 """Learning rate of the last step, as a share of the highest."""
 
@@ -237,7 +240,9 @@ class FieldFit:
             hints = functional.normalize(hints, dim=-1).reshape(count, 3)
         target, wanted = self.project(moved.detach(), hints)
         mean = functional.normalize(wanted.reshape(chosen.shape[0], -1, 3)[:, self._small].sum(2), dim=-1)
-        return (moved - target).square().sum(1).mean(), (1 - (normals * mean).sum(-1)).mean()
+        facing = (normals * mean).sum(-1)
+        folded = float((facing < 0).float().mean()) / _FOLDED - 1
+        return (moved - target).square().sum(1).mean(), (1 + _UNFOLD * min(max(folded, 0), 1)) * (1 - facing).mean()
 
     def _backwards(self) -> Tensor:
         """Return the mean squared distance of samples of the surface from the field, along their normals."""

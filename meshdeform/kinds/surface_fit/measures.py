@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from meshdeform.geometry.places import surface_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh
 from meshdeform.kinds.surface_fit.collapse import collapsed
 from meshdeform.kinds.surface_fit.gluing import glue, topology
@@ -32,7 +31,7 @@ _FEWEST_FACES = 10_000
 
 
 def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]:
-    """Return distances both ways, as shares of the diagonal, and the angle of normals in degrees.
+    """Return distances both ways, as shares of the diagonal, the angle of normals in degrees, and the share reversed.
 
     Parameters
     ----------
@@ -44,20 +43,21 @@ def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]
     diagonal = float(np.linalg.norm(np.ptp(reference.verts, axis=0)))
     twin = glue(verts, faces)
     ours = MeshSurface(CleanMesh(verts, faces, twin, topology(faces, twin), {}))
-    to, angle = _one_way(verts, faces, surface)
-    back, _ = _one_way(reference.verts, reference.faces, ours)
+    to, angle = _one_way(ours, surface)
+    back, _ = _one_way(surface, ours)
     return {
         "to_input": _figures(to / diagonal),
         "from_input": _figures(back / diagonal),
         "mean": float((to.mean() + back.mean()) / 2 / diagonal),
         "normals_deg": float(angle.mean()),
+        "reversed": float((angle > 90).mean()),
     }
 
 
-def _one_way(verts: _Floats, faces: _Index, surface: Surface) -> tuple[_Floats, _Floats]:
-    """Return distances and angles of normals at samples of a mesh to their projections."""
-    points, normals = surface_samples(verts, faces, _SAMPLES, seed=0)
-    place, facing = surface.project(points, normals)
+def _one_way(one: Surface, other: Surface) -> tuple[_Floats, _Floats]:
+    """Return distances and angles of normals at samples of a surface to their projections on another."""
+    points, normals = one.samples(_SAMPLES)
+    place, facing = other.project(points, normals)
     angle = np.degrees(np.arccos(np.clip((normals * facing).sum(1), -1, 1)))
     return np.linalg.norm(points - place, axis=1), angle
 

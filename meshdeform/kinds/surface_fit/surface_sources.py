@@ -18,7 +18,7 @@ from torch.nn import functional
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, coarsening
 from meshdeform.errors import AssetError
 from meshdeform.geometry.mesh import connected_components, face_normals
-from meshdeform.geometry.places import SurfaceTree
+from meshdeform.geometry.places import SurfaceTree, surface_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
 from meshdeform.kinds.surface_fit.isosurface import continued, isosurface
 from meshdeform.kinds.surface_fit.oriented_points import poisson_grid
@@ -29,12 +29,12 @@ _Index = NDArray[np.int64]
 
 _CELLS = 96
 """Cells along the longest side where a surface must first be extracted."""
-_POINT_CELLS = 64
-"""The same for points, whose details are below neither their distances nor the noise."""
 _NEIGHBOURS = 16
 _STRAY, _MOST_STRAYS = 20.0, 0.01
 """Times the usual distance of neighbours from which on a point is a stray, and the share of points that may be: one
 scanned amiss would else make the grid so large that all the rest is a few of its cells."""
+_BEYOND = 3.0
+"""Times the usual distance of neighbours from which on a face closes a hole of the cloud."""
 _NEWTON_STEPS = 4
 _CHUNK = 65_536
 
@@ -44,6 +44,9 @@ class Surface(Protocol):
 
     kind: str  # `mesh`, `points`, `grid` or `network`
     reference: CleanMesh
+
+    def samples(self, count: int) -> tuple[_Floats, _Floats]:
+        """Return points of what was given (P, 3) and unit normals (P, 3) there, about `count` of them."""
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
         """Return the nearest places on the surface (P, 3), and its unit normals (P, 3) there.
@@ -74,7 +77,15 @@ def surface_of(
     return NetworkSurface(source, base_faces) if isinstance(source, ImplicitNetwork) else MeshSurface(source)
 
 
-class MeshSurface:
+class _Sampled:
+    reference: CleanMesh
+
+    def samples(self, count: int) -> tuple[_Floats, _Floats]:
+        """Return places of the mesh and their normals."""
+        return surface_samples(self.reference.verts, self.reference.faces, count, seed=0)
+
+
+class MeshSurface(_Sampled):
     """A mesh: the nearest place, and the normal of its triangle."""
 
     kind = "mesh"
@@ -106,13 +117,26 @@ class PointSurface:
         if not 0 < stray.mean() <= _MOST_STRAYS:
             stray[:] = False
         self._points, self._normals = points[~stray], cloud.normals[~stray]
+        # Of a closed surface with normals to the outside, this is three times the volume.
+        around = self._points - self._points.mean(0)
+        turned = float(np.average((around * self._normals).sum(1), weights=far[~stray] ** 2)) < 0
+        if turned:
+            self._normals = -self._normals
         if stray.any():
             self._tree = cKDTree(self._points)
         self._width = float(np.median(far)) / 2
-        phi, origin, spacing = poisson_grid(self._points, self._normals, _POINT_CELLS)
+        phi, origin, spacing = poisson_grid(self._points, self._normals)
         verts, faces = isosurface(phi, origin, np.full(3, spacing))
+        beyond = self._tree.query(verts[faces].mean(1))[0] > _BEYOND * np.median(far)
+        if beyond.mean() > _MOST_STRAYS:  # open: what closes it has no points
+            faces = faces[~beyond]
         self.reference = _reference(verts, faces, self, base_faces, "The points enclose nothing.")
-        self.reference.cleaned["stray_points"] = int(stray.sum())
+        self.reference.cleaned.update(stray_points=int(stray.sum()), turned_normals=len(points) if turned else 0)
+
+    def samples(self, count: int) -> tuple[_Floats, _Floats]:
+        """Return the points that were given, about `count` of them."""
+        some = slice(None, None, max(len(self._points) // count, 1))
+        return self._points[some], self._normals[some]
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
         """Return points of the zero set, by moving along the mean normal of the neighbours, and that normal."""
@@ -133,7 +157,7 @@ class PointSurface:
         return found, normal
 
 
-class _Implicit:
+class _Implicit(_Sampled):
     """The zero set of a function with a gradient: Newton's method along the gradient."""
 
     _reach: float

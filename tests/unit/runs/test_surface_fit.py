@@ -64,6 +64,8 @@ def begin(
 
 def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshdeform.runs.surface_fit.learned_scalars", partial(learned_scalars, steps=60))
+    for limit in ("_REVERSED", "_UNCOVERED"):
+        monkeypatch.setattr(f"meshdeform.runs.surface_fit.{limit}", -1.0)
     mesh = torus(n=24, m=12)
     scalars = io.BytesIO()
     np.savez(scalars, points=mesh.verts.numpy(), height=mesh.verts.numpy()[:, 2])
@@ -84,6 +86,9 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, mo
     assert np.abs(surface.positions - verts).max() < 1e-6
     assert len(surface.triangles) == len(faces) == 4 * len(field.faces) == report["levels"][1]["faces"]
     assert report["input"]["genus"] == 1
+    folded, missing = report["input"]["warnings"]
+    assert "faces the other way" in folded
+    assert "parts of it are missing" in missing
     (fact,) = report["scalars"]
     assert (fact["name"], fact["relative_error"] < 0.3) == ("height", True), fact
     assert fact["bytes"] == field.header["sections"][3][0]
@@ -314,12 +319,7 @@ def test_a_branch_has_the_network_of_its_job() -> None:
         kind.as_branch(job, JobRequest.model_validate({"kind": "surface_fit", "params": {"width": 8}}))
 
 
-def test_a_cloud_is_posted_fitted_and_downloaded_and_is_no_asset(
-    tmp_path: Path, redis_url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "meshdeform.kinds.surface_fit.surface_sources._POINT_CELLS", 24
-    )  # the worker is in this process
+def test_a_cloud_is_posted_fitted_and_downloaded_and_is_no_asset(tmp_path: Path, redis_url: str) -> None:
     mesh = icosphere(3)
     points = mesh.verts.numpy()
     cloud = tmp_path / "cloud.xyz"

@@ -180,8 +180,7 @@ def test_a_distance_grid_becomes_its_torus() -> None:
     assert normal[1] == pytest.approx([0, -1, 0], abs=0.05)
 
 
-def test_noisy_points_become_a_closed_surface_within_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("meshdeform.kinds.surface_fit.surface_sources._POINT_CELLS", 24)
+def test_noisy_points_become_a_closed_surface_within_the_noise() -> None:
     random = np.random.default_rng(0)
     normals = random.normal(size=(1500, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -203,6 +202,32 @@ def test_noisy_points_become_a_closed_surface_within_the_noise(monkeypatch: pyte
     apart = np.concatenate([verts, verts + [9, 0, 0]])
     both = surface_of(OrientedPoints(apart, np.concatenate([verts, verts]))).reference
     assert (both.cleaned["stray_points"], both.topology.components) == (0, 2)
+
+
+def test_points_keep_thin_parts_and_open_sides_and_normals_to_the_inside_are_turned() -> None:
+    random = np.random.default_rng(0)
+    ball = random.normal(size=(8000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    # A tube on top, a sixteenth as thick as the ball.
+    turn, height = random.uniform(0, 2 * np.pi, 1500), random.uniform(1, 2, 1500)
+    around = np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1)
+    tube = np.concatenate([0.06 * around[:, :2], height[:, None]], 1)
+    outer = ball[(np.hypot(ball[:, 0], ball[:, 1]) > 0.06) | (ball[:, 2] < 0)]
+    points, normals = np.concatenate([outer, tube]), np.concatenate([outer, around])
+    for facing in (1, -1):
+        found = surface_of(OrientedPoints(points, facing * normals))
+        assert found.reference.topology.characteristics == (2,)
+        assert found.reference.verts[:, 2].max() == pytest.approx(2, abs=0.03)
+        assert found.reference.cleaned["turned_normals"] == (len(points) if facing < 0 else 0)
+        assert volume(found.reference.verts, found.reference.faces) == pytest.approx(4 / 3 * np.pi, rel=0.02)
+    low = ball[ball[:, 2] < 0.3]
+    bowl = surface_of(OrientedPoints(low, low)).reference
+    assert (bowl.topology.characteristics, bowl.topology.borders) == ((1,), 1)
+    assert bowl.verts[:, 2].max() < 0.6
+    few = ball[:100]
+    found = surface_of(OrientedPoints(few, few)).reference
+    assert found.topology.characteristics == (2,)
+    assert np.median(np.linalg.norm(found.verts, axis=1)) == pytest.approx(1, abs=0.2)
 
 
 def test_noise_is_refused_before_anything_costly_is_made_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
