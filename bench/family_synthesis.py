@@ -13,8 +13,9 @@ of held-out members to the nearest shape (minimum matching distance, less is bet
 are the nearest one of a shape (coverage, more is better), and how often the nearest neighbour of a shape or a held-out
 member is of the same group (1-NN accuracy, 50 % is best). Sources: Achlioptas et al. 2018, Yang et al. 2019. `copies`
 is the share of shapes that are nearer to a training member than 95 % of the held-out members are (5 % is best), and
-`mixed` the share whose parts are of members of more than one sub-class. Figures are means over the seeds, which draw
-the members, the halves and the shapes, and the range.
+`mixed` the share whose parts are of members of more than one sub-class. The seeds draw the members, the halves and the
+shapes. Figures are means over shapes or held-out members of all seeds, with half of the 95 % interval. The last rows
+are differences from shapes near members, of the same held-out members where these are what is counted.
 """
 
 from __future__ import annotations
@@ -112,22 +113,22 @@ class Yardstick:
         nearest = chamfer(held, train).amin(1)
         return cls(held, train, chamfer(held, held), float(nearest.quantile(0.05)))
 
-    def measured(self, made: list[Cloud]) -> list[float]:
-        """Return the first four of `_MEASURES`; there are as many shapes as held-out members."""
+    def measured(self, made: list[Cloud]) -> list[Tensor]:
+        """Return what the first four of `_MEASURES` are means of; there are as many shapes as held-out members."""
         across, count = chamfer(made, self.held), len(made)
         both = torch.cat([torch.cat([chamfer(made, made), across], 1), torch.cat([across.T, self.within], 1)])
         group = torch.arange(2 * count) < count
         nearest = both.fill_diagonal_(torch.inf).argmin(1)
         return [
-            float(across.amin(0).mean()),
-            len(set(across.argmin(1).tolist())) / count,
-            float((group[nearest] == group).float().mean()),
-            float((chamfer(made, self.train).amin(1) < self.copy).float().mean()),
+            across.amin(0),
+            torch.bincount(across.argmin(1), minlength=count) > 0,
+            group[nearest] == group,
+            chamfer(made, self.train).amin(1) < self.copy,
         ]
 
 
-def measured(name: str, seed: int) -> dict[str, list[float]]:
-    """Return `_MEASURES` of each model of one family and seed."""
+def measured(name: str, seed: int) -> dict[str, list[Tensor]]:
+    """Return what `_MEASURES` are means of, for each model of one family and seed."""
     data = collection_of(name, _MEMBERS, seed)
     files = open_collection(data, Limits())
     whole = read_family(fitted(data, {"seed": seed})[1]["family.safetensors"].data)
@@ -162,14 +163,19 @@ def measured(name: str, seed: int) -> dict[str, list[float]]:
         "linear": lambda random: built(linear(train, random)),
         "recombination": recombined,
     }
-    found: dict[str, list[float]] = {}
+    found: dict[str, list[Tensor]] = {}
     for title, make in makers.items():
         random = np.random.default_rng(seed)
         mixed.clear()
         made = [cloud(make(random), number) for number in range(count // 2)]
-        found[title] = [*measure.measured(made), float(np.mean(mixed))]
-    found["training"] = [*measure.measured(clouds[: count // 2]), 0.0]
+        found[title] = [*measure.measured(made), torch.tensor(mixed)]
+    found["training"] = [*measure.measured(clouds[: count // 2]), torch.zeros(1)]
     return found
+
+
+def shown(items: Tensor) -> str:
+    """Return the mean of items (N,) and half of its 95 % interval."""
+    return f"{items.mean():.4f} ± {1.96 * items.std() / len(items) ** 0.5:.4f}"
 
 
 def main() -> None:
@@ -180,17 +186,19 @@ def main() -> None:
     torch.set_num_threads(1)
     for name in options.families:
         found = [measured(name, seed) for seed in range(options.seeds)]
-        print(f"{name:24}" + "".join(f"{each:>22}" for each in _MEASURES))
-        for title in found[0]:
-            rows = np.array([each[title] for each in found])
-            cells = []
-            for column, values in enumerate(rows.T):
-                shown = [
-                    f"{value:.4f}" if column == 0 else f"{value:.0%}"
-                    for value in (values.mean(), values.min(), values.max())
-                ]
-                cells.append(f"{shown[0]} ({shown[1]} to {shown[2]})")
-            print(f"  {title:22}" + "".join(f"{cell:>22}" for cell in cells), flush=True)
+        print(f"{name:34}" + "".join(f"{each:>18}" for each in _MEASURES))
+        pooled = {
+            title: [torch.cat(each).double() for each in zip(*(f[title] for f in found), strict=True)]
+            for title in found[0]
+        }
+        near = pooled["near members"]
+        rows = {title: [shown(items) for items in values] for title, values in pooled.items()}
+        for title in list(pooled)[1:]:
+            rows[f"near members less {title}"] = [
+                shown(a - b) if len(a) == len(b) else "" for a, b in zip(near, pooled[title], strict=True)
+            ]
+        for title, cells in rows.items():
+            print(f"  {title:32}" + "".join(f"{cell:>18}" for cell in cells), flush=True)
 
 
 if __name__ == "__main__":

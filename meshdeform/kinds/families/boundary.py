@@ -15,6 +15,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import ConvexHull, QhullError
 
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
+from meshdeform.kinds.families.cut import shortened
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -25,6 +26,12 @@ _ROUNDS = 4
 _MAJORITY, _WHOLE = 0.6, 0.9
 """A part with more than the first share of a connected piece has all of it, where the piece is at most the second share
 of the surface: a model that is welded to one piece says nothing by its pieces."""
+_LIMB = 1.5
+"""A patch of another part is no mistake within a piece if its boundary is shorter than this many roots of its area, as
+around the trunk of a tree: mistakes have 2.1 and more on vehicles and trees, and limbs 0.9 and less."""
+
+_BOUNDARY = 0.03
+"""A boundary of the length of the diagonal is worth as much as this share of the square of the diagonal."""
 
 
 def welded(positions: _Floats, triangles: _Index) -> _Index:
@@ -68,16 +75,24 @@ def without_strays(positions: _Floats, triangles: _Index, parts: NDArray[np.uint
     """Return the parts (F,) with stray patches given to the part around them with which they share most boundary.
 
     First, a connected piece of the surface that is mostly of one part becomes that part, unless it is nearly the whole
-    surface. Then a patch is stray if it is less than a quarter as large as the largest patch of its part, and is not by
-    itself a connected piece.
+    surface or has a limb of another part. Then a patch is stray if it is less than a quarter as large as the largest
+    patch of its part, and is not by itself a connected piece. Last, boundaries are made shorter (`shortened`).
     """
     areas, corners = _areas(positions, triangles), welded(positions, triangles)
-    found = _voted(corners, areas, parts.astype(np.int64))
     faces, ends = _neighbours(corners)
     lengths = np.linalg.norm(positions[ends[:, 0]] - positions[ends[:, 1]], axis=1)
+    given = parts.astype(np.int64)
+    voted = _voted(corners, given, _smoothed(given, areas, faces, lengths), areas, faces, lengths)
+    price = _BOUNDARY * float(np.linalg.norm(np.ptp(positions[np.unique(triangles)], axis=0)))
+    return shortened(_smoothed(voted, areas, faces, lengths), areas, faces, price * lengths).astype(np.uint8)
+
+
+def _smoothed(parts: _Index, areas: _Floats, faces: _Index, lengths: _Floats) -> _Index:
+    """Return the parts (F,) with stray patches given away; `faces` (E, 2) share edges of `lengths` (E,)."""
+    found = parts
     for _ in range(_ROUNDS):
         cut = found[faces[:, 0]] != found[faces[:, 1]]
-        patches = components(len(triangles), faces[~cut])
+        patches = components(len(parts), faces[~cut])
         stray = _stray(found, patches, areas, faces[cut])
         if not stray.any():
             break
@@ -88,17 +103,25 @@ def without_strays(positions: _Floats, triangles: _Index, parts: NDArray[np.uint
             np.add.at(shared, (patches[faces[firm, one]], found[faces[firm, other]]), lengths[firm])
         moved = stray & (shared.sum(1) > 0)
         found = np.where(moved[patches], shared.argmax(1)[patches], found)
-    return found.astype(np.uint8)
+    return found
 
 
-def _voted(corners: _Index, areas: _Floats, parts: _Index) -> _Index:
-    """Return the parts (F,) with each connected piece given to the part that has most of its area, if that is clear."""
+def _voted(corners: _Index, parts: _Index, smooth: _Index, areas: _Floats, faces: _Index, lengths: _Floats) -> _Index:
+    """Return the parts (F,) with each connected piece given to the part that has most of its area, if that is clear.
+
+    It is not where the smoothed parts have a limb: a patch with a short boundary.
+    """
     piece = components(int(corners.max()) + 1, np.concatenate([corners[:, :2], corners[:, 1:]]))[corners[:, 0]]
     share = np.zeros((int(piece.max()) + 1, int(parts.max()) + 1))
     np.add.at(share, (piece, parts), areas)
-    size = share.sum(1)
+    size, most = share.sum(1), share.argmax(1)
+    cut = smooth[faces[:, 0]] != smooth[faces[:, 1]]
+    patches = components(len(parts), faces[~cut])
+    around = np.bincount(patches[faces[cut]].reshape(-1), np.repeat(lengths[cut], 2), len(parts))[patches]
+    limb = (around < _LIMB * np.sqrt(np.bincount(patches, areas)[patches])) & (smooth != most[piece])
     clear = (share.max(1) > _MAJORITY * size) & (size <= _WHOLE * size.sum())
-    return np.where(clear[piece], share.argmax(1)[piece], parts)
+    clear[piece[limb]] = False
+    return np.where(clear[piece], most[piece], parts)
 
 
 def _areas(positions: _Floats, triangles: _Index) -> _Floats:

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from meshdeform.kinds.families.boundary import boundary_defects, without_strays
+from meshdeform.kinds.families.cut import shortened
 from meshdeform.kinds.families.embedded import Embedding, Pull, axis_fit
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.sampling import FreeEnergy, between, completed, sampled, to_machine
@@ -124,12 +125,23 @@ def test_a_piece_of_the_mesh_is_of_the_part_that_has_most_of_it(limb):
     solid, height = limb
     verts = np.concatenate([solid.verts, solid.verts + 5])
     faces = np.concatenate([solid.faces, solid.faces + len(solid.verts)])
-    found = np.concatenate([height > 0.7, height < 0.3]).astype(np.uint8)
-    assert not without_strays(verts, faces, found).any()
+    spots = np.random.default_rng(0).random(len(height)) < 0.1
+    assert not without_strays(verts, faces, np.concatenate([spots, spots]).astype(np.uint8)).any()
+    # A limb of another part has a short boundary: a trunk that is welded to its crown stays a trunk.
+    found = np.concatenate([(height > 0.7) | spots, height < 0.3])
+    limbs = np.concatenate([height > 0.7, height < 0.3])
+    np.testing.assert_array_equal(without_strays(verts, faces, found.astype(np.uint8)), limbs)
     even = np.concatenate([height > 0.5, np.ones(len(height), bool)]).astype(np.uint8)
     np.testing.assert_array_equal(without_strays(verts, faces, even), even)
-    # A surface in one piece keeps its parts.
-    np.testing.assert_array_equal(without_strays(solid.verts, solid.faces, found[: len(height)]), found[: len(height)])
+
+
+def test_a_boundary_is_made_shorter_where_that_costs_less_area():
+    row = np.repeat([0, 1], 4)  # eight fields in a row, the sixth of which has the other part
+    row[5] = 0
+    faces = np.stack([np.arange(7), np.arange(1, 8)], 1)
+    areas = np.ones(8)
+    for price, best in ((0.4, row), (0.6, np.repeat([0, 1], 4)), (5.0, np.zeros(8, int))):
+        np.testing.assert_array_equal(shortened(row, areas, faces, np.full(7, price)), best)
 
 
 def test_pulls_to_where_points_are_move_nothing():
