@@ -2,11 +2,11 @@
 
     python bench/family_synthesis.py chairs airplanes cars/ --seeds 3
 
-A family is one of `bench.parametric_families`, of 64 members, or a folder of assets with or without `labels.json`. Each
-is fitted by the whole job with the default parameters; half of the members are held out of what follows: new shapes are
-drawn near the others only, and take parts from these only. The linear model has the principal components of
-the same places and of which points exist, with normal coefficients. A random recombination takes each part, unchanged,
-of another member. `training` are members themselves.
+A family is one of `bench.parametric_families`, of 64 members, or a folder of assets with or without `labels.json`, as
+`bench/family_kits.py` makes them. Each is fitted by the whole job with the default parameters, but for the machine,
+which draws nothing. Half of the members are held out of what follows: new shapes are drawn near the others only, and
+take parts from these only. The linear model has the principal components of the same places and of which points exist,
+with normal coefficients. `training` are members themselves.
 
 Shapes are compared by the Chamfer distance of samples of their surfaces, with the diagonal as unit: the mean distance
 of held-out members to the nearest shape (minimum matching distance, less is better), the share of held-out members that
@@ -131,7 +131,7 @@ def measured(name: str, seed: int) -> dict[str, list[Tensor]]:
     """Return what `_MEASURES` are means of, for each model of one family and seed."""
     data = collection_of(name, _MEMBERS, seed)
     files = open_collection(data, Limits())
-    whole = read_family(fitted(data, {"seed": seed})[1]["family.safetensors"].data)
+    whole = read_family(fitted(data, {"seed": seed, "epochs": 1})[1]["family.safetensors"].data)
     count = len(whole.names)
     whole = ordered(whole, np.random.default_rng(seed).permutation(count))
     train = ordered(whole, np.arange(count - count // 2))
@@ -144,24 +144,17 @@ def measured(name: str, seed: int) -> dict[str, list[Tensor]]:
     assembler = Assembler(train, lambda member: assets[member], defects, 0.25)
     mixed: list[bool] = []
 
-    def built(drawn: Drawn, choice: dict[int, int] | None = None) -> Asset:
-        choice, kept = (assembler.chosen(drawn), []) if choice is None else (choice, list(choice))
+    def built(drawn: Drawn) -> Asset:
+        choice = assembler.chosen(drawn)
         mixed.append(len({kinds[member] for member in choice.values()}) > 1)
         size = {"diagonal": 1.0, "centre": np.zeros(3)}
-        return load_asset(assemble(assembler.assemble(drawn.points, drawn.exists, choice, kept=kept, **size).pieces))
-
-    def recombined(random: np.random.Generator) -> Asset:
-        pattern = assembler.shape(int(random.integers(len(train.names)))).present
-        owners = {part: random.choice(np.flatnonzero(np.isfinite(defects[:, part]))) for part in pattern}
-        choice = {part: int(owner) for part, owner in owners.items()}
-        return built(Drawn(train.points[0], train.exists[0], {}), choice)
+        return load_asset(assemble(assembler.assemble(drawn.points, drawn.exists, choice, **size).pieces))
 
     clouds = [cloud(asset, t, float(whole.turns[t])) for t, asset in enumerate(assets)]
     measure = Yardstick.of(clouds[len(train.names) :], clouds[: len(train.names)])
     makers: dict[str, Callable[[np.random.Generator], Asset]] = {
         "near members": lambda random: built(sampled(train, random)),
         "linear": lambda random: built(linear(train, random)),
-        "recombination": recombined,
     }
     found: dict[str, list[Tensor]] = {}
     for title, make in makers.items():
