@@ -104,7 +104,7 @@ def _panel(rows: list[Row], task: str, measure: str, title: str, corner: tuple[i
 
 
 def table(rows: list[Row]) -> str:
-    """Return three tables in Markdown: the fields, the fronts, and the smallest file for an error."""
+    """Return three tables in Markdown: the fields, the fronts, and Draco's bytes for the error of a field."""
     out = ["| surface | field | bytes | distance | eigenvalues | geodesics |", "|---|---|---|---|---|---|"]
     out += [
         f"| {row['surface']} | {row['setting']} | {row['bytes']:,} | {row['distance']:.3%} | {row['eigenvalues']:.2%} "
@@ -120,13 +120,18 @@ def table(rows: list[Row]) -> str:
         whole = sum(r["method"] == "ndf" for r in found)
         cells = [f"{sum(r['method'] == 'ndf' for r in front(found, *pair))} of {whole}" for pair in pairs]
         out.append(f"| {name} | {' | '.join(cells)} |")
-    limit = 0.01
-    out += ["", f"| smallest file with eigenvalues within {limit:.0%} | {' | '.join(COLOURS)} |"]
-    out.append("|---" * (len(COLOURS) + 1) + "|")
+    out += [
+        "",
+        "| Draco's bytes for the same error, as a multiple of the field's | distance | eigenvalues | geodesics |",
+    ]
+    out.append("|---" * 4 + "|")
     for name in surfaces(rows):
-        sizes = [
-            min((r["bytes"] for r in good(rows, name) if r["method"] == m and r["eigenvalues"] <= limit), default=None)
-            for m in COLOURS
-        ]
-        out.append(f"| {name} | {' | '.join('-' if size is None else f'{size:,}' for size in sizes)} |")
+        found = good(rows, name)
+        for field in (row for row in found if row["method"] == "ndf"):
+            sizes = [
+                min((r["bytes"] for r in found if r["method"] == "Draco" and r[by] <= field[by]), default=None)
+                for by in ("distance", *TASKS)
+            ]
+            cells = ["-" if size is None else f"{size / field['bytes']:.2f}" for size in sizes]
+            out.append(f"| {name}, {field['setting']} | {' | '.join(cells)} |")
     return "\n".join(out)

@@ -1,20 +1,21 @@
 """Compare `.ndf` files with other ways to send a surface: bytes, seconds, and errors of what is computed on it.
 
-The example of the README is `meshdeform surface-fit FOLDER/bumpy_torus.glb --steps 400 --threads 1`.
-
 python bench/make_surfaces.py FOLDER     # and put other surfaces there
 python -m bench.surface_pareto FOLDER/* -o pareto.json --plot pareto.svg --table
+python -m bench.surface_pareto bunny.obj --fits FITS --rivals Draco --table     # of FITS/bunny.ndf
 python -m bench.surface_pareto --from *.json --table
 
 Every way is compared with the same reference: the input with its triangles divided, of at least 40,000 faces, so that
 no way has its triangulation. Eigenvalues are those of the intrinsic Delaunay Laplacian; geodesic distances are compared
-at the same 1,000 places. A noisy cloud is compared with the surface that it was sampled from, if `.truth.glb` is there.
+at the same 1,000 places. Rivals are divided flat to as many triangles as a field has, which costs no byte. A noisy
+cloud is compared with the surface that it was sampled from, if `.truth.glb` is there.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from collections.abc import Callable
 from functools import partial
@@ -25,7 +26,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from bench.surface_chart import draw, table
+from bench.surface_chart import COLOURS, draw, table
 from bench.surface_rivals import read_source, rivals
 from meshdeform.errors import AssetError
 from meshdeform.geometry.places import even_samples
@@ -36,15 +37,17 @@ from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOption
 from meshdeform.kinds.surface_fit.gluing import fans, glue, topology
 from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, delaunay, spectrum
 from meshdeform.kinds.surface_fit.measures import distances
-from meshdeform.kinds.surface_fit.patches import level_of
+from meshdeform.kinds.surface_fit.patches import divided, level_of
 from meshdeform.kinds.surface_fit.reader import read_field
 from meshdeform.kinds.surface_fit.surface_sources import MeshSurface, Surface, surface_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 EIGENVALUES, SOURCES, PLACES = 20, 4, 1000
-FIELDS = ((120, (4,), 16), (250, (4,), 24), (500, (3, 4), 32), (1000, (3,), 32), (2000, (2, 3), 32))
+FIELDS = ((250, (4,), 24), (500, (4,), 32), (1000, (3,), 32), (2000, (3,), 32))
 """Faces of the base, levels of the same file, and width of the network."""
+FINE = 40_000
+"""Faces to which others are divided, at least."""
 
 
 class Truth:
@@ -142,8 +145,14 @@ def _unfolded(data: bytes, level: int) -> tuple[_Floats, _Index]:
     return read_field(data).unfold(level)
 
 
-def measure(path: Path, steps: int, note: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Return a row for every way to send a surface."""
+def _fine(unpack: Callable[[], tuple[_Floats, _Index]]) -> tuple[_Floats, _Index]:
+    return divided(*unpack(), FINE)
+
+
+def measure(
+    path: Path, steps: int, fits: Path | None, methods: list[str], note: Callable[[str], None]
+) -> list[dict[str, Any]]:
+    """Return a row for every way to send a surface; with `fits`, its only field is the one that lies there."""
     source = read_source(path.read_bytes(), path.name)
     surface = surface_of(source)
     known = path.with_suffix(".truth.glb")
@@ -161,7 +170,12 @@ def measure(path: Path, steps: int, note: Callable[[str], None]) -> list[dict[st
         rows.append({"surface": path.stem, "method": method, "setting": setting, "bytes": size, **more, **row})
         note(json.dumps(rows[-1]))
 
-    for base_faces, levels, width in FIELDS:
+    if fits is not None:
+        data = (fits / f"{path.stem}.ndf").read_bytes()
+        faces = read_field(data).header["faces"]
+        level = 1 if faces >= FINE / 4 else math.ceil(math.log(FINE / faces, 4))
+        add("ndf", f"base {faces}, level {level}", len(data), partial(_unfolded, data, level))
+    for base_faces, levels, width in FIELDS if fits is None else ():
         begin = time.process_time()
         try:
             data = fit(surface, base_faces, width, steps)
@@ -173,8 +187,8 @@ def measure(path: Path, steps: int, note: Callable[[str], None]) -> list[dict[st
         for level in levels:
             unpack = partial(_unfolded, data, level)
             add("ndf", f"base {base_faces}, level {level}", len(data), unpack, fit_s=spent)
-    for rival in rivals(source, surface):
-        add(rival.method, rival.setting, rival.size, rival.unpack)
+    for rival in rivals(source, surface, methods):
+        add(rival.method, rival.setting, rival.size, partial(_fine, rival.unpack))
     return rows
 
 
@@ -184,7 +198,9 @@ def main() -> None:
     parser.add_argument("surfaces", type=Path, nargs="*")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--from", dest="before", type=Path, nargs="*", default=[])
-    parser.add_argument("--steps", type=int, default=400)
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--fits", type=Path, help="a folder of fields")
+    parser.add_argument("--rivals", nargs="*", default=list(COLOURS))
     parser.add_argument("--plot", type=Path)
     parser.add_argument("--plot-seconds", type=Path, help="the same over CPU seconds instead of bytes")
     parser.add_argument("--table", action="store_true")
@@ -194,7 +210,7 @@ def main() -> None:
     for path in given.surfaces:
         if path.name.endswith(".truth.glb"):
             continue
-        rows += measure(path, given.steps, lambda line: print(line, flush=True))
+        rows += measure(path, given.steps, given.fits, given.rivals, lambda line: print(line, flush=True))
         if given.output:
             given.output.write_text(json.dumps(rows, indent=1) + "\n")
     if given.plot:

@@ -5,7 +5,7 @@ Decimated meshes as GLB, compressed by Draco and by meshopt, and marching tetrah
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -30,9 +30,9 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 Mesh = tuple[_Floats, _Index]
 
-FACES = (500, 2000, 8000, 32_000)
+FACES = (1000, 2000, 4000, 8000, 16_000)
 CELLS = (16, 24, 32, 48, 64)
-DRACO_BITS = (8, 10, 12, 14)
+DRACO_BITS = (9, 10, 11, 12)
 MESHOPT_BITS = (10, 14)
 
 
@@ -46,8 +46,12 @@ class Rival:
     unpack: Callable[[], Mesh]
 
 
-def rivals(source: Any, surface: Surface) -> Iterator[Rival]:
-    """Return all ways for a surface; `source` is what the file holds, `surface` its projection."""
+def rivals(source: Any, surface: Surface, methods: Collection[str]) -> Iterator[Rival]:
+    """Return the ways of some methods for a surface; `source` is what the file holds, `surface` its projection."""
+    yield from (each for each in _all(source, surface, methods) if each.method in methods)
+
+
+def _all(source: Any, surface: Surface, methods: Collection[str]) -> Iterator[Rival]:
     reference = surface.reference
     for count in FACES[: sum(c < len(reference.faces) for c in FACES) + 1]:  # the last one is the input itself
         verts, faces = base_of(reference, count)
@@ -66,7 +70,7 @@ def rivals(source: Any, surface: Surface) -> Iterator[Rival]:
                 len(rows) + len(order) + 32,  # and where the box lies, and how large it is
                 partial(_from_meshopt, rows, kept, box, order, len(faces), bits),
             )
-    for cells in CELLS:
+    for cells in CELLS if "marching cubes" in methods else ():
         found = _grid(source, surface, cells)
         if found is None:
             return

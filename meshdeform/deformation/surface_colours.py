@@ -9,6 +9,7 @@ of the nearest place on the whole mesh.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -45,7 +46,14 @@ def welded_appearance(appearance: Appearance, welded: WeldedMesh) -> Appearance 
     )
 
 
-def baked_appearance(appearance: Appearance, whole: RestMesh, simple: RestMesh) -> Appearance:
+def baked_appearance(
+    appearance: Appearance,
+    whole: RestMesh,
+    simple: RestMesh,
+    detail: float = _DETAIL,
+    most: int = _MOST_TEXELS,
+    curved: Callable[[_Index, _Floats], _Floats] | None = None,
+) -> Appearance:
     """Return the look of a stand-in, baked from that of the whole mesh.
 
     Parameters
@@ -54,13 +62,20 @@ def baked_appearance(appearance: Appearance, whole: RestMesh, simple: RestMesh) 
         Of the whole mesh: `rows` are its vertices.
     whole, simple : RestMesh
         The whole mesh and its stand-in, at rest.
+    detail : float
+        Length of a texel as a share of the diagonal.
+    most : int
+        Texels, if all tiles can be as small; tiles have two by two at least.
+    curved : callable, optional
+        Returns the points (P, 3) of faces (P,) at shares (P, 2) of the way from their first corner to the other two,
+        where the stand-in stands for something that is not flat.
     """
     corners = simple.verts.numpy()[simple.faces.numpy()]
-    sides = _tile_sides(corners)
+    sides = _tile_sides(corners, detail, most)
     face, column, row = _texels(sides)
     along = np.stack([column, row], 1) / (sides[face] - 1)[:, None]
     a, b, c = corners[face].transpose(1, 0, 2)
-    points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a)
+    points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a) if curved is None else curved(face, along)
     colours = _looked_up(appearance, whole, points, simple.normals.numpy()[face], simple.areas[face], sides[face])
     starts, width, height = _packed(sides)
     pixels = np.zeros((height, width, 4), np.uint8)
@@ -82,14 +97,14 @@ def baked_appearance(appearance: Appearance, whole: RestMesh, simple: RestMesh) 
     )
 
 
-def _tile_sides(corners: _Floats) -> _Index:
+def _tile_sides(corners: _Floats, detail: float, most: int) -> _Index:
     """Return the side (F,) of the tile of each face, in texels."""
     longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max(1)
-    texel = _DETAIL * float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+    texel = detail * float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
     while True:
         index = np.searchsorted(_SIDES, longest / texel + 1).clip(max=len(_SIDES) - 1)
         sides: _Index = np.asarray(_SIDES)[index]
-        if int((sides**2).sum()) <= max(_MOST_TEXELS, _SIDES[0] ** 2 * len(sides)):
+        if int((sides**2).sum()) <= max(most, _SIDES[0] ** 2 * len(sides)):
             return sides
         texel *= math.sqrt(2)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets import load_asset
+from meshdeform.assets import Asset, load_asset
 from meshdeform.assets.scalar_files import SampledScalars, read_scalar_file
 from meshdeform.assets.surface_files import (
     DistanceGrid,
@@ -32,12 +32,13 @@ from meshdeform.kinds.surface_fit.learned_scalars import check_places, learned_s
 from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb
 from meshdeform.kinds.surface_fit.measures import Reference, distances
 from meshdeform.kinds.surface_fit.patches import divided, level_of
-from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.reader import NeuralField, read_field
 from meshdeform.kinds.surface_fit.surface_sources import Surface, surface_of
 from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, sha256_hex, versions
 from meshdeform.runs.surface_fit_kind import params_of
+from meshdeform.runs.surface_texture import coloured_level
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -59,7 +60,7 @@ def start(given: RunInput) -> SurfaceFitRun:
     file = given.files["asset"]
     sha256 = file.sha256 or sha256_hex(file.data)
     with log.phase("read"):
-        source = _source(given)
+        source, asset = _source(given)
         own = _own_base(given)
         surface = surface_of(source, params.base_faces if own is None else MAX_BASE_FACES)
     with log.phase("base"):
@@ -99,7 +100,7 @@ def start(given: RunInput) -> SurfaceFitRun:
     if "scalars" in given.files:
         scalars = read_scalar_file(given.files["scalars"].data)
         check_places(surface.reference.verts, surface.reference.faces, scalars)
-    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, log, scalars, given.on_wait)
+    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, log, scalars, asset, given.on_wait)
 
 
 def _own_base(given: RunInput) -> CleanMesh | None:
@@ -146,25 +147,27 @@ def _anchors(
     return frame.enter(pairs[:, 0]), frame.enter(pairs[:, 1])
 
 
-def _source(given: RunInput) -> CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork:
+def _source(
+    given: RunInput,
+) -> tuple[CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork, Asset | None]:
+    """Return what the file describes, and the asset if that is a mesh."""
     file = given.files["asset"]
     found = read_surface_file(file.data, file.filename, given.limits)
     if found is not None:
-        return found
-    surface = load_asset(file.data, file.filename, given.limits).surface
-    return clean(surface.positions, surface.triangles)
+        return found, None
+    asset = load_asset(file.data, file.filename, given.limits)
+    return clean(asset.surface.positions, asset.surface.triangles), asset
 
 
-def _warnings(distance: dict[str, Any], cleaned: dict[str, int]) -> list[str]:
+def _warnings(level: dict[str, Any], cleaned: dict[str, int]) -> list[str]:
     """Return what must be said of a result."""
-    found = []
+    found, distance = [], level["distance"]
     if cleaned.get("turned_normals"):
         found.append("The normals of the points faced inside; they were turned.")
-    if distance["reversed"] > _REVERSED:
-        found.append(
-            f"{distance['reversed']:.1%} of the result faces the other way than the surface: it is folded. "
-            "More steps, more anchors or a base that is more like the surface unfold it."
-        )
+    if distance["reversed_faces"]:
+        told = f"{distance['reversed_faces']} of {level['faces']} triangles face the other way than the surface"
+        advice = "More steps, more anchors or a base that is more like the surface unfold it."
+        found.append(f"{told}: it is folded. {advice}" if distance["reversed"] > _REVERSED else f"{told}.")
     if distance["from_input"]["p99"] > _UNCOVERED:
         found.append(
             f"A hundredth of the input is {distance['from_input']['p99']:.1%} of the diagonal or more away from the "
@@ -188,12 +191,13 @@ class SurfaceFitRun(JobRun):
         shape: str,
         log: RunLog,
         scalars: SampledScalars | None,
+        asset: Asset | None,
         on_wait: Callable[[], None],
     ) -> None:
         super().__init__(params.steps, fit.step, log)
         self._surface, self._frame, self._base, self._fit = surface, frame, base, fit
         self._params, self._facts, self._run, self._shape = params, facts, run, shape
-        self._scalars, self._on_wait = scalars, on_wait
+        self._scalars, self._asset, self._on_wait = scalars, asset, on_wait
 
     def _steps(self) -> Iterator[dict[str, float]]:
         yield from self._fit
@@ -242,33 +246,54 @@ class SurfaceFitRun(JobRun):
                 meshes.append((verts, faces))
             mesh = delaunay(verts, faces)
             artifacts["intrinsic.npz"] = ArtifactData(intrinsic_npz(mesh, verts), _BYTES)
+        with self.log.phase("colours"):
+            texture = self._colour(artifacts, field)
         with self.log.phase("measure"):
             for level, (points, triangles) in zip(levels, meshes, strict=True):
                 level["distance"] = distances(self._surface, points, triangles)
             compared = Reference(self._surface).compare(mesh, verts)
-        self._facts["warnings"] += _warnings(levels[-1]["distance"], self._surface.reference.cleaned)
+        self._facts["warnings"] += _warnings(levels[-1], self._surface.reference.cleaned)
+        triangles = len(self._surface.reference.faces)
+        if self._surface.kind == "mesh" and triangles < len(data):
+            self._facts["warnings"].append(
+                f"The asset has {triangles} triangles. Compressed by Draco it takes about a byte for each, less than "
+                f"this field ({len(data)} bytes), and keeps them all: as a file it is the better choice."
+            )
         with self.log.phase("draw"):
-            artifacts["preview.png"] = ArtifactData(self._picture(artifacts), "image/png")
-        report = self._report(data, artifacts, levels, mesh, {"scalars": learned, **compared})
+            artifacts["preview.png"] = ArtifactData(self._picture(artifacts, coloured=texture is not None), "image/png")
+        report = self._report(data, levels, mesh, {"texture": texture, "scalars": learned, **compared})
         artifacts["report.json"] = ArtifactData(json.dumps(report, indent=2).encode(), "application/json")
         return artifacts
 
-    def _picture(self, artifacts: dict[str, ArtifactData]) -> bytes:
+    def _colour(self, artifacts: dict[str, ArtifactData], field: NeuralField) -> dict[str, Any] | None:
+        """Give the highest level the colours of the asset, and return what they are worth; None if it has none."""
+        found = coloured_level(self._asset, field, self._params.level) if self._asset is not None else None
+        if found is None:
+            return None
+        name = f"level_{self._params.level}.glb"
+        artifacts[name] = ArtifactData(found[0], _GLB)
+        self._facts["warnings"].append(
+            f"The colours of the asset are in {name} alone, as a texture of its own; the .ndf and other levels have "
+            "none. Transparency, metalness, roughness, normal maps, rigs and animations are lost."
+        )
+        return found[1]
+
+    def _picture(self, artifacts: dict[str, ArtifactData], *, coloured: bool) -> bytes:
         mesh = self._surface.reference
         ours = artifacts[f"level_{self._params.level}.glb"].data
+        if coloured and self._asset is not None:
+            return comparison_png({"input": self._asset.to_bytes(), "field": ours})
         # Divided, or the smooth normals of a coarse mesh would hide its edges, which the field has.
         return comparison_png({"input": level_glb(*divided(mesh.verts, mesh.faces, _DRAWN_FACES)), "field": ours})
 
     def _report(
         self,
         data: bytes,
-        artifacts: dict[str, ArtifactData],
         levels: list[dict[str, Any]],
         mesh: IntrinsicMesh,
         compared: dict[str, Any],
     ) -> dict[str, Any]:
         reference = self._surface.reference
-        top = artifacts[f"level_{self._params.level}.glb"].data
         return {
             "kind": "surface_fit",
             "fingerprint": self._run,
@@ -289,12 +314,6 @@ class SurfaceFitRun(JobRun):
                 "faces": len(self._base.faces),
                 "vertices": len(self._base.verts),
                 "genus": topology(self._base.faces, glue(self._base.verts, self._base.faces)).genus,
-            },
-            "bytes": {
-                "surface.ndf": len(data),
-                "top_level_glb": len(top),
-                "ratio_to_input": len(data) / max(self._facts["bytes"], 1),
-                "ratio_to_top_level_glb": len(data) / len(top),
             },
             "levels": levels,
             "intrinsic": {"flips": mesh.flips, "all_delaunay": mesh.certified, "least_cotangent_sum": mesh.least},

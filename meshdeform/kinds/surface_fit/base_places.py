@@ -26,7 +26,11 @@ def places_of(
     normals : (P, 3) float64
         Unit normals of the surface to which the points belong; zero if unknown.
     """
-    found, shares = SurfaceTree.of(images, level.faces).find(points, normals)
+    return within_base(faces, level, *SurfaceTree.of(images, level.faces).find(points, normals))
+
+
+def within_base(faces: _Index, level: Level, found: _Index, shares: _Floats) -> tuple[_Index, _Floats]:
+    """Return corners (P, 3) in the base and weights (P, 3) of places on faces (P,) of a level with shares (P, 3)."""
     owner = faces[found // (len(level.faces) // len(faces))]
     # A level's vertices have the corners of one of their faces; express them in those of the face that was found.
     rows = level.faces[found]

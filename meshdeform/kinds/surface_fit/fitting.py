@@ -49,9 +49,9 @@ _BORDER_BATCH = 512
 _WARM_STEPS = 20
 _BORDER = 0.3
 """Weight of the distance between borders, beside that of the surfaces."""
-_FOLDED, _UNFOLD = 0.02, 100
-"""Share of reversed triangles of a step from which on normals count for more, and how many times as much at twice it:
-a base of another shape unfolds only so, and what is not folded would be fitted less closely."""
+_FOLDED, _LEFT, _UNFOLD = 0.02, 0.005, 300
+"""Share of reversed triangles of a step from which on a fit is folded; the share that may be left, and how much more
+normals count at twice that: a base of another shape unfolds only so, and others would be fitted less closely."""
 _LAST_RATE = 0.01
 """Learning rate of the last step, as a share of the highest."""
 
@@ -139,7 +139,7 @@ class FieldFit:
         self.field = self._learned
         self.rounding: list[int] | None = None
         self._random = torch.Generator().manual_seed(o.seed)
-        self.step = 0
+        self.step, self._folded = 0, False
         weights, small = patch(_PARTS)
         self._weights, self._small = torch.from_numpy(weights).float(), torch.from_numpy(small)
         corners = torch.from_numpy(verts[faces]).float()
@@ -241,8 +241,10 @@ class FieldFit:
         target, wanted = self.project(moved.detach(), hints)
         mean = functional.normalize(wanted.reshape(chosen.shape[0], -1, 3)[:, self._small].sum(2), dim=-1)
         facing = (normals * mean).sum(-1)
-        folded = float((facing < 0).float().mean()) / _FOLDED - 1
-        return (moved - target).square().sum(1).mean(), (1 + _UNFOLD * min(max(folded, 0), 1)) * (1 - facing).mean()
+        turned = float((facing < 0).float().mean())
+        self._folded = self._folded or turned > _FOLDED
+        more = _UNFOLD * min(max(turned / _LEFT - 1, 0), 1) if self._folded else 0
+        return (moved - target).square().sum(1).mean(), (1 + more) * (1 - facing).mean()
 
     def _backwards(self) -> Tensor:
         """Return the mean squared distance of samples of the surface from the field, along their normals."""
@@ -304,7 +306,7 @@ class FieldFit:
 
     def checkpoint(self) -> Checkpoint:
         """Return the state; call only between two steps."""
-        tensors = {"random": self._random.get_state()}
+        tensors = {"random": self._random.get_state(), "folded": torch.tensor(self._folded)}
         if self.rounding is not None:
             tensors["rounding"] = torch.tensor(self.rounding)
         for i, tensor in enumerate(self._learned.tensors):
@@ -321,6 +323,7 @@ class FieldFit:
         self._take(tensors)
         try:
             self._random.set_state(tensors["random"])
+            self._folded = bool(tensors.get("folded", False))
             for i, tensor in enumerate(self._learned.tensors):
                 if f"adam.{i}.step" in tensors:
                     self._optimizer.state[tensor] = {

@@ -19,10 +19,11 @@ _Index = NDArray[np.int64]
 
 def level_glb(verts: _Floats, faces: _Index) -> bytes:
     """Write a mesh with smooth normals as a GLB."""
-    return build_glb(verts, faces, normals=_smooth_normals(verts, faces))
+    return build_glb(verts, faces, normals=smooth_normals(verts, faces))
 
 
-def _smooth_normals(verts: _Floats, faces: _Index) -> _Floats:
+def smooth_normals(verts: _Floats, faces: _Index) -> _Floats:
+    """Return the unit normals (V, 3) of vertices: means of those of the faces around, by area."""
     corners = verts[faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     out = np.zeros_like(verts)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry.mesh import area_vectors
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh
 from meshdeform.kinds.surface_fit.collapse import collapsed
 from meshdeform.kinds.surface_fit.gluing import glue, topology
@@ -31,7 +32,7 @@ _FEWEST_FACES = 10_000
 
 
 def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]:
-    """Return distances both ways, as shares of the diagonal, the angle of normals in degrees, and the share reversed.
+    """Return distances both ways, as shares of the diagonal, the angle of normals in degrees, and what is reversed.
 
     Parameters
     ----------
@@ -45,12 +46,17 @@ def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]
     ours = MeshSurface(CleanMesh(verts, faces, twin, topology(faces, twin), {}))
     to, angle = _one_way(ours, surface)
     back, _ = _one_way(surface, ours)
+    cross = area_vectors(verts, faces)
+    area = np.linalg.norm(cross, axis=1)
+    own = cross / np.maximum(area, 1e-300)[:, None]
+    turned = (surface.project(verts[faces].mean(1), own)[1] * own).sum(1) < 0
     return {
         "to_input": _figures(to / diagonal),
         "from_input": _figures(back / diagonal),
         "mean": float((to.mean() + back.mean()) / 2 / diagonal),
         "normals_deg": float(angle.mean()),
-        "reversed": float((angle > 90).mean()),
+        "reversed": float(area[turned].sum() / area.sum()),
+        "reversed_faces": int(turned.sum()),
     }
 
 

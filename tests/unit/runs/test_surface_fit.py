@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from pydantic import ValidationError
 from safetensors.numpy import save
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb, load_asset
+from meshdeform.assets.build import Primitive
 from meshdeform.cli.app import app
 from meshdeform.client import Client
 from meshdeform.errors import (
@@ -28,12 +30,15 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.kinds.surface_fit.base_mesh import base_of
 from meshdeform.kinds.surface_fit.cleaning import clean
 from meshdeform.kinds.surface_fit.learned_scalars import learned_scalars, places_on
+from meshdeform.kinds.surface_fit.measures import distances
 from meshdeform.kinds.surface_fit.reader import read_field
 from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
+from meshdeform.kinds.surface_fit.surface_sources import MeshSurface
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request, kind_of, start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
+from meshdeform.runs.surface_fit import _warnings
 from meshdeform.settings import Settings
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.worker_world import working
@@ -64,8 +69,7 @@ def begin(
 
 def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshdeform.runs.surface_fit.learned_scalars", partial(learned_scalars, steps=60))
-    for limit in ("_REVERSED", "_UNCOVERED"):
-        monkeypatch.setattr(f"meshdeform.runs.surface_fit.{limit}", -1.0)
+    monkeypatch.setattr("meshdeform.runs.surface_fit._UNCOVERED", -1.0)
     mesh = torus(n=24, m=12)
     scalars = io.BytesIO()
     np.savez(scalars, points=mesh.verts.numpy(), height=mesh.verts.numpy()[:, 2])
@@ -86,20 +90,58 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, mo
     assert np.abs(surface.positions - verts).max() < 1e-6
     assert len(surface.triangles) == len(faces) == 4 * len(field.faces) == report["levels"][1]["faces"]
     assert report["input"]["genus"] == 1
-    folded, missing = report["input"]["warnings"]
-    assert "faces the other way" in folded
+    missing, coarse = report["input"]["warnings"]
     assert "parts of it are missing" in missing
+    assert coarse.startswith("The asset has 320 triangles. Compressed by Draco")
+    told = report["levels"][1]["distance"]
+    assert told["reversed_faces"] == told["reversed"] == 0
     (fact,) = report["scalars"]
     assert (fact["name"], fact["relative_error"] < 0.3) == ("height", True), fact
     assert fact["bytes"] == field.header["sections"][3][0]
     height = read_scalars(field)[0].values(*places_on(field, verts, np.zeros_like(verts)))
     assert np.corrcoef(height[:, 0], verts[:, 2])[0, 1] > 0.95
     assert report["intrinsic"]["all_delaunay"] is True
-    assert report["bytes"]["surface.ndf"] == len(found["surface.ndf"].data)
+    assert report["result"]["bytes"] == len(found["surface.ndf"].data)
     assert len(report["eigenvalues"]["input"]) == 20
     assert 0 < report["levels"][1]["distance"]["mean"] < 0.05
     arrays = np.load(io.BytesIO(found["intrinsic.npz"].data))
     assert arrays["faces"].shape == arrays["lengths"].shape == faces.shape
+
+
+def test_reversed_faces_are_never_silent() -> None:
+    mesh = icosphere(2)
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy().copy()
+    faces[:4] = faces[:4, ::-1]
+    found = distances(MeshSurface(clean(verts, mesh.faces.numpy())), verts, faces)
+    assert (found["reversed_faces"], found["reversed"]) == (4, pytest.approx(4 / len(faces), rel=0.2))
+    (told,) = _warnings({"faces": len(faces), "distance": found}, {})
+    assert told.startswith("4 of 320 triangles face the other way than the surface: it is folded.")
+    few, turned = found | {"reversed": 0.001}, {"turned_normals": 9}
+    assert len(_warnings({"faces": len(faces), "distance": few}, turned)) == 2
+
+
+def test_a_textured_asset_comes_back_textured() -> None:
+    ball, picture, png = icosphere(3), np.zeros((64, 64, 3), np.uint8), io.BytesIO()
+    picture[:, :32, 0] = picture[:, 32:, 2] = 255  # red where x < 0, blue elsewhere
+    Image.fromarray(picture).save(png, "PNG")
+    verts = ball.verts.numpy()
+    part = Primitive(verts, ball.faces.numpy(), uvs=(verts[:, :2] + 1) / 2, material="paint", texture=png.getvalue())
+    run = begin(build_glb([part]), "ball.glb", steps=20)
+    list(run)
+    found = run.finish()
+    report = json.loads(found["report.json"].data)
+    assert report["texture"]["error_texels"]["median"] < 1
+    assert "level_1.glb alone" in report["input"]["warnings"][0]
+    asset = load_asset(found["level_1.glb"].data)
+    look = asset.appearance()
+    pixels = look.paints[0].texture.pixels
+    column, row = (look.texcoords * pixels.shape[1::-1]).astype(int).T
+    x = asset.surface.positions[look.rows, 0]
+    # At the ends of x the picture begins again.
+    for side, colour in ((abs(x + 0.5) < 0.4, [255, 0, 0]), (abs(x - 0.5) < 0.4, [0, 0, 255])):
+        assert np.abs(pixels[row, column][side][:, :3].astype(int) - colour).max() <= 1
+    plain = load_asset(found["level_0.glb"].data).appearance()
+    assert plain.paints[0].texture is None
 
 
 @pytest.mark.parametrize("kind", ["xyz", "npz", "obj"])
