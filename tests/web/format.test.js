@@ -34,7 +34,7 @@ test("a job is named after its prompts", () => {
   assert.equal(goalWords({ prompt: "a vase", params: {} }), "a vase");
   assert.equal(goalWords({ prompt: "a vase", params: { guidance: { prompts: [{ prompt: "a bell", weight: 2 }] } } }), "a vase + a bell");
   assert.equal(goalWords({ prompt: "" }), "");
-  const others = [{ prompt: "", target: {} }, { prompt: "" }, { prompt: "", kind: "surface_fit" }, { prompt: "", kind: "a_new_kind" }];
+  const others = [{ prompt: "", files: { target: {} } }, { prompt: "" }, { prompt: "", kind: "surface_fit" }, { prompt: "", kind: "a_new_kind" }];
   assert.deepEqual(others.map(jobTitle), ["To a target mesh", "To pictures", "Surface fit", "a new kind"]);
 });
 

@@ -28,7 +28,7 @@ test("files of one name get different ones, and labels become folders", () => {
 test("a lesson that went wrong is said to have", () => {
   const share = (hits, pictures) => ({ hits, pictures, share: hits / pictures });
   const report = (learned, after) => ({
-    noun: "owl",
+    nouns: [{ noun: "owl" }],
     retrieval: { new: share(learned, 12), old_before: share(40, 40), old_after: share(after, 40) },
     steps: { done: 600, best: 550, most: 600 },
     stopped_early: false,

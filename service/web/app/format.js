@@ -127,7 +127,7 @@ export function jobTitle(job) {
   if (job.unreadable) return kind.replaceAll("_", " ");
   if (kind === "prior_teach" && job.params?.noun) return `The word “${job.params.noun}”`;
   if (kind !== "text_deform") return KIND_TITLES[kind] ?? kind.replaceAll("_", " ");
-  return job.files?.target || job.target ? "To a target mesh" : job.files?.sketch ? "To a drawing" : "To pictures";
+  return job.files?.target ? "To a target mesh" : "To pictures";
 }
 
 /** @param {string} phase @param {string} [kind] Of the job. */

@@ -151,7 +151,7 @@ export function documents(wish, steps, group, { fields, groups }, known = null) 
 export function refinement(job) {
   const { steps: _, checkpoint_every_steps: __, ...params } = job.params ?? {};
   const next = PRESETS[PRESETS.findIndex(([name]) => name === (params.preset ?? "balanced")) + 1];
-  if (!next || !job.prompt || job.target) return null;
+  if (!next || !job.prompt || job.files?.target) return null;
   return { title: next[1], document: { prompt: job.prompt, params: { ...params, preset: next[0] }, output: job.output } };
 }
 

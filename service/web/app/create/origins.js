@@ -36,11 +36,9 @@ export async function originOf(from, signal) {
     return { job: { ...job, prompt: "", params: kept, output: {} }, asset: new Asset(await client.download(job, "result.glb", { signal }), name), others: {} };
   }
   const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
-  // The model names its weights; a drawing was the target of earlier editions.
-  const parts = Object.entries(job.files ?? {}).filter(([part]) => !["asset", "weights", "sketch"].includes(part));
-  const files = parts.map(async ([part, { filename }]) => {
-    return [part, new Asset(await client.file(from, part, signal), filename)];
-  });
+  // The model names its weights.
+  const parts = Object.entries(job.files ?? {}).filter(([part]) => !["asset", "weights"].includes(part));
+  const files = parts.map(async ([part, { filename }]) => [part, new Asset(await client.file(from, part, signal), filename)]);
   return { job, asset, others: Object.fromEntries(await Promise.all(files)) };
 }
 

@@ -17,7 +17,7 @@ export function askedPanel(job) {
 /** @param {any} job @returns {string[]} what guides it besides its prompt */
 function guideWords({ files = {}, ...job }) {
   const params = plainParams(job.params);
-  const target = files.target ? [`Target: ${files.target.filename}`] : files.sketch ? ["Target: what was drawn"] : [];
+  const target = files.target ? [`Target: ${files.target.filename}`] : [];
   const pairs = params.landmarks?.length ? [counted(params.landmarks.length, "pair of points", "pairs of points")] : [];
   const pictures = (params.silhouettes ?? []).map((/** @type {any} */ view, /** @type {number} */ i) => `Picture: ${files[`silhouette_${i + 1}`]?.filename ?? i + 1}, from ${view.azimuth}°${view.elevation ? `, ${view.elevation}° up` : ""}`);
   return [...target, ...pairs, ...pictures, ...promptWords(params.prompts ?? [])];

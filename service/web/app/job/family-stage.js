@@ -36,16 +36,12 @@ export class FamilyStage extends PictureStage {
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
   }
 
-  /** Show what the job made. @param {any} report @param {string[]} names Of its artifacts. */
-  async finished(report, names) {
+  /** Show what the job made. @param {any} report */
+  async finished(report) {
     this.report = report;
     const read = (/** @type {string} */ name) => client.bytes(`v1/jobs/${this.job.id}/artifacts/${name}`, { signal: this.scope.signal });
     await this.ready;
-    // Jobs of earlier versions made no wall.
-    if (this.flat || !names.includes("wall.glb")) {
-      this.flat = true;
-      return;
-    }
+    if (this.flat) return;
     const [wall, shapes] = await Promise.all([read("wall.glb"), this.makes ? read("shapes.zip") : null]);
     if (this.scope.over) return;
     await this.wall.show(wall);

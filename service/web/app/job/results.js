@@ -28,7 +28,6 @@ const FILES = /** @type {Record<string, string>} */ ({
   "morph.glb": "The way from before to after, as an animation",
   "result.stl": "The new shape for printing: metres, Y up",
   "map.safetensors": "What deforms other files alike, on the command line",
-  "source.glb": "The mesh that was fitted to the asset",
   "surface.ndf": "The surface: base mesh and network",
   ...Object.fromEntries([0, 1, 2, 3, 4].map((level) => [`level_${level}.glb`, level ? `Every edge of the base in ${2 ** level}` : "The base mesh"])),
   "intrinsic.npz": "The highest level after intrinsic Delaunay flips",
@@ -149,16 +148,10 @@ export function isLesson(job) {
   return job.kind === "prior_teach";
 }
 
-/** The nouns of a lesson; earlier reports have one. @param {any} report @returns {string[]} */
-function nounsOf(report) {
-  return (report.nouns ?? [report]).map((/** @type {any} */ each) => each.noun);
-}
-
 /** What the report of a lesson says, in sentences. @param {any} report @returns {import("../quality.js").Finding[]} */
 export function lessonFindings(report) {
   const { new: learned, old_before: before, old_after: after } = report.retrieval;
-  const nouns = nounsOf(report);
-  const word = nouns.length === 1 ? withArticle(nouns[0]) : "what they show";
+  const word = report.nouns.length === 1 ? withArticle(report.nouns[0].noun) : "what they show";
   return [
     { tone: learned.share >= 0.75 ? "good" : "warn", text: `${learned.hits} of ${learned.pictures} pictures that it had not seen look like ${word} to the model`, note: "Held-out pictures of your meshes" },
     { tone: after.hits >= before.hits - 2 ? "good" : "warn", text: `${after.hits} of ${after.pictures} old words that were tried are still known`, note: `Before the lesson: ${before.hits}` },
@@ -169,7 +162,7 @@ export function lessonFindings(report) {
 
 /** @param {any} job @param {any} report */
 export function lessonPanel(job, report) {
-  const prompt = withArticle(nounsOf(report)[0]);
+  const prompt = withArticle(report.nouns[0].noun);
   return panel(
     "lesson-title",
     "What it learned",

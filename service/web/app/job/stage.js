@@ -1,7 +1,7 @@
 // @ts-check
 /** Before and after of a job in 3D: the shapes on the way, morphing, heat maps, wireframe, and files of what is shown. */
 import { announce } from "../announce.js";
-import { isAbort, isOffline, MeshdeformError } from "../client.js";
+import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { percent } from "../format.js";
@@ -12,7 +12,7 @@ import { COLOURS, PairStage } from "../pair-stage.js";
 import { orToast } from "../problem-box.js";
 import { askedToggle } from "./asked.js";
 import { saveBytes } from "./files.js";
-import { ShapeCache, shapesOf, sourceOf } from "./shapes.js";
+import { ShapeCache, shapesOf } from "./shapes.js";
 import { showLegend, slider } from "./stage-controls.js";
 import { Way } from "./way.js";
 
@@ -30,7 +30,7 @@ export class JobStage extends PairStage {
     this.after = this.views[1];
     this.cache = new ShapeCache(scope);
     this.source = new ArrayBuffer(0);
-    this.format = formatOf(job.asset.filename) || "glb";
+    this.format = formatOf(job.asset.filename) || "glb"; // a file without a known ending is a GLB
     /** @type {Shape[]} */
     this.shapes = [];
     this.following = true; // the newest shape is shown as it comes
@@ -66,7 +66,7 @@ export class JobStage extends PairStage {
 
   async _load() {
     try {
-      ({ buffer: this.source, format: this.format } = await sourceOf(this.job, this.scope));
+      this.source = await client.bytes(`v1/jobs/${this.job.id}/asset`, { signal: this.scope.signal });
       // Where it cannot be unpacked, the views say so.
       const asReceived = { buffer: this.source, format: this.format };
       ({ buffer: this.source, format: this.format } = await unpacked(this.source, this.format).catch(() => asReceived));

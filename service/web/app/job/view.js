@@ -213,7 +213,7 @@ export class JobView {
       stage.onChoose = (name) => panel.take(name);
       this.results.prepend(panel.element);
     }
-    await stage.finished(this.report, names);
+    await stage.finished(this.report);
   }
 
   async _refresh() {
