@@ -159,6 +159,20 @@ def test_a_server_that_is_away_is_said_to_be_away_and_nothing_is_lost(
         assert len(service.http.get("/v1/jobs", params={"limit": 100}).json()["jobs"]) == before + 1
 
 
+def test_a_view_whose_modules_do_not_arrive_is_loaded_once_the_server_answers(page: Page, watch: Watch) -> None:
+    open_form(page)
+    page.get_by_label("Prompt", exact=True).fill("a mushroom")
+    watch.allow(r"net::ERR_FAILED")
+    page.route("**/app/**", lambda route: route.abort())
+    with page.expect_request("**/web/app/main.js"):  # it asks whether the server is back
+        page.get_by_role("link", name="Jobs", exact=True).click()
+        expect(page.get_by_role("heading", name="The page could not be loaded")).to_be_visible()
+    page.unroute_all()
+    expect(page.get_by_role("heading", name="Jobs", exact=True)).to_be_visible()
+    page.get_by_role("link", name="Create", exact=True).click()
+    expect(page.get_by_label("Prompt", exact=True)).to_have_value("a mushroom")
+
+
 def test_a_job_that_is_not_there_is_said_to_be_so(page: Page, watch: Watch) -> None:
     watch.allow(r"status of 404 .*/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6")
     page.goto("/#/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6")

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { findings, shapeWords, skipped } from "../../service/web/app/quality.js";
-import { allPoints, curveWords, reportPoints, seriesNames, smoothed, ticks } from "../../service/web/app/series.js";
+import { allPoints, curveWords, reportPoints, seriesNames, smoothed } from "../../service/web/app/series.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
 import { adjectives, catalogue, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
@@ -114,12 +114,6 @@ test("smoothing keeps a constant, and the first value", () => {
   const found = smoothed([1, 0], 0.5);
   assert.equal(found[0], 1);
   assert.ok(Math.abs(found[1] - 1 / 3) < 1e-12);
-});
-
-test("ticks are round and within the bounds", () => {
-  assert.deepEqual(ticks(0, 80, 5), [0, 20, 40, 60, 80]);
-  assert.deepEqual(ticks(0, 0.7, 3), [0, 0.5]);
-  assert.deepEqual(ticks(1, 1), [1]);
 });
 
 test("a curve for those who do not see it, and its series in order", () => {

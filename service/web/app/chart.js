@@ -2,7 +2,8 @@
 /** The curve of one loss over the steps: its values, thin, and smoothed. */
 import { fill, h, svg } from "./dom.js";
 import { count, figure, titled } from "./format.js";
-import { curveWords, seriesNames, smoothed, ticks } from "./series.js";
+import { curveWords, seriesNames, smoothed } from "./series.js";
+import { linearTicks } from "../viewer/colormaps.js";
 
 const FIRST_WIDTH = 420;
 const HEIGHT = 220;
@@ -92,11 +93,11 @@ export class LossChart {
       element.textContent = content;
       this.picture.append(element);
     };
-    for (const value of ticks(0, high, 4)) {
+    for (const value of linearTicks(0, high, 4)) {
       this.picture.append(svg("line", { x1: LEFT, x2: this.width - RIGHT, y1: y(value), y2: y(value), class: value === 0 ? "chart-axis" : "chart-grid" }));
       text(figure(value), { x: LEFT - 8, y: y(value) + 4, "text-anchor": "end" });
     }
-    for (const step of ticks(0, last, this.width > 360 ? 5 : 3)) text(count(step), { x: x(step), y: HEIGHT - BOTTOM + 17, "text-anchor": "middle" });
+    for (const step of linearTicks(0, last, this.width > 360 ? 5 : 3)) text(count(step), { x: x(step), y: HEIGHT - BOTTOM + 17, "text-anchor": "middle" });
     text("step", { x: this.width - RIGHT, y: HEIGHT - 4, "text-anchor": "end" });
   }
 }

@@ -130,11 +130,7 @@ export function credential() {
   return link || currentKey();
 }
 
-/**
- * Ask for a key, but not those who came by a link, which no key mends.
- * @param {string} refused
- * @param {AbortSignal} [signal]
- */
+/** Ask for a key, but not those who came by a link, which no key mends. @param {string} refused @param {AbortSignal} [signal] */
 export function askUnlessLinked(refused, signal) {
   // A request that was under way when the view changed is none of the view that there is now.
   return link || refused.startsWith("link.") ? Promise.resolve(false) : askForKey(refused, signal);

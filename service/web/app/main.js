@@ -17,53 +17,45 @@ let first = true;
 let turn = 0;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
 const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", family: "create", examples: "examples", example: "examples", teach: "teach", shared: "shared" });
+const RELOAD_MS = 30_000;
+const AGAIN_MS = 1000;
 const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared"]);
 
-/**
- * Load the modules of a view.
- * @param {import("./router.js").Route} route
- * @returns {Promise<(root: HTMLElement, scope: Scope) => unknown>} Shows it.
- */
-async function viewOf(route) {
-  if (route.name === "create") {
+/** @typedef {(root: HTMLElement, scope: Scope) => unknown} View Shows it. */
+
+/** Load the modules of a view. @type {Record<string, (route: any) => Promise<View>>} */
+const VIEWS = {
+  async create(route) {
     const [{ CreateView }, { exampleOrigin, resultOrigin }] = await Promise.all([import("./create/view.js"), import("./create/origins.js")]);
     const example = route.example ? exampleOrigin(route.example) : null;
-    return (root, scope) => new CreateView(root, scope, route.from && route.result ? resultOrigin(route.from) : (route.from ?? example), route);
-  }
-  if (route.name === "surface") {
-    const { SurfaceView } = await import("./create/surface-view.js");
-    return (root, scope) => new SurfaceView(root, scope, route.from, route.quick);
-  }
-  if (route.name === "family") {
-    const { FamilyView } = await import("./family/view.js");
-    return (root, scope) => new FamilyView(root, scope, route.from);
-  }
-  if (route.name === "examples" || route.name === "example") {
-    const { ExampleView, showExamples } = await import("./examples/view.js");
-    return (root, scope) => (route.name === "example" ? new ExampleView(root, scope, route.id) : showExamples(root, scope));
-  }
-  if (route.name === "compare") {
-    const { CompareView } = await import("./compare/view.js");
-    return (root, scope) => new CompareView(root, scope, route.ids);
-  }
-  if (route.name === "teach") {
-    const { TeachView } = await import("./teach/view.js");
-    return (root, scope) => new TeachView(root, scope);
-  }
-  if (route.name === "jobs" || route.name === "group") {
-    const { ListView } = await import("./jobs/list.js");
-    return (root, scope) => new ListView(root, scope, route.name === "group" ? { group: route.id } : { state: route.state, search: route.search });
-  }
-  if (route.name === "job" || route.name === "shared") {
-    const { JobView } = await import("./job/view.js");
-    return (root, scope) => new JobView(root, scope, route.id);
-  }
-  return (root) => fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${route.path}. `, h("a", { href: "#/" }, "Create something")));
-}
+    return (root, scope) => new CreateView(root, scope, route.result ? resultOrigin(route.from) : (route.from ?? example), route);
+  },
+  surface: ({ from, quick }) => import("./create/surface-view.js").then(({ SurfaceView }) => (root, scope) => new SurfaceView(root, scope, from, quick)),
+  family: ({ from }) => import("./family/view.js").then(({ FamilyView }) => (root, scope) => new FamilyView(root, scope, from)),
+  examples: () => import("./examples/view.js").then(({ showExamples }) => showExamples),
+  example: ({ id }) => import("./examples/view.js").then(({ ExampleView }) => (root, scope) => new ExampleView(root, scope, id)),
+  compare: ({ ids }) => import("./compare/view.js").then(({ CompareView }) => (root, scope) => new CompareView(root, scope, ids)),
+  teach: () => import("./teach/view.js").then(({ TeachView }) => (root, scope) => new TeachView(root, scope)),
+  jobs: ({ state, search }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { state, search })),
+  group: ({ id }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { group: id })),
+  job: ({ id }) => import("./job/view.js").then(({ JobView }) => (root, scope) => new JobView(root, scope, id)),
+  shared: (route) => VIEWS.job(route),
+  unknown: async ({ path }) => (root) => fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${path}. `, h("a", { href: "#/" }, "Create something"))),
+};
 
-/** @param {HTMLElement} root */
-function showUnloaded(root) {
-  fill(root, h("h1", null, "The page could not be loaded"), h("p", { class: "lead" }, "Check the connection. ", button("Reload", () => location.reload())));
+/**
+ * Say that a view could not be loaded, and load the page again once the server answers: browsers keep a module that
+ * failed, and what was typed is a draft. Not soon after another reload, or what is always missing would never rest.
+ * @type {View}
+ */
+async function showUnloaded(root, scope) {
+  fill(root, h("h1", null, "The page could not be loaded"), h("p", { class: "lead", role: "status" }, "The server does not answer. Trying again… ", button("Reload", () => location.reload())));
+  const [start] = /** @type {PerformanceNavigationTiming[]} */ (performance.getEntriesByType("navigation"));
+  if (start?.type === "reload") await scope.sleep(RELOAD_MS - performance.now());
+  while (await scope.sleep(AGAIN_MS)) {
+    const answer = await fetch(new URL("web/app/main.js", document.baseURI), { cache: "no-store", signal: scope.signal }).catch(() => null);
+    if (answer?.ok) return location.reload();
+  }
 }
 
 async function show() {
@@ -73,7 +65,7 @@ async function show() {
   turn += 1;
   const mine = turn;
   // What was there stays until the next view can be shown.
-  const view = await viewOf(route).catch(() => showUnloaded);
+  const view = await VIEWS[route.name](route).catch(() => showUnloaded);
   if (mine !== turn) return;
   scope.dispose();
   scope = new Scope();

@@ -94,12 +94,7 @@ export function fieldProblem(field, text) {
   return "";
 }
 
-/**
- * What is wrong with a whole number that has to be there; empty where it is fine.
- * @param {string} text
- * @param {number} min
- * @param {number} max
- */
+/** What is wrong with a whole number that has to be there; empty where it is fine. @param {string} text @param {number} min @param {number} max */
 export function integerProblem(text, min, max) {
   const value = text.trim();
   if (!/^[+-]?\d+$/.test(value)) return `Enter a whole number from ${count(min)} to ${count(max)}.`;

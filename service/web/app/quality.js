@@ -31,12 +31,7 @@ function front(orientation) {
   return [plain(`Front: the side at ${figure(turn)}°`, `0° is +Z, 90° is +X. It fits what the asset is ${percent(margin)} better than the next one.`)];
 }
 
-/**
- * What the asset was taken for, and what of its structure was kept.
- * @param {any} source
- * @param {any} carrier
- * @returns {Finding[]}
- */
+/** What the asset was taken for, and what of its structure was kept. @param {any} source @param {any} carrier @returns {Finding[]} */
 function kept(source, carrier) {
   const what = [carrier?.mirror ? `mirror symmetry across ${[...carrier.mirror].join(" and ")}` : "", carrier?.level ? "level and upright" : ""].filter(Boolean).join(", ");
   const structure = what ? `Kept: ${what}.` : "";
@@ -107,10 +102,7 @@ export function findings(report) {
   return found;
 }
 
-/**
- * The figures of the shape that viewers show: a skin's in the pose of its file, not in its bind pose.
- * @param {any} report
- */
+/** The figures of the shape that viewers show: a skin's in the pose of its file, not in its bind pose. @param {any} report */
 export function shownQuality(report) {
   return report?.posed_quality ?? report?.quality ?? {};
 }
@@ -149,11 +141,7 @@ export function shapeWords({ plausibility, loose = [], parts = [] }) {
   ].filter(Boolean).join("; ");
 }
 
-/**
- * What the result looks like to a judge that knows the nouns of the built-in model.
- * @param {any} judged
- * @returns {Finding[]}
- */
+/** What the result looks like to a judge that knows the nouns of the built-in model. @param {any} judged @returns {Finding[]} */
 function likeness(judged) {
   const share = number(judged?.probability);
   if (typeof judged?.noun !== "string" || share === null) return [];
@@ -168,11 +156,7 @@ function likeness(judged) {
   return [good(`Looks like: ${named(judged)}${other === null ? "" : `; next: ${named(other)}`}`, `As the prompt says, judged from pictures.${judge}`)];
 }
 
-/**
- * What the regions of further prompts look like, cut out. Never a warning: often only the whole shows the prompt.
- * @param {any} prompts
- * @returns {Finding[]}
- */
+/** What the regions of further prompts look like, cut out. Never a warning: often only the whole shows the prompt. @param {any} prompts @returns {Finding[]} */
 function regional(prompts) {
   const found = Array.isArray(prompts) ? prompts.filter((each) => each?.regions?.length && number(each.likeness?.probability) !== null) : [];
   return found.map(({ prompt, likeness: { probability, before } }) => {

@@ -5,101 +5,95 @@
  * @typedef {{name: "create", from: string | null, result?: boolean, example?: string, model?: string, prompt?: string}
  *   | {name: "surface", from: string | null, quick?: boolean}
  *   | {name: "family", from: string | null}
- *   | {name: "teach"}
+ *   | {name: "teach" | "examples"}
  *   | {name: "jobs", state: string | null, search?: string}
- *   | {name: "job", id: string}
+ *   | {name: "job" | "group" | "example", id: string}
  *   | {name: "shared", id: string, link: string}
- *   | {name: "group", id: string}
- *   | {name: "examples"}
- *   | {name: "example", id: string}
  *   | {name: "compare", ids: [string, string]}
  *   | {name: "unknown", path: string}} Route
  */
+import { STATE_WORDS } from "./format.js";
 
-export const STATES = ["queued", "running", "canceling", "succeeded", "failed", "canceled", "expired"];
 /** As the API has it. */
 export const MAX_SEARCH = 200;
-const JOB_ID = /^job_[0-9a-z]{1,64}$/;
-const EXAMPLE_ID = /^[a-z0-9-]{1,40}$/;
+const JOB = /^job_[0-9a-z]{1,64}$/;
+const EXAMPLE = /^[a-z0-9-]{1,40}$/;
 const TAUGHT = /^job:job_[0-9a-z]{1,64}$/;
 const LINK = /^link\.[\w.-]{1,300}$/;
-const GROUP_ID = /^[\w-]{1,64}$/;
+const GROUP = /^[\w-]{1,64}$/;
+
+/** What follows the first part of an address, and the view that it means. @type {[string, RegExp[], (parts: string[], query: URLSearchParams) => Route][]} */
+const ROUTES = [
+  ["", [], (_, query) => createRoute(query)],
+  ["surface", [], (_, query) => ({ name: "surface", from: jobOf(query), ...(query.has("quick") ? { quick: true } : {}) })],
+  ["family", [], (_, query) => ({ name: "family", from: jobOf(query) })],
+  ["teach", [], () => ({ name: "teach" })],
+  ["jobs", [], (_, query) => ({ name: "jobs", state: stateOf(query.get("state")), search: (query.get("q") ?? "").slice(0, MAX_SEARCH) })],
+  ["jobs", [JOB], ([id]) => ({ name: "job", id })],
+  ["shared", [JOB, LINK], ([id, link]) => ({ name: "shared", id, link })],
+  ["groups", [GROUP], ([id]) => ({ name: "group", id })],
+  ["examples", [], () => ({ name: "examples" })],
+  ["examples", [EXAMPLE], ([id]) => ({ name: "example", id })],
+  ["compare", [JOB, JOB], ([a, b]) => ({ name: "compare", ids: [a, b] })],
+];
 
 /** The view that an address means. @param {string} hash With or without its `#`. @returns {Route} */
 export function parseRoute(hash) {
   const [path, query = ""] = hash.replace(/^#/, "").split("?", 2);
   const parts = path.split("/").filter(Boolean);
-  const params = new URLSearchParams(query);
-  if (parts.length === 0) {
-    const from = params.get("from");
-    const example = params.get("example") ?? "";
-    const model = params.get("model");
-    const taught = model !== null && TAUGHT.test(model) ? { model, prompt: (params.get("prompt") ?? "").slice(0, MAX_SEARCH) } : null;
-    const result = from !== null && params.has("result") ? { result: true } : {};
-    return { name: "create", from: from !== null && JOB_ID.test(from) ? from : null, ...result, ...(EXAMPLE_ID.test(example) ? { example } : {}), ...taught };
-  }
-  if ((parts[0] === "surface" || parts[0] === "family") && parts.length === 1) {
-    const from = params.get("from");
-    const quick = parts[0] === "surface" && params.has("quick") ? { quick: true } : {};
-    return { name: parts[0], from: from !== null && JOB_ID.test(from) ? from : null, ...quick };
-  }
-  if (parts[0] === "teach" && parts.length === 1) return { name: "teach" };
-  if (parts[0] === "jobs" && parts.length === 1) {
-    const state = params.get("state");
-    return { name: "jobs", state: state !== null && STATES.includes(state) ? state : null, search: (params.get("q") ?? "").slice(0, MAX_SEARCH) };
-  }
-  if (parts[0] === "jobs" && parts.length === 2 && JOB_ID.test(parts[1])) {
-    return { name: "job", id: parts[1] };
-  }
-  if (parts[0] === "shared" && parts.length === 3 && JOB_ID.test(parts[1]) && LINK.test(parts[2])) {
-    return { name: "shared", id: parts[1], link: parts[2] };
-  }
-  if (parts[0] === "groups" && parts.length === 2 && GROUP_ID.test(parts[1])) {
-    return { name: "group", id: parts[1] };
-  }
-  if (parts[0] === "examples" && parts.length === 1) return { name: "examples" };
-  if (parts[0] === "examples" && parts.length === 2 && EXAMPLE_ID.test(parts[1])) return { name: "example", id: parts[1] };
-  if (parts[0] === "compare" && parts.length === 3 && JOB_ID.test(parts[1]) && JOB_ID.test(parts[2])) {
-    return { name: "compare", ids: [parts[1], parts[2]] };
-  }
-  return { name: "unknown", path: "/" + parts.join("/") };
+  const [first = "", ...rest] = parts;
+  const found = ROUTES.find(([name, patterns]) => name === first && patterns.length === rest.length && patterns.every((pattern, i) => pattern.test(rest[i])));
+  return found ? found[2](rest, new URLSearchParams(query)) : { name: "unknown", path: "/" + parts.join("/") };
+}
+
+/** @param {URLSearchParams} query @returns {Route} */
+function createRoute(query) {
+  const [example, model] = [query.get("example") ?? "", query.get("model") ?? ""];
+  const from = jobOf(query);
+  const taught = TAUGHT.test(model) ? { model, prompt: (query.get("prompt") ?? "").slice(0, MAX_SEARCH) } : null;
+  return { name: "create", from, ...(from && query.has("result") ? { result: true } : {}), ...(EXAMPLE.test(example) ? { example } : {}), ...taught };
+}
+
+/** @param {URLSearchParams} query @returns {string | null} The job that a form begins with. */
+function jobOf(query) {
+  const id = query.get("from") ?? "";
+  return JOB.test(id) ? id : null;
+}
+
+/** @param {string | null} value */
+function stateOf(value) {
+  return value !== null && Object.hasOwn(STATE_WORDS, value) ? value : null;
 }
 
 /** The address of a view, with its `#`. @param {Route} route */
 export function routeHash(route) {
   switch (route.name) {
     case "create":
-      return `#/${queryOf({ from: route.from, result: route.result ? "1" : null, example: route.example, model: route.model, prompt: route.prompt })}`;
+      return `#/${queryOf({ from: route.from, result: route.result, example: route.example, model: route.model, prompt: route.prompt })}`;
     case "surface":
-      return `#/surface${queryOf({ from: route.from, quick: route.quick ? "1" : null })}`;
     case "family":
-      return `#/family${queryOf({ from: route.from })}`;
-    case "teach":
-      return "#/teach";
+      return `#/${route.name}${queryOf({ from: route.from, quick: route.name === "surface" && route.quick })}`;
     case "jobs":
       return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":
-      return `#/jobs/${route.id}`;
+    case "group":
+    case "example":
+      return `#/${route.name}s/${route.id}`;
     case "shared":
       return `#/shared/${route.id}/${route.link}`;
-    case "group":
-      return `#/groups/${route.id}`;
-    case "examples":
-      return "#/examples";
-    case "example":
-      return `#/examples/${route.id}`;
     case "compare":
       return `#/compare/${route.ids.join("/")}`;
-    default:
+    case "unknown":
       return `#${route.path}`;
+    default:
+      return `#/${route.name}`;
   }
 }
 
-/** @param {Record<string, string | null | undefined>} values */
+/** @param {Record<string, string | boolean | null | undefined>} values True is written as 1. */
 function queryOf(values) {
-  const query = new URLSearchParams();
-  for (const [name, value] of Object.entries(values)) if (value) query.set(name, value);
-  return query.size ? `?${query}` : "";
+  const used = Object.entries(values).flatMap(([name, value]) => (value ? [[name, value === true ? "1" : value]] : []));
+  return used.length ? `?${new URLSearchParams(used)}` : "";
 }
 
 /**
@@ -107,6 +101,6 @@ function queryOf(values) {
  * @param {string} search The query of the page's own address.
  */
 export function permalinkHash(search) {
-  const id = new URLSearchParams(search).get("job");
-  return id !== null && JOB_ID.test(id) ? routeHash({ name: "job", id }) : null;
+  const id = new URLSearchParams(search).get("job") ?? "";
+  return JOB.test(id) ? routeHash({ name: "job", id }) : null;
 }

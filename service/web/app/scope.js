@@ -57,12 +57,7 @@ export class Scope {
   }
 }
 
-/**
- * The same function, called once the calls have stopped for a while.
- * @param {() => void} work
- * @param {number} milliseconds
- * @param {Scope} scope
- */
+/** The same function, called once the calls have stopped for a while. @param {() => void} work @param {number} milliseconds @param {Scope} scope */
 export function debounced(work, milliseconds, scope) {
   let timer = 0;
   scope.add(() => clearTimeout(timer));

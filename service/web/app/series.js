@@ -16,27 +16,7 @@ export function smoothed(values, weight = 0.8) {
   });
 }
 
-/**
- * Round values between the bounds, a handful of them, for the ticks of an axis.
- * @param {number} low
- * @param {number} high
- * @param {number} [wanted] About how many.
- */
-export function ticks(low, high, wanted = 4) {
-  if (!(high > low)) return [low];
-  const rough = (high - low) / wanted;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const unit = [1, 2, 5, 10].find((factor) => factor * power >= rough) ?? 10;
-  const step = unit * power;
-  const found = [];
-  for (let index = Math.ceil(low / step); index * step <= high * (1 + 1e-9); index += 1) found.push(Number((index * step).toPrecision(12)));
-  return found;
-}
-
-/**
- * Return the names of the losses that can be drawn, the most useful first.
- * @param {{losses: Record<string, number>}[]} points
- */
+/** Return the names of the losses that can be drawn, the most useful first. @param {{losses: Record<string, number>}[]} points */
 export function seriesNames(points) {
   const hidden = ["timestep"];
   const first = ["total", "guidance", "jacobian", "normal", "laplacian"];
@@ -45,11 +25,7 @@ export function seriesNames(points) {
   return [...first.filter((name) => found.has(name)), ...rest];
 }
 
-/**
- * The points of `report.json`, which are denser than those of the events.
- * @param {any} report
- * @returns {import("./history.js").Point[]}
- */
+/** The points of `report.json`, which are denser than those of the events. @param {any} report @returns {import("./history.js").Point[]} */
 export function reportPoints(report) {
   const rows = Array.isArray(report?.losses) ? report.losses : [];
   return rows.map((/** @type {any} */ row) => {

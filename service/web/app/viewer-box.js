@@ -66,12 +66,7 @@ export class ViewerBox {
     fill(this.note, glyph ? icon(glyph) : null, h("strong", null, title), text ? h("span", null, text) : null);
   }
 
-  /**
-   * @param {ArrayBuffer} buffer
-   * @param {string} format
-   * @param {boolean} [keepCamera]
-   * @returns {Promise<Found | null>} Null where nothing can be shown.
-   */
+  /** @param {ArrayBuffer} buffer @param {string} format @param {boolean} [keepCamera] @returns {Promise<Found | null>} Null where nothing can be shown. */
   async load(buffer, format, keepCamera = false) {
     await this.ready;
     if (!this.viewer) return null;

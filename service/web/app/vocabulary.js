@@ -38,12 +38,7 @@ export function withNoun(prompt, noun, known) {
   return withArticle([...kept, noun].join(" "));
 }
 
-/**
- * The prompt with an adjective more, or without it where it has it.
- * @param {string} prompt
- * @param {string} adjective
- * @param {Vocabulary} known
- */
+/** The prompt with an adjective more, or without it where it has it. @param {string} prompt @param {string} adjective @param {Vocabulary} known */
 export function withAdjective(prompt, adjective, known) {
   const words = prompt.toLowerCase().match(/[a-z]+/g) ?? [];
   const noun = words.find((word) => known.nouns.includes(word));
@@ -89,11 +84,7 @@ function used(prompt, known) {
   return (front.match(/[a-z]+/g) ?? []).filter((word) => plain.has(word));
 }
 
-/**
- * A prompt by chance, of a noun and now and then an adjective.
- * @param {Vocabulary} known
- * @param {() => number} [random]
- */
+/** A prompt by chance, of a noun and now and then an adjective. @param {Vocabulary} known @param {() => number} [random] */
 export function surprise(known, random = Math.random) {
   const pick = (/** @type {string[]} */ list) => list[Math.floor(random() * list.length)];
   const words = adjectives(known);

@@ -41,12 +41,7 @@ export function blendGlb(result, source, share) {
   return withJson(bytes, json);
 }
 
-/**
- * The vertices of a GLB, a member for each primitive.
- * @param {ArrayBuffer} buffer
- * @returns {Vertices[]}
- * @throws {Error} they are compressed
- */
+/** The vertices of a GLB, a member for each primitive. @param {ArrayBuffer} buffer @returns {Vertices[]} @throws {Error} they are compressed */
 export function verticesOf(buffer) {
   const json = readJson(buffer);
   return primitivesOf(json).map(({ attributes }) => {
@@ -109,13 +104,7 @@ function normalize(vectors, size) {
   }
 }
 
-/**
- * An accessor's numbers as floats.
- * @param {ArrayBuffer} buffer
- * @param {Record<string, any>} json
- * @param {number} index
- * @returns {Float32Array}
- */
+/** An accessor's numbers as floats. @param {ArrayBuffer} buffer @param {Record<string, any>} json @param {number} index @returns {Float32Array} */
 function values(buffer, json, index) {
   const { count, type, componentType, normalized } = json.accessors[index];
   const { start, stride, view } = place(buffer, json, index);

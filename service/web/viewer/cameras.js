@@ -8,11 +8,11 @@ import {
   Vector3,
 } from "../vendor/three/three.module.js";
 import { OrbitControls } from "../vendor/three/addons/controls/OrbitControls.js";
-import { cameraAxes, fitDistance, viewDirection } from "./framing.js";
 
-export const AZIMUTH = 32;
-export const ELEVATION = 14;
+const AZIMUTH = 32; // degrees; 0 looks at the front (+Z), 90 at the left side (+X)
+const ELEVATION = 14;
 const FOV = 32;
+const MARGIN = 1.04; // 1 touches the picture's border
 
 /** @typedef {{ position: [number, number, number], target: [number, number, number] }} CameraState */
 
@@ -26,17 +26,22 @@ const FOV = 32;
 export function frameBox(camera, box, direction) {
   const center = box.getCenter(new Vector3());
   const half = box.getSize(new Vector3()).multiplyScalar(0.5);
-  /** @type {[number, number, number]} */
-  const back = [direction.x, direction.y, direction.z];
-  const distance = fitDistance([half.x, half.y, half.z], cameraAxes(back), camera.fov, camera.aspect);
-  camera.position.copy(direction).multiplyScalar(Math.max(distance, 1e-9)).add(center);
+  camera.position.copy(center).add(direction);
   camera.lookAt(center);
+  const turned = camera.quaternion.clone().invert();
+  const tan = Math.tan(MathUtils.degToRad(camera.fov) / 2) / MARGIN;
+  let distance = 1e-9;
+  for (let corner = 0; corner < 8; corner++) {
+    const { x, y, z } = new Vector3(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1).multiply(half).applyQuaternion(turned);
+    distance = Math.max(distance, Math.abs(x) / (tan * camera.aspect) + z, Math.abs(y) / tan + z);
+  }
+  camera.position.copy(direction).multiplyScalar(distance).add(center);
   setDepthRange(camera, box);
   return center;
 }
 
 /** @param {PerspectiveCamera} camera @param {Box3} box */
-export function setDepthRange(camera, box) {
+function setDepthRange(camera, box) {
   const radius = Math.max(box.getSize(new Vector3()).length() / 2, 1e-9);
   const distance = camera.position.distanceTo(box.getCenter(new Vector3()));
   camera.near = Math.max(distance - 2 * radius, radius / 200);
@@ -51,7 +56,7 @@ export function makeCamera() {
 
 /** @returns {Vector3} where the camera stands at first, from its target */
 export function defaultDirection() {
-  return new Vector3(...viewDirection(AZIMUTH, ELEVATION));
+  return new Vector3().setFromSphericalCoords(1, MathUtils.degToRad(90 - ELEVATION), MathUtils.degToRad(AZIMUTH));
 }
 
 /** Steers a camera around a box: pointer, touch and the commands of the keyboard. */

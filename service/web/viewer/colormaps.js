@@ -26,12 +26,7 @@ export function colorAt(name, t) {
   return [mix(16), mix(8), mix(0)];
 }
 
-/**
- * A row of colours for a texture.
- * @param {ColormapName} name
- * @param {number} size
- * @returns {Uint8Array} (4 size) sRGB and an opaque alpha
- */
+/** A row of colours for a texture. @param {ColormapName} name @param {number} size @returns {Uint8Array} (4 size) sRGB and an opaque alpha */
 export function colorRow(name, size = 256) {
   const row = new Uint8Array(4 * size);
   for (let i = 0; i < size; i++) row.set([...colorAt(name, i / (size - 1)), 255], 4 * i);
@@ -84,8 +79,8 @@ export function ticks(legend, wanted = 5) {
   return values.map((value) => ({ value, text: formatValue(value), at: positionOf(value, legend) }));
 }
 
-/** @param {number} low @param {number} high @param {number} wanted */
-function linearTicks(low, high, wanted) {
+/** Round values from `low`, or from the first above it, to `high`. @param {number} low @param {number} high @param {number} wanted about how many */
+export function linearTicks(low, high, wanted) {
   const rough = (high - low) / wanted;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = power * ([1, 2, 5, 10].find((factor) => factor * power >= rough) ?? 10);

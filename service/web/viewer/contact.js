@@ -104,13 +104,7 @@ export class ContactShadow {
     gl.setRenderTarget(null);
   }
 
-  /**
-   * @param {import("three").WebGLRenderer} gl
-   * @param {WebGLRenderTarget} from
-   * @param {WebGLRenderTarget} to
-   * @param {number} x
-   * @param {number} y
-   */
+  /** @param {import("three").WebGLRenderer} gl @param {WebGLRenderTarget} from @param {WebGLRenderTarget} to @param {number} x @param {number} y */
   #pass(gl, from, to, x, y) {
     this.blur.uniforms.source.value = from.texture;
     this.blur.uniforms.direction.value.set(x, y);

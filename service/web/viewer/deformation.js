@@ -122,11 +122,7 @@ export class Deformation {
     for (const blend of this.blends) blend.set(this.morph);
   }
 
-  /**
-   * Let the way from the source to the result, or beyond it, lead through a shape.
-   * @param {number} t
-   * @param {Pair[]} pairs
-   */
+  /** Let the way from the source to the result, or beyond it, lead through a shape. @param {number} t @param {Pair[]} pairs */
   pass(t, pairs) {
     this.blends.forEach((blend, i) => blend.pass(t, pairs[i]));
     this.furthest = Math.max(this.furthest, t);
@@ -191,11 +187,7 @@ function textureStretches(ends) {
   return own.map((values) => values.map((value) => value / scale));
 }
 
-/**
- * Coordinates of the vertices in the base colour texture, in texels.
- * @param {Blend} blend
- * @returns {Float64Array | null} (2V); null without a texture
- */
+/** Coordinates of the vertices in the base colour texture, in texels. @param {Blend} blend @returns {Float64Array | null} (2V); null without a texture */
 function texelsOf(blend) {
   const map = /** @type {any} */ (blend.mesh.material).map;
   const uvs = map?.image && blend.original.attributes[map.channel ? `uv${map.channel}` : "uv"];
@@ -225,10 +217,7 @@ function inOrder(values, order) {
   return out;
 }
 
-/**
- * A geometry with the same attributes, not copies of them; its own can be replaced.
- * @param {BufferGeometry} geometry
- */
+/** A geometry with the same attributes, not copies of them; its own can be replaced. @param {BufferGeometry} geometry */
 function shareGeometry(geometry) {
   const own = new BufferGeometry();
   own.name = geometry.name;
@@ -241,12 +230,7 @@ function shareGeometry(geometry) {
   return own;
 }
 
-/**
- * Normals of positions whose file has none.
- * @param {Float32Array} positions
- * @param {BufferAttribute | null} index
- * @returns {Float32Array}
- */
+/** Normals of positions whose file has none. @param {Float32Array} positions @param {BufferAttribute | null} index @returns {Float32Array} */
 function normalsOf(positions, index) {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(positions, 3));

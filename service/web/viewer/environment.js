@@ -21,10 +21,7 @@ const LIGHTS = [
   { azimuth: 0, elevation: 89, width: 9, height: 9, radiance: 3.2 }, // ceiling
 ];
 
-/**
- * @param {import("three").WebGLRenderer} renderer
- * @returns {import("three").WebGLRenderTarget} its `texture` goes into `scene.environment`
- */
+/** @param {import("three").WebGLRenderer} renderer @returns {import("three").WebGLRenderTarget} its `texture` goes into `scene.environment` */
 export function makeEnvironment(renderer) {
   const scene = new Scene();
   const room = new Mesh(

@@ -1,12 +1,12 @@
 // @ts-check
 /** A field in a viewer: its levels, distances from a point as colours with isolines, and the point, which can be dragged. */
-import { BufferAttribute, Mesh, MeshBasicMaterial, Raycaster, SphereGeometry, Vector2, Vector3 } from "../vendor/three/three.module.js";
+import { BufferAttribute, Mesh, MeshBasicMaterial, SphereGeometry, Vector3 } from "../vendor/three/three.module.js";
 import { cssGradient, pieceColors, ticks } from "./colormaps.js";
 import { colorTexture, HeatMaterial, pieceTexture } from "./heatmap.js";
 import { meshesOf } from "./loading.js";
+import { follow } from "./surface.js";
 
 const ISOLINES = 24;
-const GRIP = { mouse: 14, other: 26 }; // pixels
 const STILL = 4; // pixels: what moves less is a click
 
 /** Tasks for `field-worker.js`, each a promise. */
@@ -54,7 +54,6 @@ export class FieldView {
     this.viewer = viewer;
     this.onSource = onSource;
     this.canvas = viewer.surface.canvas;
-    this.caster = new Raycaster();
     this.stop = new AbortController();
     /** @type {import("three").Material | null} */
     this.plain = null;
@@ -78,11 +77,7 @@ export class FieldView {
     return this.viewer.root ? (meshesOf(this.viewer.root)[0] ?? null) : null;
   }
 
-  /**
-   * Colour the surface.
-   * @param {Float32Array | null} values of its vertices, 0 to `most`; null: as it is
-   * @param {number} most
-   */
+  /** Colour the surface. @param {Float32Array | null} values of its vertices, 0 to `most`; null: as it is @param {number} most */
   colour(values, most) {
     if (!values) return this.#dress(null, null);
     const heat = Float32Array.from(values, (value) => (Number.isFinite(value) ? value / (most || 1) : -1));
@@ -141,17 +136,12 @@ export class FieldView {
   placeAt(event) {
     const { mesh } = this;
     if (!mesh) return null;
-    this.viewer.rig.camera.updateMatrixWorld();
-    this.caster.setFromCamera(new Vector2(...this.viewer.surface.place(event)), this.viewer.rig.camera);
-    return this.caster.intersectObject(mesh, false)[0]?.point.toArray() ?? null;
+    return this.viewer.surface.cast(event, this.viewer.rig.camera).intersectObject(mesh, false)[0]?.point.toArray() ?? null;
   }
 
   /** @param {PointerEvent} event @returns {boolean} whether the pointer is on the source */
   #grips(event) {
-    if (!this.marker.visible) return false;
-    this.viewer.rig.camera.updateMatrixWorld();
-    const seen = this.marker.position.clone().project(this.viewer.rig.camera);
-    return this.viewer.surface.apart(event, seen) < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other);
+    return this.marker.visible && this.viewer.surface.grip(event, [this.marker.position], this.viewer.rig.camera) === 0;
   }
 
   /** A click puts the source somewhere; from where it is, it is dragged. What begins elsewhere turns the camera. @param {PointerEvent} event */
@@ -164,24 +154,18 @@ export class FieldView {
       this.viewer.surface.container.focus({ preventScroll: true });
       this.canvas.style.cursor = "grabbing";
     }
-    const dragging = new AbortController();
-    this.stop.signal.addEventListener("abort", () => dragging.abort(), { once: true });
-    const options = { signal: dragging.signal };
     let far = false;
-    addEventListener("pointermove", (moved) => {
-      if (moved.pointerId !== event.pointerId) return;
+    const move = (/** @type {PointerEvent} */ moved) => {
       far ||= Math.hypot(moved.clientX - event.clientX, moved.clientY - event.clientY) > STILL;
       const place = drags ? this.placeAt(moved) : null;
       if (place) this.onSource(place);
-    }, options);
-    addEventListener("pointercancel", () => dragging.abort(), options);
-    addEventListener("pointerup", (ended) => {
-      if (ended.pointerId !== event.pointerId) return;
-      dragging.abort();
+    };
+    const end = (/** @type {PointerEvent} */ ended) => {
       this.canvas.style.cursor = "";
       const place = drags || far ? null : this.placeAt(ended);
       if (place) this.onSource(place);
-    }, options);
+    };
+    follow(event, this.stop.signal, { move, end });
   }
 
   dispose() {

@@ -46,11 +46,7 @@ const tasks = {
     return { level, glb: glbOf(positions, indices), faces: indices.length / 3, vertices: positions.length / 3, ms };
   },
 
-  /**
-   * Distances from a place on the surface, or from the vertex that is farthest from it.
-   * @param {{ level: number, place: number[] }} given
-   * @returns {Heat}
-   */
+  /** Distances from a place on the surface, or from the vertex that is farthest from it. @param {{ level: number, place: number[] }} given @returns {Heat} */
   heat({ level, place }) {
     const { positions, indices } = meshOf(level);
     const { solver, flips } = solverOf(level, positions, indices);
@@ -71,11 +67,7 @@ const tasks = {
     };
   },
 
-  /**
-   * What the field holds beside its surface, by its place among them.
-   * @param {{ level: number, scalars: number, output: number }} given
-   * @returns {Learned}
-   */
+  /** What the field holds beside its surface, by its place among them. @param {{ level: number, scalars: number, output: number }} given @returns {Learned} */
   scalar({ level, scalars, output }) {
     const { corners, weights } = meshOf(level);
     const begin = performance.now();

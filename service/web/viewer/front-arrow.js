@@ -6,12 +6,11 @@ import {
   Mesh,
   MeshBasicMaterial,
   Plane,
-  Raycaster,
   Shape,
   ShapeGeometry,
-  Vector2,
   Vector3,
 } from "../vendor/three/three.module.js";
+import { follow } from "./surface.js";
 
 const INNER = 1.06; // times half the longer side of the ground, from the middle of the asset
 const OUTER = 1.55;
@@ -80,10 +79,7 @@ export class FrontArrow {
 
   /** @param {PointerEvent} event @returns {Vector3 | null} from the middle, where the pointer is on the ground */
   #onGround(event) {
-    const caster = new Raycaster();
-    this.rig.camera.updateMatrixWorld();
-    caster.setFromCamera(new Vector2(...this.surface.place(event)), this.rig.camera);
-    const found = caster.ray.intersectPlane(new Plane(new Vector3(0, 1, 0), -this.center.y), new Vector3());
+    const found = this.surface.cast(event, this.rig.camera).ray.intersectPlane(new Plane(new Vector3(0, 1, 0), -this.center.y), new Vector3());
     return found ? found.sub(this.center) : null;
   }
 
@@ -106,20 +102,12 @@ export class FrontArrow {
     if (event.button !== 0 || !this.#on(event)) return;
     event.stopImmediatePropagation();
     event.preventDefault();
-    const dragging = new AbortController();
-    this.stop.signal.addEventListener("abort", () => dragging.abort(), { once: true });
-    const options = { signal: dragging.signal };
     const turn = (/** @type {PointerEvent} */ moved, /** @type {boolean} */ done) => {
       const place = this.#onGround(moved);
       if (place) this.turned((Math.round(azimuth(place) / STEP) * STEP) % 360, done);
     };
-    const end = (/** @type {PointerEvent} */ ended) => {
-      dragging.abort();
-      turn(ended, true);
-    };
-    addEventListener("pointermove", (moved) => turn(moved, false), options);
-    addEventListener("pointerup", end, options);
-    addEventListener("pointercancel", end, options);
+    const end = (/** @type {PointerEvent} */ ended) => turn(ended, true);
+    follow(event, this.stop.signal, { move: (moved) => turn(moved, false), end, cancel: end });
   }
 
   dispose() {

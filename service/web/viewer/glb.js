@@ -10,12 +10,7 @@ export function isGlb(buffer) {
   return buffer.byteLength >= 20 && new DataView(buffer).getUint32(0, true) === MAGIC;
 }
 
-/**
- * Read the JSON of a GLB or a .gltf.
- * @param {ArrayBuffer} buffer
- * @returns {Record<string, any>}
- * @throws {Error} it is neither
- */
+/** Read the JSON of a GLB or a .gltf. @param {ArrayBuffer} buffer @returns {Record<string, any>} @throws {Error} it is neither */
 export function readJson(buffer) {
   let bytes = new Uint8Array(buffer);
   if (isGlb(buffer)) {
@@ -69,11 +64,7 @@ export function binaryChunk(glb) {
   return new Uint8Array(glb, at + 8, Math.min(view.getUint32(at, true), glb.byteLength - at - 8));
 }
 
-/**
- * @param {Record<string, any>} json
- * @param {Uint8Array[]} parts of the binary chunk, each as long as a multiple of four bytes
- * @returns {ArrayBuffer} a GLB
- */
+/** @param {Record<string, any>} json @param {Uint8Array[]} parts of the binary chunk, each as long as a multiple of four bytes @returns {ArrayBuffer} a GLB */
 export function writeGlb(json, parts) {
   const length = parts.reduce((sum, part) => sum + part.length, 0);
   return joined(json, [new Uint8Array(Uint32Array.of(length, BINARY_CHUNK).buffer), ...parts]);

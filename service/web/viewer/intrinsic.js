@@ -72,11 +72,7 @@ function cotangent(sides, e) {
   return (b * b + c * c - a * a) / Math.sqrt(Math.max(inside, 1e-300));
 }
 
-/**
- * Flip until every inner edge is Delaunay.
- * @param {Uint32Array} faces @param {Float64Array} sides @param {Int32Array} twin
- * @returns {number} of flips
- */
+/** Flip until every inner edge is Delaunay. @param {Uint32Array} faces @param {Float64Array} sides @param {Int32Array} twin @returns {number} of flips */
 function flipAll(faces, sides, twin) {
   const waiting = new Uint8Array(faces.length).fill(1);
   const queue = Array.from({ length: faces.length }, (_, e) => e);

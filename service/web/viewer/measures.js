@@ -99,12 +99,7 @@ function gram(positions, corners, face, out) {
   }
 }
 
-/**
- * Twice the area of each triangle.
- * @param {ArrayLike<number>} positions (3V)
- * @param {ArrayLike<number>} corners (3F)
- * @returns {Float64Array} (F)
- */
+/** Twice the area of each triangle. @param {ArrayLike<number>} positions (3V) @param {ArrayLike<number>} corners (3F) @returns {Float64Array} (F) */
 export function doubleAreas(positions, corners) {
   const areas = new Float64Array(corners.length / 3);
   const metric = new Float64Array(3);

@@ -51,11 +51,7 @@ function copyOf(bytes) {
   return /** @type {ArrayBuffer} */ (bytes.slice().buffer);
 }
 
-/**
- * Which accessors move; throws where the files are not alike.
- * @param {Record<string, any>} before @param {Record<string, any>} after
- * @returns {Move[]}
- */
+/** Which accessors move; throws where the files are not alike. @param {Record<string, any>} before @param {Record<string, any>} after @returns {Move[]} */
 function movesOf(before, after) {
   const [own, others] = [primitivesOf(before), primitivesOf(after)];
   if (own.length !== others.length) throw WHOLE;

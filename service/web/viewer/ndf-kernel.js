@@ -22,11 +22,7 @@ const ROW = 4 * BLOCK; // bytes
  * @returns {void}
  */
 
-/**
- * @param {number} bytes of memory that is needed
- * @param {boolean} [simd] False: in JavaScript.
- * @returns {{ memory: ArrayBuffer, layer: Layer }}
- */
+/** @param {number} bytes of memory that is needed @param {boolean} [simd] False: in JavaScript. @returns {{ memory: ArrayBuffer, layer: Layer }} */
 export function makeKernel(bytes, simd = true) {
   const pages = Math.ceil(bytes / 65536);
   if (simd) {

@@ -28,11 +28,7 @@ export function unfold(field, level, simd = true) {
   return { positions: evaluate(corners, weights), indices, corners, weights };
 }
 
-/**
- * Where the vertices of a level lie: three corners of the base (3V) and their weights (3V); and the faces.
- * @param {NeuralField} field
- * @param {number} parts
- */
+/** Where the vertices of a level lie: three corners of the base (3V) and their weights (3V); and the faces. @param {NeuralField} field @param {number} parts */
 function divide({ faces, header }, parts) {
   const count = faces.length / 3;
   const inner = parts - 1;
@@ -114,11 +110,7 @@ function patternOf(parts) {
   return Uint32Array.from(found);
 }
 
-/**
- * A function from corners and weights to points (3V) of the surface, in the world.
- * @param {NeuralField} field
- * @param {boolean} simd
- */
+/** A function from corners and weights to points (3V) of the surface, in the world. @param {NeuralField} field @param {boolean} simd */
 function evaluator({ header, verts, features, layers }, simd) {
   const { features: d, octaves, widths, centre, scale } = header;
   const { values, run } = makeNetwork(widths, layers, simd);

@@ -129,10 +129,7 @@ function decodeBase(symbols, steps, vertices, count, bits) {
   return { verts: Float64Array.from(places, (place) => place / most - 1), faces };
 }
 
-/**
- * Unpacks a section of 16-bit numbers, whose low bytes come first, then the high ones.
- * @param {Uint8Array} data @param {number} size
- */
+/** Unpacks a section of 16-bit numbers, whose low bytes come first, then the high ones. @param {Uint8Array} data @param {number} size */
 async function numbers(data, size) {
   const unpacker = new DecompressionStream("deflate-raw");
   const reader = new Blob([/** @type {BlobPart} */ (data)]).stream().pipeThrough(unpacker).getReader();

@@ -73,10 +73,7 @@ export class SharedRenderer extends EventTarget {
     return this.gl.getContext().isContextLost();
   }
 
-  /**
-   * Call back before the next picture.
-   * @param {() => boolean} draw returns whether it wants another frame after this one
-   */
+  /** Call back before the next picture. @param {() => boolean} draw returns whether it wants another frame after this one */
   request(draw) {
     this.waiting.add(draw);
     if (!this.frame) this.frame = requestAnimationFrame(() => this.#run());

@@ -1,10 +1,34 @@
 // @ts-check
 /** The element that a viewer lives in: a canvas of the right size, a theme, a name for those who do not see it. */
 
+import { Raycaster, Vector2 } from "../vendor/three/three.module.js";
+
 const MAX_PIXEL_RATIO = 2;
+const GRIP = { mouse: 14, other: 26 }; // pixels
 let count = 0;
 
 /** @typedef {{ resized: (aspect: number) => void, changed: () => void, themed: (dark: boolean) => void }} Listeners */
+
+/**
+ * Follow the pointer that went down until it is let go.
+ * @param {PointerEvent} event
+ * @param {AbortSignal} signal ends it without a word
+ * @param {{ move?: (moved: PointerEvent) => void, end: (ended: PointerEvent) => void, cancel?: (ended: PointerEvent) => void }} does
+ * @returns {() => void} ends it without a word
+ */
+export function follow(event, signal, { move, end, cancel }) {
+  const following = new AbortController();
+  const on = (/** @type {"pointermove" | "pointerup" | "pointercancel"} */ type, /** @type {((event: PointerEvent) => void) | undefined} */ act) =>
+    addEventListener(type, (other) => {
+      if (other.pointerId !== event.pointerId) return;
+      if (type !== "pointermove") following.abort();
+      act?.(other);
+    }, { signal: AbortSignal.any([following.signal, signal]) });
+  on("pointermove", move);
+  on("pointerup", end);
+  on("pointercancel", cancel);
+  return () => following.abort();
+}
 
 export class Surface {
   /** @param {HTMLElement} container @param {string} label @param {string} instructions @param {Listeners} listeners */
@@ -82,9 +106,29 @@ export class Surface {
   }
 
   /** @param {{ clientX: number, clientY: number }} event @param {{ x: number, y: number }} seen a place as `place` returns it @returns {number} pixels between the two */
-  apart(event, seen) {
+  #apart(event, seen) {
     const [x, y] = this.place(event);
     return Math.hypot(((seen.x - x) * this.canvas.clientWidth) / 2, ((seen.y - y) * this.canvas.clientHeight) / 2);
+  }
+
+  /** @param {{ clientX: number, clientY: number }} event @param {import("three").Camera} camera @returns {Raycaster} through the pointer */
+  cast(event, camera) {
+    const caster = new Raycaster();
+    camera.updateMatrixWorld();
+    caster.setFromCamera(new Vector2(...this.place(event)), camera);
+    return caster;
+  }
+
+  /**
+   * @param {PointerEvent} event @param {import("three").Vector3[]} places @param {import("three").Camera} camera
+   * @returns {number} the nearest place that the pointer is on; -1: none
+   */
+  grip(event, places, camera) {
+    camera.updateMatrixWorld();
+    const seen = places.map((place) => place.clone().project(camera));
+    const apart = seen.map((place) => (Math.abs(place.z) > 1 ? Infinity : this.#apart(event, place)));
+    const least = Math.min(...apart);
+    return least < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other) ? apart.indexOf(least) : -1;
   }
 
   /** @returns {boolean} whether the background is dark */
@@ -93,11 +137,7 @@ export class Surface {
     return 0.299 * channels[0] + 0.587 * channels[1] + 0.114 * channels[2] < 128;
   }
 
-  /**
-   * Give the canvas as many pixels as it covers.
-   * @param {number} limit
-   * @returns {boolean} false where there are none
-   */
+  /** Give the canvas as many pixels as it covers. @param {number} limit @returns {boolean} false where there are none */
   fit(limit) {
     const { clientWidth, clientHeight } = this.container;
     const ratio = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO, limit / Math.max(clientWidth, clientHeight, 1));

@@ -249,11 +249,7 @@ export class MeshViewer extends EventTarget {
     this.invalidate();
   }
 
-  /**
-   * What is shown, as a picture of any size.
-   * @param {import("./snapshot.js").SnapshotOptions} options
-   * @returns {Promise<Blob>} PNG
-   */
+  /** What is shown, as a picture of any size. @param {import("./snapshot.js").SnapshotOptions} options @returns {Promise<Blob>} PNG */
   async snapshot({ width = 1024, height = 1024, background } = {}) {
     if (!this.#root) throw new Error("Nothing is loaded.");
     this.rig.update();

@@ -3,7 +3,7 @@
  * The wall of a family, `wall.glb`: shapes side by side, coloured by part. Point k of one corresponds to point k of any
  * other; pointing at a shape finds the nearest one, and the same point is marked on all of them.
  */
-import { Box3, Box3Helper, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial, Points, Quaternion, Raycaster, SphereGeometry, Vector2, Vector3 } from "../vendor/three/three.module.js";
+import { Box3, Box3Helper, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial, Points, Quaternion, SphereGeometry, Vector3 } from "../vendor/three/three.module.js";
 import { readJson } from "./glb.js";
 
 const BALL = 0.02; // of a shape's diagonal
@@ -33,7 +33,6 @@ export class Wall {
    */
   constructor(viewer, { pointed, clicked }) {
     this.viewer = viewer;
-    this.caster = new Raycaster();
     this.shapes = hung(/** @type {import("three").Object3D} */ (viewer.root));
     this.balls = [marker(0x111111, HALO, this.shapes.length), marker(0xffffff, 1, this.shapes.length)];
     /** @type {Box3Helper[]} */
@@ -123,8 +122,7 @@ export class Wall {
 
   /** @param {PointerEvent} event @returns {Hit | null} the point of a shape nearest to where a pointer points */
   at(event) {
-    this.caster.setFromCamera(new Vector2(...this.viewer.surface.place(event)), this.viewer.rig.camera);
-    const [hit] = this.caster.intersectObjects(this.shapes.flatMap(({ node }) => meshes(node)), false);
+    const [hit] = this.viewer.surface.cast(event, this.viewer.rig.camera).intersectObjects(this.shapes.flatMap(({ node }) => meshes(node)), false);
     if (!hit) return null;
     const shape = this.shapes.findIndex(({ node }) => node === hit.object || node === hit.object.parent);
     const place = this.shapes[shape].node.worldToLocal(hit.point.clone());

@@ -12,11 +12,7 @@ import { debounced } from "../scope.js";
 
 const LISTED = 100;
 
-/**
- * Ask for another job with a result, and go to the comparison.
- * @param {any} job
- * @param {import("../scope.js").Scope} scope
- */
+/** Ask for another job with a result, and go to the comparison. @param {any} job @param {import("../scope.js").Scope} scope */
 export function compareWith(job, scope) {
   const search = h("input", { type: "search", id: "compare-search", maxlength: MAX_SEARCH, placeholder: "Prompt, file or label", autocomplete: "off" });
   const other = h("select", { id: "compare-other" });

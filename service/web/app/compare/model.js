@@ -62,11 +62,7 @@ function valueText(value) {
   return typeof value === "object" ? JSON.stringify(value) : String(value);
 }
 
-/**
- * The figures of two results, side by side; those that neither report has are left out.
- * @param {[any, any]} reports
- * @returns {Row[]}
- */
+/** The figures of two results, side by side; those that neither report has are left out. @param {[any, any]} reports @returns {Row[]} */
 export function figureRows(reports) {
   const take = (/** @type {string} */ label, /** @type {(report: any) => unknown} */ get, /** @type {(value: any) => string} */ say = figure) => {
     const [a, b] = reports.map((report) => get(report ?? {}) ?? null);

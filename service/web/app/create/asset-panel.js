@@ -145,12 +145,7 @@ export class AssetPanel {
     return null;
   }
 
-  /**
-   * @param {number} triangles
-   * @param {number} vertices
-   * @param {string[]} [more]
-   * @param {string[]} [warnings] What limits the result, in sentences.
-   */
+  /** @param {number} triangles @param {number} vertices @param {string[]} [more] @param {string[]} [warnings] What limits the result, in sentences. */
   describe(triangles, vertices, more = [], warnings = []) {
     const asset = this.asset;
     if (!asset) return;

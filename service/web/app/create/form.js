@@ -26,11 +26,7 @@ export function intro(words, stressed, lead) {
   return h("div", { class: "intro" }, h("h1", null, `${words} `, h("em", null, stressed)), h("p", { class: "lead" }, lead));
 }
 
-/**
- * How long a job would take, in words.
- * @param {any} found What `POST /v1/jobs:validate` says.
- * @param {number} variations
- */
+/** How long a job would take, in words. @param {any} found What `POST /v1/jobs:validate` says. @param {number} variations */
 export function estimateWords(found, variations) {
   const { queue_s: queue, run_s: run, steps: count } = found.estimate;
   const steps = count ? `${count.toLocaleString("en")} steps` : "A change in plain words";

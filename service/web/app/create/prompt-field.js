@@ -65,10 +65,7 @@ export class PromptField {
     }
   }
 
-  /**
-   * @param {import("../vocabulary.js").Model | null} model
-   * @param {boolean} others Whether there are models to choose that take free text.
-   */
+  /** @param {import("../vocabulary.js").Model | null} model @param {boolean} others Whether there are models to choose that take free text. */
   offer(model, others) {
     this.model = model;
     const known = model?.vocabulary;

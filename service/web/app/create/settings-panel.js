@@ -214,13 +214,7 @@ export class SettingsPanel {
   }
 }
 
-/**
- * A field for a whole number, and what is wrong with what is in it.
- * @param {string} id
- * @param {number} min
- * @param {number} max
- * @param {() => void} onChange
- */
+/** A field for a whole number, and what is wrong with what is in it. @param {string} id @param {number} min @param {number} max @param {() => void} onChange */
 function integerField(id, min, max, onChange) {
   const problem = h("p", { class: "field-problem", id: `${id}-problem`, hidden: true, "aria-live": "polite" });
   // Not of the type "number": a browser hides what it does not take for one.
@@ -228,12 +222,7 @@ function integerField(id, min, max, onChange) {
   return { input, problem, check: () => integerProblem(input.value, min, max) };
 }
 
-/**
- * @param {string} name
- * @param {[string, string, string][]} options Value, label, what it means.
- * @param {string} chosen
- * @param {() => void} onChange
- */
+/** @param {string} name @param {[string, string, string][]} options Value, label, what it means. @param {string} chosen @param {() => void} onChange */
 function radios(name, options, chosen, onChange) {
   const inputs = options.map(([value]) => h("input", { type: "radio", name, value, id: uniqueId(name), ".checked": value === chosen, on: { change: onChange } }));
   const element = h(

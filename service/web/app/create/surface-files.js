@@ -16,11 +16,7 @@ const MOST_ANCHORS = 256;
 
 /** @typedef {{ base: number[], surface: number[] }} Anchor */
 
-/**
- * Pairs of points, one in each line: `1,0,0 : 0,0,1`, or as `--anchor` has them.
- * @param {string} text
- * @returns {{ anchors: Anchor[], problem: string }}
- */
+/** Pairs of points, one in each line: `1,0,0 : 0,0,1`, or as `--anchor` has them. @param {string} text @returns {{ anchors: Anchor[], problem: string }} */
 export function anchorsOf(text) {
   const lines = text.split("\n").map((line) => line.trim());
   /** @type {Anchor[]} */

@@ -178,11 +178,7 @@ export class CreateView {
     return form.fields;
   }
 
-  /**
-   * Use the asset of a job, or of an example.
-   * @param {string} from
-   * @returns {Promise<import("../params.js").Wish | null>} Its settings.
-   */
+  /** Use the asset of a job, or of an example. @param {string} from @returns {Promise<import("../params.js").Wish | null>} Its settings. */
   async _assetOf(from) {
     const before = this.assets.choices;
     try {

@@ -33,12 +33,7 @@ export function download(path, name, size, signable, scope) {
   });
 }
 
-/**
- * Let the service make an artifact of a finished job, and save it.
- * @param {any} job
- * @param {string} name
- * @param {import("../scope.js").Scope} scope
- */
+/** Let the service make an artifact of a finished job, and save it. @param {any} job @param {string} name @param {import("../scope.js").Scope} scope */
 export function downloadMade(job, name, scope) {
   const path = `v1/jobs/${job.id}/artifacts/${name}`;
   announce(`Making ${name}`);
@@ -48,12 +43,7 @@ export function downloadMade(job, name, scope) {
   });
 }
 
-/**
- * Deform other files as the job's asset was, and save each as a GLB.
- * @param {any} job
- * @param {File[]} files
- * @param {import("../scope.js").Scope} scope
- */
+/** Deform other files as the job's asset was, and save each as a GLB. @param {any} job @param {File[]} files @param {import("../scope.js").Scope} scope */
 export function deformAlike(job, files, scope) {
   return orToast("Not deformed", async () => {
     for (const file of files) {

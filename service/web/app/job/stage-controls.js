@@ -42,12 +42,7 @@ export function slider(id, label, max, onInput, between = null) {
   return { input, value, row };
 }
 
-/**
- * A list with its label, of which one thing is chosen.
- * @param {string} id
- * @param {string} label
- * @param {() => void} onChange
- */
+/** A list with its label, of which one thing is chosen. @param {string} id @param {string} label @param {() => void} onChange */
 export function chooser(id, label, onChange) {
   const input = h("select", { id, on: { change: onChange } });
   const row = h("div", { class: "range-row", hidden: true }, h("label", { for: id }, label), input);
@@ -59,11 +54,7 @@ export function drawnPicture(scope, picture, alt) {
   return h("div", { class: "stage-picture" }, h("img", { src: scope.url(picture), alt }));
 }
 
-/**
- * Explain the colours of a heat map.
- * @param {HTMLElement} legend
- * @param {import("../viewer-box.js").Scale | null} scale
- */
+/** Explain the colours of a heat map. @param {HTMLElement} legend @param {import("../viewer-box.js").Scale | null} scale */
 export function showLegend(legend, scale) {
   legend.hidden = !scale;
   if (!scale) return;

@@ -5,7 +5,7 @@ import { LossChart } from "../chart.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { DEMO } from "../demo.js";
 import { fill, h, icon } from "../dom.js";
-import { ago, goalWords, jobTitle } from "../format.js";
+import { ago, goalWords, jobTitle, STATE_WORDS } from "../format.js";
 import { plainParams } from "../groups.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
 import { currentLink } from "../key.js";
@@ -26,16 +26,6 @@ import { filesPanel, isLesson, lessonPanel, LogPanel, parametersPanel, qualityPa
 import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
 import { SynthesisPanel } from "./synthesis-panel.js";
-
-const SAID = /** @type {Record<string, string>} */ ({
-  queued: "The job is queued",
-  running: "The job is running",
-  canceling: "The job is being canceled",
-  succeeded: "The job succeeded",
-  failed: "The job failed",
-  canceled: "The job was canceled",
-  expired: "The job expired",
-});
 
 export class JobView {
   /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {string} id */
@@ -145,7 +135,7 @@ export class JobView {
     const { history, job } = this;
     const state = history.seq ? history.state : job.state;
     if (state !== this.state) {
-      if (this.state) announce(SAID[state] ?? state);
+      if (this.state) announce(`Job ${(STATE_WORDS[state] ?? state).toLowerCase()}`);
       this.state = state;
       if (this.badge) fill(this.badge, stateBadge(state));
     }

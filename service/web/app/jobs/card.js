@@ -16,11 +16,7 @@ export function stateBadge(state) {
 }
 
 export class JobCard {
-  /**
-   * @param {any} job
-   * @param {import("../scope.js").Scope} scope
-   * @param {{heading?: string, level?: "h2" | "h3", onSelect?: () => void}} [options]
-   */
+  /** @param {any} job @param {import("../scope.js").Scope} scope @param {{heading?: string, level?: "h2" | "h3", onSelect?: () => void}} [options] */
   constructor(job, scope, options = {}) {
     this.scope = scope;
     this.id = job.id;

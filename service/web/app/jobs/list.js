@@ -8,7 +8,7 @@ import { button, fill, h } from "../dom.js";
 import { counted, STATE_WORDS } from "../format.js";
 import { isTerminal } from "../history.js";
 import { problemBox } from "../problem-box.js";
-import { MAX_SEARCH, routeHash, STATES } from "../router.js";
+import { MAX_SEARCH, routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { JobCard } from "./card.js";
 import { SheetPanel } from "./sheet.js";
@@ -17,11 +17,7 @@ const PAGE = 24;
 const POLL_MS = 1500;
 
 export class ListView {
-  /**
-   * @param {HTMLElement} root
-   * @param {import("../scope.js").Scope} scope
-   * @param {{state?: string | null, group?: string, search?: string}} wanted
-   */
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {{state?: string | null, group?: string, search?: string}} wanted */
   constructor(root, scope, { state = null, group = "", search = "" }) {
     this.scope = scope;
     this.group = group;
@@ -267,7 +263,7 @@ function filter(chosen, search) {
     "select",
     { id: "state-filter", on: { change: () => (location.hash = routeHash({ name: "jobs", state: select.value || null, search: search() })) } },
     h("option", { value: "" }, "All states"),
-    STATES.map((state) => h("option", { value: state }, STATE_WORDS[state])),
+    Object.entries(STATE_WORDS).map(([value, words]) => h("option", { value }, words)),
   );
   select.value = chosen ?? "";
   return h("div", { class: "row" }, h("label", { class: "field-label", for: "state-filter" }, "State"), select);

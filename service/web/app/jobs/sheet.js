@@ -9,10 +9,7 @@ import { described } from "../problem-box.js";
 
 const MOST_STRENGTHS = 6;
 
-/**
- * Strengths in percent from what was typed; null where it is no list of them.
- * @param {string} text Such as "50, 100, 130".
- */
+/** Strengths in percent from what was typed; null where it is no list of them. @param {string} text Such as "50, 100, 130". */
 export function strengthsOf(text) {
   const values = text.split(/[\s,]+/).filter(Boolean).map((item) => (/^\d+%?$/.test(item) ? parseInt(item, 10) : NaN));
   const good = values.length > 0 && values.length <= MOST_STRENGTHS && values.every((value) => value >= 0 && value <= 150);

@@ -91,12 +91,7 @@ function onlyTriangles(buffer, triangles) {
   return Number(/^element\s+face\s+(\d+)/m.exec(head)?.[1]) === triangles;
 }
 
-/**
- * @param {import("three").Object3D} root
- * @param {Record<string, any>} json
- * @param {Map<object, number>} nodes
- * @param {(string | number)[]} excluded
- */
+/** @param {import("three").Object3D} root @param {Record<string, any>} json @param {Map<object, number>} nodes @param {(string | number)[]} excluded */
 function ofGltf(root, json, nodes, excluded) {
   /** @type {Map<number, import("three").Mesh[]>} */
   const meshes = new Map();

@@ -4,9 +4,10 @@
  * takes hold of does not turn the camera; beside it, the pointer turns it as ever. Two fingers turn and zoom wherever
  * they are: what the first of them changed is taken back.
  */
-import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, Plane, Raycaster, TOUCH, Triangle, Vector2, Vector3 } from "../../vendor/three/three.module.js";
+import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, Plane, TOUCH, Triangle, Vector3 } from "../../vendor/three/three.module.js";
 import { Overlay, sides } from "./overlay.js";
 import { Neighbours } from "./selecting.js";
+import { follow } from "../surface.js";
 
 /** @typedef {"turn" | "paint" | "box" | "part" | "handle" | "point"} Tool */
 /** @typedef {import("./overlay.js").Place} Place */
@@ -31,7 +32,6 @@ import { Neighbours } from "./selecting.js";
 
 /** @typedef {{ move?: (moved: PointerEvent) => void, click?: () => void }} Drag `click`: let go where it began */
 
-const GRIP = { mouse: 14, other: 26 }; // pixels
 const STRIDE = 8; // pixels between two dabs of a brush
 const MOST_DABS = 16; // for one movement of the pointer
 const STILL = 12; // pixels that a click may move
@@ -60,7 +60,6 @@ export class ControlTools {
     /** @type {Marks[]} */
     this.handles = [];
     this.target = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ side: DoubleSide }));
-    this.caster = new Raycaster();
     /** Where the fingers on the view are now, by their pointers. @type {Map<number, PointerEvent>} */
     this.fingers = new Map();
     /** Ends the drag under way as if it had not begun. @type {(() => void) | null} */
@@ -135,16 +134,14 @@ export class ControlTools {
 
   /** @param {{ clientX: number, clientY: number }} event */
   #aim(event) {
-    this.viewer.rig.camera.updateMatrixWorld();
-    this.caster.setFromCamera(new Vector2(...this.viewer.surface.place(event)), this.viewer.rig.camera);
-    return this.caster.ray;
+    return this.viewer.surface.cast(event, this.viewer.rig.camera);
   }
 
   /** @param {{ clientX: number, clientY: number }} event @returns {Hit | null} */
   #hit(event) {
     if (!this.surface) return null;
-    this.#aim(event);
-    const found = this.caster.intersectObject(this.target, false)[0];
+    const caster = this.#aim(event);
+    const found = caster.intersectObject(this.target, false)[0];
     if (!found || found.faceIndex === null || found.faceIndex === undefined) return null;
     const { shown, places, corners } = this.surface;
     const face = found.faceIndex;
@@ -154,23 +151,13 @@ export class ControlTools {
     const shares = triangle.getBarycoord(found.point, new Vector3()) ?? new Vector3(1, 0, 0);
     const place = at(places, a).multiplyScalar(shares.x).addScaledVector(at(places, b), shares.y).addScaledVector(at(places, c), shares.z);
     const normal = triangle.getNormal(new Vector3());
-    if (normal.dot(this.caster.ray.direction) > 0) normal.negate();
+    if (normal.dot(caster.ray.direction) > 0) normal.negate();
     return { face, point: found.point, place: /** @type {Place} */ (place.toArray()), normal };
   }
 
   /** @param {PointerEvent} event @param {Place[]} places @returns {number} the nearest that the pointer is on; -1: none */
   #grip(event, places) {
-    let best = event.pointerType === "mouse" ? GRIP.mouse : GRIP.other;
-    let found = -1;
-    this.viewer.rig.camera.updateMatrixWorld();
-    places.forEach((place, i) => {
-      const seen = new Vector3().fromArray(place).project(this.viewer.rig.camera);
-      const apart = this.viewer.surface.apart(event, seen);
-      if (apart >= best || Math.abs(seen.z) > 1) return;
-      best = apart;
-      found = i;
-    });
-    return found;
+    return this.viewer.surface.grip(event, places.map((place) => new Vector3().fromArray(place)), this.viewer.rig.camera);
   }
 
   /** @param {Hit | null} hit */
@@ -204,33 +191,22 @@ export class ControlTools {
     event.stopImmediatePropagation();
     event.preventDefault();
     this.viewer.surface.container.focus({ preventScroll: true });
-    const dragging = new AbortController();
-    const end = () => {
-      dragging.abort();
+    const drop = () => {
+      leave();
       this.drop = null;
-    };
-    this.drop = () => {
-      end();
       this.#brushAt(null);
       this.listeners.dropped();
     };
-    this.stop.signal.addEventListener("abort", end, { once: true });
-    const options = { signal: dragging.signal };
-    const mine = (/** @type {PointerEvent} */ other) => other.pointerId === event.pointerId;
-    addEventListener("pointermove", (moved) => mine(moved) && drag.move?.(moved), options);
-    addEventListener("pointercancel", (ended) => mine(ended) && this.drop?.(), options);
-    addEventListener("pointerup", (ended) => {
-      if (!mine(ended)) return;
-      end();
+    const end = (/** @type {PointerEvent} */ ended) => {
+      this.drop = null;
       if (Math.hypot(ended.clientX - event.clientX, ended.clientY - event.clientY) <= STILL) drag.click?.();
       this.listeners.done();
-    }, options);
+    };
+    const leave = follow(event, this.stop.signal, { move: drag.move, end, cancel: drop });
+    this.drop = drop;
   }
 
-  /**
-   * Let the camera have the fingers that a tool has held; the one that came last is on its way there.
-   * @param {PointerEvent[]} fingers
-   */
+  /** Let the camera have the fingers that a tool has held; the one that came last is on its way there. @param {PointerEvent[]} fingers */
   #handOver(fingers) {
     if (!this.drop) return;
     this.drop();
@@ -276,7 +252,7 @@ export class ControlTools {
     const grip = new Vector3().fromArray(sides(box)[side]);
     const along = new Vector3().setComponent(axis, 1);
     const move = (/** @type {PointerEvent} */ moved) => {
-      const { origin, direction } = this.#aim(moved);
+      const { origin, direction } = this.#aim(moved).ray;
       // The point of the side's axis that is nearest to the pointer's ray.
       const between = grip.clone().sub(origin);
       const cosine = along.dot(direction);
@@ -324,9 +300,9 @@ export class ControlTools {
     }
     const start = new Vector3().fromArray(this.handles[handle].to);
     const plane = new Plane().setFromNormalAndCoplanarPoint(this.viewer.rig.camera.getWorldDirection(new Vector3()), start);
-    const from = this.#aim(event).intersectPlane(plane, new Vector3()) ?? start;
+    const from = this.#aim(event).ray.intersectPlane(plane, new Vector3()) ?? start;
     const move = (/** @type {PointerEvent} */ moved) => {
-      const now = this.#aim(moved).intersectPlane(plane, new Vector3());
+      const now = this.#aim(moved).ray.intersectPlane(plane, new Vector3());
       if (now) this.listeners.moved(handle, start.clone().add(now).sub(from).toArray());
     };
     return { move };

@@ -37,12 +37,7 @@ export function written(prompts) {
   return prompts.filter(({ prompt }) => prompt.trim());
 }
 
-/**
- * `params.prompts` of a request.
- * @param {Further[]} prompts
- * @param {Region[]} regions Of all actions.
- * @returns {Record<string, any>[]}
- */
+/** `params.prompts` of a request. @param {Further[]} prompts @param {Region[]} regions Of all actions. @returns {Record<string, any>[]} */
 export function furtherParams(prompts, regions) {
   return written(prompts).map(({ id, prompt, weight, where }) => {
     const own = where === "all" ? [] : regionsOf(regions, id).filter(({ faces }) => !faces || faces.length);
@@ -88,11 +83,7 @@ export function keepWords(now, earlier) {
   }
 }
 
-/**
- * What of the prompts cannot be sent, in a sentence; empty where all is fine.
- * @param {Further[]} prompts
- * @param {Region[]} regions
- */
+/** What of the prompts cannot be sent, in a sentence; empty where all is fine. @param {Further[]} prompts @param {Region[]} regions */
 export function furtherProblem(prompts, regions) {
   for (const { id, prompt, weight, where } of prompts) {
     const name = promptName(prompts, id);

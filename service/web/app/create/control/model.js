@@ -78,11 +78,7 @@ export function regionWords(region) {
   return material !== undefined ? `Material ${material}` : `Mesh ${mesh}`;
 }
 
-/**
- * The further prompts of a job, with their weights and what they pull at.
- * @param {any[]} prompts
- * @returns {string[]}
- */
+/** The further prompts of a job, with their weights and what they pull at. @param {any[]} prompts @returns {string[]} */
 export function promptWords(prompts) {
   return prompts.map((each) => {
     const where = (each.regions ?? []).map(withoutNulls).map(regionWords).join(", ");
@@ -91,11 +87,7 @@ export function promptWords(prompts) {
   });
 }
 
-/**
- * All that is asked, in sentences for a list; `promptWords` says the prompts.
- * @param {Control} control
- * @returns {string[]}
- */
+/** All that is asked, in sentences for a list; `promptWords` says the prompts. @param {Control} control @returns {string[]} */
 export function controlWords({ regions, handles, symmetry }) {
   return [
     ...withoutPrompts(regions).map((region) => `${region.action === "only" ? "Only" : "Keep"}: ${regionWords(region)}`),

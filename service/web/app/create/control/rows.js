@@ -10,12 +10,7 @@ import { AXES, facesOf, facesText, regionWords } from "./model.js";
  * @property {(anew?: boolean) => void} update Show the values again, but for a field that is being typed in or is wrong; `anew`: all.
  */
 
-/**
- * A field for a number.
- * @param {string} label For screen readers.
- * @param {() => number | null | undefined} get
- * @param {(value: number) => void} set
- */
+/** A field for a number. @param {string} label For screen readers. @param {() => number | null | undefined} get @param {(value: number) => void} set */
 export function numberField(label, get, set) {
   const input = h("input", { type: "text", inputmode: "decimal", class: "number", autocomplete: "off", "aria-label": label });
   const show = (anew = false) => {

@@ -115,10 +115,7 @@ export class ControlView {
     this.tools.use(this.pointing ? "point" : this.panel.tool);
   }
 
-  /**
-   * Number the faces without the nodes that stay out of the run; what was painted stays where it is.
-   * @param {(string | number)[]} nodes
-   */
+  /** Number the faces without the nodes that stay out of the run; what was painted stays where it is. @param {(string | number)[]} nodes */
   exclude(nodes) {
     if (JSON.stringify(nodes) === JSON.stringify(this.excluded)) return;
     this.excluded = nodes;

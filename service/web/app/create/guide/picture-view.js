@@ -7,11 +7,7 @@ import { wrapped } from "./model.js";
 const SIDES = [0, 90, 180, -90];
 
 export class PictureView {
-  /**
-   * @param {import("../asset-panel.js").AssetPanel} assets
-   * @param {import("../../scope.js").Scope} scope
-   * @param {import("./panel.js").GuidePanel} panel
-   */
+  /** @param {import("../asset-panel.js").AssetPanel} assets @param {import("../../scope.js").Scope} scope @param {import("./panel.js").GuidePanel} panel */
   constructor(assets, scope, panel) {
     this.assets = assets;
     this.scope = scope;

@@ -21,12 +21,7 @@ export function sentenceOf(wanted) {
   return wanted.map(clause).join(" and ");
 }
 
-/**
- * The same wishes with another amount of one of them; none of it takes it away.
- * @param {Wanted[]} wanted
- * @param {Wanted} one
- * @returns {Wanted[]}
- */
+/** The same wishes with another amount of one of them; none of it takes it away. @param {Wanted[]} wanted @param {Wanted} one @returns {Wanted[]} */
 export function withWanted(wanted, one) {
   const at = wanted.findIndex((other) => other.part === one.part && other.change.operation === one.change.operation);
   const kept = wanted.filter((_, place) => place !== at);
