@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -17,6 +19,7 @@ import pytest
 from meshdeform import __version__
 from release.build import build, wrong_with
 from release.licences import dependencies, forbidden, licence
+from release.rehearsal import rehearse
 from tests.acceptance.service import serving
 from tests.cases import each_case
 
@@ -100,6 +103,30 @@ def test_the_installed_wheel_serves_the_page(installed: Path, tmp_path: Path) ->
     assert "<title>" in page.text
     assert library.status_code == 200
     assert library.content == (installed / "service/web/vendor/three/three.module.js").read_bytes()
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_what_is_released_is_uploaded_and_installed_from_a_local_index_and_registry(
+    released: dict[str, Path], tmp_path: Path
+) -> None:
+    """The package of the TypeScript client is a small one of the same name: tests of the client pack the real one."""
+    for path in released.values():
+        shutil.copy(path, tmp_path)
+    about = {"name": "meshdeform", "version": __version__, "type": "module", "exports": "./index.js"}
+    with tarfile.open(tmp_path / f"meshdeform-{__version__}.tgz", "w:gz") as archive:
+        for name, text in {"package.json": json.dumps(about), "index.js": "export class Client {}"}.items():
+            entry = tarfile.TarInfo(f"package/{name}")
+            entry.size = len(text)
+            archive.addfile(entry, io.BytesIO(text.encode()))
+    said: list[str] = []
+    with pytest.raises(SystemExit, match="is not the file of SHA256SUMS"):
+        rehearse(tmp_path, said.append)
+    files = sorted(path for path in tmp_path.iterdir() if path.name != "SHA256SUMS")
+    sums = (f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files)
+    (tmp_path / "SHA256SUMS").write_text("".join(sums))
+    rehearse(tmp_path, said.append)
+    assert len(said) == 5
 
 
 def test_a_wheel_that_lacks_or_leaks_something_is_noticed(tmp_path: Path) -> None:
