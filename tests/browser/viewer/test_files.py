@@ -8,13 +8,69 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import load_asset
-from tests.browser.viewer.assets import GROWTH, KINDS, VERTS
+from tests.browser.viewer.assets import FACES, GROWTH, KINDS, VERTS
 from tests.browser.viewer.site import ViewerSite
 from tests.cases import each_case
 from tests.unit.rendering.test_shading import encoded, textured
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
+
+
+def test_textured_hard_edged_tiny_and_huge_assets_look_as_the_engine_loads_them(page: Page, site: ViewerSite) -> None:
+    """The same light and camera: what is loaded here, what the library's own loader makes, and what is blended."""
+    corners = VERTS[FACES].reshape(-1, 3)  # every face by itself: hard edges
+    stripes = np.kron(np.indices((8, 8)).sum(axis=0) % 2, np.ones((8, 8)))[..., None] * [200, 90, 40] + 30
+    shared: dict[str, Any] = {
+        "image": encoded(stripes),
+        "uvs": np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(FACES), 1)),
+        "faces": np.arange(len(corners), dtype=np.uint32).reshape(-1, 3),
+        "material": {"extensions": {}},
+    }
+    sizes = (1.0, 1e-5, 1e5)
+    site.files |= {f"{size:g}.glb": textured(verts=(corners * size).astype(np.float32), **shared) for size in sizes}
+    found: list[dict[str, int]] = page.evaluate(
+        """async (names) => {
+          const { GLTFLoader } = await import("/web/vendor/three/addons/loaders/GLTFLoader.js");
+          const all = [];
+          let first = null;
+          for (const name of names) {
+            const viewer = await show(name);
+            const { stage, root } = viewer;
+            const ours = pixels(viewer);
+            first ??= ours;
+            const { scene } = await new GLTFLoader().parseAsync(await fetchBytes(`/files/${name}`), "");
+            const { anisotropy } = meshOf(viewer).material.map; // textures that are seen aslant are sharper here
+            scene.traverse((object) => {
+              if (!object.isMesh) return;
+              object.castShadow = object.receiveShadow = true;
+              object.material.map.anisotropy = anisotropy;
+            });
+            const draw = async (was, now) => {
+              stage.scene.remove(was).add(now);
+              stage.refreshShadow();
+              viewer.invalidate();
+              await drawn();
+              return pixels(viewer);
+            };
+            const reference = difference(ours, await draw(root, scene));
+            await draw(scene, root);
+            await viewer.setDeformed(await fetchBytes(`/files/${name}`));
+            viewer.setMorph(1);
+            await drawn();
+            const [blended, scaled] = [difference(ours, pixels(viewer)), difference(first, ours)];
+            all.push({ covered: covered(ours), reference, blended, scaled });
+            viewer.dispose();
+          }
+          return all;
+        }""",
+        [f"{size:g}.glb" for size in sizes],
+    )
+    for each in found:
+        assert each["covered"] > 1000
+        assert each["reference"] < 0.02 * each["covered"], each
+        assert each["blended"] == 0
+        assert each["scaled"] < 0.02 * each["covered"], each
 
 
 @each_case("name", KINDS)
