@@ -253,10 +253,10 @@ class SurfaceFitRun(JobRun):
                 level["distance"] = distances(self._surface, points, triangles)
             compared = Reference(self._surface).compare(mesh, verts)
         self._facts["warnings"] += _warnings(levels[-1], self._surface.reference.cleaned)
-        triangles = len(self._surface.reference.faces)
-        if self._surface.kind == "mesh" and triangles < len(data):
+        count = len(self._surface.reference.faces)
+        if self._surface.kind == "mesh" and count < len(data):
             self._facts["warnings"].append(
-                f"The asset has {triangles} triangles. Compressed by Draco it takes about a byte for each, less than "
+                f"The asset has {count} triangles. Compressed by Draco it takes about a byte for each, less than "
                 f"this field ({len(data)} bytes), and keeps them all: as a file it is the better choice."
             )
         with self.log.phase("draw"):
