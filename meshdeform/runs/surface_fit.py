@@ -247,7 +247,7 @@ class SurfaceFitRun(JobRun):
             mesh = delaunay(verts, faces)
             artifacts["intrinsic.npz"] = ArtifactData(intrinsic_npz(mesh, verts), _BYTES)
         with self.log.phase("colours"):
-            texture = self._colour(artifacts, field)
+            coloured = self._colour(artifacts, field)
         with self.log.phase("measure"):
             for level, (points, triangles) in zip(levels, meshes, strict=True):
                 level["distance"] = distances(self._surface, points, triangles)
@@ -260,23 +260,23 @@ class SurfaceFitRun(JobRun):
                 f"this field ({len(data)} bytes), and keeps them all: as a file it is the better choice."
             )
         with self.log.phase("draw"):
-            artifacts["preview.png"] = ArtifactData(self._picture(artifacts, coloured=texture is not None), "image/png")
-        report = self._report(data, levels, mesh, {"texture": texture, "scalars": learned, **compared})
+            artifacts["preview.png"] = ArtifactData(self._picture(artifacts, coloured=coloured), "image/png")
+        report = self._report(data, levels, mesh, {"scalars": learned, **compared})
         artifacts["report.json"] = ArtifactData(json.dumps(report, indent=2).encode(), "application/json")
         return artifacts
 
-    def _colour(self, artifacts: dict[str, ArtifactData], field: NeuralField) -> dict[str, Any] | None:
-        """Give the highest level the colours of the asset, and return what they are worth; None if it has none."""
+    def _colour(self, artifacts: dict[str, ArtifactData], field: NeuralField) -> bool:
+        """Give the highest level the colours of the asset, and return whether it has any."""
         found = coloured_level(self._asset, field, self._params.level) if self._asset is not None else None
         if found is None:
-            return None
+            return False
         name = f"level_{self._params.level}.glb"
-        artifacts[name] = ArtifactData(found[0], _GLB)
+        artifacts[name] = ArtifactData(found, _GLB)
         self._facts["warnings"].append(
             f"The colours of the asset are in {name} alone, as a texture of its own; the .ndf and other levels have "
             "none. Transparency, metalness, roughness, normal maps, rigs and animations are lost."
         )
-        return found[1]
+        return True
 
     def _picture(self, artifacts: dict[str, ArtifactData], *, coloured: bool) -> bytes:
         mesh = self._surface.reference

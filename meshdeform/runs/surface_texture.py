@@ -1,9 +1,8 @@
-"""Bake the colours of the asset that was fitted into a texture of its finest level, and measure how far they slid."""
+"""Bake the colours of the asset that was fitted into a texture of its finest level."""
 
 from __future__ import annotations
 
 import io
-from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +13,6 @@ from meshdeform.assets import Asset
 from meshdeform.assets.build import Primitive, build_glb
 from meshdeform.deformation.surface_colours import baked_appearance, welded_appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces, even_samples
 from meshdeform.geometry.quality import texel_corners
 from meshdeform.geometry.weld import weld
 from meshdeform.kinds.surface_fit.base_places import within_base
@@ -25,15 +23,12 @@ from meshdeform.kinds.surface_fit.reader import NeuralField
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _MOST_TEXELS = 1_500_000
-_SAMPLES = 20_000
 
 
-def coloured_level(asset: Asset, field: NeuralField, level: int) -> tuple[bytes, dict[str, Any]] | None:
-    """Return a GLB of a level with the colours of an asset, and what it is worth; None if the asset has one colour.
+def coloured_level(asset: Asset, field: NeuralField, level: int) -> bytes | None:
+    """Return a GLB of a level with the colours of an asset; None if the asset has one colour.
 
     Each face of the base has a tile, so that reduced copies of the picture mix what is near on the surface.
-    `error_texels` tells by how many texels of the asset's own textures colours slid: from places of the asset to the
-    nearest of the level, and back.
     """
     welded = weld(asset.surface.positions, asset.surface.triangles)
     look = welded_appearance(asset.appearance(), welded)
@@ -41,21 +36,20 @@ def coloured_level(asset: Asset, field: NeuralField, level: int) -> tuple[bytes,
         return None
     divided = level_of(field.faces, len(field.verts), level)
     verts, faces = field.evaluate(divided.corners, divided.weights), divided.faces
-    whole, base, mesh = welded.mesh, _mesh(verts[: len(field.verts)], field.faces), _mesh(verts, faces)
+    base = RestMesh.of(TriangleMesh(torch.from_numpy(verts[: len(field.verts)]), torch.from_numpy(field.faces)))
     texels = texel_corners(look)
     ab, ac = (texels[:, k] - texels[:, 0] for k in (1, 2))
     count = float(np.nansum(np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])) / 2) or 4.0 * len(texels)
-    detail = float(np.sqrt(whole.areas.sum() / count) / np.linalg.norm(np.ptp(verts, axis=0)))
+    detail = float(np.sqrt(welded.mesh.areas.sum() / count) / np.linalg.norm(np.ptp(verts, axis=0)))
 
     def curved(face: _Index, along: _Floats) -> _Floats:
         inside = along - np.maximum(along.sum(1, keepdims=True) - 1, 0) / 2  # beyond the third side: on it
         return field.evaluate(field.faces[face], np.column_stack([1 - inside.sum(1), inside]))
 
-    baked = baked_appearance(look, whole, base, detail, _MOST_TEXELS, curved)
-    (paint,) = baked.paints
-    assert paint.texture is not None
-    pixels, out = paint.texture.pixels, io.BytesIO()
-    Image.fromarray(pixels).convert("RGB").save(out, "PNG")
+    baked = baked_appearance(look, welded.mesh, base, detail, _MOST_TEXELS, curved)
+    texture, out = baked.paints[0].texture, io.BytesIO()
+    assert texture is not None
+    Image.fromarray(texture.pixels).convert("RGB").save(out, "PNG")
     found = np.repeat(np.arange(len(faces)), 3)
     _, weights = within_base(field.faces, divided, found, np.tile(np.eye(3), (len(faces), 1)))
     tiles = baked.texcoords.reshape(-1, 3, 2)[found // 4**level]
@@ -67,24 +61,4 @@ def coloured_level(asset: Asset, field: NeuralField, level: int) -> tuple[bytes,
         material="surface",
         texture=out.getvalue(),
     )
-    slid = _slid(texels, whole, mesh)
-    left_out = look.left_out | ({} if paint.alpha_mode == "OPAQUE" else {"transparency": 1})
-    facts: dict[str, Any] = {"width": pixels.shape[1], "height": pixels.shape[0], "left_out": left_out}
-    if len(slid):
-        facts["error_texels"] = {"median": float(np.median(slid)), "p95": float(np.quantile(slid, 0.95))}
-    return build_glb([primitive]), facts
-
-
-def _mesh(verts: _Floats, faces: _Index) -> RestMesh:
-    return RestMesh.of(TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces)))
-
-
-def _slid(texels: _Floats, whole: RestMesh, level: RestMesh) -> _Floats:
-    """Return by how many texels places of a mesh slide on the way to a level and back."""
-    face, weights = even_samples(whole.areas, _SAMPLES, seed=0)
-    points = np.einsum("pk,pkc->pc", weights, whole.verts.numpy()[whole.faces.numpy()[face]])
-    there = NearestPlaces(level, points, whole.normals.numpy()[face])
-    back = NearestPlaces(whole, there.blend(level.verts.numpy()), level.normals.numpy()[there.faces])
-    ends = [np.einsum("pk,pkc->pc", w, texels[f]) for f, w in ((face, weights), (back.faces, back.weights))]
-    slid: _Floats = np.linalg.norm(ends[1] - ends[0], axis=1)
-    return slid[np.isfinite(slid)]
+    return build_glb([primitive])

@@ -209,12 +209,8 @@ def _allowed(
                     state[w, 3] = tick + 1
                     common += 1
             if e // 3 != h // 3 and (t < 0 or e // 3 != t // 3):
-                before, after = np.cross(verts[p] - verts[v], verts[q] - verts[v]), np.empty(3)
-                for k in range(3):
-                    one, other = (k + 1) % 3, (k + 2) % 3
-                    after[k] = (verts[p, one] - at[one]) * (verts[q, other] - at[other]) - (
-                        verts[p, other] - at[other]
-                    ) * (verts[q, one] - at[one])
+                before = np.cross(verts[p] - verts[v], verts[q] - verts[v])
+                after = np.cross(verts[p] - at[:3], verts[q] - at[:3])
                 product = (before**2).sum() * (after**2).sum()
                 if product > 0 and (before * after).sum() < _TURN * np.sqrt(product):
                     return False

@@ -157,11 +157,6 @@ def write_field(
     return body + struct.pack("<I", zlib.crc32(body))
 
 
-def packed_bytes(tensors: Sequence[Tensor], rounding: Sequence[int]) -> int:
-    """Return the bytes that a network takes in a file."""
-    return len(_deflated(_numbers(tensors, rounding)))
-
-
 def _numbers(tensors: Sequence[Tensor], steps: Sequence[int]) -> bytes:
     return _zigzag(torch.cat([part.ravel() for part in whole(tensors, steps)]).numpy())
 

@@ -13,8 +13,6 @@ from meshdeform.assets.scalar_files import SampledScalars
 from meshdeform.errors import AssetError
 from meshdeform.geometry.places import SurfaceTree
 from meshdeform.kinds.surface_fit.base_places import places_of
-from meshdeform.kinds.surface_fit.container import packed_bytes
-from meshdeform.kinds.surface_fit.network import steps_of
 from meshdeform.kinds.surface_fit.patches import level_of
 from meshdeform.kinds.surface_fit.reader import NeuralField
 from meshdeform.kinds.surface_fit.scalar_fields import STEPS, ScalarField, learn_scalars
@@ -60,7 +58,7 @@ def learned_scalars(
             off = np.sqrt(((found - wanted[other]) ** 2).mean(0)) / learned.scale
             fact = {"name": name, "scalars": wanted.shape[1], "relative_error": float(off.mean())}
         fields.append(learned)
-        facts.append({**fact, "bytes": packed_bytes(learned.tensors, learned.rounding or steps_of(learned.tensors))})
+        facts.append(fact)
     return fields, facts
 
 

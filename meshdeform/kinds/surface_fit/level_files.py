@@ -35,11 +35,7 @@ def smooth_normals(verts: _Floats, faces: _Index) -> _Floats:
 
 
 def intrinsic_npz(mesh: IntrinsicMesh, verts: _Floats) -> bytes:
-    """Write `faces` (F, 3), `lengths` (F, 3) of the sides, `verts` (V, 3), and the certificate as an NPZ.
-
-    Side k of a face runs from its corner k to its corner k + 1. `least_cotangent_sum` is the smallest sum of the
-    cotangents opposite to an edge; all edges are Delaunay if it is not negative.
-    """
+    """Write `faces` (F, 3), `lengths` (F, 3) of the sides, `verts` (V, 3), and the certificate as an NPZ."""
     out = io.BytesIO()
     np.savez_compressed(
         out, faces=mesh.faces.astype(np.int32), lengths=mesh.lengths, verts=verts, least_cotangent_sum=mesh.least

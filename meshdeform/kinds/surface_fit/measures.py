@@ -78,8 +78,7 @@ class Reference:
     def __init__(self, surface: Surface) -> None:
         mesh = surface.reference
         verts, faces = mesh.verts, mesh.faces
-        self.simplified = len(faces) > _MOST_FACES
-        if self.simplified:
+        if len(faces) > _MOST_FACES:
             verts, faces = collapsed(mesh, _MOST_FACES)
         verts, faces = divided(verts, faces, _FEWEST_FACES)
         self._verts = verts
@@ -114,13 +113,8 @@ class Reference:
                 "input": [float(x) for x in self.eigenvalues],
                 "field": [float(x) for x in values],
                 "mean_relative_error": float(errors.mean()) if len(errors) else None,
-                "max_relative_error": float(errors.max()) if len(errors) else None,
             },
-            "geodesics": {
-                "sources": len(shares),
-                "mean_relative_error": float(np.mean(shares)) if shares else None,
-            },
-            "input_simplified": self.simplified,
+            "geodesics": {"mean_relative_error": float(np.mean(shares)) if shares else None},
         }
 
 

@@ -28,13 +28,9 @@ def patch(parts: int) -> tuple[_Floats, _Index]:
     rows = [(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]
     number = {place: index for index, place in enumerate(rows)}
     weights = np.array([((parts - i - j) / parts, i / parts, j / parts) for i, j in rows])
-    faces = []
-    for i, j in rows:
-        if i + j < parts:
-            faces.append((number[i, j], number[i + 1, j], number[i, j + 1]))
-        if i + j < parts - 1:
-            faces.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
-    return weights, np.array(faces, np.int64)
+    upward = [[(i, j), (i + 1, j), (i, j + 1)] for i, j in rows if i + j < parts]
+    downward = [[(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i, j in rows if i + j < parts - 1]
+    return weights, np.array([[number[place] for place in face] for face in upward + downward], np.int64)
 
 
 def level_of(faces: _Index, vertices: int, level: int) -> Level:

@@ -138,16 +138,7 @@ def learn_scalars(
     -------
     ScalarField
         In the units of `values`.
-
-    Raises
-    ------
-    ValueError
-        A value is not finite, or numbers do not fit each other.
     """
-    if values.ndim != 2 or not len(corners) == len(weights) == len(values) or not len(values):
-        raise ValueError("Values must be (P, C), for as many places as there are corners and weights.")
-    if not np.isfinite(values).all():
-        raise ValueError("The values are not all finite.")
     offset = np.zeros(values.shape[1]) if labels else values.mean(0)
     scale = np.ones(values.shape[1]) if labels else np.maximum(values.std(0), 1e-12)
     wanted = torch.from_numpy((values - offset) / scale).float()

@@ -242,7 +242,8 @@ class NetworkSurface(_Implicit):
         for i, (weight, bias) in enumerate(self._layers):
             x = functional.linear(x, weight, bias)
             if i + 1 < len(self._layers):
-                x = _activate(x, self._activation, self._omega)
+                name = self._activation
+                x = (self._omega * x).sin() if name == "sine" else getattr(functional, name)(x)
         return x[:, 0]
 
     def _value(self, points: Tensor) -> tuple[Tensor, Tensor]:
@@ -251,11 +252,6 @@ class NetworkSurface(_Implicit):
             value = self._forward(at)
             (gradient,) = torch.autograd.grad(value.sum(), at)
         return value.detach(), gradient
-
-
-def _activate(x: Tensor, name: str, omega: float) -> Tensor:
-    found: Tensor = (omega * x).sin() if name == "sine" else getattr(functional, name)(x)
-    return found
 
 
 def _reference(verts: _Floats, faces: _Index, surface: Surface, base_faces: int, otherwise: str) -> CleanMesh:

@@ -97,7 +97,6 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, mo
     assert told["reversed_faces"] == told["reversed"] == 0
     (fact,) = report["scalars"]
     assert (fact["name"], fact["relative_error"] < 0.3) == ("height", True), fact
-    assert fact["bytes"] == field.header["sections"][3][0]
     height = read_scalars(field)[0].values(*places_on(field, verts, np.zeros_like(verts)))
     assert np.corrcoef(height[:, 0], verts[:, 2])[0, 1] > 0.95
     assert report["intrinsic"]["all_delaunay"] is True
@@ -130,7 +129,6 @@ def test_a_textured_asset_comes_back_textured() -> None:
     list(run)
     found = run.finish()
     report = json.loads(found["report.json"].data)
-    assert report["texture"]["error_texels"]["median"] < 1
     assert "level_1.glb alone" in report["input"]["warnings"][0]
     asset = load_asset(found["level_1.glb"].data)
     look = asset.appearance()

@@ -110,8 +110,3 @@ def test_scalars_that_fit_nothing_are_refused_with_the_reason() -> None:
     far = read_scalar_file(npz(points=ball.verts.numpy().repeat(3, 0) + 1, height=np.zeros(126)))
     with pytest.raises(AssetError, match="elsewhere"):
         check_places(ball.verts.numpy(), ball.faces.numpy(), far)
-    place = np.zeros((200, 3), np.int64), np.full((200, 3), 1 / 3)
-    with pytest.raises(ValueError, match="finite"):
-        learn_scalars(ball.verts.numpy(), *place, np.full((200, 1), np.nan))
-    with pytest.raises(ValueError, match="as many places"):
-        learn_scalars(ball.verts.numpy(), *place, points[:5])

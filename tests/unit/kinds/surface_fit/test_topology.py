@@ -264,14 +264,13 @@ def test_an_error_of_nothing_is_none_and_a_coarse_input_is_not_held_against_a_fi
 
     many = balls(EIGENVALUES)
     found = Reference(surface_of(many)).compare(delaunay(many.verts, many.faces), many.verts)
-    assert (found["eigenvalues"]["mean_relative_error"], found["eigenvalues"]["max_relative_error"]) == (None, None)
+    assert found["eigenvalues"]["mean_relative_error"] is None
     assert found["geodesics"]["mean_relative_error"] < 0.05
     # From the first of two balls no distance leads to the other, where the nearest of the moved ones is.
     two = balls(2)
     moved = two.verts + [3.0, 0, 0]
     found = Reference(surface_of(two)).compare(delaunay(moved, two.faces), moved)
-    assert 0 < found["geodesics"]["sources"] < 4
-    assert found["geodesics"]["mean_relative_error"] < 0.5
+    assert 0 < found["geodesics"]["mean_relative_error"] < 0.5
     json.dumps(found, allow_nan=False)
     # Eigenvalues of a cube are far off on its twelve triangles; the same cube in 12,288 has none of that error.
     coarse = clean(*arrays(box(1)))
@@ -280,7 +279,7 @@ def test_an_error_of_nothing_is_none_and_a_coarse_input_is_not_held_against_a_fi
     assert volume(verts, faces) == pytest.approx(volume(coarse.verts, coarse.faces))
     found = Reference(surface_of(coarse)).compare(delaunay(verts, faces), verts)
     assert len(found["eigenvalues"]["input"]) == EIGENVALUES
-    assert found["eigenvalues"]["max_relative_error"] < 1e-3
+    assert found["eigenvalues"]["mean_relative_error"] < 1e-3
     assert found["geodesics"]["mean_relative_error"] < 0.01
 
 
