@@ -12,7 +12,6 @@ import pytest
 from PIL import Image
 from pydantic import ValidationError
 from safetensors.numpy import save
-from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb, load_asset
@@ -225,88 +224,6 @@ def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
         )
         with pytest.raises(ParameterError, match=f"Anchor 2 names a point of the {part} that lies outside"):
             start_run(RunInput(request, {"asset": surface}))
-
-
-def cup() -> bytes:
-    """Return signed distances of a cup, open above: its axis is y, and the hole of its handle looks along z."""
-    x, y, z = np.meshgrid(*[np.arange(-0.75, high, 0.05) for high in (1.2, 0.75, 0.75)], indexing="ij")
-    radius = np.hypot(x, z)
-    body = np.maximum(radius - 0.5, np.abs(y) - 0.5)
-    handle = np.hypot(np.hypot(x - 0.55, y) - 0.33, z) - 0.11
-    inside = np.maximum(radius - 0.34, -0.34 - y)
-    file = io.BytesIO()
-    np.savez(file, sdf=np.maximum(np.minimum(body, handle), -inside), origin=[-0.75] * 3, spacing=0.05)
-    return file.getvalue()
-
-
-def on_ring(phi: np.ndarray, theta: np.ndarray, x: float, radius: float, tube: float) -> np.ndarray:
-    """Return points (..., 3) of a ring about the line through (x, 0) along z; theta is pi at the hole."""
-    out = np.stack([np.cos(phi), np.sin(phi), 0 * phi], -1)
-    around = np.cos(theta)[..., None] * out + np.sin(theta)[..., None] * [0, 0, 1]
-    return np.array([x, 0, 0]) + radius * out + tube * around
-
-
-def on_body(u: np.ndarray, v: np.ndarray, *, upper: bool) -> np.ndarray:
-    """Return points of half a cup's body: the unit circle is the middle of its wall, 0 its bottom within or below."""
-    share, turn = np.hypot(u, v), np.arctan2(v, u)
-    at, radius, y = [0, 0.6, 1], [0, 0.5, 0.5], [-0.5, -0.5, 0]
-    if upper:  # up the wall, over the rim, and down to the bottom within
-        at, radius, y = [0, 0.3, 0.65, 0.75, 1], [0, 0.34, 0.34, 0.5, 0.5], [-0.34, -0.34, 0.5, 0.5, 0]
-    r = np.interp(share, at, radius)
-    return np.stack([r * np.cos(turn), np.interp(share, at, y), r * np.sin(turn)], -1)
-
-
-# long: 14 s of CPU; first proof: test_a_base_of_other_holes_goes_where_its_anchors_say.
-@pytest.mark.long
-def test_a_torus_becomes_a_cup() -> None:
-    """Its hole becomes that of the handle, and the tube opposite to it opens as the cup does."""
-    own = (0.45, 0.45, 0.2)
-    theta = np.radians(np.arange(0, 360, 30))
-    pairs = [
-        (on_ring(theta * 0 + phi, theta, *own), on_ring(theta * 0 + phi, theta, 0.55, 0.33, 0.11))
-        for phi in np.radians(np.arange(-60, 61, 30))
-    ]
-    # Loops of the tube, from the middle of the body's wall to where the handle begins.
-    for upper, middle in ((True, 0.83), (False, 0.73)):
-        for share in (0, 0.25, 0.5, 0.75, 1):
-            phi = np.pi + (-1 if upper else 1) * np.radians(80) * share
-            u, v = middle * share - (1 - 0.88 * share) * np.cos(theta), (1 - 0.88 * share) * np.sin(theta)
-            pairs.append((on_ring(theta * 0 + phi, theta, *own), on_body(u, v, upper=upper)))
-    anchors = [{"base": a.tolist(), "surface": b.tolist()} for pair in pairs for a, b in zip(*pair, strict=True)]
-    n, m = 32, 16
-    i, j = (part.ravel() for part in np.meshgrid(np.arange(n), np.arange(m), indexing="ij"))
-    verts = on_ring(2 * np.pi * i / n, 2 * np.pi * j / m, *own)
-    a, b, c, d = (((i + p) % n) * m + (j + q) % m for p, q in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    base = build_glb(verts, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
-    params = {"steps": 600, "octaves": 4, "level": 2, "anchors": anchors}
-    request = JobRequest.model_validate({"kind": "surface_fit", "params": grouped(params)})
-    files = {"asset": InputFile(cup(), "cup.npz"), "base": InputFile(base, "ring.glb")}
-    run = start_run(RunInput(request, files))
-    list(run)
-    made = run.finish()
-    report = json.loads(made["report.json"].data)
-    assert (report["input"]["genus"], report["base"]["genus"]) == (1, 1)
-    assert report["levels"][2]["distance"]["mean"] < 0.01
-    field = read_field(made["surface.ndf"].data)
-    tree = cKDTree(field.header["centre"] + field.header["scale"] * field.verts)
-
-    def images(phi: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        rows = tree.query(on_ring(phi, theta, *own))[1]
-        return field.evaluate(np.repeat(rows[:, None], 3, 1), np.tile([1.0, 0.0, 0.0], (len(rows), 1)))
-
-    def turns(points: np.ndarray) -> int:
-        """How often a loop goes around the line through the middle of the handle's hole."""
-        angle = np.unwrap(np.arctan2(points[:, 1], points[:, 0] - 0.64))
-        return round(float(angle[-1] - angle[0]) / (2 * np.pi))
-
-    circle = np.linspace(0, 2 * np.pi, 33)
-    assert turns(images(circle, np.full(33, np.pi))) == 1
-    assert turns(images(np.zeros(17), np.linspace(0, 2 * np.pi, 17))) == 0
-    # Nothing lies over the cup's inside: its bottom is seen from above.
-    surface = load_asset(made["level_2.glb"].data).surface.positions
-    within = surface[np.hypot(surface[:, 0], surface[:, 2]) < 0.2]
-    assert np.median(within[within[:, 1] > -0.42][:, 1]) < -0.3
-    assert (within[:, 1] < 0.2).mean() > 0.98
 
 
 def octahedron() -> bytes:
