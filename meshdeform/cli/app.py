@@ -30,7 +30,7 @@ from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
 from meshdeform.cli.variants import variants
-from meshdeform.support.memory import skip_last_collections
+from meshdeform.support.memory import quick_end
 from meshdeform.support.threads import limit_spinning
 
 # From the click that typer uses, which may be a copy of its own.
@@ -132,7 +132,5 @@ app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 def main() -> None:
     """Run the command that the arguments name, and exit."""
     limit_spinning()  # before a command imports torch
-    try:
+    with quick_end():
         app()
-    finally:
-        skip_last_collections()

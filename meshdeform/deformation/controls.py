@@ -106,12 +106,9 @@ class Structure:
 def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:
     """Return the axes, of 0 and 2, to which the upright mirror planes of a surface are perpendicular."""
     low, high = mesh.box
-    points, diagonal = _places(mesh), float(np.linalg.norm(high - low))
-    matched = {}
-    for axis in (0, 2):
-        mirrored = points.copy()
-        mirrored[:, axis] = low[axis] + high[axis] - points[:, axis]
-        distances = NearestPlaces(mesh, mirrored, np.zeros_like(mirrored)).distances(mirrored) / diagonal
+    matched, diagonal, axes = {}, float(np.linalg.norm(high - low)), (0, 2)
+    for axis, (mirrored, places) in zip(axes, NearestPlaces.of_mirrored(mesh, _places(mesh), axes), strict=True):
+        distances = places.distances(mirrored) / diagonal
         close = float((distances < _NEAR).mean())
         if close >= _MATCHED or (distances < _NOT_FAR).mean() >= _NEARLY_ALL:
             matched[axis] = close

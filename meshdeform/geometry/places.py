@@ -9,8 +9,9 @@ Source: Ericson 2005, Real-Time Collision Detection, section 5.1.5 (the nearest 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,6 +182,8 @@ class NearestPlaces:
         Near the mesh.
     normals : (P, 3) float64
         Unit normals of the surface to which the points belong; zero if unknown.
+    tree : SurfaceTree, optional
+        That of the mesh, if it is known already.
 
     Attributes
     ----------
@@ -192,12 +195,20 @@ class NearestPlaces:
         Barycentric coordinates of the nearest place.
     """
 
-    def __init__(self, mesh: RestMesh, points: _Floats, normals: _Floats) -> None:
+    def __init__(self, mesh: RestMesh, points: _Floats, normals: _Floats, *, tree: SurfaceTree | None = None) -> None:
         self._verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
-        edge = math.sqrt(2 * float(mesh.areas.sum()) / len(faces))
-        tree = SurfaceTree(self._verts, faces, mesh.normals.numpy(), spacing=edge, opposite=_OPPOSITE * edge)
+        tree = _tree_of(mesh, known=bool(normals.any())) if tree is None else tree
         self.faces, self.weights = tree.find(points, normals)
         self.corners = faces[self.faces].astype(np.int32)
+
+    @classmethod
+    def of_mirrored(cls, mesh: RestMesh, points: _Floats, axes: Sequence[int]) -> Iterator[tuple[_Floats, Self]]:
+        """Yield the mirror images (P, 3) of points along each axis, in the mesh's box, and the places near them."""
+        tree, (low, high) = _tree_of(mesh, known=False), mesh.box
+        for axis in axes:
+            mirrored = points.copy()
+            mirrored[:, axis] = low[axis] + high[axis] - points[:, axis]
+            yield mirrored, cls(mesh, mirrored, np.zeros_like(mirrored), tree=tree)
 
     def distances(self, points: _Floats) -> _Floats:
         """Return the distances (P,) of the points from the mesh."""
@@ -209,6 +220,15 @@ class NearestPlaces:
         for k in range(3):
             out += self.weights[:, k, None] * values[self.corners[:, k]]
         return out
+
+
+def _tree_of(mesh: RestMesh, *, known: bool) -> SurfaceTree:
+    """Return the tree to search with normals that are known, or with zeros."""
+    faces = mesh.faces.numpy()
+    edge = math.sqrt(2 * float(mesh.areas.sum()) / len(faces))
+    # Unknown normals are equally far from all, which would only keep the tree from leaving branches out.
+    opposite = _OPPOSITE * edge if known else 0.0
+    return SurfaceTree(mesh.verts.numpy(), faces, mesh.normals.numpy(), spacing=edge, opposite=opposite)
 
 
 def nearest_larger_faces(

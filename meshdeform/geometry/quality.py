@@ -471,11 +471,8 @@ def _asymmetry(rest: RestMesh, places: _Places, after: _Floats) -> float | None:
     before = rest.verts.numpy()
     points = places.on(before)
     found: dict[float, float] = {}
-    for axis in (0, 2):
-        middle = (before[:, axis].max() + before[:, axis].min()) / 2
-        mirrored = points.copy()
-        mirrored[:, axis] = 2 * middle - points[:, axis]
-        partners = NearestPlaces(rest, mirrored, np.zeros_like(mirrored))
+    axes = (0, 2)
+    for axis, (mirrored, partners) in zip(axes, NearestPlaces.of_mirrored(rest, points, axes), strict=True):
         matched = partners.distances(mirrored) < _MATCHED * _diagonal(before)
         if (share := float(matched.mean())) >= _SYMMETRIC_SHARE:
             old, new = (_mirror_error(places.on(v), partners.blend(v), matched, axis, v) for v in (before, after))

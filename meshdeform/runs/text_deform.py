@@ -29,9 +29,7 @@ from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_se
 from meshdeform.runs.changes import asked_changes, is_change
 from meshdeform.runs.control import SelectableSurface, read_control
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
-from meshdeform.runs.plain_change import start_change
 from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import (
     DeformedSurface,
     Shown,
@@ -140,6 +138,8 @@ def _change(
     facts: AssetFacts, sentence: Sentence, given: RunInput, log: RunLog
 ) -> tuple[JobRun | None, Recognition | None]:
     """Return the run of a change in plain words, or None and what the source was recognised as, if it was asked."""
+    from meshdeform.runs.plain_change import start_change  # with a part of scipy that no other run needs
+
     if is_change(sentence):
         return start_change(facts, sentence, None, log), None
     if given.initial is not None or given.checkpoint is not None:
@@ -216,6 +216,8 @@ class TextDeformRun(JobRun):
         return self._facts.asset.replace(*shape, jacobians=jacobians, **self._file_options())
 
     def _morph(self, surface: DeformedSurface) -> bytes:
+        from meshdeform.runs.strength import AssetPath, write_morph
+
         asset, path = self._facts.asset, self._facts.request.output.morph_path
         way = AssetPath(asset, surface.positions, self._facts.welded)
         return write_morph(asset, way, surface, path, **self._file_options())

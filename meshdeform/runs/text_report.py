@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.quality import MeshQuality, TextureStretch, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.plain.change import Done
 from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame
@@ -34,6 +33,9 @@ from meshdeform.runs.goals import Goal, SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.surfaces import Shown
 from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports, verdict
+
+if TYPE_CHECKING:
+    from meshdeform.plain.change import Done
 
 _STALLED = 0.01
 """Root mean square displacement, as a share of the diagonal, below which a result looks like its source."""
