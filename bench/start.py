@@ -7,6 +7,7 @@ The jobs are five steps of `preview` on `examples/sphere.glb`. Another checkout 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from time import process_time
 
@@ -19,14 +20,14 @@ WHAT = ("preparation", "first step", "other steps", "result")
 SPHERE = Path(__file__).parents[1] / "examples/sphere.glb"
 
 
-def main() -> None:
-    """Start, run both jobs, and print what each part took."""
+def jobs(**params: int) -> Iterator[list[float]]:
+    """Start, run both jobs, and yield the CPU time before them and then that of each part of a job."""
     engine = torch_engine(Settings())
-    print(f"ready after {process_time():.2f} s")
+    yield [process_time()]
     from meshdeform.runs import text_deform
 
-    request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "preview", "steps": 5}})
-    for name in ("first", "second"):
+    request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "preview", **params}})
+    for _ in range(2):
         times = [process_time()]
         run = text_deform.start(
             job_input(
@@ -36,7 +37,14 @@ def main() -> None:
         times.append(process_time())
         times += [process_time() for _ in run]
         run.finish()
-        parts = (times[1] - times[0], times[2] - times[1], times[-1] - times[2], process_time() - times[-1])
+        yield [times[1] - times[0], times[2] - times[1], times[-1] - times[2], process_time() - times[-1]]
+
+
+def main() -> None:
+    """Print what each part took."""
+    (ready,), *both = jobs(steps=5)
+    print(f"ready after {ready:.2f} s")
+    for name, parts in zip(("first", "second"), both, strict=True):
         print(
             name, *(f"{what} {took:.2f} s" for what, took in zip(WHAT, parts, strict=True)), f"all {sum(parts):.2f} s"
         )
