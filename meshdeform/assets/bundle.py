@@ -101,13 +101,7 @@ def read_with_files(path: Path, limits: Limits) -> bytes:
 
 
 class _Folder:
-    """Reads files in and below a folder that an asset links to.
-
-    Attributes
-    ----------
-    files : dict of str to bytes
-        Those that were read, by their path from the folder.
-    """
+    """Reads files in and below a folder that an asset links to, and keeps them by their path from it."""
 
     def __init__(self, folder: Path, max_bytes: int) -> None:
         self._folder, self._left = folder, max_bytes

@@ -152,15 +152,7 @@ def _flatten(points: _Floats, starts: _Index, sizes: _Index, normals: _Floats) -
 
 
 class _Rings:
-    """The corners (P, N) that polygons have left, linked to their neighbours.
-
-    Attributes
-    ----------
-    before, after : (P, N) int64
-        Neighbours of each corner.
-    cost : (P, N) float64
-        Squared length of the cut that takes a corner away; infinite unless the corner is an ear.
-    """
+    """The corners (P, N) that polygons have left; `cost` is the squared length of a cut, infinite but for ears."""
 
     def __init__(self, places: _Floats, sizes: _Index) -> None:
         self._x, self._y = places

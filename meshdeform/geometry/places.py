@@ -182,8 +182,6 @@ class NearestPlaces:
         Near the mesh.
     normals : (P, 3) float64
         Unit normals of the surface to which the points belong; zero if unknown.
-    tree : SurfaceTree, optional
-        That of the mesh, if it is known already.
 
     Attributes
     ----------
@@ -224,11 +222,10 @@ class NearestPlaces:
 
 def _tree_of(mesh: RestMesh, *, known: bool) -> SurfaceTree:
     """Return the tree to search with normals that are known, or with zeros."""
-    faces = mesh.faces.numpy()
-    edge = math.sqrt(2 * float(mesh.areas.sum()) / len(faces))
+    edge = math.sqrt(2 * float(mesh.areas.sum()) / len(mesh.faces))
     # Unknown normals are equally far from all, which would only keep the tree from leaving branches out.
     opposite = _OPPOSITE * edge if known else 0.0
-    return SurfaceTree(mesh.verts.numpy(), faces, mesh.normals.numpy(), spacing=edge, opposite=opposite)
+    return SurfaceTree(mesh.verts.numpy(), mesh.faces.numpy(), mesh.normals.numpy(), spacing=edge, opposite=opposite)
 
 
 def nearest_larger_faces(

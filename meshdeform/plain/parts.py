@@ -568,13 +568,7 @@ class _Stand:
 
 
 def _find_stand(body: Body) -> _Stand:
-    """Return the stand below the body, by the layers of its solid.
-
-    Raises
-    ------
-    PartMissingError
-        Nothing does.
-    """
+    """Return the stand below the body, by the layers of its solid; PartMissingError: there is none."""
     solid = body.solid
     filled, areas = solid.filled, solid.filled.sum((0, 2)).astype(float)
     ground, top = int(np.argmax(areas > 0)), int(np.flatnonzero(areas > 0).max())

@@ -431,12 +431,8 @@ def _walk(
 ) -> tuple[_Index, _Floats]:
     """Find the visible crossings, of several between two pixels the nearest.
 
-    Returns
-    -------
-    (N, 4) int64
-        Pixel that takes a share of another's colour, that other pixel, and the rows of the edge's ends in (B * V).
-    (N, 6) float64
-        The share, and its derivatives by the two pixel coordinates of each end; last, the depth of the edge.
+    (N, 4) int64: the pixel that takes a share of another's colour, that other pixel, the rows of the edge's ends.
+    (N, 6) float64: the share, its derivatives by the two pixel coordinates of each end, the depth of the edge.
     """
     views, n_verts = clip.shape[0], clip.shape[1]
     height, width = depth.shape[1], depth.shape[2]

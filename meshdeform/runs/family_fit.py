@@ -174,13 +174,7 @@ class FamilyFitRun(JobRun):
         return Collection.of(*(stacked(name) for name in names), turn=self._params.turn)
 
     def _given(self) -> Tensor:
-        """Return the parts of samples (T, P) that the inference may use.
-
-        Raises
-        ------
-        AssetError
-            There are labels to use, but no asset has one for its whole surface.
-        """
+        """Return the parts of samples (T, P) that the inference may use; AssetError: no asset has all its labels."""
         given = torch.from_numpy(np.stack(self._truth)).clone()
         for t, labels in enumerate(self._labels):
             if labels.held_out:
