@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { COLORMAPS, colorAt, colorRow, formatValue, positionOf, ticks } from "../../service/web/viewer/colormaps.js";
+import { COLORMAPS, colorAt, colorRow, formatValue, linearTicks, positionOf, ticks } from "../../service/web/viewer/colormaps.js";
 import { Box3, Vector3 } from "../../service/web/vendor/three/three.module.js";
 import { defaultDirection, frameBox, makeCamera } from "../../service/web/viewer/cameras.js";
 import { isGlb, readJson, withJson, withoutMaterials } from "../../service/web/viewer/glb.js";
@@ -46,6 +46,11 @@ test("ticks are round, rising and on the legend", () => {
 test("a logarithmic legend has factors at equal distances", () => {
   const legend = { range: [1, 16], scale: "log" };
   assert.deepEqual([1, 2, 4, 8, 16].map((value) => positionOf(value, legend)), [0, 0.25, 0.5, 0.75, 1]);
+});
+
+test("round values are within the bounds, and none is -0", () => {
+  assert.deepEqual(linearTicks(0, 80, 5), [0, 20, 40, 60, 80]);
+  assert.deepEqual(linearTicks(0, 0.7, 3), [0, 0.5]);
 });
 
 test("values are written without noise", () =>
