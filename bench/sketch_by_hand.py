@@ -3,6 +3,7 @@
     python bench/sketch_by_hand.py --sheet by_hand.png
     python bench/sketch_by_hand.py --figures bench/sketch_figures_new.txt
     python bench/sketch_by_hand.py --page http://127.0.0.1:8765/
+    python bench/sketch_by_hand.py --people drawings/
 
 With `--page` of a running service, the pointer draws on the pad of its page in a browser, and the page's button asks.
 Without, the same strokes are drawn with a pen of the same width, and the network is asked directly.
@@ -13,13 +14,15 @@ A hand is a point that is pulled along the stroke: it cuts corners, trembles, dr
 then goes over a line once more; and it draws the whole figure tilted, squeezed, small or away from the middle.
 
 `choices` are those that a figure plainly shows, where its family was the first guess. The figures called `other` are
-of no family: what counts there is whether the answer says that it is unsure, or refuses.
+of no family: what counts there is whether the answer says that it is unsure, or refuses. With `--people`, the drawings
+are the strokes of the QuickDraw files of a folder (Google, CC-BY 4.0), as they are.
 """
 
 from __future__ import annotations
 
 import argparse
 import io
+import json
 import shutil
 import sys
 from collections import defaultdict
@@ -37,11 +40,14 @@ from playwright.sync_api import sync_playwright
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from meshdeform.errors import DrawingError
+from meshdeform.kinds.sketch.families import FAMILIES
 from meshdeform.kinds.sketch.looking import guess, is_unsure
 
 Stroke = NDArray[np.float64]
 Ask = Callable[[list[Stroke]], tuple[dict[str, Any] | None, Image.Image]]
 _ARGUMENTS = ["--no-sandbox", "--disable-3d-apis"]  # the pictures of the guesses are of no use here
+_WORDS = {"wine glass": "goblet", "floor lamp": "lamp", **{each: each for each in FAMILIES}}
+"""The family of a word of QuickDraw; other words are of none."""
 _FIGURES = Path(__file__).with_name("sketch_figures.txt")
 
 
@@ -72,6 +78,17 @@ def figures(text: str) -> list[Figure]:
         if both:
             found[-1].strokes.append(stroke * [-1, 1] + [100, 0])
     return found
+
+
+def people(folder: Path) -> Iterator[Figure]:
+    """Yield the drawings of the QuickDraw files of a folder; the longer side is 80 hundredths of the page."""
+    for path in sorted(folder.glob("*.ndjson")):
+        for row in path.read_text(encoding="utf-8").splitlines():
+            drawing = json.loads(row)
+            strokes = [np.array(each[:2]).T for each in drawing["drawing"] if len(each[0]) > 1]
+            low, high = (limit(np.concatenate(strokes), axis=0) for limit in (np.min, np.max))
+            strokes = [50 + 80 * (each - (low + high) / 2) / (high - low).max() for each in strokes]
+            yield Figure(_WORDS.get(drawing["word"], "other"), drawing["word"], {}, strokes)
 
 
 def curve(places: Stroke) -> Stroke:
@@ -120,6 +137,8 @@ HANDS = (
     Moves("quick", 0.5, 0.15, 0.8, 2.0, 0.15, 4.0, 0.08),
     Moves("clumsy", 0.4, 0.35, 1.5, 3.0, 0.3, 7.0, 0.15),
 )
+
+_PERSON = Moves("person", 1.0, 0, 0, 0, 0, 0, 0)
 
 
 def moved(stroke: Stroke, hand: Moves, random: np.random.Generator, step: float = 2.0) -> Stroke:
@@ -276,13 +295,19 @@ class Count:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--page", metavar="URL", help="draw on the page of a running service")
+    parser.add_argument("--people", type=Path, help="take the drawings of this folder of QuickDraw files")
     parser.add_argument("--figures", type=Path, default=_FIGURES)
     parser.add_argument("--sheet", type=Path, help="write all drawings with what they were taken for")
     options = parser.parse_args()
     count = Count()
     pictures, titles = [], []
     with on_page(options.page) if options.page else on_paper() as ask:
-        for number, figure in enumerate(figures(options.figures.read_text(encoding="utf-8"))):
+        if options.people:
+            for figure in people(options.people):
+                answer, picture = ask(figure.strokes)
+                titles.append(count.add(figure, _PERSON, answer))
+                pictures.append(picture)
+        for number, figure in enumerate([] if options.people else figures(options.figures.read_text("utf-8"))):
             for index, hand in enumerate(HANDS):
                 random = np.random.default_rng([31, number, index])
                 answer, picture = ask(drawn(figure.strokes, hand, random))
