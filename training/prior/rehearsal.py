@@ -21,9 +21,10 @@ from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, joined, pictures, single_views
 from meshdeform.priors.builtin.teaching.replay import LABELS, REHEARSAL
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.support.files import write_files
 from training.prior.dataset import draw_prompt
-from training.prior.families import FAMILIES, member
+from training.prior.families import member
 
 __all__ = ["main", "rehearsal"]
 
@@ -84,7 +85,7 @@ def main() -> None:
     description = (__doc__ or "").partition("\n")[0]
     parser = argparse.ArgumentParser(prog="python -m training.prior.rehearsal", description=description)
     parser.add_argument("-o", "--output", type=Path, default=REHEARSAL, help="default: in the package")
-    write_files({parser.parse_args().output: rehearsal(list(FAMILIES))})
+    write_files({parser.parse_args().output: rehearsal(list(NOUNS))})
 
 
 if __name__ == "__main__":

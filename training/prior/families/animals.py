@@ -6,20 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from training.prior.families.parts import (
-    Part,
-    curved,
-    ellipsoid,
-    join,
-    lathe,
-    limb,
-    moved,
-    pair,
-    turned,
-)
+from training.prior.families.parts import Part, curved, ellipsoid, join, lathe, limb, moved, pair, turned
 from training.prior.families.traits import Rng, Traits
 
-__all__ = ["Body", "at", "dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
+__all__ = ["dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from training.prior.families.parts import (
-    Part,
-    box,
-    ellipsoid,
-    extrude,
-    join,
-    lathe,
-    limb,
-    moved,
-    pair,
-    turned,
-)
+from training.prior.families.parts import Part, box, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from training.prior.families.traits import Rng, Traits
 
 __all__ = ["castle", "church", "igloo", "lighthouse", "skyscraper", "tent", "windmill"]
@@ -86,7 +75,7 @@ def church(rng: Rng, traits: Traits) -> Part:
     return join(parts)
 
 
-def igloo(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def igloo(rng: Rng, _: Traits) -> Part:
     """Draw an igloo: a dome of blocks with grooves between them, a round tunnel with an open mouth in front (+Z)."""
     tall, blocks = rng.uniform(0.86, 1.02), 14
     levels, across = np.linspace(0.0, np.pi / 2, 41)[:-1], 56
@@ -106,7 +95,7 @@ def igloo(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has o
     return join([shell, Part(np.maximum(passage.verts, [-9.0, 0.0, -9.0]), passage.faces)])
 
 
-def lighthouse(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def lighthouse(rng: Rng, _: Traits) -> Part:
     """Draw a lighthouse: a slim tapering tower with raised bands, a gallery, a lantern under a cap, a low hut."""
     foot, waist, tall = rng.uniform(0.4, 0.46), rng.uniform(0.25, 0.29), rng.uniform(1.55, 1.85)
     wall: list[tuple[float, float]] = []
@@ -128,7 +117,7 @@ def lighthouse(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family 
     return join([*parts, *window, ellipsoid([0, top + 0.8, 0], 0.08, rings=8)])
 
 
-def skyscraper(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def skyscraper(rng: Rng, _: Traits) -> Part:
     """Draw a skyscraper: a broad base, tall stepped tiers with ribs all round, a crown and a mast."""
     parts: list[Part] = []
     bottom, half, deep = 0.0, rng.uniform(0.56, 0.66), rng.uniform(0.48, 0.56)
@@ -144,7 +133,7 @@ def skyscraper(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family 
     return join([*parts, moved(lathe(mast), [0, bottom - 0.02, 0])])
 
 
-def tent(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def tent(rng: Rng, _: Traits) -> Part:
     """Draw a ridge tent: two sloping cloths down to the ground, poles crossed at the ends, flaps turned open (+Z)."""
     half, tall, length = rng.uniform(0.72, 0.86), rng.uniform(0.92, 1.08), rng.uniform(1.5, 1.8)
     cloth = [(-half + 0.1, 0.0), (half - 0.1, 0.0), (0.03, tall - 0.06), (-0.03, tall - 0.06)]

@@ -4,18 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.prior.families.parts import (
-    Part,
-    box,
-    disc,
-    ellipsoid,
-    join,
-    lathe,
-    limb,
-    moved,
-    pair,
-    turned,
-)
+from training.prior.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, pair, turned
 from training.prior.families.traits import Rng, Traits
 
 __all__ = ["backpack", "boot", "dress", "glove", "helmet", "shirt", "trousers"]
@@ -38,7 +27,7 @@ def _sleeve(length: float, shoulder: float, cuff: float, degrees: float) -> Part
     return turned(moved(lathe([*hollow, *wall]), [0, -0.1 - length, 0]), degrees, "z")
 
 
-def backpack(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def backpack(rng: Rng, _: Traits) -> Part:
     """Draw a backpack: a round-topped sack, a flap and a pocket in front, side pockets, two straps behind."""
     width, height, deep = rng.uniform(0.86, 1.12), rng.uniform(1.2, 1.55), rng.uniform(0.48, 0.64)
     front = deep / 2
@@ -95,7 +84,7 @@ def dress(rng: Rng, traits: Traits) -> Part:
     return join([*parts, *pair(moved(bow, [0, skirt, -0.8 * waist - 0.04]))])
 
 
-def glove(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def glove(rng: Rng, _: Traits) -> Part:
     """Draw a glove, its back toward +Z: four spread fingers up, a thumb toward +X, an open flared cuff below."""
     width, palm, finger = rng.uniform(0.7, 0.8), rng.uniform(0.58, 0.72), rng.uniform(0.44, 0.7)
     thick, spread = width / 7.6, rng.uniform(5, 9)
@@ -124,7 +113,7 @@ def glove(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has o
     return join(parts)
 
 
-def helmet(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def helmet(rng: Rng, _: Traits) -> Part:
     """Draw a knight's helmet: a dome, a pointed visor below a slit for the eyes, a collar, a plume toward -Z."""
     girth, face = rng.uniform(0.5, 0.56), rng.uniform(0.56, 0.64)
     snout, plume = rng.uniform(0.75, 1.0), rng.uniform(0.45, 0.65)

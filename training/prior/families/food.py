@@ -4,17 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.prior.families.parts import (
-    Part,
-    box,
-    disc,
-    ellipsoid,
-    join,
-    lathe,
-    limb,
-    moved,
-    turned,
-)
+from training.prior.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, turned
 from training.prior.families.traits import Rng, Traits
 
 __all__ = ["apple", "banana", "burger", "cake", "corn", "cupcake", "pumpkin", "strawberry"]
@@ -42,7 +32,7 @@ def apple(rng: Rng, traits: Traits) -> Part:
     return join([flesh, stalk, moved(turned(leaf, rng.uniform(-25, 25), "y"), [0.02, 2 * height - 0.06, 0])])
 
 
-def banana(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def banana(rng: Rng, _: Traits) -> Part:
     """Draw a banana: a thick crescent with five edges, both ends up, the stalk at its right."""
     bow, girth, sweep = rng.uniform(0.78, 0.95), rng.uniform(0.25, 0.31), rng.uniform(60, 74)
     turn = np.radians(np.linspace(-sweep, sweep, 9))
@@ -54,7 +44,7 @@ def banana(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
     return join([flesh, stalk])
 
 
-def burger(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def burger(rng: Rng, _: Traits) -> Part:
     """Draw a burger: two halves of a bun, between them a wavy leaf, a square of cheese and a patty that stand out."""
     girth, dome, patty = rng.uniform(0.7, 0.84), rng.uniform(0.38, 0.6), rng.uniform(0.14, 0.26)
     parts = [disc(girth * 0.94, 0.0, 0.24, edge=0.09), disc(girth * 1.06, 0.2, 0.24 + patty, edge=0.07)]
@@ -81,7 +71,7 @@ def burger(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
     return join(parts)
 
 
-def cake(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def cake(rng: Rng, _: Traits) -> Part:
     """Draw a birthday cake: two round tiers on a plate, icing that drips from their edges, candles on top."""
     girth, low, high = rng.uniform(0.7, 0.92), rng.uniform(0.36, 0.56), rng.uniform(0.22, 0.44)
     upper = girth * rng.uniform(0.54, 0.76)
@@ -122,7 +112,7 @@ def corn(rng: Rng, traits: Traits) -> Part:
     return join(parts)
 
 
-def cupcake(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def cupcake(rng: Rng, _: Traits) -> Part:
     """Draw a cupcake: a pleated paper cup, a swirl of cream in three steps, a cherry."""
     foot, rim, cup = rng.uniform(0.36, 0.42), rng.uniform(0.52, 0.66), rng.uniform(0.44, 0.66)
     paper = lathe([(foot, 0.0), (foot + 0.3 * (rim - foot), 0.3 * cup), (rim, cup), (rim * 0.9, cup)], segments=96)

@@ -79,7 +79,7 @@ def armchair(rng: Rng, traits: Traits) -> Part:
     return join([*parts, *pair(arm), *pair(top), *pair(wing), *_legs(width / 2 - 0.14, depth / 2 - 0.12, 0.14, 0.1)])
 
 
-def bathtub(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def bathtub(rng: Rng, _: Traits) -> Part:
     """Draw a bathtub: a long hollow basin with a rolled rim on four feet, its head end high, a tap at its foot (+Z)."""
     width, length, deep = rng.uniform(0.46, 0.54), rng.uniform(0.9, 1.05), rng.uniform(0.55, 0.65)
     slope, lift = rng.uniform(0.66, 0.78), rng.uniform(0.1, 0.24)

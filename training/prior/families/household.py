@@ -52,7 +52,7 @@ def goblet(rng: Rng, traits: Traits) -> Part:
     return lathe([(foot, 0.0), (foot, 0.08), (0.7 * foot, 0.12), *stalks, *bowl_wall, *inside])
 
 
-def bowl(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def bowl(rng: Rng, _: Traits) -> Part:
     """Draw a bowl: a wide hollow half sphere on a small foot."""
     radius, depth, foot = rng.uniform(0.85, 1.0), rng.uniform(0.6, 0.75), rng.uniform(0.32, 0.42)
     turn = np.linspace(0.3, np.pi / 2, 9)

@@ -14,25 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meshdeform.priors.builtin.teaching.deformed import Part, normalised
-
-__all__ = [
-    "Part",
-    "box",
-    "curved",
-    "disc",
-    "ellipsoid",
-    "extrude",
-    "join",
-    "lathe",
-    "limb",
-    "mirrored",
-    "moved",
-    "normalised",
-    "pair",
-    "plate",
-    "turned",
-]
+from meshdeform.priors.builtin.teaching.deformed import Part as Part
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

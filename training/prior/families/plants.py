@@ -22,7 +22,7 @@ def mushroom(rng: Rng, traits: Traits) -> Part:
     return lathe([*foot, *under, *hood], segments=28)
 
 
-def pear(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def pear(rng: Rng, _: Traits) -> Part:
     """Draw a pear: a heavy belly, a slim shoulder and a stalk."""
     belly, shoulder = rng.uniform(0.56, 0.66), rng.uniform(0.26, 0.32)
     height = rng.uniform(1.25, 1.45)

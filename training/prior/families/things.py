@@ -73,7 +73,7 @@ def house(rng: Rng, traits: Traits) -> Part:
     return join([*parts, stack])
 
 
-def star(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def star(rng: Rng, _: Traits) -> Part:
     """Draw a five-pointed star standing on two points, thickest in the middle, facing +Z."""
     inner = rng.uniform(0.42, 0.5)
     corners = []
@@ -84,7 +84,7 @@ def star(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has on
     return extrude(_refined(corners, 3), rng.uniform(0.22, 0.28), puff=rng.uniform(0.3, 0.45))
 
 
-def heart(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def heart(rng: Rng, _: Traits) -> Part:
     """Draw a heart standing on its point, thick and round as a cushion, facing +Z."""
     turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     x = 16 * np.sin(turn) ** 3

@@ -4,19 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.prior.families.parts import (
-    Part,
-    box,
-    disc,
-    ellipsoid,
-    extrude,
-    join,
-    lathe,
-    limb,
-    moved,
-    pair,
-    turned,
-)
+from training.prior.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from training.prior.families.traits import Rng, Traits
 
 __all__ = [
@@ -35,7 +23,7 @@ __all__ = [
 ]
 
 
-def anvil(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def anvil(rng: Rng, _: Traits) -> Part:
     """Draw an anvil: a spread foot, a waist, a long block on top whose horn tapers toward +Z."""
     width, length, high = rng.uniform(0.42, 0.5), rng.uniform(0.95, 1.1), rng.uniform(0.78, 0.9)
     foot = box([0, 0.1, 0], [width * 1.5, 0.24, length * 0.95], round_by=0.25)
@@ -72,7 +60,7 @@ def axe(rng: Rng, traits: Traits) -> Part:
     return join([head, shaft])
 
 
-def barrel(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def barrel(rng: Rng, _: Traits) -> Part:
     """Draw an upright barrel: staves that bulge, four hoops that stand out, sunken ends."""
     end, belly, height = rng.uniform(0.42, 0.52), rng.uniform(0.6, 0.7), rng.uniform(1.2, 1.65)
 
@@ -94,7 +82,7 @@ def barrel(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
     return join(parts)
 
 
-def bucket(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def bucket(rng: Rng, _: Traits) -> Part:
     """Draw a bucket: a deep open cone with a thick rim, its bail folded down in front."""
     foot, rim, height = rng.uniform(0.38, 0.52), rng.uniform(0.64, 0.76), rng.uniform(0.98, 1.35)
     wall = [(foot + (rim - foot) * t, height * t) for t in np.linspace(0.06, 0.9, 7)]
@@ -133,7 +121,7 @@ def camera(rng: Rng, traits: Traits) -> Part:
     return join(parts)
 
 
-def candle(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def candle(rng: Rng, _: Traits) -> Part:
     """Draw a burning candle: a saucer with a finger hold behind, a thick candle with runs of wax, a flame."""
     girth, tall, dish = rng.uniform(0.32, 0.38), rng.uniform(0.75, 1.3), rng.uniform(0.6, 0.76)
     saucer = lathe([(dish * 0.6, 0.0), (dish, 0.16), (dish + 0.03, 0.22), (dish - 0.06, 0.22), (girth, 0.1)])
@@ -150,7 +138,7 @@ def candle(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has 
     return join([*parts, disc(0.07, tall - 0.15, tall + 0.12, edge=0.02), moved(fire, [0, 0.02, 0])])
 
 
-def chest(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def chest(rng: Rng, _: Traits) -> Part:
     """Draw a treasure chest: a long box, a lid curved from front to back, iron bands, a lock in front."""
     width, deep, body = rng.uniform(1.2, 1.65), rng.uniform(0.74, 0.94), rng.uniform(0.44, 0.64)
     bow = rng.uniform(0.75, 1.1)
@@ -176,10 +164,7 @@ def dumbbell(rng: Rng, traits: Traits) -> Part:
     plate, thick = rng.uniform(0.46, 0.58), rng.uniform(0.26, 0.36)
     inner, outer = grip / 2, grip / 2 + thick
     small = plate * rng.uniform(0.66, 0.76)
-    side = [
-        disc(plate, inner, outer, edge=0.06),
-        disc(small, outer - 0.04, outer + thick * 0.5, edge=0.05),
-    ]
+    side = [disc(plate, inner, outer, edge=0.06), disc(small, outer - 0.04, outer + thick * 0.5, edge=0.05)]
     handle = limb([[-outer, 0.0, 0.0], [0.0, 0.0, 0.0], [outer, 0.0, 0.0]], [0.17, 0.185, 0.17])
     return join([handle, *(end for part in side for end in pair(turned(part, -90, "z")))])
 
@@ -206,7 +191,7 @@ def hammer(rng: Rng, traits: Traits) -> Part:
     return join([shaft, *(Part(part.verts * head, part.faces) for part in parts)])
 
 
-def shield(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def shield(rng: Rng, _: Traits) -> Part:
     """Draw a knight's shield facing +Z: straight top, pointed foot, bent back at the sides, with a rim and a cross."""
     width, height, straight = rng.uniform(0.62, 0.8), rng.uniform(1.5, 1.95), rng.uniform(0.25, 0.45)
     share = np.linspace(0.98, 0.0, 22)

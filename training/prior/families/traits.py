@@ -13,8 +13,6 @@ import numpy as np
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.vocabulary import PARTS
 
-__all__ = ["Traits"]
-
 Range = tuple[float, float]
 Rng = np.random.Generator
 

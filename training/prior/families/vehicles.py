@@ -5,18 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from training.prior.families.parts import (
-    Part,
-    box,
-    ellipsoid,
-    extrude,
-    join,
-    lathe,
-    limb,
-    moved,
-    pair,
-    turned,
-)
+from training.prior.families.parts import Part, box, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from training.prior.families.traits import Rng, Traits
 
 __all__ = ["airplane", "balloon", "boat", "car", "helicopter", "rocket", "submarine"]
@@ -47,7 +36,7 @@ def airplane(rng: Rng, traits: Traits) -> Part:
     return join(parts)
 
 
-def balloon(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def balloon(rng: Rng, _: Traits) -> Part:
     """Draw a hot-air balloon: a round envelope of puffed gores, narrow below, that touches a square basket."""
     radius, gores = rng.uniform(0.72, 0.8), int(rng.integers(10, 13))
     low, mouth = rng.uniform(0.95, 1.1), rng.uniform(0.2, 0.24)
@@ -115,7 +104,7 @@ def rocket(rng: Rng, traits: Traits) -> Part:
     return join(parts)
 
 
-def car(rng: Rng, traits: Traits) -> Part:  # noqa: ARG001 (every family has one signature)
+def car(rng: Rng, _: Traits) -> Part:
     """Draw a saloon car: a low body, a cabin with sloping ends, four wheels that stand out."""
     length, width = rng.uniform(1.7, 1.95), rng.uniform(0.78, 0.88)
     wheel, body = rng.uniform(0.22, 0.26), rng.uniform(0.34, 0.4)

@@ -5,17 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from training.prior.families.animals import Body, at
-from training.prior.families.parts import (
-    Part,
-    curved,
-    ellipsoid,
-    join,
-    limb,
-    moved,
-    pair,
-    plate,
-    turned,
-)
+from training.prior.families.parts import Part, curved, ellipsoid, join, limb, moved, pair, plate, turned
 from training.prior.families.traits import Rng, Traits
 
 __all__ = ["bird", "butterfly", "chicken", "dragon", "owl", "swan"]
