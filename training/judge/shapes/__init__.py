@@ -1,9 +1,11 @@
-"""Draw every noun of the vocabulary by code that shares nothing with the prior's families.
+"""Draw nouns by code that shares nothing with the prior's families.
 
 The prior's families are the prior's idea of a rabbit. A judge that knew no other rabbits would tell how much a result
-resembles the prior, not whether it is a rabbit. These shapes were written without reading the families: other poses and
+resembles the prior, not whether it is a rabbit. These shapes have other poses and
 kinds, other proportions, one blended or creased surface instead of joined parts, and the styles of kits of assets,
-low-poly and voxels. `drawn(noun, attributes, rng)` is the interface; the same generator state gives the same mesh.
+low-poly and voxels. Most were written without reading the families; those of `yard`, and of the other nouns that came
+with it, are by the hand that drew their families. `drawn(noun, attributes, rng)` is the interface; the same
+generator state gives the same mesh.
 
 Attributes of the whole are those of the families (`traits.deformed`), because they are operations, not ideas. Parts
 have no attributes here: their sizes vary as the kinds do.
@@ -12,52 +14,22 @@ have no attributes here: their sizes vary as the kinds do.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from importlib import import_module
 
 import fast_simplification
 import numpy as np
 
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
-from meshdeform.priors.builtin.vocabulary import NOUNS
-from training.judge.shapes import (
-    beasts,
-    birds,
-    buildings,
-    clothing,
-    craft,
-    creatures,
-    figures,
-    food,
-    furniture,
-    plants,
-    tools,
-    vehicles,
-    vessels,
-)
 from training.judge.shapes.solids import Solid, surfaced
 from training.prior.families.parts import Part
 
 __all__ = ["SHAPES", "drawn"]
 
-_MODULES = (
-    beasts,
-    birds,
-    buildings,
-    clothing,
-    craft,
-    creatures,
-    figures,
-    food,
-    furniture,
-    plants,
-    tools,
-    vehicles,
-    vessels,
-)
-_NAMED = {name: getattr(module, name) for module in _MODULES for name in module.__all__}
-
+_SUBJECTS = "beasts birds buildings clothing craft creatures figures food furniture plants tools vehicles vessels yard"
+_MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
 SHAPES: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
-    noun: _NAMED[noun] for noun in NOUNS if noun in _NAMED
+    name: getattr(module, name) for module in _MODULES for name in module.__all__
 }
 """The shapes of each noun that the judge has code for; of others it sees members of collections."""
 

@@ -4,16 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import (
-    Solid,
-    ball,
-    block,
-    both,
-    drum,
-    plate,
-    rod,
-    rods,
-)
+from training.judge.shapes.solids import Solid, ball, block, both, drum, plate, rod, rods
 
 __all__ = ["bird", "chicken", "duck", "owl", "penguin", "swan"]
 

@@ -4,17 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import (
-    Solid,
-    ball,
-    block,
-    both,
-    carved,
-    drum,
-    hoop,
-    plate,
-    rod,
-)
+from training.judge.shapes.solids import Solid, ball, block, both, carved, drum, hoop, plate, rod
 
 __all__ = ["castle", "church", "house", "igloo", "lighthouse", "skyscraper", "tent", "windmill"]
 

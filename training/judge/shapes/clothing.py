@@ -4,19 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import (
-    Solid,
-    around,
-    ball,
-    block,
-    both,
-    carved,
-    drum,
-    half_ball,
-    hoop,
-    rod,
-    rods,
-)
+from training.judge.shapes.solids import Solid, around, ball, block, both, carved, drum, half_ball, hoop, rod, rods
 
 __all__ = ["backpack", "boot", "dress", "glove", "hat", "helmet", "shirt", "trousers"]
 

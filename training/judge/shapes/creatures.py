@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import (
-    Solid,
-    ball,
-    both,
-    hoop,
-    plate,
-    rod,
-    rods,
-)
+from training.judge.shapes.solids import Solid, ball, both, hoop, plate, rod, rods
 
 __all__ = ["butterfly", "crab", "dolphin", "fish", "frog", "octopus", "shark", "snail", "snake", "spider", "whale"]
 

@@ -4,19 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import (
-    Solid,
-    around,
-    ball,
-    both,
-    carved,
-    drum,
-    half_ball,
-    petal,
-    plate,
-    rod,
-    rods,
-)
+from training.judge.shapes.solids import Solid, around, ball, both, carved, drum, half_ball, petal, plate, rod, rods
 
 __all__ = ["cactus", "flower", "heart", "mushroom", "palm", "pine", "star", "tree"]
 

@@ -19,24 +19,6 @@ from scipy import ndimage
 
 from training.prior.families.parts import Part
 
-__all__ = [
-    "Solid",
-    "around",
-    "ball",
-    "block",
-    "both",
-    "carved",
-    "drum",
-    "half_ball",
-    "hoop",
-    "petal",
-    "plate",
-    "rod",
-    "rods",
-    "spun",
-    "surfaced",
-]
-
 Floats = NDArray[np.float64]
 _Axes = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 

@@ -4,18 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import (
-    Solid,
-    ball,
-    block,
-    both,
-    carved,
-    drum,
-    hoop,
-    plate,
-    rod,
-    rods,
-)
+from training.judge.shapes.solids import Solid, ball, block, both, carved, drum, hoop, plate, rod, rods
 
 __all__ = ["anvil", "axe", "camera", "chest", "dumbbell", "guitar", "hammer", "shield", "sword"]
 
