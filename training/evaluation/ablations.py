@@ -30,8 +30,6 @@ from meshdeform.rendering.cameras import CameraRange
 from meshdeform.rendering.shading import OrthogonalGrid, RenderStyle
 from meshdeform.requests.document import ResolvedParams
 
-__all__ = ["Ablation", "SingleViews", "VertexDisplacements", "ablated_params", "deformation_of"]
-
 
 class Ablation(StrEnum):
     """Component that is removed or replaced."""

@@ -24,8 +24,6 @@ from meshdeform.rendering.cameras import fixed_cameras
 from training.evaluation.picture import draw
 from training.evaluation.retrieval import ranked
 
-__all__ = ["ClipJudge", "refuse_the_guides_own"]
-
 _AZIMUTHS_DEG = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
 _ELEVATION_DEG = 20.0
 _WEIGHTS = "model.safetensors"

@@ -32,8 +32,6 @@ from training.evaluation.retrieval import ShapeJudge
 from training.evaluation.sources import posed_mesh
 from training.evaluation.suite import Item
 
-__all__ = ["DeliveredEvaluator", "best_stretch", "stretched_picture"]
-
 Factors = tuple[float, float, float]
 
 _FACTORS = (0.5, 2**-0.5, 1.0, 2**0.5, 2.0)

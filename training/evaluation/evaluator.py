@@ -38,8 +38,6 @@ from training.evaluation.plan import Plan
 from training.evaluation.retrieval import ShapeJudge, judgement, load_judge
 from training.evaluation.suite import Item
 
-__all__ = ["Evaluator", "failed_record", "item_folder", "read_record", "source_path", "texels_path"]
-
 _RECORD = "record.json"
 _RUN = ("step_s_median", "seconds", "turned_deg", "orientation", "pulls")
 """Facts about the deformation, for information: seconds per step and in total, the angle by which the source was

@@ -27,8 +27,6 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_texture_stretch
 from training.evaluation.neighbours import neighbour_offsets
 
-__all__ = ["POINTS", "chamfer_distance", "displacement", "measures", "surface_points"]
-
 POINTS = 10_000
 """Points on each surface for the Chamfer distance."""
 

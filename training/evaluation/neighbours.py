@@ -15,8 +15,6 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
-__all__ = ["NeighbourOffsets", "neighbour_offsets"]
-
 _REACH = 0.05
 """Largest distance between neighbouring components, as a share of the bounding box's diagonal."""
 _PAIRS_PER_COMPONENT = 8

@@ -13,8 +13,6 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 
-__all__ = ["SIZE", "draw", "picture_png"]
-
 SIZE = 192
 """Side of a picture in pixels."""
 

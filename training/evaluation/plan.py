@@ -20,8 +20,6 @@ from training.evaluation.ablations import Ablation
 from training.evaluation.sources import mesh_sha256, source_mesh
 from training.evaluation.suite import Suite
 
-__all__ = ["FORMAT", "Plan", "check_manifest", "code_sha256", "manifest", "plan_of", "read_manifest", "write_manifest"]
-
 FORMAT = 1
 MANIFEST = "manifest.json"
 

@@ -17,8 +17,6 @@ from typing import Any, Generic, TypeVar
 
 from meshdeform.errors import WorkerLostError
 
-__all__ = ["each"]
-
 T = TypeVar("T")
 R = TypeVar("R")
 

@@ -18,8 +18,6 @@ from torch import Tensor
 from meshdeform.geometry.mesh import TriangleMesh, face_cross, safe_normalize
 from meshdeform.geometry.shapes import icosphere
 
-__all__ = ["Solid", "capsule", "geodesic_sphere", "relaxed_surface", "smooth_union"]
-
 Solid = Callable[[Tensor], Tensor]
 """Maps points (N, 3) float64 to values (N,): negative inside, increasing along every ray from the origin."""
 

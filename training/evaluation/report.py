@@ -14,8 +14,6 @@ from training.evaluation.sheet import contact_sheet
 from training.evaluation.summary import outweighed, states_of, summarise, summarise_kept
 from training.evaluation.tables import comparison, kept_table, table
 
-__all__ = ["compare", "read_results", "write_report"]
-
 _RESULTS = "results.json"
 
 

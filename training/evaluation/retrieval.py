@@ -21,8 +21,6 @@ from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.grammar import parse
 
-__all__ = ["BUILTIN_JUDGE", "NO_JUDGE", "ShapeJudge", "judgement", "load_judge", "ranked", "wilson"]
-
 BUILTIN_JUDGE, NO_JUDGE = "builtin", "none"
 _Z = 1.959963984540054
 """The 97.5th percentile of the normal distribution."""

@@ -35,8 +35,6 @@ from training.evaluation.retrieval import NO_JUDGE
 from training.evaluation.sources import source_mesh, source_texels
 from training.evaluation.suite import Item
 
-__all__ = ["default_jobs", "rejudge", "run"]
-
 Work = Callable[[Item], dict[str, Any]]
 Say = Callable[[str], None]
 

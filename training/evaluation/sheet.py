@@ -19,8 +19,6 @@ from training.evaluation.mesh_file import read_ply
 from training.evaluation.picture import SIZE, picture_png
 from training.evaluation.suite import Item
 
-__all__ = ["contact_sheet"]
-
 _TILE = 144
 _FRAME = 4
 _LEFT = 180

@@ -35,8 +35,6 @@ from meshdeform.geometry.weld import WeldedMesh, weld
 from training.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
 from training.shapes import box, torus
 
-__all__ = ["SOURCES", "PosedMesh", "mesh_sha256", "posed_mesh", "quadruped", "source_mesh", "source_texels"]
-
 _FREQUENCY = 10
 _Point = tuple[float, float, float]
 

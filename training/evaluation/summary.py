@@ -8,8 +8,6 @@ from typing import Any
 
 from training.evaluation.retrieval import wilson
 
-__all__ = ["States", "outweighed", "states_of", "summarise", "summarise_kept"]
-
 States = list[dict[str, Any]]
 
 

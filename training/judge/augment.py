@@ -12,8 +12,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-__all__ = ["augmented"]
-
 
 def augmented(images: Tensor, generator: torch.Generator) -> Tensor:
     """Mirror, move, scale, close, open, blur, and change brightness and contrast, independently for each view.

@@ -29,8 +29,6 @@ from training.judge.members import HELD_OUT, ViewSet
 from training.prior.families import FAMILIES
 from training.shapes import box, cylinder, torus
 
-__all__ = ["SHAPES", "main", "prompts_of", "variants"]
-
 SHAPES: dict[str, TriangleMesh] = {
     "sphere": icosphere(3),
     "cube": box(8),

@@ -33,8 +33,6 @@ from training.collections.sources import JUDGE
 from training.judge.augment import augmented
 from training.judge.members import CALIBRATION, ViewSet, counts_of
 
-__all__ = ["TrainConfig", "Trainer", "calibrate", "write_judge"]
-
 _log = logging.getLogger(__name__)
 
 _OTHERS = 6

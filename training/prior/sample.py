@@ -17,8 +17,6 @@ from meshdeform.priors.builtin.network import WEIGHTS, read_network
 from meshdeform.priors.builtin.teaching.sheet import contact_sheet, sample
 from meshdeform.priors.builtin.vocabulary import NOUNS
 
-__all__ = ["main"]
-
 
 def main() -> None:
     """Draw a contact sheet."""

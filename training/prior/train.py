@@ -114,12 +114,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--initial", type=Path, help="weights of another edition to start from")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
-    parser.add_argument(
-        "--precision",
-        choices=["fp32", "bf16"],
-        default="bf16",
-        help="precision of the forward pass",
-    )
+    parser.add_argument("--precision", choices=["fp32", "bf16"], default="bf16", help="precision of the forward pass")
     parser.add_argument("--threads", type=int, help="CPU threads")
     parser.add_argument("--cache", type=Path, required=True, help="folder for the rendered pictures (about 4.5 GB)")
     parser.add_argument("--state", type=Path, help="file to resume a stopped run from (default: next to the cache)")

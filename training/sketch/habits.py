@@ -15,8 +15,6 @@ from meshdeform.kinds.sketch.families import FAMILIES
 from meshdeform.kinds.sketch.solids import Floats, Solid, lathe
 from training.sketch.lines import View, joined, visible_lines
 
-__all__ = ["AZIMUTHS", "ELEVATIONS", "FIELDS", "Habits", "drawn_lines", "random_view"]
-
 AZIMUTHS = (-70.0, 70.0)
 ELEVATIONS = (0.0, 40.0)
 FIELDS = (12.0, 40.0)

@@ -15,8 +15,6 @@ from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from training.sketch.suggestive import suggestive_contours
 
-__all__ = ["View", "joined", "visible_lines"]
-
 _PIXELS = 160
 """Side of the depth picture that says what is hidden."""
 _CREASE_COS = 0.6

@@ -22,8 +22,6 @@ from meshdeform.kinds.sketch.families import FAMILIES
 from meshdeform.kinds.sketch.looking import WEIGHTS, WIDTHS, parameters_hash, read_weights
 from meshdeform.support.files import write_files
 
-__all__ = ["Look", "SketchNetwork", "load_network", "write_network"]
-
 _FEATURES = 192
 
 

@@ -13,8 +13,6 @@ from meshdeform.kinds.sketch.solids import Floats, Solid
 from training.sketch.habits import random_view
 from training.sketch.lines import joined, visible_lines
 
-__all__ = ["stranger_lines"]
-
 
 def stranger_lines(random: np.random.Generator) -> list[Floats]:
     """Return the lines of a drawing that shows nothing known, as `visible_lines` does."""

@@ -9,8 +9,6 @@ from PIL import Image, ImageDraw
 
 from meshdeform.kinds.sketch.solids import Floats
 
-__all__ = ["Hand", "draw", "resampled"]
-
 
 @dataclass(frozen=True)
 class Hand:

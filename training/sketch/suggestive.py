@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from meshdeform.kinds.sketch.solids import Floats
 
-__all__ = ["suggestive_contours"]
-
 _SMOOTH_COS = 0.95
 """Cosine of the angle between the normals of a vertex and its faces from which on the surface is smooth there."""
 _FACING_COS = 0.87

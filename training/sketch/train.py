@@ -31,8 +31,6 @@ from training.sketch.network import Look, SketchNetwork, write_network
 from training.sketch.strangers import stranger_lines
 from training.sketch.strokes import draw
 
-__all__ = ["Drawings", "draw_member", "losses", "main", "make_drawings", "make_strangers", "measured", "train"]
-
 _Someone = Callable[[str, Mapping[str, str], np.random.Generator], Habits]
 """Returns the habits of somebody who draws a member of a family with these choices."""
 _BATCH = 64
