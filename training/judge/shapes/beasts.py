@@ -150,12 +150,10 @@ def cow(rng: Rng) -> list[Solid]:
     r, out, up = f.size, rng.uniform(0.5, 1.1), rng.uniform(0.3, 0.9)
     root = f.head + r * np.array([0.4, 0.75, -0.1])
     tip = root + r * np.array([0.2 + out, up, 0.2])
-    made = [
-        *f.solids,
-        *both(rods([root, (root + tip) / 2 + [0.15 * r, -0.1 * r, 0], tip], [0.2 * r, 0.16 * r, 0.1 * r])),
-    ]
-    made += [*_ears(rng, f, 0.55, "side"), ball((0, f.back - 0.95, -0.35), (0.2, 0.16, 0.2))]
-    return made + _tail(rng, f, 0.65, 0.05, -75.0, 0.08)
+    made = f.solids
+    made += both(rods([root, (root + tip) / 2 + [0.15 * r, -0.1 * r, 0], tip], [0.2 * r, 0.16 * r, 0.1 * r]))
+    made += _ears(rng, f, 0.55, "side")
+    return [*made, ball((0, f.back - 0.95, -0.35), (0.2, 0.16, 0.2)), *_tail(rng, f, 0.65, 0.05, -75.0, 0.08)]
 
 
 def crocodile(rng: Rng) -> list[Solid]:
@@ -273,9 +271,8 @@ def horse(rng: Rng) -> list[Solid]:
     made = [*f.solids, *_ears(rng, f, 0.7, "point")]
     made += rods([f.rump + [0, 0.05, 0.1], f.rump + [0, -0.15, -0.25], f.rump + [0, -0.75, -0.3]], [0.09, 0.12, 0.07])
     start = np.array([0.0, f.back, f.head[2] - 0.55])
-    return made + [
-        ball(start + s * (f.head + [0, 0.12, -0.12] - start), (0.07, 0.17, 0.17)) for s in np.linspace(0, 1, 6)
-    ]
+    made += [ball(start + s * (f.head + [0, 0.12, -0.12] - start), (0.07, 0.17, 0.17)) for s in np.linspace(0, 1, 6)]
+    return made
 
 
 def lion(rng: Rng) -> list[Solid]:
@@ -296,18 +293,14 @@ def mouse(rng: Rng) -> list[Solid]:
     u = rng.uniform
     wide, long, ear = u(0.32, 0.42), u(0.5, 0.65), u(0.22, 0.33)
     nose = np.array([0, u(0.25, 0.35), long + u(0.4, 0.55)])
-    made = [
-        ball((0, 0.36, 0), (wide, u(0.34, 0.42), long)),
-        rod((0, 0.4, long * 0.6), nose, 0.28, 0.07),
-        ball(nose, 0.09),
-    ]
+    made = [ball((0, 0.36, 0), (wide, u(0.34, 0.42), long)), rod((0, 0.4, long * 0.6), nose, 0.28, 0.07)]
+    made += [ball(nose, 0.09)]
     made += both(ball((ear * 0.95, 0.62 + 0.6 * ear, long * 0.6), (ear, ear, 0.08), (0, u(-25, 25), 0)))
     for at in (-0.3, 0.35):
         made += both(ball((wide * 0.65, 0.06, at), (0.11, 0.09, 0.17)))
     side, up = u(-0.5, 0.5), u(0.05, 0.5)
-    return made + rods(
-        [(0, 0.2, -long * 0.9), (side, 0.1, -long - 0.45), (0.3 * side, up, -long - 0.9)], [0.08, 0.06, 0.05]
-    )
+    made += rods([(0, 0.2, -long * 0.9), (side, 0.1, -long - 0.45), (0.3 * side, up, -long - 0.9)], [0.08, 0.06, 0.05])
+    return made
 
 
 def pig(rng: Rng) -> list[Solid]:
@@ -338,9 +331,8 @@ def rabbit(rng: Rng) -> list[Solid]:
     made += [ball(at, (head, head * 0.9, head * 1.05)), ball(at + [0, -0.1, 0.8 * head], (0.14, 0.11, 0.12))]
     tilt = u(-0.5, 0.3)
     tip = at + [apart + u(0.05, 0.25), head + ear, tilt * ear - 0.05]
-    return made + both(
-        rods([at + [apart * 0.8, head * 0.6, -0.05], (at + tip) / 2 + [0.06, 0.2, 0], tip], [0.07, 0.1, 0.06])
-    )
+    made += both(rods([at + [apart * 0.8, head * 0.6, -0.05], (at + tip) / 2 + [0.06, 0.2, 0], tip], [0.07, 0.1, 0.06]))
+    return made
 
 
 def rhino(rng: Rng) -> list[Solid]:

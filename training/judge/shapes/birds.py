@@ -16,19 +16,14 @@ def bird(rng: Rng) -> list[Solid]:
     u = rng.uniform
     wide, long, head = u(0.28, 0.36), u(0.42, 0.52), u(0.2, 0.27)
     at = np.array([0, u(0.42, 0.55), long * 0.75])
-    made = [
-        ball((0, 0.1, 0), (wide, wide * u(1.0, 1.15), long), (-25, 0, 0)),
-        rod((0, 0.2, 0.2), at, 0.24, head),
-        ball(at, head),
-    ]
-    made += [drum(at + [0, 0, 0.6 * head], at + [0, -0.05, head + u(0.15, 0.35)], 0.1, 0.01)]
+    made = [ball((0, 0.1, 0), (wide, wide * u(1.0, 1.15), long), (-25, 0, 0)), rod((0, 0.2, 0.2), at, 0.24, head)]
+    made += [ball(at, head), drum(at + [0, 0, 0.6 * head], at + [0, -0.05, head + u(0.15, 0.35)], 0.1, 0.01)]
     tail = [(-0.2, -0.09), (-0.2, 0.09), (-0.75, u(0.15, 0.28)), (-0.75, -0.16)]
     made += [plate(tail, 0.1, (0, 0, -0.15), "y", (u(0, 25), 0, 0))]
     if rng.random() < 0.5:
         made += both(ball((wide * 0.95, 0.12, -0.08), (0.09, 0.22, 0.42), (-25, 8, 0)))
-        made += both(rod((0.13, -0.1, 0.0), (0.14, -u(0.4, 0.55), 0.03), 0.05)) + both(
-            ball((0.14, -0.45, 0.1), (0.08, 0.05, 0.14))
-        )
+        made += both(rod((0.13, -0.1, 0.0), (0.14, -u(0.4, 0.55), 0.03), 0.05))
+        made += both(ball((0.14, -0.45, 0.1), (0.08, 0.05, 0.14)))
     else:
         span, back = u(0.8, 1.1), u(0.1, 0.4)
         wing = [(0.25, 0), (0.2, span * 0.6), (-back, span), (-0.3, span * 0.55), (-0.3, 0)]
@@ -42,10 +37,8 @@ def chicken(rng: Rng) -> list[Solid]:
     wide, head = u(0.32, 0.42), u(0.16, 0.22)
     at = np.array([0, u(0.62, 0.85), u(0.42, 0.55)])
     made = [ball((0, 0.1, 0), (wide, u(0.36, 0.45), 0.5)), rod((0, 0.2, 0.2), at, 0.3, head * 0.85), ball(at, head)]
-    made += [
-        drum(at + [0, 0, 0.6 * head], at + [0, -0.06, head + 0.17], 0.09, 0.01),
-        ball(at + [0, -0.2, head * 0.8], (0.06, 0.12, 0.07)),
-    ]
+    made += [drum(at + [0, 0, 0.6 * head], at + [0, -0.06, head + 0.17], 0.09, 0.01)]
+    made += [ball(at + [0, -0.2, head * 0.8], (0.06, 0.12, 0.07))]
     for z, r in ((-0.12, 0.09), (0.0, 0.12), (0.12, 0.09)):
         made += [ball(at + [0, head + 0.05, z], (0.06, r * 1.4, r))]
     rise = u(0.55, 0.95)
@@ -64,15 +57,9 @@ def duck(rng: Rng) -> list[Solid]:
     u = rng.uniform
     wide, head, neck = u(0.34, 0.46), u(0.22, 0.34), u(0.2, 0.45)
     at = np.array([0, 0.45 + neck, u(0.35, 0.5)])
-    made = [
-        ball((0, 0.2, 0), (wide, u(0.28, 0.38), u(0.6, 0.72))),
-        rod((0, 0.25, 0.35), at, 0.24, 0.15),
-        ball(at, head),
-    ]
-    made += [
-        ball(at + [0, -0.06, head + 0.08], (0.15, 0.055, 0.2)),
-        rod((0, 0.25, -0.4), (0, u(0.45, 0.65), -0.85), 0.24, 0.06),
-    ]
+    made = [ball((0, 0.2, 0), (wide, u(0.28, 0.38), u(0.6, 0.72))), rod((0, 0.25, 0.35), at, 0.24, 0.15)]
+    made += [ball(at, head), ball(at + [0, -0.06, head + 0.08], (0.15, 0.055, 0.2))]
+    made += [rod((0, 0.25, -0.4), (0, u(0.45, 0.65), -0.85), 0.24, 0.06)]
     made += both(ball((wide * 0.95, 0.27, -0.1), (0.09, 0.2, 0.4), (u(0, 20), 0, 0)))
     if rng.random() < 0.4:
         made += both([rod((0.17, 0, 0), (0.17, -0.35, 0), 0.06), block((0.17, -0.36, 0.1), (0.24, 0.08, 0.34), 0.4)])
@@ -83,10 +70,8 @@ def owl(rng: Rng) -> list[Solid]:
     """Shape an owl: an egg with a broad face, huge eyes, ear tufts and folded wings."""
     u = rng.uniform
     wide, high = u(0.42, 0.52), u(0.62, 0.78)
-    made = [
-        ball((0, high * 0.9, 0), (wide, high, wide * 0.85)),
-        ball((0, high * 1.45, 0.03), (wide * u(0.9, 1.05), wide * 0.75, wide * 0.8)),
-    ]
+    made = [ball((0, high * 0.9, 0), (wide, high, wide * 0.85))]
+    made += [ball((0, high * 1.45, 0.03), (wide * u(0.9, 1.05), wide * 0.75, wide * 0.8))]
     eye = u(0.15, 0.22)
     face = high * 1.48
     made += both(drum((eye * 1.02, face, 0.2), (eye * 1.1, face, wide * 0.83 + 0.06), eye))

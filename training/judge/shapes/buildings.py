@@ -25,10 +25,8 @@ def castle(rng: Rng) -> list[Solid]:
                 made += [drum((x, high, z), (x, high + u(0.35, 0.45), z), r * 1.25, 0.02)]
             else:
                 made += [drum((x, high - 0.05, z), (x, high + 0.12, z), r * 1.2, sides=sides)]
-                made += [
-                    carved(block((x, high + 0.12, z), (0.12, 0.16, 1.0), 0)),
-                    carved(block((x, high + 0.12, z), (1.0, 0.16, 0.12), 0)),
-                ]
+                made += [carved(block((x, high + 0.12, z), (0.12, 0.16, 1.0), 0))]
+                made += [carved(block((x, high + 0.12, z), (1.0, 0.16, 0.12), 0))]
     for at in np.linspace(-half, half, 6)[1:-1] + 0.02:
         made += [block((at, wall + 0.04, z), (0.13, 0.16, 0.12), 0) for z in (-half, half)]
         made += [block((x, wall + 0.04, at), (0.12, 0.16, 0.13), 0) for x in (-half, half)]
@@ -43,29 +41,18 @@ def church(rng: Rng) -> list[Solid]:
     """Shape a church: a nave with a steep roof, and a tower with a spire at its front."""
     u = rng.uniform
     wide, wall, long, roof = u(0.3, 0.4), u(0.42, 0.55), u(0.6, 0.8), u(0.3, 0.45)
-    nave = [
-        (-wide, 0),
-        (wide, 0),
-        (wide, wall),
-        (wide + 0.05, wall),
-        (0, wall + roof),
-        (-wide - 0.05, wall),
-        (-wide, wall),
-    ]
+    nave = [(-wide, 0), (wide, 0), (wide, wall), (wide + 0.05, wall), (0, wall + roof), (-wide - 0.05, wall)]
+    nave += [(-wide, wall)]
     made = [plate(nave, 2 * long, (0, 0, 0))]
     side, tower, spire = u(0.17, 0.23), u(0.85, 1.15), u(0.5, 0.85)
     z = long + 0.05
     made += [block((0, tower / 2, z), (2 * side, tower, 2 * side), 0)]
     made += [drum((0, tower, z), (0, tower + spire, z), side * 1.1, 0.02, sides=int(rng.choice([4, 8, 0])))]
     if rng.random() < 0.5:
-        made += [
-            block((0, tower + spire + 0.1, z), (0.07, 0.3, 0.07), 0),
-            block((0, tower + spire + 0.13, z), (0.22, 0.07, 0.07), 0),
-        ]
-    made += [
-        carved(block((0, 0.14, z + side), (0.18, 0.3, 0.14), 0.4)),
-        carved(block((0, tower * 0.75, z + side), (0.15, 0.22, 0.12), 0.4)),
-    ]
+        made += [block((0, tower + spire + 0.1, z), (0.07, 0.3, 0.07), 0)]
+        made += [block((0, tower + spire + 0.13, z), (0.22, 0.07, 0.07), 0)]
+    made += [carved(block((0, 0.14, z + side), (0.18, 0.3, 0.14), 0.4))]
+    made += [carved(block((0, tower * 0.75, z + side), (0.15, 0.22, 0.12), 0.4))]
     for at in (-0.55, -0.1, 0.35):
         made += [carved(s) for s in both(block((wide, wall * 0.55, at * long), (0.1, wall * 0.5, 0.16), 0.4))]
     return made
@@ -105,10 +92,8 @@ def lighthouse(rng: Rng) -> list[Solid]:
     u = rng.uniform
     foot, top, high = u(0.28, 0.36), u(0.16, 0.21), u(1.2, 1.6)
     made = [drum((0, 0, 0), (0, high, 0), foot, top), drum((0, high, 0), (0, high + 0.08, 0), top * 1.6)]
-    made += [
-        drum((0, high, 0), (0, high + 0.3, 0), top * 0.8),
-        drum((0, high + 0.3, 0), (0, high + u(0.45, 0.55), 0), top * 1.2, 0.03),
-    ]
+    made += [drum((0, high, 0), (0, high + 0.3, 0), top * 0.8)]
+    made += [drum((0, high + 0.3, 0), (0, high + u(0.45, 0.55), 0), top * 1.2, 0.03)]
     made += [hoop((0, high + 0.18, 0), top * 1.5, 0.03, (90, 0, 0))]
     match int(rng.integers(3)):
         case 0:
@@ -131,10 +116,8 @@ def skyscraper(rng: Rng) -> list[Solid]:
         y += high
         wide, deep = wide * u(0.68, 0.85), deep * u(0.68, 0.85)
     if rng.random() < 0.7:
-        made += [
-            drum((0, y, 0), (0, y + 0.2, 0), wide * 0.6, 0.07, sides=4),
-            rod((0, y, 0), (0, y + u(0.4, 0.6), 0), 0.05),
-        ]
+        made += [drum((0, y, 0), (0, y + 0.2, 0), wide * 0.6, 0.07, sides=4)]
+        made += [rod((0, y, 0), (0, y + u(0.4, 0.6), 0), 0.05)]
     for at in (-0.27, -0.09, 0.09, 0.27):
         side = made[0].high
         if rng.random() < 0.8:
@@ -160,10 +143,8 @@ def tent(rng: Rng) -> list[Solid]:
             made += both(rod((0, high * 0.9, 0), (0.12, high + 0.18, 0), 0.04))
         case _:
             wall = u(0.3, 0.45)
-            made = [
-                block((0, wall / 2, 0), (2 * wide, wall, 2 * long), 0),
-                drum((0, wall, 0), (0, wall + high * 0.8, 0), wide * 1.08, 0.03, sides=4),
-            ]
+            made = [block((0, wall / 2, 0), (2 * wide, wall, 2 * long), 0)]
+            made += [drum((0, wall, 0), (0, wall + high * 0.8, 0), wide * 1.08, 0.03, sides=4)]
             made += [carved(block((0, wall * 0.4, long), (0.6 * wide, wall * 0.85, 0.4), 0))]
     return made
 

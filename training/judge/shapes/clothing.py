@@ -15,14 +15,10 @@ def backpack(rng: Rng) -> list[Solid]:
     """Shape a backpack: a soft box with a flap, pockets, a loop, and two straps behind."""
     u = rng.uniform
     wide, high, deep = u(0.36, 0.46), u(0.48, 0.62), u(0.2, 0.28)
-    made = [
-        block((0, 0, 0), (2 * wide, 2 * high, 2 * deep), u(0.6, 0.95)),
-        ball((0, high * 0.75, 0), (wide * 0.95, 0.35, deep * 0.95)),
-    ]
-    made += [
-        block((0, -high * 0.4, deep), (1.4 * wide, 0.8 * high, 0.24), 0.6),
-        block((0, -high * 0.08, deep + 0.04), (1.5 * wide, 0.14, 0.26), 0.5),
-    ]
+    made = [block((0, 0, 0), (2 * wide, 2 * high, 2 * deep), u(0.6, 0.95))]
+    made += [ball((0, high * 0.75, 0), (wide * 0.95, 0.35, deep * 0.95))]
+    made += [block((0, -high * 0.4, deep), (1.4 * wide, 0.8 * high, 0.24), 0.6)]
+    made += [block((0, -high * 0.08, deep + 0.04), (1.5 * wide, 0.14, 0.26), 0.5)]
     made += both(block((wide, -high * 0.45, 0), (0.18, 0.7 * high, 0.3), 0.7)) if rng.random() < 0.6 else []
     made += [hoop((0, high + 0.12, -deep * 0.3), 0.11, 0.045)]
     made += both(
@@ -46,15 +42,11 @@ def boot(rng: Rng) -> list[Solid]:
     u = rng.uniform
     r, high, foot = u(0.2, 0.27), u(0.5, 1.0), u(0.45, 0.6)
     top = r * u(1.0, 1.25)
-    made = [
-        drum((0, 0.15, -0.05), (0, high, -0.08), r * 0.95, top),
-        rods([(0, 0.2, 0), (0, 0.17, foot)], [r * 0.9, r * u(0.6, 0.8)])[0],
-    ]
+    made = [drum((0, 0.15, -0.05), (0, high, -0.08), r * 0.95, top)]
+    made += [rods([(0, 0.2, 0), (0, 0.17, foot)], [r * 0.9, r * u(0.6, 0.8)])[0]]
     heel = u(0.05, 0.16)
-    made += [
-        block((0, 0.03, foot * 0.42), (r * 1.6, 0.1, foot + r * 1.6), 0.9),
-        block((0, -heel / 2, -0.08), (r * 1.6, heel + 0.08, r * 1.5), 0.3),
-    ]
+    made += [block((0, 0.03, foot * 0.42), (r * 1.6, 0.1, foot + r * 1.6), 0.9)]
+    made += [block((0, -heel / 2, -0.08), (r * 1.6, heel + 0.08, r * 1.5), 0.3)]
     if rng.random() < 0.6:
         made += [hoop((0, high - 0.04, -0.08), top, 0.055, (90, 0, 0))]
     return [*made, carved(drum((0, high - 0.2, -0.08), (0, high + 0.3, -0.08), top * 0.72))]
@@ -83,10 +75,8 @@ def glove(rng: Rng) -> list[Solid]:
     """Shape a glove that points upward: a palm, four fingers and a thumb, a cuff."""
     u = rng.uniform
     wide, r = u(0.27, 0.34), u(0.075, 0.1)
-    made = [
-        block((0, 0.32, 0), (2 * wide, 0.6, 0.26), u(0.6, 0.95)),
-        drum((0, -0.3, 0), (0, 0.1, 0), wide * u(0.85, 1.15), wide * 0.72),
-    ]
+    made = [block((0, 0.32, 0), (2 * wide, 0.6, 0.26), u(0.6, 0.95))]
+    made += [drum((0, -0.3, 0), (0, 0.1, 0), wide * u(0.85, 1.15), wide * 0.72)]
     if rng.random() < 0.25:
         made += [ball((0, 0.62, 0), (wide * 0.98, u(0.4, 0.5), 0.15))]
     else:
@@ -115,10 +105,8 @@ def hat(rng: Rng) -> list[Solid]:
         case 2:
             made += [drum((0, 0, 0), (0, high * 2, 0), r, 0.03)]
         case _:
-            made += [
-                drum((0, 0, 0), (0, high, 0), r * 1.05, r * 0.85),
-                carved(ball((0, high + 0.06, 0), (0.1, 0.18, r))),
-            ]
+            made += [drum((0, 0, 0), (0, high, 0), r * 1.05, r * 0.85)]
+            made += [carved(ball((0, high + 0.06, 0), (0.1, 0.18, r)))]
     return [*made, drum((0, 0.05, 0), (0, 0.15, 0), r * 1.1)] if rng.random() < 0.6 else made
 
 
@@ -154,9 +142,8 @@ def shirt(rng: Rng) -> list[Solid]:
     made += both(drum(root, root + (sleeve + 0.12) * np.array([np.cos(drop), -np.sin(drop), 0]), r, r * u(0.85, 1.15)))
     made += [carved(ball((0, high + 0.02, 0.05), (0.15, u(0.08, 0.2), deep * 0.45)))]
     if rng.random() < 0.5:
-        made += [carved(block((0, high * 0.45, deep / 2), (0.05, high, 0.06), 0))] + both(
-            block((0.11, high, 0.06), (0.2, 0.1, deep * 0.8), 0.3, (0, 0, -25))
-        )
+        made += [carved(block((0, high * 0.45, deep / 2), (0.05, high, 0.06), 0))]
+        made += both(block((0.11, high, 0.06), (0.2, 0.1, deep * 0.8), 0.3, (0, 0, -25)))
     return [*made, carved(block((0, 0, 0), (1.7 * wide, 0.1, deep * 0.6), 0.5))]
 
 

@@ -67,10 +67,8 @@ def person(rng: Rng) -> list[Solid]:
         case 0:
             made += [ball(at + [0, 0.35 * head, -0.15 * head], head * np.array([1.08, 0.85, 1.05]))]
         case 1:
-            made += [
-                drum(at + [0, 0.5 * head, 0], at + [0, 0.65 * head, 0], 1.3 * head),
-                drum(at + [0, 0.5 * head, 0], at + [0, 1.3 * head, 0], 0.9 * head),
-            ]
+            made += [drum(at + [0, 0.5 * head, 0], at + [0, 0.65 * head, 0], 1.3 * head)]
+            made += [drum(at + [0, 0.5 * head, 0], at + [0, 1.3 * head, 0], 0.9 * head)]
         case 2:
             made += [drum((0, 0.3, 0), (0, top - 0.3, 0), wide * 1.5, wide * 0.8)]
         case 3:
@@ -84,10 +82,8 @@ def person(rng: Rng) -> list[Solid]:
         if rng.random() < 0.5:
             made += [rod((x, y, -0.2), (x, y + u(-0.1, 0.1), u(0.6, 0.9)), 0.05)]
         else:
-            made += [
-                rod((x, 0.1, 0.15), (x, top + u(0.0, 0.5), 0.15), 0.05),
-                block((x, top, 0.15), (0.3, 0.25, 0.08), 0.2),
-            ]
+            made += [rod((x, 0.1, 0.15), (x, top + u(0.0, 0.5), 0.15), 0.05)]
+            made += [block((x, top, 0.15), (0.3, 0.25, 0.08), 0.2)]
         if rng.random() < 0.6:
             made += [block((-x, y, 0.15), (0.09, u(0.4, 0.6), u(0.35, 0.5)), 0.5, (0, u(0, 70) * -side, 0))]
     return made
@@ -136,10 +132,8 @@ def monkey(rng: Rng) -> list[Solid]:
     u = rng.uniform
     head, ear = u(0.32, 0.42), u(0.16, 0.26)
     at = np.array([0, 1.15, 0.1])
-    face = [
-        ball(at, (head, head * u(0.9, 1.05), head)),
-        ball(at + [0, -0.35 * head, 0.75 * head], (0.62 * head, 0.42 * head, 0.42 * head)),
-    ]
+    face = [ball(at, (head, head * u(0.9, 1.05), head))]
+    face += [ball(at + [0, -0.35 * head, 0.75 * head], (0.62 * head, 0.42 * head, 0.42 * head))]
     face += both(ball(at + [head + 0.6 * ear, 0.02, -0.05], (ear, ear, 0.08), (0, u(-35, 0), 0)))
     face += [ball(at + [0, 0.3 * head, 0.72 * head], (0.62 * head, 0.2 * head, 0.28 * head))]
     if rng.random() < 0.25:
@@ -180,10 +174,8 @@ def snowman(rng: Rng) -> list[Solid]:
     head = r[-1]
     made += [drum((0, y, 0.7 * head), (0, y - 0.03, head + u(0.2, 0.4)), 0.09, 0.01)]
     if rng.random() < 0.6:
-        made += [
-            drum((0, y + 0.7 * head, 0), (0, y + 0.85 * head, 0), head * 1.25),
-            drum((0, y + 0.7 * head, 0), (0, y + u(1.5, 1.9) * head, 0), head * 0.75),
-        ]
+        made += [drum((0, y + 0.7 * head, 0), (0, y + 0.85 * head, 0), head * 1.25)]
+        made += [drum((0, y + 0.7 * head, 0), (0, y + u(1.5, 1.9) * head, 0), head * 0.75)]
     if rng.random() < 0.6:
         made += both(rod((0.25, y * 0.62, 0), (u(0.75, 0.95), y * u(0.55, 0.95), 0.1), 0.05))
     return made

@@ -42,16 +42,8 @@ def apple(rng: Rng) -> list[Solid]:
     """Shape an apple: broad above, dented at both ends, with a stem and often a leaf."""
     u = rng.uniform
     r, high = u(0.5, 0.6), u(0.42, 0.52)
-    profile = [
-        (0, -high * 0.82),
-        (0.2, -high * 0.98),
-        (0.7 * r, -high * 0.7),
-        (r, 0.1),
-        (r * 0.93, high * 0.65),
-        (0.6 * r, high * 0.98),
-        (0.2, high * 0.95),
-        (0, high * u(0.45, 0.6)),
-    ]
+    profile = [(0, -high * 0.82), (0.2, -high * 0.98), (0.7 * r, -high * 0.7), (r, 0.1), (r * 0.93, high * 0.65)]
+    profile += [(0.6 * r, high * 0.98), (0.2, high * 0.95), (0, high * u(0.45, 0.6))]
     made = [spun(_rounded(profile)), rod((0, high * 0.4, 0), (u(-0.1, 0.1), high + u(0.15, 0.3), 0), 0.045)]
     if rng.random() < 0.6:
         made += [ball((0.2, high + 0.15, 0), (0.22, 0.05, 0.11), (0, u(-40, 40), u(10, 35)))]
@@ -63,8 +55,7 @@ def pear(rng: Rng) -> list[Solid]:
     u = rng.uniform
     r, top, high = u(0.4, 0.5), u(0.16, 0.24), u(0.62, 0.85)
     made = [ball((0, 0, 0), (r, r * 0.95, r)), rod((0, 0.1, 0), (0, high, 0), r * 0.8, top)]
-    made += [rod((0, high, 0), (u(-0.12, 0.12), high + u(0.3, 0.42), 0), 0.045)]
-    return made
+    return [*made, rod((0, high, 0), (u(-0.12, 0.12), high + u(0.3, 0.42), 0), 0.045)]
 
 
 def banana(rng: Rng) -> list[Solid]:
@@ -76,8 +67,7 @@ def banana(rng: Rng) -> list[Solid]:
     made: list[Solid] = []
     for k in range(int(rng.choice([1, 1, 1, 3]))):
         path = [bow * np.array([np.cos(a), np.sin(a), 0]) + [0, 0, (k - 1) * thick * 1.6] for a in angles]
-        made += rods(path, list(radii))
-        made += [rod(path[-1], path[-1] + [-0.03, 0.17, 0], thick * 0.4, thick * 0.38)]
+        made += [*rods(path, list(radii)), rod(path[-1], path[-1] + [-0.03, 0.17, 0], thick * 0.4, thick * 0.38)]
     return made
 
 

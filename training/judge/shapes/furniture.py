@@ -80,10 +80,8 @@ def bathtub(rng: Rng) -> list[Solid]:
             + [carved(block((0, y + high, 0), (2 * wide - 0.2, 0.3, 2 * long - 0.28), 0.9))]
         )
     else:
-        made = [
-            block((0, high / 2, 0), (2 * wide, high, 2 * long), 0.3),
-            carved(block((0, high, 0), (2 * wide - 0.16, 2 * high - 0.2, 2 * long - 0.16), 0.8)),
-        ]
+        made = [block((0, high / 2, 0), (2 * wide, high, 2 * long), 0.3)]
+        made += [carved(block((0, high, 0), (2 * wide - 0.16, 2 * high - 0.2, 2 * long - 0.16), 0.8))]
         y = 0.0
     if y:
         for z in (-0.6 * long, 0.6 * long):
@@ -97,10 +95,8 @@ def bed(rng: Rng) -> list[Solid]:
     """Shape a bed: mattress, a headboard, a lower footboard, pillows and legs. Its foot is in front."""
     u = rng.uniform
     wide, long, high, head = u(0.4, 0.7), u(0.85, 1.0), u(0.25, 0.36), u(0.6, 0.95)
-    made = [
-        block((0, high - 0.1, 0), (2 * wide, 0.16, 2 * long), 0),
-        block((0, high + 0.06, 0), (1.9 * wide, 0.2, 1.92 * long), 0.7),
-    ]
+    made = [block((0, high - 0.1, 0), (2 * wide, 0.16, 2 * long), 0)]
+    made += [block((0, high + 0.06, 0), (1.9 * wide, 0.2, 1.92 * long), 0.7)]
     made += [block((0, head / 2, -long), (2 * wide + 0.06, head, 0.1), 0.3)]
     if rng.random() < 0.7:
         made += [block((0, high * 0.8, long), (2 * wide + 0.06, u(0.9, 1.2) * 1.6 * high, 0.09), 0.3)]
@@ -137,10 +133,8 @@ def cabinet(rng: Rng) -> list[Solid]:
     """Shape a cupboard: a tall box with doors, knobs and drawers, on short legs or a plinth."""
     u = rng.uniform
     wide, high, deep, leg = u(0.32, 0.5), u(0.8, 1.3), u(0.2, 0.28), u(0.08, 0.18)
-    made = [
-        block((0, leg + high / 2, 0), (2 * wide, high, 2 * deep), 0),
-        block((0, leg + high, 0), (2 * wide + 0.1, 0.08, 2 * deep + 0.08), 0.2),
-    ]
+    made = [block((0, leg + high / 2, 0), (2 * wide, high, 2 * deep), 0)]
+    made += [block((0, leg + high, 0), (2 * wide + 0.1, 0.08, 2 * deep + 0.08), 0.2)]
     made += (
         [*_legs(rng, wide, deep, leg + 0.05)]
         if rng.random() < 0.7
@@ -213,10 +207,8 @@ def desk(rng: Rng) -> list[Solid]:
     """Shape a desk: a top on drawers at one side or both, a panel behind."""
     u = rng.uniform
     wide, deep, high = u(0.7, 0.9), u(0.32, 0.42), u(0.6, 0.72)
-    made = [
-        block((0, high, 0), (2 * wide, 0.08, 2 * deep), 0.2),
-        block((0, high * 0.65, -deep + 0.06), (1.9 * wide, high * 0.6, 0.07), 0),
-    ]
+    made = [block((0, high, 0), (2 * wide, 0.08, 2 * deep), 0.2)]
+    made += [block((0, high * 0.65, -deep + 0.06), (1.9 * wide, high * 0.6, 0.07), 0)]
     wing = u(0.22, 0.3)
     for side in [[-1.0], [1.0], [-1.0, 1.0]][int(rng.integers(3))]:
         x = side * (wide - wing - 0.03)
@@ -271,20 +263,13 @@ def television(rng: Rng) -> list[Solid]:
     wide, high = u(0.6, 0.8), u(0.35, 0.48)
     if rng.random() < 0.6:
         low = u(0.12, 0.25)
-        made = [
-            block((0, low + high, 0), (2 * wide, 2 * high, 0.12), 0.2),
-            carved(block((0, low + high, 0.08), (1.84 * wide, 1.8 * high, 0.09), 0)),
-        ]
-        made += [
-            block((0, low / 2 + 0.05, -0.02), (u(0.1, 0.25), low + 0.15, 0.08), 0.2),
-            block((0, 0.03, 0), (u(0.5, 0.8), 0.07, 0.34), 0.4),
-        ]
-        return made
+        made = [block((0, low + high, 0), (2 * wide, 2 * high, 0.12), 0.2)]
+        made += [carved(block((0, low + high, 0.08), (1.84 * wide, 1.8 * high, 0.09), 0))]
+        made += [block((0, low / 2 + 0.05, -0.02), (u(0.1, 0.25), low + 0.15, 0.08), 0.2)]
+        return [*made, block((0, 0.03, 0), (u(0.5, 0.8), 0.07, 0.34), 0.4)]
     wide, high = u(0.5, 0.6), u(0.38, 0.45)
-    made = [
-        block((0, 0.12 + high, 0), (2 * wide, 2 * high, 0.6), 0.3),
-        carved(block((-0.1, 0.12 + high, 0.32), (1.4 * wide, 1.6 * high, 0.12), 0.6)),
-    ]
+    made = [block((0, 0.12 + high, 0), (2 * wide, 2 * high, 0.6), 0.3)]
+    made += [carved(block((-0.1, 0.12 + high, 0.32), (1.4 * wide, 1.6 * high, 0.12), 0.6))]
     made += [
         drum((wide * 0.78, 0.12 + high * s, 0.25), (wide * 0.78, 0.12 + high * s, 0.36), 0.07) for s in (1.0, 1.45)
     ]
@@ -297,14 +282,10 @@ def piano(rng: Rng) -> list[Solid]:
     u = rng.uniform
     if rng.random() < 0.65:
         wide, high = u(0.6, 0.75), u(0.85, 1.05)
-        made = [
-            block((0, high / 2, -0.1), (2 * wide, high, 0.34), 0.1),
-            block((0, high * 0.55, 0.2), (2 * wide, 0.14, 0.4), 0.1),
-        ]
-        made += [
-            block((0, high, -0.1), (2 * wide + 0.08, 0.07, 0.4), 0.2),
-            carved(block((0, high * 0.55 + 0.09, 0.26), (1.8 * wide, 0.1, 0.22), 0)),
-        ]
+        made = [block((0, high / 2, -0.1), (2 * wide, high, 0.34), 0.1)]
+        made += [block((0, high * 0.55, 0.2), (2 * wide, 0.14, 0.4), 0.1)]
+        made += [block((0, high, -0.1), (2 * wide + 0.08, 0.07, 0.4), 0.2)]
+        made += [carved(block((0, high * 0.55 + 0.09, 0.26), (1.8 * wide, 0.1, 0.22), 0))]
         made += [
             block((x, high * 0.55 + 0.05, 0.24), (0.06, 0.07, 0.13), 0)
             for x in np.linspace(-0.8 * wide, 0.8 * wide, 10)
@@ -319,11 +300,8 @@ def piano(rng: Rng) -> list[Solid]:
     turned = np.array(case)[:, ::-1]
     made = [plate(turned, 0.24, (0, high, 0), "y"), block((0, high - 0.02, 0.62), (1.2, 0.14, 0.3), 0.1)]
     lid = plate(turned - [0, -0.6], 0.07, (-0.6, high + 0.14, -0.02), "y", (0, 0, lift))
-    made += [
-        lid,
-        *both(drum((0.45, 0, 0.45), (0.45, high, 0.45), 0.07)),
-        drum((-0.3, 0, -0.6), (-0.3, high, -0.6), 0.07),
-    ]
+    made += [lid, *both(drum((0.45, 0, 0.45), (0.45, high, 0.45), 0.07))]
+    made += [drum((-0.3, 0, -0.6), (-0.3, high, -0.6), 0.07)]
     return [*made, rod((0.4, high, -0.05), (0.25, high + 0.55, -0.05), 0.035)]
 
 

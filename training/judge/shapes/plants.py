@@ -59,10 +59,8 @@ def flower(rng: Rng) -> list[Solid]:
                 made += [petal(top, way, np.degrees(a), (r * 0.32, 0.06, r * 0.55), 25 * tilt)]
         made += [ball(top + ([0, 0, 0.05] if face else [0, 0.04, 0]), r * 0.36)]
     else:
-        made += [
-            ball(top + [0, 0.15, 0], (r * 0.65, 0.3, r * 0.65)),
-            carved(drum(top + [0, 0.3, 0], top + [0, 0.6, 0], r * 0.4)),
-        ]
+        made += [ball(top + [0, 0.15, 0], (r * 0.65, 0.3, r * 0.65))]
+        made += [carved(drum(top + [0, 0.3, 0], top + [0, 0.6, 0], r * 0.4))]
         made += [
             ball(way * r * 0.45 + top + [0, 0.25, 0], (r * 0.3, 0.25, 0.1), (0, degrees, 0))
             for way, degrees in around(5)

@@ -50,12 +50,8 @@ def car(rng: Rng) -> list[Solid]:
     roof = bonnet + u(0.2, 0.32)
     front, back = u(0.3, 0.45) * long, -u(0.4, 0.95) * long
     made = [block((0, (sill + bonnet) / 2, 0), (2 * wide, bonnet - sill, 2 * long), u(0.2, 0.9))]
-    cabin = [
-        (bonnet - 0.05, front + 0.1),
-        (roof, front - u(0.15, 0.3)),
-        (roof, back + u(0.0, 0.25)),
-        (bonnet - 0.05, back),
-    ]
+    cabin = [(bonnet - 0.05, front + 0.1), (roof, front - u(0.15, 0.3)), (roof, back + u(0.0, 0.25))]
+    cabin += [(bonnet - 0.05, back)]
     if rng.random() < 0.7:
         made += [plate(cabin, 1.75 * wide, (0, 0, 0), "x")]
         made += [
@@ -86,20 +82,16 @@ def motorcycle(rng: Rng) -> list[Solid]:
             made += [carved(s) for s in both(drum((0.6 * thick, r, z), (0.25 * thick, r, z), 0.62 * r))]
     top = r + u(0.42, 0.55)
     made += both(rod((0.09, r, base), (0.09, top + 0.1, base - 0.3), 0.045))
-    made += [
-        ball((0, top - 0.08, base - 0.62), (0.15, 0.14, 0.3)),
-        block((0, top - 0.18, -0.35), (0.24, 0.12, u(0.5, 0.7)), 0.6),
-    ]
+    made += [ball((0, top - 0.08, base - 0.62), (0.15, 0.14, 0.3))]
+    made += [block((0, top - 0.18, -0.35), (0.24, 0.12, u(0.5, 0.7)), 0.6)]
     made += [block((0, r + 0.05, 0), (0.26, 0.32, 0.4), 0.3), rod((0, r + 0.1, 0), (0, r, -base), 0.08)]
     bar = np.array([u(0.28, 0.4), top + u(0.15, 0.28), base - 0.4])
     made += both(rod((0, top + 0.1, base - 0.3), bar, 0.045)) + [ball((0, top + 0.02, base - 0.14), 0.12)]
     made += both(rod((0.15, r - 0.08, 0.15), (0.15, r - 0.02, -base - 0.1), 0.055)) if rng.random() < 0.7 else []
     made += [ball((0, 2 * r + 0.03, -base), (0.09, 0.06, 0.24))]
     if rng.random() < 0.35:
-        made += [
-            block((0, top - 0.2, 0.42), (0.34, 0.5, 0.07), 0.3, (-20, 0, 0)),
-            block((0, r * 0.6, 0.05), (0.3, 0.1, 0.5), 0.3),
-        ]
+        made += [block((0, top - 0.2, 0.42), (0.34, 0.5, 0.07), 0.3, (-20, 0, 0))]
+        made += [block((0, r * 0.6, 0.05), (0.3, 0.1, 0.5), 0.3)]
     return made
 
 
@@ -107,14 +99,8 @@ def tank(rng: Rng) -> list[Solid]:
     """Shape a tank: tracks, hull, turret and a gun."""
     u = rng.uniform
     long, r, wide = u(0.65, 0.8), u(0.18, 0.23), u(0.42, 0.52)
-    track = [
-        (0.0, -long + r),
-        (0.0, long - r * 1.5),
-        (r, long),
-        (2 * r, long - r * 0.5),
-        (2 * r, -long + r * 0.5),
-        (r, -long),
-    ]
+    track = [(0.0, -long + r), (0.0, long - r * 1.5), (r, long), (2 * r, long - r * 0.5), (2 * r, -long + r * 0.5)]
+    track += [(r, -long)]
     made = both(plate(track, 0.22, (wide - 0.02, 0, 0), "x"))
     for z in np.linspace(-long + r, long - r * 1.2, 4):
         made += both(drum((wide, r * 0.9, z), (wide + 0.13, r * 0.9, z), r * 0.6))
@@ -133,31 +119,22 @@ def tractor(rng: Rng) -> list[Solid]:
     """Shape a tractor: huge wheels behind, small ones in front, a bonnet, a cabin and an exhaust."""
     u = rng.uniform
     big, small, nose = u(0.36, 0.46), u(0.18, 0.24), u(0.55, 0.75)
-    made = both(drum((0.26, big, -0.35), (0.48, big, -0.35), big)) + both(
-        drum((0.26, big, -0.35), (0.52, big, -0.35), big * 0.4)
-    )
+    made = both(drum((0.26, big, -0.35), (0.48, big, -0.35), big))
+    made += both(drum((0.26, big, -0.35), (0.52, big, -0.35), big * 0.4))
     made += both(drum((0.22, small, nose * 0.8), (0.36, small, nose * 0.8), small))
-    made += [
-        block((0, big + 0.08, nose * 0.45), (0.36, 0.36, nose + 0.1), 0.3),
-        block((0, big - 0.12, 0.1), (0.3, 0.2, 1.1), 0),
-    ]
-    made += [
-        rod((0, small, nose * 0.8), (0.25, small, nose * 0.8), 0.06),
-        rod((0, small, nose * 0.8), (-0.25, small, nose * 0.8), 0.06),
-    ]
+    made += [block((0, big + 0.08, nose * 0.45), (0.36, 0.36, nose + 0.1), 0.3)]
+    made += [block((0, big - 0.12, 0.1), (0.3, 0.2, 1.1), 0)]
+    made += [rod((0, small, nose * 0.8), (0.25, small, nose * 0.8), 0.06)]
+    made += [rod((0, small, nose * 0.8), (-0.25, small, nose * 0.8), 0.06)]
     top = big + u(0.7, 0.85)
     if rng.random() < 0.7:
-        made += [
-            block((0, (big + top) / 2, -0.35), (0.5, top - big, 0.5), 0.1),
-            block((0, top, -0.35), (0.6, 0.08, 0.62), 0.2),
-        ]
+        made += [block((0, (big + top) / 2, -0.35), (0.5, top - big, 0.5), 0.1)]
+        made += [block((0, top, -0.35), (0.6, 0.08, 0.62), 0.2)]
         made += [carved(s) for s in both(block((0.28, top - 0.25, -0.35), (0.15, 0.3, 0.34), 0.1))]
         made += [carved(block((0, top - 0.25, -0.1), (0.36, 0.3, 0.12), 0.1))]
     else:
-        made += [
-            block((0, big + 0.2, -0.5), (0.36, 0.4, 0.12), 0.3),
-            hoop((0, big + 0.42, -0.1), 0.13, 0.04, (60, 0, 0)),
-        ]
+        made += [block((0, big + 0.2, -0.5), (0.36, 0.4, 0.12), 0.3)]
+        made += [hoop((0, big + 0.42, -0.1), 0.13, 0.04, (60, 0, 0))]
     return [*made, rod((0.1, big + 0.2, nose * 0.6), (0.1, big + u(0.55, 0.7), nose * 0.6), 0.05)]
 
 
@@ -167,22 +144,14 @@ def train(rng: Rng) -> list[Solid]:
     r, wheel = u(0.22, 0.3), u(0.17, 0.23)
     axis = 2 * wheel + 0.5 * r + 0.06
     made = [drum((0, axis, -0.3), (0, axis, 0.75), r), block((0, 2 * wheel, 0), (0.48, 0.14, 1.7), 0)]
-    made += [
-        block((0, axis + 0.1, -0.55), (0.56, u(0.65, 0.8), 0.5), 0.05),
-        block((0, axis + 0.5, -0.55), (0.68, 0.08, 0.64), 0.3),
-    ]
+    made += [block((0, axis + 0.1, -0.55), (0.56, u(0.65, 0.8), 0.5), 0.05)]
+    made += [block((0, axis + 0.5, -0.55), (0.68, 0.08, 0.64), 0.3)]
     made += [carved(s) for s in both(block((0.28, axis + 0.25, -0.55), (0.15, 0.22, 0.24), 0.1))]
-    made += [
-        drum((0, axis, 0.55), (0, axis + r + u(0.28, 0.4), 0.55), 0.09, u(0.09, 0.16)),
-        ball((0, axis + r, 0.1), (0.13, 0.17, 0.13)),
-    ]
-    made += _wheels(0.32, wheel, 0.12, [-0.55, -0.1, 0.33]) + both(
-        drum((0.2, wheel * 0.7, 0.7), (0.3, wheel * 0.7, 0.7), wheel * 0.7)
-    )
-    made += [
-        plate([(0.02, 0.75), (0.02, 1.1), (2 * wheel, 0.8)], 0.5, (0, 0, 0), "x"),
-        drum((0, axis, 0.7), (0, axis, 0.8), r * 0.7),
-    ]
+    made += [drum((0, axis, 0.55), (0, axis + r + u(0.28, 0.4), 0.55), 0.09, u(0.09, 0.16))]
+    made += [ball((0, axis + r, 0.1), (0.13, 0.17, 0.13)), *_wheels(0.32, wheel, 0.12, [-0.55, -0.1, 0.33])]
+    made += both(drum((0.2, wheel * 0.7, 0.7), (0.3, wheel * 0.7, 0.7), wheel * 0.7))
+    made += [plate([(0.02, 0.75), (0.02, 1.1), (2 * wheel, 0.8)], 0.5, (0, 0, 0), "x")]
+    made += [drum((0, axis, 0.7), (0, axis, 0.8), r * 0.7)]
     return made + (both(rod((0.33, wheel, -0.55), (0.33, wheel, 0.33), 0.04)) if rng.random() < 0.7 else [])
 
 
@@ -227,16 +196,13 @@ def truck(rng: Rng) -> list[Solid]:
             made += [drum((0, floor + 0.3, -long), (0, floor + 0.3, start), wide * 0.95)]
         case 3:
             made += [block((0, floor + 0.06, middle), (2 * wide, 0.12, size), 0)]
-            made += both(block((wide - 0.04, floor + 0.15, middle), (0.09, u(0.2, 0.35), size), 0)) + [
-                block((0, floor + 0.15, -long + 0.04), (2 * wide, 0.25, 0.09), 0)
-            ]
+            made += both(block((wide - 0.04, floor + 0.15, middle), (0.09, u(0.2, 0.35), size), 0))
+            made += [block((0, floor + 0.15, -long + 0.04), (2 * wide, 0.25, 0.09), 0)]
         case _:
             high = u(0.35, 0.5)
             tub = [(floor, -long), (floor, start), (floor + high, start + 0.08), (floor + high, -long - 0.08)]
-            made += [
-                plate(tub, 2 * wide, (0, 0, 0), "x"),
-                carved(block((0, floor + high, middle), (1.6 * wide, high * 1.2, size - 0.2), 0)),
-            ]
+            made += [plate(tub, 2 * wide, (0, 0, 0), "x")]
+            made += [carved(block((0, floor + high, middle), (1.6 * wide, high * 1.2, size - 0.2), 0))]
     return made + _wheels(
         wide + 0.02, r, 0.14, [-0.7 * long, -0.7 * long + 2.1 * r, long - front / 2][int(rng.random() < 0.35) :]
     )

@@ -20,13 +20,8 @@ def _pot(outline: list[tuple[float, float]], wall: float, floor: float) -> list[
     top = points[-1, 1]
     inner = points[points[:, 1] > floor + 1e-6] - [wall, 0.0]
     first = float(np.interp(floor, points[:, 1], points[:, 0])) - wall
-    hollow = [
-        (0.0, floor),
-        (max(first, 0.02) * 0.9, floor),
-        *map(tuple, inner),
-        (inner[-1, 0], top + 0.2),
-        (0.0, top + 0.2),
-    ]
+    hollow = [(0.0, floor), (max(first, 0.02) * 0.9, floor), *map(tuple, inner), (inner[-1, 0], top + 0.2)]
+    hollow += [(0.0, top + 0.2)]
     return [spun([(0, points[0, 1]), *outline, (0, top)]), carved(spun(hollow))]
 
 
@@ -103,20 +98,10 @@ def bell(rng: Rng) -> list[Solid]:
     u = rng.uniform
     lip, waist, high = u(0.42, 0.55), u(0.2, 0.27), u(0.65, 0.85)
     outline = [(lip, 0.0), (lip * 0.82, 0.1), (waist * 1.15, 0.5 * high), (waist, 0.8 * high), (waist * 0.75, high)]
-    hollow = [
-        (0, -0.1),
-        (lip - 0.08, -0.1),
-        (lip * 0.82 - 0.08, 0.1),
-        (waist, 0.5 * high),
-        (waist * 0.6, 0.75 * high),
-        (0, 0.75 * high),
-    ]
-    made = [
-        spun([(0, 0), *outline, (0, high)]),
-        carved(spun(hollow)),
-        rod((0, high, 0), (0, 0.1, 0), 0.04),
-        ball((0, 0.03, 0), 0.11),
-    ]
+    hollow = [(0, -0.1), (lip - 0.08, -0.1), (lip * 0.82 - 0.08, 0.1), (waist, 0.5 * high), (waist * 0.6, 0.75 * high)]
+    hollow += [(0, 0.75 * high)]
+    made = [spun([(0, 0), *outline, (0, high)]), carved(spun(hollow)), rod((0, high, 0), (0, 0.1, 0), 0.04)]
+    made += [ball((0, 0.03, 0), 0.11)]
     if rng.random() < 0.5:
         made += [drum((0, high, 0), (0, high + u(0.35, 0.6), 0), 0.07, 0.09)]
     else:
@@ -148,8 +133,7 @@ def barrel(rng: Rng) -> list[Solid]:
     for s in (-0.85, -0.4, 0.4, 0.85):
         wide = r * (1 + (bulge - 1) * (1 - s * s)) + 0.035
         made += [drum((0, high * s - 0.05, 0), (0, high * s + 0.05, 0), wide)]
-    made += [carved(drum((0, y - 0.06, 0), (0, y + 0.06, 0), r * 0.82)) for y in (-high, high)]
-    return made
+    return [*made, *(carved(drum((0, y - 0.06, 0), (0, y + 0.06, 0), r * 0.82)) for y in (-high, high))]
 
 
 def candle(rng: Rng) -> list[Solid]:
@@ -174,10 +158,8 @@ def lamp(rng: Rng) -> list[Solid]:
         made = [drum((0, 0, 0), (0, 0.07, 0), u(0.22, 0.3)), drum((0, 0, 0), (0, low + 0.2, 0), u(0.045, 0.07))]
         if rng.random() < 0.4:
             made += [ball((0, 0.22, 0), (0.2, 0.24, 0.2))]
-        made += [
-            drum((0, low, 0), (0, low + high, 0), wide, wide * u(0.4, 0.85)),
-            carved(drum((0, low - 0.1, 0), (0, low + high * 0.7, 0), wide - 0.06, wide * 0.45)),
-        ]
+        made += [drum((0, low, 0), (0, low + high, 0), wide, wide * u(0.4, 0.85))]
+        made += [carved(drum((0, low - 0.1, 0), (0, low + high * 0.7, 0), wide - 0.06, wide * 0.45))]
         return [*made, drum((0, 0.05, 0), (0, low + high * 0.9, 0), 0.05)]
     elbow, hand = np.array([0, u(0.5, 0.65), -0.3]), np.array([0, u(0.85, 1.0), 0.15])
     made = [drum((0, 0, 0), (0, 0.08, 0), 0.27), *rods([(0, 0, 0), elbow, hand], [0.05, 0.05, 0.05]), ball(elbow, 0.08)]
@@ -188,12 +170,8 @@ def teapot(rng: Rng) -> list[Solid]:
     """Shape a teapot: a round body with a lid, a spout and an ear."""
     u = rng.uniform
     r, high = u(0.38, 0.46), u(0.3, 0.44)
-    made = [
-        ball((0, high, 0), (r, high, r)),
-        drum((0, 0, 0), (0, 0.1, 0), r * 0.65),
-        ball((0, 1.75 * high, 0), (r * 0.55, 0.13, r * 0.55)),
-        ball((0, 1.75 * high + 0.16, 0), 0.085),
-    ]
+    made = [ball((0, high, 0), (r, high, r)), drum((0, 0, 0), (0, 0.1, 0), r * 0.65)]
+    made += [ball((0, 1.75 * high, 0), (r * 0.55, 0.13, r * 0.55)), ball((0, 1.75 * high + 0.16, 0), 0.085)]
     tip = np.array([r + u(0.28, 0.4), high * u(1.6, 2.1), 0])
     made += rods([(r * 0.7, high * 0.7, 0), (r + 0.14, high * 0.95, 0), tip], [0.16, 0.1, 0.065])
     if rng.random() < 0.75:
@@ -217,11 +195,8 @@ def umbrella(rng: Rng) -> list[Solid]:
     """Shape an open umbrella: a scalloped canopy over a stick with a crook."""
     u = rng.uniform
     r, high, stick, crook = u(0.65, 0.8), u(0.28, 0.42), u(0.8, 1.05), u(0.08, 0.13)
-    made = [
-        ball((0, 0, 0), (r, high, r)),
-        carved(ball((0, -0.09, 0), (r, high, r))),
-        carved(block((0, -1, 0), (4, 2, 4), 0)),
-    ]
+    made = [ball((0, 0, 0), (r, high, r)), carved(ball((0, -0.09, 0), (r, high, r)))]
+    made += [carved(block((0, -1, 0), (4, 2, 4), 0))]
     for k in range(8):
         a = k * np.pi / 4
         made += [carved(ball((r * 1.03 * np.sin(a), -0.02, r * 1.03 * np.cos(a)), (0.2, 0.1, 0.2)))]
@@ -322,8 +297,7 @@ def can(rng: Rng) -> list[Solid]:
         side = [(r * 0.8, 0), (r, 0.09), (r, high - 0.12), (r * 0.82, high), (r * 0.82, high + 0.03)]
         made = [spun([(0, 0), *side, (0, high + 0.03)])]
         made += [carved(drum((0, high - 0.02, 0), (0, high + 0.2, 0), r * 0.72))]
-        made += [block((0, high - 0.01, 0.06), (0.12, 0.03, 0.2), 0.3)]
-        return made
+        return [*made, block((0, high - 0.01, 0.06), (0.12, 0.03, 0.2), 0.3)]
     high *= u(0.6, 1.0)
     made = [drum((0, 0, 0), (0, high, 0), r * 1.1)]
     made += [carved(drum((0, high - u(0.05, 0.3), 0), (0, high + 0.2, 0), r * 0.98))]

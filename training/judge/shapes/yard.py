@@ -39,8 +39,7 @@ def tower(rng: Rng) -> list[Solid]:
     r, high = u(0.26, 0.38), u(0.9, 1.4)
     if rng.random() < 0.15:
         made = both([rod((1.1 * r, 0, z), (0.85 * r, high, 0.8 * z), 0.06) for z in (-r, r)])
-        made += [block((0, high, 0), (2.4 * r, 0.1, 2.4 * r), 0)]
-        made += [block((0, high + 0.2, 0), (2 * r, 0.36, 2 * r), 0)]
+        made += [block((0, high, 0), (2.4 * r, 0.1, 2.4 * r), 0), block((0, high + 0.2, 0), (2 * r, 0.36, 2 * r), 0)]
         made += [drum((0, high + 0.4, 0), (0, high + 0.85, 0), 1.3 * r, 0.02, sides=4)]
         return made + both(rods([(1.05 * r, 0.1, r), (0.9 * r, high * 0.9, -0.85 * r)], [0.045] * 2))
     made = [drum((0, 0, 0), (0, high, 0), r * u(1.0, 1.3), r, sides)]
@@ -424,9 +423,8 @@ def trashcan(rng: Rng) -> list[Solid]:
         side = [(0.1, -0.8 * r), (0.1, 0.75 * r), (high + 0.08, r), (high + u(0.12, 0.2), -0.9 * r), (high, -r)]
         made = [plate(side, 1.9 * r, (0, 0, 0), "x")]
         lid = [(high, 1.15 * r), (high + 0.07, 1.15 * r), (high + 0.2, -r), (high + 0.1, -1.1 * r)]
-        made += [plate(lid, 2.2 * r, (0, 0, 0), "x")]
-        made += [rod((-0.8 * r, high, -1.2 * r), (0.8 * r, high, -1.2 * r), 0.045)]
-        return [*made, *both(drum((0.8 * r, 0.12, -0.8 * r), (1.05 * r, 0.12, -0.8 * r), 0.13))]
+        made += [plate(lid, 2.2 * r, (0, 0, 0), "x"), rod((-0.8 * r, high, -1.2 * r), (0.8 * r, high, -1.2 * r), 0.045)]
+        return made + both(drum((0.8 * r, 0.12, -0.8 * r), (1.05 * r, 0.12, -0.8 * r), 0.13))
     made = [drum((0, 0, 0), (0, high, 0), r * u(0.75, 1.0), r), hoop((0, high, 0), r, 0.035, (90, 0, 0))]
     if kind == 3:
         made += [carved(drum((0, 0.15, 0), (0, high + 0.2, 0), 0.7 * r, r - 0.05))]

@@ -54,12 +54,10 @@ def giraffe(rng: Rng, traits: Traits) -> Part:
     crown = chest + at(rng.uniform(64, 72), neck)
     muzzle = crown + np.array([0.0, -0.45 * head, 1.75 * head])
     parts = body.parts(slope=0.06)
-    parts.append(limb([chest, crown], [0.18, 0.115]))
-    parts.append(limb([crown, muzzle], [head, head * 0.72]))
+    parts += [limb([chest, crown], [0.18, 0.115]), limb([crown, muzzle], [head, head * 0.72])]
     parts += pair(limb([crown, crown + [head * 0.5, head * 1.7, -0.02]], [0.055, 0.06], segments=8))
     rump = np.array([0.0, body.height, -body.length / 2 - body.radius * 0.8])
-    parts.append(limb([rump, rump + [0, -0.34, -0.1]], [0.06, 0.075], segments=8))
-    return join(parts)
+    return join([*parts, limb([rump, rump + [0, -0.34, -0.1]], [0.06, 0.075], segments=8)])
 
 
 def horse(rng: Rng, traits: Traits) -> Part:
@@ -73,8 +71,7 @@ def horse(rng: Rng, traits: Traits) -> Part:
     poll = chest + at(rng.uniform(48, 58), neck + 0.12)
     face = poll + at(rng.uniform(-42, -32), 2.7 * head)
     parts = body.parts()
-    parts.append(limb([chest, poll], [[0.16, 0.25], [0.11, 0.16]]))
-    parts.append(limb([poll, face], [head, head * 0.68]))
+    parts += [limb([chest, poll], [[0.16, 0.25], [0.11, 0.16]]), limb([poll, face], [head, head * 0.68])]
     parts += pair(limb([poll, poll + [head * 0.55, head * 1.5, 0]], [0.06, 0.045], segments=8))
     rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.8])
     parts.append(limb([rump, rump + [0, -0.1, -0.14], rump + [0, -0.1 - tail, -0.2]], [0.07, 0.1, 0.085], segments=10))
@@ -91,15 +88,13 @@ def dog(rng: Rng, traits: Traits) -> Part:
     front = np.array([0.0, body.height, body.length / 2 + 0.04])
     skull = front + at(rng.uniform(48, 62), 0.2 + head)
     parts = body.parts()
-    parts.append(limb([front, skull], [0.17, 0.16]))
-    parts.append(ellipsoid(skull, [head * 0.95, head, head]))
+    parts += [limb([front, skull], [0.17, 0.16]), ellipsoid(skull, [head * 0.95, head, head])]
     snout = skull + np.array([0.0, -0.28 * head, 1.45 * head])
     parts.append(limb([skull + [0, -0.2 * head, 0], snout], [head * 0.55, head * 0.44]))
     top = skull + np.array([head * 0.75, head * 0.65, -0.1 * head])
     parts += pair(limb([top, top + [0.3 * ears + 0.06, -ears, 0]], [[0.06, 0.09], [0.07, 0.11]], segments=10))
     rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.6])
-    parts.append(limb([rump, rump + at(rng.uniform(115, 130), tail)], [0.08, 0.065], segments=10))
-    return join(parts)
+    return join([*parts, limb([rump, rump + at(rng.uniform(115, 130), tail)], [0.08, 0.065], segments=10)])
 
 
 def elephant(rng: Rng, traits: Traits) -> Part:
@@ -120,8 +115,7 @@ def elephant(rng: Rng, traits: Traits) -> Part:
     tusk = skull + [0.17, -0.18, 0.22]
     parts += pair(limb([tusk, tusk + [0.03, -0.14, 0.22]], [0.065, 0.045], segments=8))
     rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.9])
-    parts.append(limb([rump, rump + [0, -0.34, -0.08]], [0.055, 0.06], segments=8))
-    return join(parts)
+    return join([*parts, limb([rump, rump + [0, -0.34, -0.08]], [0.055, 0.06], segments=8)])
 
 
 def dinosaur(rng: Rng, traits: Traits) -> Part:
@@ -144,8 +138,7 @@ def dinosaur(rng: Rng, traits: Traits) -> Part:
     spine = curved(np.column_stack([path, girths]))
     legs = body.parts()[1:]
     parts = [*legs, limb(spine[:, :3], spine[:, 3], segments=20, samples=2)]
-    parts.append(limb([crown, crown + [0, -0.1 * head, 1.5 * head]], [head, head * 0.75]))
-    return join(parts)
+    return join([*parts, limb([crown, crown + [0, -0.1 * head, 1.5 * head]], [head, head * 0.75])])
 
 
 def pig(rng: Rng, traits: Traits) -> Part:
@@ -167,5 +160,4 @@ def pig(rng: Rng, traits: Traits) -> Part:
     rump = np.array([0.0, body.height + 0.12, -body.length / 2 - body.radius * 0.85])
     turn = np.linspace(0.0, 2 * np.pi, 7)
     curl = [rump + [0.11 * np.sin(t), 0.11 * (1 - np.cos(t)), -0.05 - 0.028 * t] for t in turn]
-    parts.append(limb(curl, np.linspace(0.06, 0.045, 7), segments=8, samples=3))
-    return join(parts)
+    return join([*parts, limb(curl, np.linspace(0.06, 0.045, 7), segments=8, samples=3)])

@@ -24,12 +24,10 @@ def camel(rng: Rng, traits: Traits) -> Part:
     chest = np.array([0.0, body.height, body.length / 2 + 0.05])
     dip = chest + [0, -0.02, 0.3 + 0.2 * neck]
     poll = dip + [0, 0.12 + neck, 0.1 + 0.1 * neck]
-    parts.append(limb([chest, dip, poll], [0.2, 0.15, 0.12]))
-    parts.append(limb([poll, poll + [0, -0.1, 0.34]], [0.15, 0.11]))
+    parts += [limb([chest, dip, poll], [0.2, 0.15, 0.12]), limb([poll, poll + [0, -0.1, 0.34]], [0.15, 0.11])]
     parts += pair(limb([poll + [0.08, 0.08, -0.02], poll + [0.17, 0.2, -0.05]], [0.065, 0.05], segments=8))
     rump = np.array([0.0, body.height + 0.05, -body.length / 2 - body.radius * 0.85])
-    parts.append(limb([rump, rump + [0, -0.34, -0.08]], [0.065, 0.08], segments=8))
-    return join(parts)
+    return join([*parts, limb([rump, rump + [0, -0.34, -0.08]], [0.065, 0.08], segments=8)])
 
 
 def cow(rng: Rng, traits: Traits) -> Part:
@@ -51,8 +49,7 @@ def cow(rng: Rng, traits: Traits) -> Part:
     rump = np.array([0.0, body.height + 0.22, -half - body.radius * 0.85])
     tip = rump + [0, -tail, -0.16]
     parts += [limb([rump, rump + [0, -0.04, -0.12], tip], [0.06, 0.06, 0.055], segments=8)]
-    parts.append(ellipsoid(tip, [0.1, 0.13, 0.1], rings=8))
-    return join(parts)
+    return join([*parts, ellipsoid(tip, [0.1, 0.13, 0.1], rings=8)])
 
 
 def deer(rng: Rng, traits: Traits) -> Part:
@@ -64,8 +61,7 @@ def deer(rng: Rng, traits: Traits) -> Part:
     parts = body.parts()
     chest = np.array([0.0, body.height + 0.02, body.length / 2 + 0.06])
     poll = chest + at(rng.uniform(62, 72), neck + 0.16)
-    parts.append(limb([chest, poll], [0.18, 0.13]))
-    parts.append(limb([poll, poll + [0, -0.12, 0.32]], [0.145, 0.09]))
+    parts += [limb([chest, poll], [0.18, 0.13]), limb([poll, poll + [0, -0.12, 0.32]], [0.145, 0.09])]
     parts += pair(limb([poll + [0.08, 0.06, -0.03], poll + [0.3, 0.12, -0.08]], [0.075, 0.05], segments=8))
     root, spread = poll + [0.07, 0.1, 0.0], rng.uniform(0.45, 0.69)
     middle = root + horns * np.array([spread, 0.5, -0.15])
@@ -75,8 +71,7 @@ def deer(rng: Rng, traits: Traits) -> Part:
     low = root + 0.5 * (middle - root)
     parts += pair(limb([low, low + horns * np.array([-0.05, 0.35, 0.4])], [0.075, 0.06], segments=8))
     rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.7])
-    parts.append(limb([rump, rump + [0, 0.12, -0.14]], [0.09, 0.06], segments=8))
-    return join(parts)
+    return join([*parts, limb([rump, rump + [0, 0.12, -0.14]], [0.09, 0.06], segments=8)])
 
 
 def rhino(rng: Rng, traits: Traits) -> Part:
@@ -95,8 +90,7 @@ def rhino(rng: Rng, traits: Traits) -> Part:
     ear = brow + [0.15, 0.18, -0.12]
     parts += pair(limb([ear, ear + [0.09, 0.2, -0.02]], [0.08, 0.06], segments=8))
     rump = np.array([0.0, body.height + 0.12, -body.length / 2 - body.radius * 0.88])
-    parts.append(limb([rump, rump + [0, -0.32, -0.1]], [0.06, 0.07], segments=8))
-    return join(parts)
+    return join([*parts, limb([rump, rump + [0, -0.32, -0.1]], [0.06, 0.07], segments=8)])
 
 
 def lion(rng: Rng, traits: Traits) -> Part:
@@ -112,15 +106,13 @@ def lion(rng: Rng, traits: Traits) -> Part:
     ruff = plate(np.stack([reach * np.cos(turn), reach * np.sin(turn)], 1), 0.24 + 0.2 * mane, across="z", puff=0.25)
     parts.append(moved(ruff, skull + [0, -0.02, -0.06]))
     face = skull + [0, 0, 0.2 + 0.1 * mane]
-    parts.append(ellipsoid(face, [0.24, 0.24, 0.2]))
-    parts.append(ellipsoid(face + [0, -0.08, 0.18], [0.14, 0.11, 0.12], rings=8))
+    parts += [ellipsoid(face, [0.24, 0.24, 0.2]), ellipsoid(face + [0, -0.08, 0.18], [0.14, 0.11, 0.12], rings=8)]
     parts += pair(ellipsoid(face + [0.2, 0.2, -0.06], [0.09, 0.09, 0.07], rings=8))
     rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.7])
     bend = rump + [0, -0.05 - 0.15 * tail, -0.12 - 0.4 * tail]
     tip = bend + [0, 0.5 * tail, -0.2 * tail]
-    parts.append(limb([rump, bend, tip], [0.07, 0.06, 0.055], segments=10))
-    parts.append(ellipsoid(tip, [0.12, 0.16, 0.12], rings=8))
-    return join(parts)
+    parts += [limb([rump, bend, tip], [0.07, 0.06, 0.055], segments=10)]
+    return join([*parts, ellipsoid(tip, [0.12, 0.16, 0.12], rings=8)])
 
 
 def sheep(rng: Rng, traits: Traits) -> Part:
@@ -142,8 +134,7 @@ def sheep(rng: Rng, traits: Traits) -> Part:
     parts.append(limb([skull, skull + [0, -0.7 * head, 1.1 * head]], [head, head * 0.7]))
     parts.append(ellipsoid(skull + [0, 0.85 * head, -0.25 * head], [head * 0.85, head * 0.6, head * 0.8], rings=8))
     ear = skull + [0.7 * head, 0.2 * head, 0]
-    parts += pair(limb([ear, ear + [0.9 * head, -0.35 * head, 0]], [0.4 * head, 0.3 * head], segments=8))
-    return join(parts)
+    return join([*parts, *pair(limb([ear, ear + [0.9 * head, -0.35 * head, 0]], [0.4 * head, 0.3 * head], segments=8))])
 
 
 def crocodile(rng: Rng, traits: Traits) -> Part:
@@ -184,16 +175,14 @@ def mouse(rng: Rng, traits: Traits) -> Part:
     girth, length = rng.uniform(0.36, 0.46), rng.uniform(0.47, 0.63)
     parts = [ellipsoid([0, girth * 0.9, -0.1], [girth, girth * 0.95, length])]
     skull = np.array([0.0, girth * 0.95, length * 0.62])
-    parts.append(limb([skull, skull + [0, -0.14, 0.46]], [0.3, 0.09]))
-    parts.append(ellipsoid(skull + [0, -0.14, 0.52], 0.085, rings=8))
+    parts += [limb([skull, skull + [0, -0.14, 0.46]], [0.3, 0.09]), ellipsoid(skull + [0, -0.14, 0.52], 0.085, rings=8)]
     disc = turned(ellipsoid([0, 0, 0], [ears, ears, 0.12], rings=10), rng.uniform(15, 30), "y")
     parts += pair(moved(disc, skull + [0.16 + 0.6 * ears, 0.18 + 0.7 * ears, 0.0]))
     parts += pair(ellipsoid([girth * 0.6, 0.08, 0.3], [0.11, 0.09, 0.18], rings=8))
     parts += pair(ellipsoid([girth * 0.75, 0.12, -0.3], [0.16, 0.13, 0.26], rings=8))
     root, swing = np.array([0.0, 0.16, -length]), rng.uniform(0.2, 0.4) * rng.choice([-1.0, 1.0])
     along = [[0, 0, 0], [swing * 0.6, -0.05, -0.4], [-swing * 0.3, 0.02, -0.75], [-swing * 0.6, 0.22, -1.05]]
-    parts.append(limb(root + tail * np.array(along), [0.11, 0.1, 0.09, 0.08], segments=10))
-    return join(parts)
+    return join([*parts, limb(root + tail * np.array(along), [0.11, 0.1, 0.09, 0.08], segments=10)])
 
 
 def hedgehog(rng: Rng, traits: Traits) -> Part:
@@ -214,8 +203,7 @@ def hedgehog(rng: Rng, traits: Traits) -> Part:
             parts.append(limb([root, root + (0.12 + spikes) * (out + [0, 0.1, -0.3])], [0.15, 0.05], segments=8))
     face = centre + [0, -0.06, length * 0.75]
     tip = face + [0, -0.08, 0.24 + nose]
-    parts.append(limb([face, tip], [0.27, 0.08]))
-    parts.append(ellipsoid(tip + [0, 0.02, 0.06], 0.1, rings=8))
+    parts += [limb([face, tip], [0.27, 0.08]), ellipsoid(tip + [0, 0.02, 0.06], 0.1, rings=8)]
     parts += pair(ellipsoid(face + [0.22, 0.22, 0.02], [0.1, 0.1, 0.06], rings=8))
     for z in (-0.5, 0.55):
         parts += pair(ellipsoid([girth * 0.6, 0.09, length * z], [0.12, 0.1, 0.17], rings=8))

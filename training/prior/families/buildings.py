@@ -59,16 +59,14 @@ def church(rng: Rng, traits: Traits) -> Part:
     side, spire = rng.uniform(0.42, 0.48), rng.uniform(0.5, 0.62)
     front, top = length / 2 + 0.08, wall + rise
     peak = top + spire
-    parts = [
-        box([0, wall / 2, 0], [width, wall, length], round_by=0.06),
-        _gable(width / 2 + 0.1, roof, length + 0.12, [0, wall + 0.05, 0]),
-        box([0, top / 2, front], [side, top, side], round_by=0.06),
-        box([0, top - 0.02, front], [side + 0.13, 0.13, side + 0.13], round_by=0.35),
-        _pyramid(side / 2 + 0.03, spire, [0, top, front]),
-        box([0, peak + 0.12, front], [0.11, 0.4, 0.11], round_by=0.25),
-        box([0, peak + 0.16, front], [0.32, 0.11, 0.11], round_by=0.25),
-        _arch(0.26, 0.4, 0.12, [0, 0.0, front + side / 2 + 0.02]),
-    ]
+    parts = [box([0, wall / 2, 0], [width, wall, length], round_by=0.06)]
+    parts += [_gable(width / 2 + 0.1, roof, length + 0.12, [0, wall + 0.05, 0])]
+    parts += [box([0, top / 2, front], [side, top, side], round_by=0.06)]
+    parts += [box([0, top - 0.02, front], [side + 0.13, 0.13, side + 0.13], round_by=0.35)]
+    parts += [_pyramid(side / 2 + 0.03, spire, [0, top, front])]
+    parts += [box([0, peak + 0.12, front], [0.11, 0.4, 0.11], round_by=0.25)]
+    parts += [box([0, peak + 0.16, front], [0.32, 0.11, 0.11], round_by=0.25)]
+    parts += [_arch(0.26, 0.4, 0.12, [0, 0.0, front + side / 2 + 0.02])]
     pane = turned(_arch(0.18, 0.36 * wall / 0.55, 0.12, [0, 0, 0]), 90, "y")
     for z in (-0.36, -0.08, 0.2):
         parts += pair(moved(pane, [width / 2 + 0.01, wall * 0.22, z * length]))

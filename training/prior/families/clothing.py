@@ -17,13 +17,8 @@ def _stretched(part: Part, x: float, y: float, z: float) -> Part:
 def _sleeve(length: float, shoulder: float, cuff: float, degrees: float) -> Part:
     """Return a cloth tube from the origin downward, swung out toward +X, with a hem and a hollow at its end."""
     hollow = [(cuff * 0.72, 0.1), (cuff * 0.76, 0.0)]
-    wall = [
-        (cuff + 0.02, 0.0),
-        (cuff + 0.02, 0.08),
-        (cuff, 0.1),
-        (shoulder, 0.1 + length),
-        (0.5 * shoulder, 0.2 + length),
-    ]
+    wall = [(cuff + 0.02, 0.0), (cuff + 0.02, 0.08), (cuff, 0.1), (shoulder, 0.1 + length)]
+    wall += [(0.5 * shoulder, 0.2 + length)]
     return turned(moved(lathe([*hollow, *wall]), [0, -0.1 - length, 0]), degrees, "z")
 
 
@@ -102,15 +97,9 @@ def glove(rng: Rng, _: Traits) -> Part:
         )
     )
     cuff, long = width * rng.uniform(0.54, 0.64), rng.uniform(0.3, 0.42)
-    band = [
-        (cuff * 0.76, 0.12 - long),
-        (cuff * 0.8, -long),
-        (cuff, -long),
-        (cuff * 0.98, 0.1 - long),
-        (width * 0.4, 0.02),
-    ]
-    parts.append(_stretched(lathe([*band, (width * 0.36, 0.14)]), 1.0, 1.0, 0.62))
-    return join(parts)
+    band = [(cuff * 0.76, 0.12 - long), (cuff * 0.8, -long), (cuff, -long), (cuff * 0.98, 0.1 - long)]
+    band += [(width * 0.4, 0.02)]
+    return join([*parts, _stretched(lathe([*band, (width * 0.36, 0.14)]), 1.0, 1.0, 0.62)])
 
 
 def helmet(rng: Rng, _: Traits) -> Part:
@@ -174,7 +163,6 @@ def trousers(rng: Rng, traits: Traits) -> Part:
     )
     parts = [_stretched(part, 1.0, 1.0, 0.68) for part in (seat, belt)]
     parts += pair(moved(_stretched(_sleeve(leg, 0.265, cuff, swing), 1.0, 1.0, 1.05), [width * 0.5, 0.04, 0]))
-    parts.append(box([0, hip - 0.09, 0.64 * width], [0.2, 0.18, 0.16], round_by=0.25))
-    parts.append(box([0, 0.12, 0.64 * width], [0.1, 0.36, 0.1], round_by=0.25))
-    parts += pair(box([width * 0.38, 0.06, -0.56 * width], [0.24, 0.26, 0.18], round_by=0.25))
-    return join(parts)
+    parts += [box([0, hip - 0.09, 0.64 * width], [0.2, 0.18, 0.16], round_by=0.25)]
+    parts += [box([0, 0.12, 0.64 * width], [0.1, 0.36, 0.1], round_by=0.25)]
+    return join([*parts, *pair(box([width * 0.38, 0.06, -0.56 * width], [0.24, 0.26, 0.18], round_by=0.25))])

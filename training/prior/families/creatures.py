@@ -45,8 +45,7 @@ def rabbit(rng: Rng, traits: Traits) -> Part:
     parts += pair(limb([ear, (ear + tip) / 2, tip], [[0.085, 0.075], [0.12, 0.085], [0.075, 0.065]], segments=10))
     parts += pair(ellipsoid([body * 0.72, 0.12, 0.08], [0.17, 0.13, 0.36], rings=9))
     parts += pair(limb([[0.15, 0.08, body * 1.05], [0.15, body * 0.8, body * 0.7]], [0.095, 0.11], segments=10))
-    parts.append(ellipsoid([0, body * 0.75, -body * 1.32], 0.15, rings=8))
-    return join(parts)
+    return join([*parts, ellipsoid([0, body * 0.75, -body * 1.32], 0.15, rings=8)])
 
 
 def penguin(rng: Rng, traits: Traits) -> Part:
@@ -62,8 +61,7 @@ def penguin(rng: Rng, traits: Traits) -> Part:
     tip = shoulder + wings * np.array([0.5, -0.82, 0.0])
     parts += pair(limb([shoulder, (shoulder + tip) / 2, tip], [[0.07, 0.13], [0.08, 0.16], [0.06, 0.09]], segments=10))
     parts += pair(ellipsoid([girth * 0.48, 0.05, girth * 0.75], [0.15, 0.075, 0.26], rings=8))
-    parts.append(limb([[0, 0.16, -girth * 0.6], [0, 0.05, -girth * 1.15]], [0.12, 0.07], segments=10))
-    return join(parts)
+    return join([*parts, limb([[0, 0.16, -girth * 0.6], [0, 0.05, -girth * 1.15]], [0.12, 0.07], segments=10)])
 
 
 def duck(rng: Rng, traits: Traits) -> Part:
@@ -75,8 +73,7 @@ def duck(rng: Rng, traits: Traits) -> Part:
     parts.append(limb([[0, body, -body], [0, body * 1.45, -body * 1.75]], [0.24, 0.08], segments=12))
     base = np.array([0.0, body * 1.1, body * 0.9])
     skull = base + [0, 0.26 + neck, 0.1]
-    parts.append(limb([base, skull], [0.21, 0.14]))
-    parts.append(ellipsoid(skull, [head * 0.92, head * 0.95, head]))
+    parts += [limb([base, skull], [0.21, 0.14]), ellipsoid(skull, [head * 0.92, head * 0.95, head])]
     bill = skull + [0, -0.15 * head, head * 0.7]
     parts.append(limb([bill, bill + [0, -0.02, head * 0.5 + 0.14]], [[0.075, 0.13], [0.055, 0.14]], segments=10))
     wing = ellipsoid([body * 0.88, body * 1.05, -0.08], [0.12, body * 0.45, body * 0.9], rings=9)
@@ -93,8 +90,7 @@ def whale(rng: Rng, traits: Traits) -> Part:
     end = np.array(spine[-1])
     parts += pair(limb([end, end + flukes * np.array([0.95, 0.12, -0.5])], [[0.08, 0.18], [0.065, 0.12]], segments=10))
     side = np.array([girth * 0.8, -girth * 0.45, length * 0.3])
-    parts += pair(limb([side, side + [0.34, -0.12, -0.24]], [[0.08, 0.14], [0.065, 0.11]], segments=10))
-    return join(parts)
+    return join([*parts, *pair(limb([side, side + [0.34, -0.12, -0.24]], [[0.08, 0.14], [0.065, 0.11]], segments=10))])
 
 
 def turtle(rng: Rng, traits: Traits) -> Part:
@@ -111,10 +107,8 @@ def turtle(rng: Rng, traits: Traits) -> Part:
         parts += pair(limb([hip, hip + [0.28, -0.16, 0.22 * np.sign(z)]], [[0.1, 0.15], [0.08, 0.16]], segments=10))
     front = np.array([0.0, 0.3, shell * 0.9])
     skull = front + [0, 0.12 + 0.4 * neck, 0.2 + 0.75 * neck]
-    parts.append(limb([front, skull], [0.16, 0.13]))
-    parts.append(ellipsoid(skull, [head * 0.9, head * 0.9, head * 1.1], rings=10))
-    parts.append(limb([[0, 0.25, -shell * 0.9], [0, 0.18, -shell * 1.3]], [0.1, 0.05], segments=8))
-    return join(parts)
+    parts += [limb([front, skull], [0.16, 0.13]), ellipsoid(skull, [head * 0.9, head * 0.9, head * 1.1], rings=10)]
+    return join([*parts, limb([[0, 0.25, -shell * 0.9], [0, 0.18, -shell * 1.3]], [0.1, 0.05], segments=8)])
 
 
 def octopus(rng: Rng, traits: Traits) -> Part:

@@ -64,8 +64,7 @@ def monkey(rng: Rng, traits: Traits) -> Part:
     rump = np.array([0.0, 0.12, -girth * 0.6])
     curl = [(0.0, 0.0), (-0.45, -0.02), (-0.75, 0.2), (-0.75, 0.6), (-0.5, 0.85), (-0.25, 0.75), (-0.28, 0.52)]
     path = curved([rump + tail * np.array([0.0, y, z]) for z, y in curl])
-    parts.append(limb(path, np.linspace(0.12, 0.09, len(path)), segments=10, samples=1))
-    return join(parts)
+    return join([*parts, limb(path, np.linspace(0.12, 0.09, len(path)), segments=10, samples=1)])
 
 
 def person(rng: Rng, traits: Traits) -> Part:

@@ -106,9 +106,7 @@ def corn(rng: Rng, traits: Traits) -> Part:
         reach = leaf * (1.0 if quarter % 2 else 0.75)
         path = [[0, 0.0, girth * 0.7], [0, 0.1 + 0.4 * reach, girth + 0.1 * spread + 0.1 * reach]]
         path.append([0, 0.1 + 0.8 * reach, girth + 0.05 + spread * reach])
-        parts.append(
-            turned(limb(path, [[0.2, 0.07], [0.2, 0.07], [0.05, 0.05]], segments=10), start + 90 * quarter, "y")
-        )
+        parts += [turned(limb(path, [[0.2, 0.07], [0.2, 0.07], [0.05, 0.05]], segments=10), start + 90 * quarter, "y")]
     return join(parts)
 
 

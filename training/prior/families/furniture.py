@@ -68,11 +68,9 @@ def armchair(rng: Rng, traits: Traits) -> Part:
     seat, roll = rng.uniform(0.42, 0.5), rng.uniform(0.15, 0.18)
     rise = traits.draw(rng, "back", (0.1, 0.16), (0.7, 0.85), (1.45, 1.7))
     side, rear = width / 2 - roll, -depth / 2 + 0.16
-    parts = [
-        box([0, seat / 2 + 0.06, 0], [width - 0.1, seat - 0.12, depth], round_by=0.1),
-        box([0, seat, 0.08], [width - 2.6 * roll, 0.24, depth * 0.86], round_by=0.5),
-        box([0, (seat + rise) / 2 + 0.1, rear], [width * 0.84, seat + rise - 0.2, 0.3], round_by=0.5),
-    ]
+    parts = [box([0, seat / 2 + 0.06, 0], [width - 0.1, seat - 0.12, depth], round_by=0.1)]
+    parts += [box([0, seat, 0.08], [width - 2.6 * roll, 0.24, depth * 0.86], round_by=0.5)]
+    parts += [box([0, (seat + rise) / 2 + 0.1, rear], [width * 0.84, seat + rise - 0.2, 0.3], round_by=0.5)]
     arm = box([side, seat * 0.6 + 0.1, 0], [1.5 * roll, seat + 0.2, depth], round_by=0.2)
     top = limb([[side, seat + 0.22, -depth / 2 + 0.1], [side, seat + 0.22, depth / 2 - 0.02]], [roll, roll * 1.1])
     wing = box([side, seat + 0.32 * rise, rear + 0.14], [roll, 0.8 * rise, 0.4], round_by=0.5)
@@ -159,11 +157,9 @@ def desk(rng: Rng, traits: Traits) -> Part:
     block, tall = rng.uniform(0.5, 0.6), rng.uniform(0.5, 0.58)
     top = legs + tall
     x, front = width / 2 - block / 2 - 0.05, depth / 2 - 0.04
-    parts = [
-        box([0, top, 0], [width + 0.08, slab, depth + 0.08], round_by=0.3),
-        box([x, top - tall / 2, 0], [block, tall, depth - 0.08], round_by=0.06),
-        box([0, top - tall * 0.42, -depth / 2 + 0.1], [width - 0.1, tall * 0.84, 0.12], round_by=0.3),
-    ]
+    parts = [box([0, top, 0], [width + 0.08, slab, depth + 0.08], round_by=0.3)]
+    parts += [box([x, top - tall / 2, 0], [block, tall, depth - 0.08], round_by=0.06)]
+    parts += [box([0, top - tall * 0.42, -depth / 2 + 0.1], [width - 0.1, tall * 0.84, 0.12], round_by=0.3)]
     for place in (0.3, 0.76):
         parts.append(box([x, top - tall * place, front], [block * 0.88, tall * 0.38, 0.12], round_by=0.48))
         parts.append(ellipsoid([x, top - tall * place, front + 0.1], 0.07, rings=8))
@@ -208,10 +204,8 @@ def television(rng: Rng, traits: Traits) -> Part:
     stem = traits.draw(rng, "stem", (0.02, 0.06), (0.24, 0.32), (0.9, 1.1))
     height = width * ratio
     middle = 0.1 + stem + height / 2
-    parts = [
-        box([0, middle, 0], [width - 0.05, height - 0.05, 0.13], round_by=0.2),
-        box([0, middle - 0.05, -0.12], [width * 0.5, height * 0.55, 0.2], round_by=0.45),
-    ]
+    parts = [box([0, middle, 0], [width - 0.05, height - 0.05, 0.13], round_by=0.2)]
+    parts += [box([0, middle - 0.05, -0.12], [width * 0.5, height * 0.55, 0.2], round_by=0.45)]
     for end in (-1, 1):
         parts.append(box([0, middle + end * (height - frame) / 2, 0.03], [width, frame, 0.24], round_by=0.35))
         parts.append(box([end * (width - frame) / 2, middle, 0.03], [frame, height, 0.24], round_by=0.35))

@@ -63,12 +63,8 @@ def cactus(rng: Rng, traits: Traits) -> Part:
     for side in (-1.0, 1.0):
         low = rng.uniform(0.45, 0.62) * height * 0.8
         out = radius + 0.26
-        path = [
-            [0, low, 0],
-            [side * out * 0.8, low, 0],
-            [side * out, low + 0.1, 0],
-            [side * out, low + 0.14 + reach, 0],
-        ]
+        path = [[0, low, 0], [side * out * 0.8, low, 0], [side * out, low + 0.1, 0]]
+        path += [[side * out, low + 0.14 + reach, 0]]
         parts.append(limb(path, [thick] * 4))
     return join(parts)
 

@@ -31,11 +31,8 @@ def crab(rng: Rng, traits: Traits) -> Part:
     parts += pair(ellipsoid(palm, [0.85 * claws, claws, 0.6 * claws], rings=10))
     for out in (0.55, -0.55):
         root = palm + claws * np.array([out, 0.5, 0.0])
-        pincer = [
-            root,
-            root + claws * np.array([0.75 * out, 0.8, 0.0]),
-            root + claws * np.array([-0.1 * out, 1.6, 0.0]),
-        ]
+        pincer = [root, root + claws * np.array([0.75 * out, 0.8, 0.0])]
+        pincer += [root + claws * np.array([-0.1 * out, 1.6, 0.0])]
         parts += pair(limb(pincer, np.array([0.45, 0.36, 0.16]) * claws + 0.01, segments=10))
     return join(parts)
 
@@ -55,8 +52,7 @@ def frog(rng: Rng, traits: Traits) -> Part:
     hip = np.array([wide * 0.6, 0.24, -0.36])
     knee = hip + [0.12 + 0.22 * legs, 0.55 * legs - 0.05, 0.5 * legs + 0.05]
     ankle = np.array([hip[0] + 0.1 + 0.22 * legs, 0.09, -0.42])
-    parts += pair(limb([hip, knee], [0.2, 0.15]))
-    parts += pair(limb([knee, ankle], [0.14, 0.1]))
+    parts += [*pair(limb([hip, knee], [0.2, 0.15])), *pair(limb([knee, ankle], [0.14, 0.1]))]
     for toe, start, reach in ((ankle, 0.0, 0.2 + 0.5 * legs), (arm + [0.16, 0.08 - arm[1], 0.08], 0.0, 0.24)):
         for side in (-0.45, 0.1, 0.65):
             end = toe + reach * np.array([side, start, 0.9])
@@ -78,17 +74,13 @@ def snail(rng: Rng, traits: Traits) -> Part:
     around = np.stack([np.zeros(26), np.cos(turn + np.pi), np.sin(turn + np.pi)], 1)
     path = centre + around * (0.62 * shell * shrink)[:, None]
     bulk = np.stack([0.4 * shell * shrink, 0.4 * shell * shrink**0.6 + 0.02], 1)
-    parts.append(limb(path, bulk, segments=14, samples=2))
-    parts.append(ellipsoid(centre, [0.3 * shell, 0.5 * shell, 0.5 * shell]))
+    parts += [limb(path, bulk, segments=14, samples=2), ellipsoid(centre, [0.3 * shell, 0.5 * shell, 0.5 * shell])]
     base = np.array([0.0, 0.2, length * 0.72])
     skull = base + [0, 0.26 + 0.6 * head, 0.14]
-    parts.append(limb([base, skull], [0.19, 0.8 * head + 0.02]))
-    parts.append(ellipsoid(skull, [head, head, head * 1.1], rings=10))
+    parts += [limb([base, skull], [0.19, 0.8 * head + 0.02]), ellipsoid(skull, [head, head, head * 1.1], rings=10)]
     eye = skull + [0.5 * head, 0.6 * head, 0.1 * head]
     tip = eye + [0.12 + 0.2 * head, 0.22 + 0.5 * head, 0.08]
-    parts += pair(limb([eye, tip], [0.065, 0.055], segments=8))
-    parts += pair(ellipsoid(tip, 0.1, rings=8))
-    return join(parts)
+    return join([*parts, *pair(limb([eye, tip], [0.065, 0.055], segments=8)), *pair(ellipsoid(tip, 0.1, rings=8))])
 
 
 def snake(rng: Rng, traits: Traits) -> Part:

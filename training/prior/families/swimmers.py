@@ -28,8 +28,7 @@ def dolphin(rng: Rng, traits: Traits) -> Part:
     )
     parts += pair(moved(turned(fluke, 2 * 45 * arch, "x"), spine[-1] + [0, 0, -0.05]))
     paddle = plate(fins * np.array([(0.0, 0.3), (0.6, 0.0), (0.95, -0.55), (0.5, -0.5), (0.0, -0.3)]), 0.11, across="y")
-    parts += pair(moved(turned(paddle, -28, "z"), [girth * 0.65, -girth * 0.55, 0.3]))
-    return join(parts)
+    return join([*parts, *pair(moved(turned(paddle, -28, "z"), [girth * 0.65, -girth * 0.55, 0.3]))])
 
 
 def fish(rng: Rng, traits: Traits) -> Part:
@@ -54,8 +53,7 @@ def fish(rng: Rng, traits: Traits) -> Part:
         across="x",
     )
     parts += pair(moved(turned(side, -38, "y"), [0.24, -height * 0.22, length * 0.25]))
-    parts += pair(ellipsoid([0.17, height * 0.2, length * 0.66], 0.085, rings=8))
-    return join(parts)
+    return join([*parts, *pair(ellipsoid([0.17, height * 0.2, length * 0.66], 0.085, rings=8))])
 
 
 def shark(rng: Rng, traits: Traits) -> Part:
@@ -93,6 +91,5 @@ def shark(rng: Rng, traits: Traits) -> Part:
     blade = fins * np.array([(0.0, 0.35), (0.6, 0.0), (1.1, -0.55), (0.95, -0.65), (0.4, -0.4), (0.0, -0.3)])
     parts += pair(moved(turned(plate(blade, 0.11, across="y"), -18, "z"), [girth * 0.6, -girth * 0.45, length * 0.35]))
     rear = 0.45 * fins * np.array([(0.5, 0.0), (-0.3, 0.9), (-0.4, 0.0)])
-    parts.append(moved(plate(rear, 0.1, across="x"), [0, girth * 0.4, -length * 0.62]))
-    parts += pair(ellipsoid([girth * 0.5, 0.06, length * 0.68], 0.07, rings=8))
-    return join(parts)
+    parts += [moved(plate(rear, 0.1, across="x"), [0, girth * 0.4, -length * 0.62])]
+    return join([*parts, *pair(ellipsoid([girth * 0.5, 0.06, length * 0.68], 0.07, rings=8))])

@@ -56,8 +56,7 @@ def snowman(rng: Rng, traits: Traits) -> Part:
     parts.append(ellipsoid(face, head))
     parts.append(limb([face + [0, 0, head * 0.6], face + [0, 0, head + nose]], [0.085, 0.035], segments=10))
     arm = np.array([middle * 0.7, chest + 0.08, 0.0])
-    parts += pair(limb([arm, arm + [0.42, 0.22, 0]], [0.065, 0.06], segments=8))
-    return join(parts)
+    return join([*parts, *pair(limb([arm, arm + [0.42, 0.22, 0]], [0.065, 0.06], segments=8))])
 
 
 def house(rng: Rng, traits: Traits) -> Part:

@@ -94,9 +94,8 @@ def bucket(rng: Rng, _: Traits) -> Part:
         level = 0.86 * height - sag * np.cos(t)
         away = foot + (rim - foot) * level / height + 0.05
         path.append([away * np.sin(t), level, away * np.cos(t)])
-    parts.append(limb(path, np.full(11, 0.075), segments=10, samples=3))
-    parts += pair(ellipsoid([rim + 0.04, 0.86 * height, 0], [0.11, 0.14, 0.14], rings=8))
-    return join(parts)
+    parts += [limb(path, np.full(11, 0.075), segments=10, samples=3)]
+    return join([*parts, *pair(ellipsoid([rim + 0.04, 0.86 * height, 0], [0.11, 0.14, 0.14], rings=8))])
 
 
 def camera(rng: Rng, traits: Traits) -> Part:
@@ -114,11 +113,10 @@ def camera(rng: Rng, traits: Traits) -> Part:
     tube = [(girth, -0.1), (girth, 0.55 * lens), (girth * 0.88, 0.55 * lens + 0.02), (girth * 0.88, 0.8 * lens + 0.04)]
     ring = [(girth * 1.02, 0.8 * lens + 0.05), (girth * 1.02, lens + 0.1), (girth * 0.74, lens + 0.1)]
     barrel_ = lathe([*tube, *ring, (girth * 0.68, lens * 0.8 + 0.01), (0.0, lens * 0.8 + 0.07)])
-    parts.append(moved(turned(barrel_, 90, "x"), [0, height * 0.46, front]))
-    parts.append(limb([[-width * 0.4, 0.2, front], [-width * 0.4, height - 0.2, front]], [0.13, 0.13], segments=12))
-    parts.append(moved(disc(0.11, 0.0, 0.16), [-width * 0.36, height - 0.04, 0]))
-    parts.append(moved(disc(0.15, 0.0, 0.13), [width * 0.34, height - 0.04, 0]))
-    return join(parts)
+    parts += [moved(turned(barrel_, 90, "x"), [0, height * 0.46, front])]
+    parts += [limb([[-width * 0.4, 0.2, front], [-width * 0.4, height - 0.2, front]], [0.13, 0.13], segments=12)]
+    parts += [moved(disc(0.11, 0.0, 0.16), [-width * 0.36, height - 0.04, 0])]
+    return join([*parts, moved(disc(0.15, 0.0, 0.13), [width * 0.34, height - 0.04, 0])])
 
 
 def candle(rng: Rng, _: Traits) -> Part:
@@ -154,8 +152,7 @@ def chest(rng: Rng, _: Traits) -> Part:
     for x in (-0.4, 0.4):
         parts.append(moved(lid(0.2, 0.12), [x * width, 0, 0]))
         parts.append(box([x * width, body / 2, 0], [0.2, body, deep + 0.2], round_by=0.1))
-    parts.append(box([0, body, deep / 2 + 0.04], [0.3, 0.4, 0.26], round_by=0.25))
-    return join(parts)
+    return join([*parts, box([0, body, deep / 2 + 0.04], [0.3, 0.4, 0.26], round_by=0.25)])
 
 
 def dumbbell(rng: Rng, traits: Traits) -> Part:
@@ -201,13 +198,10 @@ def shield(rng: Rng, _: Traits) -> Part:
     outline = np.concatenate([[[0.0, -height]], right, top, right[::-1] * [-1, 1]])
     bar = height * rng.uniform(0.34, 0.4)
     loop = np.column_stack([np.concatenate([outline, outline[:1]]) * 0.97, np.full(len(outline) + 1, 0.1)])
-    parts = [
-        extrude(outline, 0.22, bevel=0.2),
-        limb(loop, np.full(len(loop), 0.12), segments=10, samples=1),
-        box([0, -bar, 0.1], [width * 1.8, 0.22, 0.36], round_by=0.2, cells=12),
-        box([0, -height * 0.48, 0.1], [0.22, height * 0.88, 0.36], round_by=0.2, cells=12),
-        ellipsoid([0, -bar, 0.26], [0.26, 0.26, 0.17], rings=10),
-    ]
+    parts = [extrude(outline, 0.22, bevel=0.2), limb(loop, np.full(len(loop), 0.12), segments=10, samples=1)]
+    parts += [box([0, -bar, 0.1], [width * 1.8, 0.22, 0.36], round_by=0.2, cells=12)]
+    parts += [box([0, -height * 0.48, 0.1], [0.22, height * 0.88, 0.36], round_by=0.2, cells=12)]
+    parts += [ellipsoid([0, -bar, 0.26], [0.26, 0.26, 0.17], rings=10)]
     whole, bow = join(parts), rng.uniform(0.3, 0.45) / width**2
     whole.verts[:, 2] -= bow * whole.verts[:, 0] ** 2
     return whole
@@ -239,11 +233,8 @@ def teapot(rng: Rng, traits: Traits) -> Part:
     dome = [(0.4, height - 0.07), (0.42, height), *[(0.38 * np.cos(t), height + 0.17 * np.sin(t)) for t in turn[:8]]]
     parts += [lathe([*dome, (0.0, height + 0.17)]), ellipsoid([0, height + 0.25, 0], [0.12, 0.12, 0.12], rings=10)]
     root, tip = girth * 0.8, girth + 0.16 + 0.75 * spout
-    path = [
-        [root, height * 0.3, 0],
-        [girth + 0.1 + 0.35 * spout, height * 0.45, 0],
-        [tip, height * 0.82 + 0.3 * spout, 0],
-    ]
+    path = [[root, height * 0.3, 0], [girth + 0.1 + 0.35 * spout, height * 0.45, 0]]
+    path += [[tip, height * 0.82 + 0.3 * spout, 0]]
     parts.append(limb([*path, [tip + 0.14, height * 0.88 + 0.3 * spout, 0]], [0.21, 0.17, 0.1, 0.12], segments=14))
     ear, reach = rng.uniform(0.3, 0.36), rng.uniform(0.44, 0.54)
     arc = np.linspace(np.pi / 2, 1.5 * np.pi, 11)

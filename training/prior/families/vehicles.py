@@ -32,8 +32,7 @@ def airplane(rng: Rng, traits: Traits) -> Part:
     parts += pair(moved(_plate(tail, 0.11), [0, 0.06, rear]))
     tall = rng.uniform(0.46, 0.56)
     fin = [(0.0, 0.06), (tall, -0.22), (tall, -0.46), (0.0, -0.36)]
-    parts.append(moved(turned(_plate(fin, 0.12), 90, "z"), [0, 0.04, rear]))
-    return join(parts)
+    return join([*parts, moved(turned(_plate(fin, 0.12), 90, "z"), [0, 0.04, rear])])
 
 
 def balloon(rng: Rng, _: Traits) -> Part:
@@ -84,8 +83,7 @@ def helicopter(rng: Rng, traits: Traits) -> Part:
     )
     # One broad strut a side: two would leave a hole between them.
     strut = limb([[0.1, -girth * 0.8, 0], [side, ground, 0]], [[0.075, 0.24], [0.07, 0.2]], segments=10)
-    parts += pair(strut)
-    return join(parts)
+    return join([*parts, *pair(strut)])
 
 
 def rocket(rng: Rng, traits: Traits) -> Part:
@@ -134,16 +132,11 @@ def boat(rng: Rng, traits: Traits) -> Part:
     wide = np.sign(verts[:, 0]) * np.abs(verts[:, 0]) ** 0.8 * beam
     parts = [Part(np.stack([wide, height, verts[:, 2] * length], 1), faces)]
     mast = limb([[0, 0, 0.12], [0, 0.16 + sail, 0.12]], [0.07, 0.06], segments=10)
-    outline = [
-        (0.06, 0.0),
-        (0.06, sail),
-        (-0.04, sail),
-        *[(-0.04 - 0.56 * sail * t, sail * (1 - t)) for t in (0.33, 0.66, 1.0)],
-    ]
+    outline = [(0.06, 0.0), (0.06, sail), (-0.04, sail)]
+    outline += [*[(-0.04 - 0.56 * sail * t, sail * (1 - t)) for t in (0.33, 0.66, 1.0)]]
     cloth = extrude(outline, 0.11, puff=0.15)
     # The outline lies in XY; the sail stands along the boat, its foot over the deck.
-    parts += [mast, moved(turned(cloth, -90, "y"), [0, 0.16, 0.08])]
-    return join(parts)
+    return join([*parts, mast, moved(turned(cloth, -90, "y"), [0, 0.16, 0.08])])
 
 
 def submarine(rng: Rng, traits: Traits) -> Part:

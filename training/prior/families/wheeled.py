@@ -26,12 +26,10 @@ def bus(rng: Rng, traits: Traits) -> Part:
     wheel = traits.draw(rng, "wheels", (0.1, 0.13), (0.2, 0.24), (0.4, 0.46))
     floor = 0.6 * wheel + 0.04
     top = floor + lower + pane
-    parts = [
-        box([0, floor + lower / 2, 0], [width, lower, length], round_by=0.12),
-        box([0, floor + lower, 0], [width - 0.16, 2 * pane, length - 0.16], round_by=0.1),
-        box([0, top + 0.05, 0], [width, 0.18, length], round_by=0.45),
-        box([0, floor + 0.1, length / 2], [width * 1.04, 0.13, 0.14], round_by=0.4),
-    ]
+    parts = [box([0, floor + lower / 2, 0], [width, lower, length], round_by=0.12)]
+    parts += [box([0, floor + lower, 0], [width - 0.16, 2 * pane, length - 0.16], round_by=0.1)]
+    parts += [box([0, top + 0.05, 0], [width, 0.18, length], round_by=0.45)]
+    parts += [box([0, floor + 0.1, length / 2], [width * 1.04, 0.13, 0.14], round_by=0.4)]
     posts = np.linspace(-length / 2 + 0.07, length / 2 - 0.07, 6)
     parts += [box([0, floor + lower + pane / 2, z], [width, pane + 0.1, 0.1], round_by=0.2) for z in posts[1:-1]]
     corner = [box([width / 2 - 0.06, floor + lower + pane / 2, z], [0.12, pane + 0.1, 0.12]) for z in posts[[0, -1]]]
@@ -47,15 +45,12 @@ def motorcycle(rng: Rng, traits: Traits) -> Part:
     base, half = rng.uniform(0.64, 0.72), rng.uniform(0.1, 0.13)
     hub, high = wheel, rng.uniform(0.76, 0.86) + 0.3 * wheel
     front, rear = [0.0, hub, base], [0.0, hub, -base]
-    parts = [
-        _wheel(wheel, half, front),
-        _wheel(wheel, half, rear),
-        box([0, hub + 0.12, -0.02], [0.34, 0.42, 0.5], round_by=0.35),
-        limb([[0, hub, -base], [0, hub + 0.05, 0], [0, high - 0.2, base * 0.6]], [0.09, 0.12, 0.09], segments=10),
-        limb([[0, high - 0.2, 0.3], [0, high - 0.2, 0.05]], [[0.16, 0.18], [0.17, 0.16]], segments=12),
-        limb([[0, high - 0.3, 0.0], [0, high - 0.28, -0.4], [0, high - 0.1, -base * 1.1]], [[0.11, 0.17]] * 3),
-        ellipsoid([0, high - 0.05, base * 0.72], [0.14, 0.14, 0.12], rings=10),
-    ]
+    parts = [_wheel(wheel, half, front), _wheel(wheel, half, rear)]
+    parts += [box([0, hub + 0.12, -0.02], [0.34, 0.42, 0.5], round_by=0.35)]
+    parts += [limb([[0, hub, -base], [0, hub + 0.05, 0], [0, high - 0.2, base * 0.6]], [0.09, 0.12, 0.09], segments=10)]
+    parts += [limb([[0, high - 0.2, 0.3], [0, high - 0.2, 0.05]], [[0.16, 0.18], [0.17, 0.16]], segments=12)]
+    parts += [limb([[0, high - 0.3, 0.0], [0, high - 0.28, -0.4], [0, high - 0.1, -base * 1.1]], [[0.11, 0.17]] * 3)]
+    parts += [ellipsoid([0, high - 0.05, base * 0.72], [0.14, 0.14, 0.12], rings=10)]
     top, grip = [0.11, high, base * 0.5], [0.46, high + 0.08, base * 0.25]
     parts += pair(limb([[half + 0.06, hub, base], top], [0.075, 0.075], segments=8))
     parts += pair(limb([[0.0, high, base * 0.55], [0.25, high + 0.1, base * 0.45], grip], [0.075] * 3, segments=8))
@@ -93,17 +88,15 @@ def tractor(rng: Rng, traits: Traits) -> Part:
     width, hood = rng.uniform(0.3, 0.36), rng.uniform(0.85, 1.0)
     front, level = 0.52 * rear, 0.3 + 0.7 * rear
     cabin, tall = rng.uniform(0.5, 0.58), rng.uniform(0.5, 0.6)
-    parts = [
-        box([0, level, hood / 2], [width, 0.4, hood], round_by=0.35),
-        box([0, level - 0.18, hood * 0.3], [width * 0.7, 0.3, hood * 1.2], round_by=0.2),
-        box([0, level - 0.1, -0.18], [cabin, 0.4, 0.6], round_by=0.2),
-        box([0, level + tall / 2 + 0.05, -0.16], [cabin - 0.12, tall, 0.46], round_by=0.1),
-        box([0, level + tall + 0.1, -0.16], [cabin + 0.12, 0.13, 0.72], round_by=0.4),
-        limb([[0, level + 0.1, hood * 0.6], [0, level + 0.6, hood * 0.6]], [0.07, 0.07], segments=10),
-        limb([[-cabin * 0.7, rear, -0.22], [cabin * 0.7, rear, -0.22]], [0.12, 0.12], segments=10),
-        limb([[0, front, hood * 0.82], [0, level - 0.1, hood * 0.82]], [0.11, 0.11], segments=10),
-        limb([[-width, front, hood * 0.82], [width, front, hood * 0.82]], [0.09, 0.09], segments=10),
-    ]
+    parts = [box([0, level, hood / 2], [width, 0.4, hood], round_by=0.35)]
+    parts += [box([0, level - 0.18, hood * 0.3], [width * 0.7, 0.3, hood * 1.2], round_by=0.2)]
+    parts += [box([0, level - 0.1, -0.18], [cabin, 0.4, 0.6], round_by=0.2)]
+    parts += [box([0, level + tall / 2 + 0.05, -0.16], [cabin - 0.12, tall, 0.46], round_by=0.1)]
+    parts += [box([0, level + tall + 0.1, -0.16], [cabin + 0.12, 0.13, 0.72], round_by=0.4)]
+    parts += [limb([[0, level + 0.1, hood * 0.6], [0, level + 0.6, hood * 0.6]], [0.07, 0.07], segments=10)]
+    parts += [limb([[-cabin * 0.7, rear, -0.22], [cabin * 0.7, rear, -0.22]], [0.12, 0.12], segments=10)]
+    parts += [limb([[0, front, hood * 0.82], [0, level - 0.1, hood * 0.82]], [0.11, 0.11], segments=10)]
+    parts += [limb([[-width, front, hood * 0.82], [width, front, hood * 0.82]], [0.09, 0.09], segments=10)]
     for z in (-0.4, 0.08):
         parts += pair(box([cabin / 2 - 0.05, level + tall / 2 + 0.05, z], [0.1, tall + 0.05, 0.1], round_by=0.3))
     parts += pair(_wheel(rear, 0.17, [cabin / 2 + 0.2, rear, -0.22]))
@@ -123,15 +116,12 @@ def train(rng: Rng, traits: Traits) -> Part:
     stack = [(0.12, 0.0), (0.11, boiler + 0.2), (0.22, boiler + 0.42), (0.22, boiler + 0.5), (0.15, boiler + 0.5)]
     dome = [(0.17, 0.0), (0.17, boiler + 0.1), (0.1, boiler + 0.19)]
     width, tall = 2.2 * boiler, 2 * boiler + 0.34
-    parts = [
-        moved(turned(lathe(tube), 90, "x"), [0, axis, back]),
-        moved(lathe(stack), [0, axis, front - 0.16]),
-        moved(lathe(dome), [0, axis, back + length * 0.42]),
-        box([0, frame, (front + back - cab) / 2], [width * 0.9, 0.2, length + cab], round_by=0.2),
-        box([0, frame + tall / 2, back - cab / 2], [width - 0.12, tall, cab - 0.1], round_by=0.06),
-        box([0, frame + tall * 0.28, back - cab / 2], [width, tall * 0.56, cab], round_by=0.1),
-        box([0, frame + tall + 0.03, back - cab / 2], [width + 0.16, 0.15, cab + 0.2], round_by=0.45),
-    ]
+    parts = [moved(turned(lathe(tube), 90, "x"), [0, axis, back]), moved(lathe(stack), [0, axis, front - 0.16])]
+    parts += [moved(lathe(dome), [0, axis, back + length * 0.42])]
+    parts += [box([0, frame, (front + back - cab) / 2], [width * 0.9, 0.2, length + cab], round_by=0.2)]
+    parts += [box([0, frame + tall / 2, back - cab / 2], [width - 0.12, tall, cab - 0.1], round_by=0.06)]
+    parts += [box([0, frame + tall * 0.28, back - cab / 2], [width, tall * 0.56, cab], round_by=0.1)]
+    parts += [box([0, frame + tall + 0.03, back - cab / 2], [width + 0.16, 0.15, cab + 0.2], round_by=0.45)]
     for z in (0.06, cab - 0.06):
         parts += pair(box([width / 2 - 0.06, frame + tall / 2, back - z], [0.12, tall, 0.12], round_by=0.3))
     plough = extrude([(-0.3, 0.0), (0.3, 0.0), (0.05, 0.36), (-0.05, 0.36)], width * 0.9, bevel=0.1)
@@ -149,14 +139,12 @@ def truck(rng: Rng, traits: Traits) -> Part:
     cab = rng.uniform(0.46, 0.54)
     front = length * 0.42 + 0.16
     middle = front + cab / 2
-    parts = [
-        box([0, floor, 0.16], [width * 0.7, 0.2, length + cab + 0.1], round_by=0.2),
-        box([0, floor + load / 2, front - 0.16 - length / 2], [width, load, length], round_by=0.06),
-        box([0, floor + tall * 0.28, middle + 0.06], [width * 0.94, tall * 0.66, cab + 0.12], round_by=0.25),
-        box([0, floor + tall / 2, middle - 0.03], [width * 0.78, tall, cab - 0.12], round_by=0.1),
-        box([0, floor + tall + 0.04, middle - 0.04], [width * 0.94, 0.13, cab - 0.02], round_by=0.45),
-        box([0, floor - 0.1, front + cab + 0.1], [width, 0.16, 0.16], round_by=0.4),
-    ]
+    parts = [box([0, floor, 0.16], [width * 0.7, 0.2, length + cab + 0.1], round_by=0.2)]
+    parts += [box([0, floor + load / 2, front - 0.16 - length / 2], [width, load, length], round_by=0.06)]
+    parts += [box([0, floor + tall * 0.28, middle + 0.06], [width * 0.94, tall * 0.66, cab + 0.12], round_by=0.25)]
+    parts += [box([0, floor + tall / 2, middle - 0.03], [width * 0.78, tall, cab - 0.12], round_by=0.1)]
+    parts += [box([0, floor + tall + 0.04, middle - 0.04], [width * 0.94, 0.13, cab - 0.02], round_by=0.45)]
+    parts += [box([0, floor - 0.1, front + cab + 0.1], [width, 0.16, 0.16], round_by=0.4)]
     for z in (-cab / 2 + 0.04, cab / 2 - 0.1):
         parts += pair(box([width * 0.41, floor + tall * 0.7, middle + z], [0.1, tall * 0.7, 0.1], round_by=0.3))
     for z in np.linspace(front - 0.1 - length, front - 0.22, 5):

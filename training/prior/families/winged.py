@@ -19,8 +19,7 @@ def bird(rng: Rng, traits: Traits) -> Part:
     girth, length = rng.uniform(0.31, 0.4), rng.uniform(0.46, 0.56)
     parts = [ellipsoid([0, 0, 0], [girth, girth * 0.95, length])]
     skull = np.array([0.0, girth * 0.75, length * 0.85])
-    parts.append(limb([[0, 0.05, length * 0.5], [*skull]], [girth * 0.8, girth * 0.75]))
-    parts.append(ellipsoid(skull, girth * 0.8))
+    parts += [limb([[0, 0.05, length * 0.5], [*skull]], [girth * 0.8, girth * 0.75]), ellipsoid(skull, girth * 0.8)]
     bill = skull + [0, -0.02, girth * 0.6]
     parts.append(limb([bill, bill + [0, -0.05, 0.1 + beak]], [0.12, 0.035], segments=10))
     rump, spread = -length * 0.7, 0.16 + 0.55 * tail
@@ -37,10 +36,8 @@ def butterfly(rng: Rng, traits: Traits) -> Part:
     """Draw a butterfly upright: two large upper and two small lower wings, a slim body with two feelers."""
     wings = traits.draw(rng, "wings", (0.3, 0.38), (0.82, 1.0), (1.6, 1.85))
     body, fold = rng.uniform(0.38, 0.5), rng.uniform(15, 30)
-    parts = [
-        limb([[0.0, -body, 0.0], [0.0, 0.0, 0.0], [0.0, body * 0.8, 0.0]], [0.085, 0.13, 0.12]),
-        ellipsoid([0, body, 0], 0.15),
-    ]
+    parts = [limb([[0.0, -body, 0.0], [0.0, 0.0, 0.0], [0.0, body * 0.8, 0.0]], [0.085, 0.13, 0.12])]
+    parts += [ellipsoid([0, body, 0], 0.15)]
     parts += pair(
         limb([[0.05, body, 0.02], [0.2, body + 0.32, 0.06], [0.34, body + 0.42, 0.06]], [0.05] * 3, segments=8)
     )
@@ -63,8 +60,7 @@ def chicken(rng: Rng, traits: Traits) -> Part:
     y = leg + 0.12 + girth * 0.8
     parts = [ellipsoid([0, y, 0], [girth, girth * 0.95, length])]
     skull = np.array([0.0, y + girth * 0.9 + 0.22, length * 0.8])
-    parts.append(limb([[0, y + 0.05, length * 0.45], [*skull]], [girth * 0.75, 0.15]))
-    parts.append(ellipsoid(skull, head))
+    parts += [limb([[0, y + 0.05, length * 0.45], [*skull]], [girth * 0.75, 0.15]), ellipsoid(skull, head)]
     crest = 0.7 * head + 0.03
     for z, tall in ((0.6, 0.7), (0.0, 1.0), (-0.6, 0.75)):
         low = skull + [0, 0.75 * head, z * head]
@@ -106,8 +102,7 @@ def owl(rng: Rng, traits: Traits) -> Part:
     parts += pair(limb(path, [[0.1, 0.2], [0.09, 0.24], [0.07, 0.1]], segments=10))
     for side in (-0.08, 0.08):
         parts += pair(ellipsoid([girth * 0.42 + side, 0.05, girth * 0.6], [0.085, 0.085, 0.2], rings=8))
-    parts.append(limb([[0, 0.3, -girth * 0.6], [0, 0.06, -girth]], [[0.2, 0.1], [0.16, 0.07]], segments=10))
-    return join(parts)
+    return join([*parts, limb([[0, 0.3, -girth * 0.6], [0, 0.06, -girth]], [[0.2, 0.1], [0.16, 0.07]], segments=10)])
 
 
 def swan(rng: Rng, traits: Traits) -> Part:
