@@ -54,7 +54,7 @@ def church(rng: Rng) -> list[Solid]:
     made += [carved(block((0, 0.14, z + side), (0.18, 0.3, 0.14), 0.4))]
     made += [carved(block((0, tower * 0.75, z + side), (0.15, 0.22, 0.12), 0.4))]
     for at in (-0.55, -0.1, 0.35):
-        made += [carved(s) for s in both(block((wide, wall * 0.55, at * long), (0.1, wall * 0.5, 0.16), 0.4))]
+        made += both(carved(block((wide, wall * 0.55, at * long), (0.1, wall * 0.5, 0.16), 0.4)))
     return made
 
 
@@ -71,8 +71,8 @@ def house(rng: Rng) -> list[Solid]:
     if rng.random() < 0.7:
         made += [block((wide * 0.5, wall + roof * 0.65, -long * 0.4), (0.16, roof * 0.9, 0.16), 0)]
     made += [carved(block((u(-0.1, 0.1), wall * 0.3, long), (0.2, wall * 0.62, 0.12), 0))]
-    made += [carved(s) for s in both(block((wide * 0.62, wall * 0.6, long), (0.18, 0.18, 0.12), 0))]
-    return made + [carved(s) for s in both(block((wide, wall * 0.6, 0), (0.12, 0.18, 0.3), 0))]
+    made += both(carved(block((wide * 0.62, wall * 0.6, long), (0.18, 0.18, 0.12), 0)))
+    return made + both(carved(block((wide, wall * 0.6, 0), (0.12, 0.18, 0.3), 0)))
 
 
 def igloo(rng: Rng) -> list[Solid]:

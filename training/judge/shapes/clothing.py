@@ -121,7 +121,7 @@ def helmet(rng: Rng) -> list[Solid]:
     made += [drum((0, -neck - 0.1, 0), (0, 0, 0), r * u(0.85, 1.05), r)]
     if kind == 0:
         made += [drum((0, -0.02, r * 0.5), (0, -0.12, r + u(0.2, 0.35)), r * 0.85, 0.06)]
-    made += [carved(s) for s in both(block((0.2, 0.05, r + 0.03), (0.28, 0.08, 0.35), 0))]
+    made += both(carved(block((0.2, 0.05, r + 0.03), (0.28, 0.08, 0.35), 0)))
     made += [carved(block((0, -0.25, r + 0.02), (0.08, 0.5, 0.16), 0))]
     if kind == 1:
         made += both(
@@ -153,11 +153,6 @@ def trousers(rng: Rng) -> list[Solid]:
     wide, leg, apart, r = u(0.28, 0.36), u(0.4, 1.0), u(0.0, 0.15), u(0.15, 0.19)
     made = [block((0, 0.1, 0), (2 * wide, 0.4, 0.34), 0.6), block((0, 0.27, 0), (2 * wide + 0.04, 0.1, 0.38), 0.6)]
     made += both(drum((wide * 0.5, 0.1, 0), (wide * 0.55 + apart, -leg, 0), r, r * u(0.65, 1.15)))
-    return [
-        *made,
-        carved(block((0, 0.34, 0), (1.6 * wide, 0.14, 0.2), 0.5)),
-        *[
-            carved(s)
-            for s in both(drum((wide * 0.55 + apart, -leg - 0.1, 0), (wide * 0.55 + apart, -leg + 0.06, 0), r * 0.5))
-        ],
-    ]
+    made += [carved(block((0, 0.34, 0), (1.6 * wide, 0.14, 0.2), 0.5))]
+    made += both(carved(drum((wide * 0.55 + apart, -leg - 0.1, 0), (wide * 0.55 + apart, -leg + 0.06, 0), r * 0.5)))
+    return made

@@ -175,7 +175,7 @@ def pumpkin(rng: Rng) -> list[Solid]:
     tip = np.array([u(-0.15, 0.15), high + u(0.15, 0.3), 0])
     made += [drum((0, high * 0.6, 0), tip, 0.12, 0.08)]
     if rng.random() < 0.3:
-        made += [carved(s) for s in both(drum((0.2, 0.1, 0.4), (0.2, 0.1, 1), 0.11, sides=3))]
+        made += both(carved(drum((0.2, 0.1, 0.4), (0.2, 0.1, 1), 0.11, sides=3)))
         made += [carved(block((0, -0.14, 0.6), (0.5, 0.11, 0.5), 0.3))]
     return made
 

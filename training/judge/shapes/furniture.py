@@ -144,14 +144,13 @@ def cabinet(rng: Rng) -> list[Solid]:
     made += [carved(block((0, (split + leg + high) / 2, deep), (0.05, high + leg - split - 0.1, 0.08), 0))]
     if split > leg:
         made += [carved(block((0, y, deep), (1.85 * wide, 0.05, 0.08), 0)) for y in (split, (split + leg) / 2)]
-    made += [
-        carved(s)
-        for s in both(
+    made += both(
+        carved(
             block(
                 (0.5 * wide, (split + leg + high) / 2 + 0.02, deep), (0.62 * wide, (high + leg - split) * 0.72, 0.06), 0
             )
         )
-    ]
+    )
     return made + both(ball((0.12, (split + leg + high) / 2, deep + 0.03), 0.055))
 
 

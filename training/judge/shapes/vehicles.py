@@ -34,7 +34,7 @@ def bus(rng: Rng) -> list[Solid]:
         y = top - 0.3 * high - 0.55 * high * floor
         for k in range(count):
             z = -0.9 * long + step * (k + 0.55)
-            made += [carved(s) for s in both(block((wide, y, z), (0.1, 0.3 * high, step * 0.72), 0.1))]
+            made += both(carved(block((wide, y, z), (0.1, 0.3 * high, step * 0.72), 0.1)))
         made += [carved(block((0, y, long), (1.6 * wide, 0.32 * high, 0.1), 0.1))]
     if rng.random() < 0.3:
         made += [block((0, low + 0.2, long + 0.12), (1.7 * wide, 0.3, 0.4), 0.4)]
@@ -54,16 +54,15 @@ def car(rng: Rng) -> list[Solid]:
     cabin += [(bonnet - 0.05, back)]
     if rng.random() < 0.7:
         made += [plate(cabin, 1.75 * wide, (0, 0, 0), "x")]
-        made += [
-            carved(s)
-            for s in both(
+        made += both(
+            carved(
                 block(
                     (0.9 * wide, (bonnet + roof) / 2, (front + back) / 2 - 0.02),
                     (0.1, 0.6 * (roof - bonnet), 0.55 * (front - back)),
                     0.2,
                 )
             )
-        ]
+        )
     else:
         made += [
             ball((0, bonnet - 0.05, (front + back) / 2), (wide * 0.9, roof - bonnet + 0.08, (front - back) / 2 + 0.1))
@@ -79,7 +78,7 @@ def motorcycle(rng: Rng) -> list[Solid]:
     for z in (-base, base):
         made += [drum((-thick / 2, r, z), (thick / 2, r, z), r)]
         if rng.random() < 0.6:
-            made += [carved(s) for s in both(drum((0.6 * thick, r, z), (0.25 * thick, r, z), 0.62 * r))]
+            made += both(carved(drum((0.6 * thick, r, z), (0.25 * thick, r, z), 0.62 * r)))
     top = r + u(0.42, 0.55)
     made += both(rod((0.09, r, base), (0.09, top + 0.1, base - 0.3), 0.045))
     made += [ball((0, top - 0.08, base - 0.62), (0.15, 0.14, 0.3))]
@@ -130,7 +129,7 @@ def tractor(rng: Rng) -> list[Solid]:
     if rng.random() < 0.7:
         made += [block((0, (big + top) / 2, -0.35), (0.5, top - big, 0.5), 0.1)]
         made += [block((0, top, -0.35), (0.6, 0.08, 0.62), 0.2)]
-        made += [carved(s) for s in both(block((0.28, top - 0.25, -0.35), (0.15, 0.3, 0.34), 0.1))]
+        made += both(carved(block((0.28, top - 0.25, -0.35), (0.15, 0.3, 0.34), 0.1)))
         made += [carved(block((0, top - 0.25, -0.1), (0.36, 0.3, 0.12), 0.1))]
     else:
         made += [block((0, big + 0.2, -0.5), (0.36, 0.4, 0.12), 0.3)]
@@ -146,7 +145,7 @@ def train(rng: Rng) -> list[Solid]:
     made = [drum((0, axis, -0.3), (0, axis, 0.75), r), block((0, 2 * wheel, 0), (0.48, 0.14, 1.7), 0)]
     made += [block((0, axis + 0.1, -0.55), (0.56, u(0.65, 0.8), 0.5), 0.05)]
     made += [block((0, axis + 0.5, -0.55), (0.68, 0.08, 0.64), 0.3)]
-    made += [carved(s) for s in both(block((0.28, axis + 0.25, -0.55), (0.15, 0.22, 0.24), 0.1))]
+    made += both(carved(block((0.28, axis + 0.25, -0.55), (0.15, 0.22, 0.24), 0.1)))
     made += [drum((0, axis, 0.55), (0, axis + r + u(0.28, 0.4), 0.55), 0.09, u(0.09, 0.16))]
     made += [ball((0, axis + r, 0.1), (0.13, 0.17, 0.13)), *_wheels(0.32, wheel, 0.12, [-0.55, -0.1, 0.33])]
     made += both(drum((0.2, wheel * 0.7, 0.7), (0.3, wheel * 0.7, 0.7), wheel * 0.7))
@@ -163,10 +162,10 @@ def van(rng: Rng) -> list[Solid]:
     side = [(floor, -long), (floor, long + nose), (floor + 0.3, long + nose), (floor + 0.36, long)]
     side += [(floor + high, long - u(0.05, 0.15)), (floor + high, -long)]
     made = [plate(side, 2 * wide, (0, 0, 0), "x")]
-    made += [carved(s) for s in both(block((wide, floor + 0.68 * high, long * 0.75), (0.08, 0.25, 0.25), 0.1))]
+    made += both(carved(block((wide, floor + 0.68 * high, long * 0.75), (0.08, 0.25, 0.25), 0.1)))
     made += [carved(block((0, floor + 0.68 * high, long), (1.6 * wide, 0.25, 0.2), 0.1))]
     for z in np.linspace(-0.75, 0.3, 3) * long if rng.random() < 0.5 else ():
-        made += [carved(s) for s in both(block((wide, floor + 0.68 * high, z), (0.08, 0.25, 0.32), 0.1))]
+        made += both(carved(block((wide, floor + 0.68 * high, z), (0.08, 0.25, 0.32), 0.1)))
     made += [block((0, floor, z), (1.9 * wide, 0.1, 0.1), 0.2) for z in (-long, long + nose)]
     return made + _wheels(wide + 0.02, r, 0.13, [-0.65 * long, long - 0.05])
 
@@ -179,10 +178,7 @@ def truck(rng: Rng) -> list[Solid]:
     made = [block((0, floor - 0.05, -0.1), (wide * 1.4, 0.16, 2 * long - 0.2), 0)]
     made += [block((0, floor + cab / 2 - 0.08, long - front / 2), (2 * wide, cab, front), u(0.1, 0.5))]
     made += [carved(block((0, floor + cab * 0.62, long), (1.6 * wide, 0.3 * cab, 0.1), 0.1))]
-    made += [
-        carved(s)
-        for s in both(block((wide, floor + cab * 0.62, long - front * 0.45), (0.1, 0.3 * cab, front * 0.5), 0.1))
-    ]
+    made += both(carved(block((wide, floor + cab * 0.62, long - front * 0.45), (0.1, 0.3 * cab, front * 0.5), 0.1)))
     nose = u(0.2, 0.3) if rng.random() < 0.4 else 0.0
     if nose:
         made += [block((0, floor + 0.13, long + nose / 2), (1.9 * wide, 0.36, nose + 0.1), 0.3)]

@@ -68,7 +68,7 @@ def skull(rng: Rng) -> list[Solid]:
     made = [ball((0, 0.62, -0.08), (wide, u(0.4, 0.48), u(0.48, 0.58)))]
     made += [block((0, 0.3, 0.2), (wide * u(1.0, 1.4), 0.34, 0.4), 0.7)]
     made += both(ball((0.72 * wide, 0.4, 0.14), (0.1, 0.07, 0.2)))
-    made += [carved(s) for s in both(ball((wide * 0.46, 0.5, 0.46), (eye * u(0.85, 1.1), eye, 0.26)))]
+    made += both(carved(ball((wide * 0.46, 0.5, 0.46), (eye * u(0.85, 1.1), eye, 0.26))))
     made += [carved(drum((0, 0.3, 0.4), (0, 0.44, 0.42), 0.08, 0.02, sides=3 if rng.random() < 0.5 else 0))]
     if rng.random() < 0.6:
         low = u(0.02, 0.08)
