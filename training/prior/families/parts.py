@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshdeform.priors.builtin.teaching.deformed import Part as Part
+from meshdeform.priors.builtin.teaching.deformed import normalised as normalised
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
