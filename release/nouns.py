@@ -1,120 +1,234 @@
-"""Cut WordNet's nouns to `meshdeform/priors/builtin/nouns.txt.gz`: `python -m release.nouns /usr/share/wordnet`.
+"""Write the nouns nearest to every English word: `python -m release.nouns /usr/share/wordnet all-MiniLM-L6-v2`.
 
-The folder is that of Debian's package `wordnet-base` (WordNet 3.0), with `data.noun` and `index.noun`. What is kept:
-the things that can have a shape (animals, artefacts, parts of bodies, food, natural objects, people, plants), words
-in small letters without spaces, of each word its first senses (of the prior's own nouns the one sense that it draws),
-and of each thing its first kind. The file is the tree
-in depth-first order: a line is the depth and the words of one thing. Words without a line of their own are left out
-with their line, unless others are below.
+The first folder is that of Debian's package `wordnet-base` (WordNet 3.0), with `data.noun` and `index.noun`; the second
+has the sentence encoder `sentence-transformers/all-MiniLM-L6-v2` (Apache-2.0) with the weights of `_ENCODER`. Words are
+those for what can have a shape (animals, artefacts, parts of bodies, food, natural objects, people, plants), in small
+letters without spaces. A noun of the prior is near to a word by the sum of
+
+- the cosines of the two words, of sentences about their looks, and of their glosses in WordNet;
+- a bonus for the three whose lowest common kind with the word has fewest things (a mug and a goblet are drinking
+  vessels, a mug and a house only artefacts); ties go to the shorter way in the hierarchy.
+
+Words that many people ask for are in `_LOOKS_LIKE`. A line of `meshdeform/priors/builtin/nouns.txt.gz` has up to three
+nouns, nearest first, and the words that they are nearest to.
+
+Sources: Miller 1995, WordNet; Resnik 1995 (the common kind that says most); Reimers and Gurevych 2019, Sentence-BERT.
 """
 
 from __future__ import annotations
 
 import argparse
 import gzip
+import hashlib
 import re
 from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
 
 from meshdeform.priors.builtin.vocabulary import NOUNS
 
-__all__ = ["main", "tree"]
+__all__ = ["Things", "kin", "main"]
 
 TABLE = Path(__file__).parents[1] / "meshdeform" / "priors" / "builtin" / "nouns.txt.gz"
+_ENCODER = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
+"""SHA-256 of model.safetensors."""
 _FILES = {"03", "05", "06", "08", "13", "17", "18", "20"}
 """Lexicographer files (lexnames(5WN)): tops, animal, artifact, body, food, object, person, plant."""
 _SENSES = 3
 _SIMPLE = re.compile(r"[a-z]{3,}")
 _HYPERNYM = "@"
+_WIDEST = 600
+"""A common kind of more things than this says nothing: everything that was made is an artefact."""
+_NEAREST = 3
+_KIN = (0.3, 0.2, 0.1)
+_LATER_SENSE = 0.1
+_BATCH = 128
+_LOOKS = ("something that looks like a {}", "a 3d model of a {}")
+_LEAST, _OF_FIRST = 1.45, 0.7
+"""Least sum of three cosines and a bonus, and least share of the nearest noun's: other nouns would seem odd."""
 _OTHER_SENSES = {
     # The first sense is another thing than the prior draws: a pullover, a dish, a giant, the fruit's tree.
     "turtle": "05", "octopus": "05", "whale": "05", "pear": "13", "carrot": "13", "pineapple": "13", "mushroom": "20",
+    # A shape, a fruit, a fool, an instrument.
+    "cone": "06", "bone": "08", "mug": "06", "log": "20",
     # Symbols, which no kind of thing is near.
-    "star": "", "heart": "",
+    "star": "", "heart": "", "crystal": "",
 }  # fmt: skip
 """The lexicographer file of the sense of the prior's nouns, unless it is that of the first sense."""
+_LOOKS_LIKE = {
+    "airplane": "glider drone", "apple": "fruit orange peach cherry", "armchair": "throne", "bird": "dove hawk",
+    "boat": "canoe kayak", "bottle": "jar", "bowl": "mug", "bucket": "basket pot", "cat": "fox",
+    "church": "temple mosque", "crocodile": "lizard", "dog": "wolf", "dragon": "monster", "fish": "salmon",
+    "flower": "plant", "goblet": "glass trophy", "horse": "donkey zebra unicorn", "house": "barn", "lamp": "lantern",
+    "lion": "tiger leopard panther", "mouse": "squirrel hamster", "octopus": "squid jellyfish",
+    "person": "wizard knight soldier", "rabbit": "kangaroo", "rocket": "ufo satellite", "sheep": "goat",
+    "skyscraper": "building", "snowman": "gnome", "teapot": "teacup", "tree": "bush", "truck": "van",
+    "vase": "jug pitcher", "whale": "seal",
+}  # fmt: skip
+"""Words by the noun that looks most like what they name."""
 
 
-def tree(folder: Path) -> list[tuple[int, list[str]]]:
-    """Return the lines of the table: depth, and words as `word` or `word:sense` from the second sense on."""
-    kinds, files, lemmas = _read(folder / "data.noun")
-    words = defaultdict[str, list[str]](list)
-    for word, senses in _senses(folder / "index.noun").items():
-        shapes = [sense for sense in senses if files[sense] in _FILES]
-        if word in NOUNS:
-            shapes = [sense for sense in shapes if files[sense] == _OTHER_SENSES.get(word, files[sense])][:1]
-        for rank, sense in enumerate(shapes[:_SENSES], 1):
-            if word in lemmas[sense]:
-                words[sense].append(word if rank == 1 else f"{word}:{rank}")
-    children = defaultdict[str, list[str]](list)
-    roots = []
-    for sense in sorted(kinds):
-        if files[sense] in _FILES and kinds[sense] and files[kinds[sense]] in _FILES:
-            children[kinds[sense]].append(sense)
-        elif files[sense] in _FILES:
-            roots.append(sense)
-    lines: list[tuple[int, list[str]]] = []
+@dataclass(frozen=True)
+class Things:
+    """The senses of WordNet that can have a shape: of each its kind, its gloss, and how many things it has below."""
 
-    def visit(sense: str, depth: int) -> None:
-        at = len(lines)
-        lines.append((depth, sorted(words[sense])))
-        for child in children[sense]:
-            visit(child, depth + 1)
-        if not words[sense] and len(lines) == at + 1:
-            lines.pop()
+    kinds: dict[str, str] = field(default_factory=dict)
+    glosses: dict[str, str] = field(default_factory=dict)
+    sizes: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+    senses: dict[str, list[str]] = field(default_factory=dict)  # of each word, the most frequent first
 
-    for root in roots:
-        visit(root, 0)
-    return lines
+    @classmethod
+    def read(cls, folder: Path) -> Things:
+        """Read the files of WordNet (wndb(5WN)); of the prior's nouns, keep the one sense that it draws."""
+        things, files, lemmas = cls(), dict[str, str](), dict[str, set[str]]()
+        for fields, gloss in _lines(folder / "data.noun"):
+            offset, count = fields[0], int(fields[3], 16)
+            if fields[1] in _FILES:
+                files[offset], things.glosses[offset] = fields[1], gloss.partition(";")[0].strip()
+                # `index.noun` has every word in small letters; here names keep their capitals.
+                lemmas[offset] = set(fields[4 : 4 + 2 * count : 2])
+                pointers = fields[5 + 2 * count :]
+                above = [pointers[k + 1] for k in range(0, len(pointers) - 3, 4) if pointers[k] == _HYPERNYM]
+                things.kinds[offset] = above[0] if above else ""
+        for offset in files:
+            for kind in things.line(offset):
+                things.sizes[kind] += 1
+        for fields, _ in _lines(folder / "index.noun"):
+            word = fields[0]
+            senses = [sense for sense in fields[-int(fields[2]) :] if sense in files]
+            if word in NOUNS:
+                senses = [sense for sense in senses if files[sense] == _OTHER_SENSES.get(word, files[sense])][:1]
+            if _SIMPLE.fullmatch(word) and any(word in lemmas[sense] for sense in senses):
+                things.senses[word] = senses[:_SENSES]
+        return things
+
+    def line(self, sense: str) -> Iterator[str]:
+        """Yield a sense and all kinds that it belongs to, narrowest first."""
+        while sense in self.glosses:
+            yield sense
+            sense = self.kinds[sense]
 
 
-def _read(path: Path) -> tuple[dict[str, str], dict[str, str], dict[str, set[str]]]:
-    """Return the first kind, the lexicographer file and the lemmas of each synset (wndb(5WN))."""
-    kinds, files, lemmas = dict[str, str](), dict[str, str](), dict[str, set[str]]()
+def _lines(path: Path) -> Iterator[tuple[list[str], str]]:
+    """Yield the fields of each line and what follows the bar, without the licence."""
     for line in path.read_text("utf-8").splitlines():
-        if line.startswith(" "):
-            continue  # the licence
-        fields = line.partition(" | ")[0].split()
-        offset, count = fields[0], int(fields[3], 16)
-        files[offset] = fields[1]
-        # `index.noun` has every word in small letters; here names keep their capitals.
-        lemmas[offset] = set(fields[4 : 4 + 2 * count : 2])
-        pointers = fields[5 + 2 * count :]
-        kinds[offset] = next((pointers[k + 1] for k in range(0, len(pointers) - 3, 4) if pointers[k] == _HYPERNYM), "")
-    return kinds, files, lemmas
+        if not line.startswith(" "):
+            fields, _, gloss = line.partition(" | ")
+            yield fields.split(), gloss
 
 
-def _senses(path: Path) -> dict[str, list[str]]:
-    """Return the synsets of each simple word, the most frequent first."""
+def kin(things: Things, nouns: Sequence[str]) -> dict[str, list[str]]:
+    """Return for each word the nouns whose common kind with it is narrowest, at most three."""
+    below = defaultdict[str, list[tuple[str, int]]](list)
+    for noun in nouns:
+        for sense in things.senses.get(noun, []):
+            for steps, kind in enumerate(things.line(sense)):
+                below[kind].append((noun, steps))
     found = {}
-    for line in path.read_text("utf-8").splitlines():
-        fields = line.split()
-        if not line.startswith(" ") and _SIMPLE.fullmatch(fields[0]):
-            found[fields[0]] = fields[-int(fields[2]) :]
+    for word, senses in things.senses.items():
+        scores: dict[str, tuple[int, int, str]] = {}
+        for rank, sense in enumerate(senses, 1):
+            for way, kind in enumerate(things.line(sense)):
+                if things.sizes[kind] <= _WIDEST:
+                    for noun, steps in below[kind]:
+                        score = (things.sizes[kind] * rank, way + steps, noun)
+                        scores[noun] = min(score, scores.get(noun, score))
+        found[word] = sorted(scores, key=scores.__getitem__)[:_NEAREST]
+    return found
+
+
+Encode = Callable[[Sequence[str]], NDArray[np.float32]]
+"""Give a row for each sentence; rows have length 1."""
+
+
+class Encoder:
+    """The sentence encoder: the normalised mean of its last layer over the words of a sentence."""
+
+    def __init__(self, folder: Path) -> None:
+        from transformers import AutoModel, AutoTokenizer
+
+        if hashlib.sha256((folder / "model.safetensors").read_bytes()).hexdigest() != _ENCODER:
+            raise SystemExit(f"{folder / 'model.safetensors'} has not the SHA-256 {_ENCODER}")
+        self._tokens = AutoTokenizer.from_pretrained(folder)
+        self._network = AutoModel.from_pretrained(folder).eval()
+
+    @torch.no_grad()
+    def __call__(self, sentences: Sequence[str]) -> NDArray[np.float32]:
+        """Return the rows (N, 384) of some sentences."""
+        order = sorted(range(len(sentences)), key=lambda row: len(sentences[row]))  # so that little is padded
+        rows = np.empty((len(sentences), self._network.config.hidden_size), np.float32)
+        for batch in (order[start : start + _BATCH] for start in range(0, len(order), _BATCH)):
+            tokens = self._tokens([sentences[row] for row in batch], padding=True, return_tensors="pt")
+            mask = tokens["attention_mask"][..., None]
+            mean = (self._network(**tokens).last_hidden_state * mask).sum(1) / mask.sum(1)
+            rows[batch] = torch.nn.functional.normalize(mean, dim=1)
+        return rows
+
+
+def similarities(things: Things, words: Sequence[str], nouns: Sequence[str], encode: Encode) -> NDArray[np.float32]:
+    """Return the sums (W, N) of the cosines of words, sentences and glosses, without the bonus for kin."""
+    total = encode(words) @ encode(nouns).T
+    for sentence in _LOOKS:
+        shown = [[sentence.format(word) for word in each] for each in (words, nouns)]
+        total += encode(shown[0]) @ encode(shown[1]).T / len(_LOOKS)
+    meant = encode([_gloss(things, noun, 0) for noun in nouns])
+    best = np.full(total.shape, -1.0, np.float32)
+    for rank in range(max(map(len, things.senses.values()))):
+        rows = [row for row, word in enumerate(words) if rank < len(things.senses[word])]
+        scores = encode([_gloss(things, words[row], rank) for row in rows]) @ meant.T - rank * _LATER_SENSE
+        best[rows] = np.maximum(best[rows], scores)
+    return np.asarray(total + best)
+
+
+def _gloss(things: Things, word: str, rank: int) -> str:
+    senses = things.senses.get(word, [])
+    return f"{word}: {things.glosses[senses[rank]]}" if senses else _LOOKS[-1].format(word)
+
+
+def nearest(things: Things, nouns: Sequence[str], encode: Encode) -> dict[str, list[str]]:
+    """Return for each word up to three nouns, nearest first."""
+    words = sorted(things.senses)
+    scores, number = similarities(things, words, nouns, encode), {noun: at for at, noun in enumerate(nouns)}
+    relatives = kin(things, nouns)
+    for row, word in enumerate(words):
+        for noun, bonus in zip(relatives[word], _KIN, strict=False):
+            scores[row, number[noun]] += bonus
+    best = np.argsort(-scores, axis=1, kind="stable")[:, :_NEAREST]
+    least = np.maximum(_LEAST, _OF_FIRST * scores.max(axis=1))
+    found = {
+        word: [nouns[at] for at in best[row] if scores[row, at] >= least[row] and nouns[at] != word]
+        for row, word in enumerate(words)
+    }
+    for noun, alike in _LOOKS_LIKE.items():
+        for word in alike.split() if noun in number else []:
+            found[word] = list(dict.fromkeys([noun, *found.get(word, [])]))[:_NEAREST]
     return found
 
 
 def main() -> None:
     """Write the table, with WordNet's licence at its head."""
     parser = argparse.ArgumentParser(prog="python -m release.nouns", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("folder", type=Path, help="of WordNet 3.0: data.noun and index.noun")
+    parser.add_argument("wordnet", type=Path, help="folder of WordNet 3.0: data.noun and index.noun")
+    parser.add_argument("encoder", type=Path, help="folder of all-MiniLM-L6-v2: config.json, model.safetensors, ...")
     parser.add_argument("-o", "--output", type=Path, default=TABLE)
     arguments = parser.parse_args()
-    head = [
-        line[5:].rstrip()
-        for line in (arguments.folder / "data.noun").read_text("utf-8").splitlines()
-        if line.startswith("  ")
-    ]
-    lines = tree(arguments.folder)
-    text = [
-        "# A part of WordNet's nouns, cut by release/nouns.py of Meshdeform. WordNet's licence:",
+    text = (arguments.wordnet / "data.noun").read_text("utf-8").splitlines()
+    head = [re.sub(r"^ +\d+ ?", "", line).rstrip() for line in text if line.startswith("  ")]
+    words_of = defaultdict[str, list[str]](list)
+    for word, near in nearest(Things.read(arguments.wordnet), list(NOUNS), Encoder(arguments.encoder)).items():
+        words_of[" ".join(near)].append(word)
+    lines = [
+        "# Made from WordNet's nouns by release/nouns.py of Meshdeform. WordNet's licence:",
         *(f"# {line}".rstrip() for line in head),
-        *(f"{depth} {' '.join(found)}".rstrip() for depth, found in lines),
+        *(f"{near}: {' '.join(sorted(words))}" for near, words in sorted(words_of.items())),
     ]
-    arguments.output.write_bytes(gzip.compress(("\n".join(text) + "\n").encode(), 9, mtime=0))
-    print(
-        f"{len(lines)} things, {sum(len(found) for _, found in lines)} words, {arguments.output.stat().st_size} bytes"
-    )
+    arguments.output.write_bytes(gzip.compress(("\n".join(lines) + "\n").encode(), 9, mtime=0))
+    print(f"{sum(map(len, words_of.values()))} words, {arguments.output.stat().st_size} bytes")
 
 
 if __name__ == "__main__":

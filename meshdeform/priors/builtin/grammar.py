@@ -16,13 +16,8 @@ It needs neither torch nor numpy: the service checks a prompt before it accepts 
 unknown word come first the known words that are spelled alike, if the word is not a noun itself; then nouns that look
 alike; then nouns of similar meaning.
 
-The meaning of a word is its place in a part of WordNet's hierarchy of nouns (`nouns.txt.gz`, made by
-`release/nouns.py`; its licence is at its head). The nearest of two nouns is the one whose lowest common kind with the
-word is the narrower, measured by the number of things of that kind: a mug and a goblet are drinking vessels, a mug and
-a house only artefacts. Ties go to the shorter way in the tree.
-
-Sources: Miller 1995, WordNet; Resnik 1995 (the common kind that says most); Seco et al. 2004, eq. 2 (a kind says the
-more, the fewer things it has).
+The nearest nouns of every English word for a thing are in `nouns.txt.gz`, made by `release/nouns.py` (WordNet and a
+sentence encoder; WordNet's licence is at its head).
 """
 
 from __future__ import annotations
@@ -30,9 +25,8 @@ from __future__ import annotations
 import difflib
 import gzip
 import re
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import zip_longest
 from pathlib import Path
@@ -60,44 +54,6 @@ _SIMILARITY = 0.79
 _MIN_LENGTH = 4
 _POPULAR = ("mushroom", "vase", "rabbit")
 
-# Frequent prompts, and the nouns that look most like them.
-_RELATED = {
-    "airplane": "glider drone",
-    "apple": "fruit orange peach cherry",
-    "armchair": "throne",
-    "bird": "dove hawk",
-    "boat": "canoe kayak",
-    "bottle": "jar",
-    "bowl": "mug",
-    "bucket": "basket pot",
-    "cat": "fox",
-    "church": "temple mosque",
-    "crocodile": "lizard",
-    "dog": "wolf",
-    "dragon": "monster",
-    "fish": "salmon",
-    "flower": "plant",
-    "goblet": "glass trophy",
-    "horse": "donkey zebra unicorn",
-    "house": "barn",
-    "lamp": "lantern",
-    "lion": "tiger leopard panther",
-    "mouse": "squirrel hamster",
-    "octopus": "squid jellyfish",
-    "person": "wizard knight soldier",
-    "rabbit": "kangaroo",
-    "rocket": "ufo satellite",
-    "sheep": "goat",
-    "skyscraper": "building",
-    "snowman": "gnome",
-    "teapot": "teacup",
-    "tree": "bush",
-    "truck": "van",
-    "vase": "jug pitcher",
-    "whale": "seal",
-}
-
-_NOUN_OF_RELATED = {word: noun for noun, words in _RELATED.items() for word in words.split()}
 _PROPORTIONS = ("wide", "tall", "short", "thin", "fat", "long")
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
 _OWN_WORDS = 5
@@ -139,7 +95,7 @@ class Words:
 BUILTIN_WORDS = Words(
     NOUNS,
     NOUN_SYNONYMS,
-    ("<pad>", *NOUNS, *dict.fromkeys([*ADJECTIVES, *LENGTH, *SIZE]), "whole", *PARTS),
+    tuple(dict.fromkeys(["<pad>", *NOUNS, *ADJECTIVES, *LENGTH, *SIZE, "whole", *PARTS])),
 )
 
 VOCABULARY = BUILTIN_WORDS.tokens
@@ -252,16 +208,12 @@ def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = BUILTIN_
 
 def _is_word(word: str) -> bool:
     """Return whether a word is a noun of English, spelled correctly: a boot is no misspelt boat."""
-    return any(form in _NOUN_OF_RELATED or is_noun(form) for form in singular_forms(word))
+    return any(map(is_noun, singular_forms(word)))
 
 
 def nearest_nouns(word: str, words: Words = BUILTIN_WORDS) -> list[str]:
     """Return up to three known nouns that look like what a word names, or mean something similar."""
-    for form in singular_forms(word):
-        looks_like = [_NOUN_OF_RELATED[form]] if _NOUN_OF_RELATED.get(form) in words.nouns else []
-        if found := list(dict.fromkeys([*looks_like, *nearest(form, words.nouns)])):
-            return found[:MAX_SUGGESTIONS]
-    return []
+    return next(filter(None, (nearest(form, words.nouns) for form in singular_forms(word))), [])
 
 
 def suggest(
@@ -570,52 +522,17 @@ def tokenise(parsed: ParsedPrompt, known: Words = BUILTIN_WORDS) -> list[int]:
     return numbers + [0] * (SEQUENCE_LENGTH - len(numbers))
 
 
-_TABLE = Path(__file__).parent / "nouns.txt.gz"
-_WIDEST = 600
-"""A common kind of more things than this says nothing: everything that was made is an artefact."""
-
-
-@dataclass(frozen=True)
-class _Tree:
-    """Kinds by number: the parent of each (-1: none), how many things it has, and the kinds of each word."""
-
-    parents: list[int] = field(default_factory=list)
-    sizes: list[int] = field(default_factory=list)
-    kinds: dict[str, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))
-
-    def line(self, kind: int) -> list[int]:
-        """Return a kind and all that it belongs to, narrowest first."""
-        found = []
-        while kind >= 0:
-            found.append(kind)
-            kind = self.parents[kind]
-        return found
-
-
 @lru_cache(maxsize=1)
-def _tree() -> _Tree:
-    tree = _Tree()
-    above: list[int] = []
-    for line in gzip.decompress(_TABLE.read_bytes()).decode().splitlines():
-        if line.startswith("#"):
-            continue
-        depth, *words = line.split()
-        del above[int(depth) :]
-        for word in words:
-            name, _, rank = word.partition(":")
-            tree.kinds[name].append((len(tree.parents), int(rank or 1)))
-        tree.parents.append(above[-1] if above else -1)
-        above.append(len(tree.sizes))
-        tree.sizes.append(1)
-    for kind in range(len(tree.parents) - 1, -1, -1):  # children come after their parents
-        if tree.parents[kind] >= 0:
-            tree.sizes[tree.parents[kind]] += tree.sizes[kind]
-    return tree
+def _near() -> dict[str, list[str]]:
+    """Return every English word for a thing with the builtin nouns nearest to it, which may be none."""
+    text = gzip.decompress((Path(__file__).parent / "nouns.txt.gz").read_bytes()).decode()
+    rows = (line.partition(":") for line in text.splitlines() if not line.startswith("#"))
+    return {word: nouns.split() for nouns, _, words in rows for word in words.split()}
 
 
 def is_noun(word: str) -> bool:
-    """Return whether the hierarchy has a word."""
-    return word in _tree().kinds
+    """Return whether a word, in small letters and singular, is English for a thing."""
+    return word in _near()
 
 
 def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
@@ -626,25 +543,16 @@ def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
     word : str
         In small letters, singular.
     nouns : iterable of str
-        The nouns to choose from, singular; those without a place in the hierarchy are never chosen.
+        The nouns to choose from. One that was taught counts as near if the two have two neighbours in common.
     count : int
         Maximum number of nouns.
 
     Returns
     -------
     list of str
-        Empty if the word has no place in the hierarchy, or nothing in common with any noun.
+        Empty if the word is not known, or near to none of the nouns.
     """
-    tree = _tree()
-    scores: dict[str, tuple[int, int]] = {}
-    for start, rank in tree.kinds.get(word, []):
-        steps = {kind: step for step, kind in enumerate(tree.line(start))}
-        for noun in nouns:
-            for kind, other_rank in tree.kinds.get(noun, []):
-                way, common = next(
-                    ((step, kind) for step, kind in enumerate(tree.line(kind)) if kind in steps), (0, -1)
-                )
-                if common >= 0 and tree.sizes[common] <= _WIDEST:
-                    score = (tree.sizes[common] * rank * other_rank, way + steps[common])
-                    scores[noun] = min(score, scores.get(noun, score))
-    return sorted(scores, key=lambda noun: (*scores[noun], noun))[:count]
+    table = _near()
+    around = table.get(word, [])
+    taught = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
+    return [*taught, *(noun for noun in around if noun in nouns)][:count]

@@ -23,9 +23,12 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "bench": ("legs",),
     "bird": ("beak", "tail", "wings"),
     "boat": ("sail",),
+    "bone": (),
+    "bookcase": (),
     "boot": ("heel",),
     "bottle": ("neck",),
     "bowl": (),
+    "bread": (),
     "bucket": (),
     "burger": (),
     "bus": ("wheels",),
@@ -35,6 +38,7 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "cake": (),
     "camel": ("humps", "legs", "neck"),
     "camera": ("lens",),
+    "can": (),
     "candle": (),
     "car": (),
     "carrot": ("leaves",),
@@ -44,16 +48,22 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "chest": (),
     "chicken": ("head", "legs", "tail"),
     "church": ("roof", "tower"),
+    "column": (),
+    "cone": (),
     "corn": ("leaves",),
     "cow": ("horns", "legs", "tail"),
     "crab": ("claws", "legs"),
+    "crate": (),
     "crocodile": ("legs", "nose", "tail"),
+    "crown": (),
+    "crystal": (),
     "cupcake": (),
     "deer": ("horns", "legs", "neck"),
     "desk": ("legs",),
     "dinosaur": ("head", "legs", "neck", "tail"),
     "dog": ("ears", "head", "legs", "tail"),
     "dolphin": ("fins", "nose"),
+    "door": (),
     "dragon": ("head", "neck", "tail", "wings"),
     "dress": ("sleeves",),
     "duck": ("head", "neck"),
@@ -61,11 +71,14 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "elephant": ("ears", "legs", "trunk"),
     "fish": ("fins", "tail"),
     "flower": ("head", "leaves", "stem"),
+    "fox": (),
+    "fridge": (),
     "frog": ("eyes", "legs"),
     "ghost": ("arms",),
     "giraffe": ("head", "legs", "neck"),
     "glove": (),
     "goblet": ("stem",),
+    "gravestone": (),
     "guitar": ("neck",),
     "hammer": ("handle", "head"),
     "hat": ("brim",),
@@ -74,34 +87,44 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "helicopter": ("tail",),
     "helmet": (),
     "horse": ("head", "legs", "neck", "tail"),
+    "hotdog": (),
     "house": ("roof",),
     "igloo": (),
+    "jar": (),
     "lamp": ("shade", "stem"),
     "lighthouse": (),
     "lion": ("legs", "mane", "tail"),
+    "log": (),
     "monkey": ("arms", "ears", "tail"),
     "motorcycle": ("wheels",),
     "mouse": ("ears", "tail"),
+    "mug": (),
     "mushroom": ("cap", "stem"),
     "octopus": ("arms", "head"),
     "owl": ("ears", "eyes", "wings"),
     "palm": ("leaves", "trunk"),
+    "pan": (),
     "pear": (),
     "penguin": ("head", "wings"),
     "person": ("arms", "head", "legs"),
     "piano": ("legs",),
     "pig": ("ears", "legs", "nose"),
+    "pillow": (),
     "pine": ("trunk",),
     "pineapple": ("leaves",),
+    "plate": (),
+    "potion": (),
     "pumpkin": ("stem",),
     "rabbit": ("ears", "head"),
     "rhino": ("horns", "legs"),
     "robot": ("arms", "head", "legs"),
     "rocket": ("fins",),
+    "scroll": (),
     "shark": ("fins", "tail"),
     "sheep": ("head", "legs"),
     "shield": (),
     "shirt": ("sleeves",),
+    "skull": (),
     "skyscraper": (),
     "snail": ("head", "shell"),
     "snake": ("head",),
@@ -119,6 +142,8 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "teapot": ("spout",),
     "television": ("stem",),
     "tent": (),
+    "toilet": (),
+    "torch": (),
     "tractor": ("wheels",),
     "train": ("wheels",),
     "tree": ("trunk", "crown"),
@@ -126,9 +151,11 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "truck": ("wheels",),
     "turtle": ("head", "neck"),
     "umbrella": ("handle",),
+    "van": (),
     "vase": ("neck",),
     "whale": ("tail",),
     "windmill": ("sail",),
+    "wolf": (),
 }
 """Every noun with the parts whose size a prompt can set."""
 
@@ -136,23 +163,31 @@ NOUN_GROUPS: dict[str, tuple[str, ...]] = {
     name: tuple(nouns.split())
     for name, nouns in {
         "animals": (
-            "bear bird butterfly camel cat chicken cow crab crocodile deer dinosaur dog dolphin duck elephant "
-            "fish frog giraffe hedgehog horse lion monkey mouse octopus owl penguin pig rabbit rhino shark "
-            "sheep snail snake spider swan turtle whale"
+            "bear bird butterfly camel cat chicken cow crab crocodile deer dinosaur dog dolphin duck "
+            "elephant fish fox frog giraffe hedgehog horse lion monkey mouse octopus owl penguin pig "
+            "rabbit rhino shark sheep snail snake spider swan turtle whale wolf"
         ),
         "figures": "dragon ghost person robot snowman",
-        "vehicles": "airplane balloon boat bus car helicopter motorcycle rocket submarine tank tractor train truck",
-        "furniture": "armchair bathtub bed bench cabinet chair desk lamp piano sofa stool table television",
-        "buildings": "castle church house igloo lighthouse skyscraper tent windmill",
+        "vehicles": (
+            "airplane balloon boat bus car helicopter motorcycle rocket submarine tank tractor train truck van"
+        ),
+        "furniture": (
+            "armchair bathtub bed bench bookcase cabinet chair desk fridge lamp piano pillow sofa stool "
+            "table television toilet"
+        ),
+        "buildings": "castle church column door gravestone house igloo lighthouse skyscraper tent windmill",
         "plants and food": (
-            "apple banana burger cactus cake carrot corn cupcake flower mushroom palm pear pine pineapple "
-            "pumpkin strawberry tree"
+            "apple banana bread burger cactus cake carrot corn cupcake flower hotdog mushroom palm pear "
+            "pine pineapple pumpkin strawberry tree"
         ),
+        "rocks and weather": "crystal log",
         "vessels and tools": (
-            "anvil axe barrel bell bottle bowl bucket camera candle chest dumbbell goblet guitar hammer shield "
-            "sword teapot vase"
+            "anvil axe barrel bell bottle bowl bucket camera can candle chest cone crate dumbbell goblet "
+            "guitar hammer jar mug pan plate potion shield sword teapot torch vase"
         ),
-        "clothes and other things": "backpack boot dress glove hat heart helmet shirt star trousers umbrella",
+        "clothes and other things": (
+            "backpack bone boot crown dress glove hat heart helmet scroll shirt skull star trousers umbrella"
+        ),
     }.items()
 }
 """The nouns by kind, for people who choose one."""
@@ -223,7 +258,7 @@ PARTS: dict[str, tuple[str, str]] = {
 
 NOUN_SYNONYMS = {
     "aeroplane": "airplane", "plane": "airplane", "jet": "airplane", "aircraft": "airplane", "handbell": "bell",
-    "sailboat": "boat", "ship": "boat", "yacht": "boat", "flask": "bottle", "cup": "bowl", "dish": "bowl",
+    "sailboat": "boat", "ship": "boat", "yacht": "boat", "flask": "bottle", "cup": "mug", "dish": "bowl",
     "basin": "bowl", "automobile": "car", "kitten": "cat", "kitty": "cat", "seat": "chair", "dino": "dinosaur",
     "sauropod": "dinosaur", "brontosaurus": "dinosaur", "diplodocus": "dinosaur", "puppy": "dog", "hound": "dog",
     "duckling": "duck", "goldfish": "fish", "chalice": "goblet", "wineglass": "goblet", "ukulele": "guitar",
@@ -252,7 +287,12 @@ NOUN_SYNONYMS = {
     "kettle": "teapot", "rucksack": "backpack", "knapsack": "backpack", "shoe": "boot", "gown": "dress",
     "frock": "dress", "mitten": "glove", "tshirt": "shirt", "sweater": "shirt", "jumper": "shirt",
     "pants": "trousers", "jeans": "trousers", "slacks": "trousers", "sunflower": "flower", "daisy": "flower",
-    "tulip": "flower", "rose": "flower", "fir": "pine", "spruce": "pine", "conifer": "pine",
+    "tulip": "flower", "rose": "flower", "fir": "pine", "spruce": "pine", "conifer": "pine", "bookshelf": "bookcase",
+    "loaf": "bread", "baguette": "bread", "tin": "can", "pillar": "column", "box": "crate", "parcel": "crate",
+    "gem": "crystal", "jewel": "crystal", "gate": "door", "refrigerator": "fridge", "freezer": "fridge",
+    "tombstone": "gravestone", "headstone": "gravestone", "frypan": "pan", "skillet": "pan", "cushion": "pillow",
+    "elixir": "potion", "parchment": "scroll", "cranium": "skull", "lavatory": "toilet", "minivan": "van",
+    "ambulance": "van",
 }  # fmt: skip
 ADJECTIVE_SYNONYMS = {
     "high": "tall", "low": "short", "squat": "short", "stubby": "short",

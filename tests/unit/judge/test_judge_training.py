@@ -40,7 +40,7 @@ KIND = {noun: number for number, noun in enumerate(NOUNS)}
 def small() -> ViewSet:
     """A member of every family, one more of every noun by the judge's own code, and four that are nothing."""
     torch.set_num_threads(1)
-    return ViewSet.of_all(TRAINING, list(NOUNS), 1, 1, 4)
+    return ViewSet.of_all(TRAINING, counts_of(list(NOUNS), 1, 1, 4))
 
 
 def test_the_ranges_of_seeds_share_no_member_with_each_other_or_the_prior() -> None:

@@ -22,6 +22,7 @@ from meshdeform.priors.builtin.grammar import (
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.cases import each_case
 from training.prior.held_out import (
+    FOURTH_EDITION,
     SECOND_EDITION,
     THIRD_EDITION,
     attributes_of,
@@ -72,15 +73,15 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a tall red vase", ["red"], ["a tall vase"]),
         ("a twistd vase", ["twistd"], ["a twisted vase"]),
         ("a squirrel beside a house", ["squirrel", "beside"], ["a house"]),
-        ("a squirrel", ["squirrel"], ["a mouse", "a hedgehog", "a bear"]),
-        ("a tall throne", ["throne"], ["a tall armchair", "a tall stool", "a tall chair"]),
-        ("two canoes", ["two", "canoes"], ["a boat", "a submarine", "an airplane"]),
+        ("a squirrel", ["squirrel"], ["a mouse", "a hedgehog", "a rabbit"]),
+        ("a tall throne", ["throne"], ["a tall armchair", "a tall chair", "a tall castle"]),
+        ("two canoes", ["two", "canoes"], ["a boat"]),
         ("a sandal", ["sandal"], ["a boot"]),
         ("a bote", ["bote"], ["a bottle"]),
         ("a dog and a cat", [], ["a dog", "a cat"]),
         ("tall and thin", [], ["a tall thin mushroom", "a tall thin vase", "a tall thin rabbit"]),
         ("Albert Einstein", ["albert", "einstein"], ["a mushroom", "a vase", "a rabbit"]),
-        ("a gnome", ["gnome"], ["a snowman"]),
+        ("a gnome", ["gnome"], ["a snowman", "a dragon"]),
         ("a chair with legs", ["legs"], ["a chair with short legs", "a chair with long legs"]),
         ("a tall short vase", [], ["a tall vase", "a short vase"]),
         ("a vase with long ears", ["ears"], ["a vase"]),
@@ -113,9 +114,9 @@ def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
 
 def test_a_refusal_asks_what_was_meant_only_where_something_is_near() -> None:
     with pytest.raises(VocabularyError) as near:
-        parse("a kayak made of wood")
-    assert near.value.extra["nearest"]["kayak"] == ["boat", "submarine", "airplane"]
-    assert near.value.advice_text.startswith("Did you mean 'a boat', 'a submarine' or 'an airplane'? ")
+        parse("a kayak made quickly")
+    assert near.value.extra["nearest"]["kayak"] == ["boat"]
+    assert near.value.advice_text.startswith("Did you mean 'a boat'? ")
     with pytest.raises(VocabularyError) as far:
         parse("democracy")
     assert far.value.extra["nearest"] == {}
@@ -205,13 +206,13 @@ def test_every_synonym_leads_to_a_word_that_is_known() -> None:
 
 
 def test_the_vocabulary_is_as_large_as_promised_and_has_no_doubles() -> None:
-    assert len(NOUNS) == 122
+    assert len(NOUNS) == 149
     assert list(NOUNS) == sorted(NOUNS)
     assert len([attribute for attribute in ATTRIBUTES if attribute.part == "whole"]) == 12
     assert len(VOCABULARY) == len(set(VOCABULARY))
     assert str(Attribute("neck", "long")) == "long neck"
-    assert set(VOCABULARY) >= SECOND_EDITION | THIRD_EDITION
-    assert len(set(NOUNS) - THIRD_EDITION) == 40
+    assert set(VOCABULARY) >= SECOND_EDITION | THIRD_EDITION | FOURTH_EDITION
+    assert len(set(NOUNS) - THIRD_EDITION - FOURTH_EDITION) == 40
     assert sorted(noun for group in vocabulary.NOUN_GROUPS.values() for noun in group) == list(NOUNS)
 
 
@@ -289,7 +290,7 @@ def test_unseen_pairs_have_a_word_that_the_first_edition_had_not() -> None:
     assert len(unseen_pairs()) >= 15
     assert set(unseen_pairs()) < set(held_out_pairs())
     for noun, attribute in held_out_pairs():
-        new = bool({noun, attribute.degree, attribute.part} & (SECOND_EDITION | THIRD_EDITION))
+        new = bool({noun, attribute.degree, attribute.part} & (SECOND_EDITION | THIRD_EDITION | FOURTH_EDITION))
         assert ((noun, attribute) in unseen_pairs()) == new
 
 
@@ -300,9 +301,9 @@ def test_the_rule_is_a_matter_of_names_alone() -> None:
     assert not is_held_out("giraffe", Attribute("neck", "long"))
     assert not is_held_out("boat", Attribute("sail", "big"))
     assert is_held_out("axe", Attribute("handle", "short"))
-    assert len(held_out_pairs()) == 150
+    assert len(held_out_pairs()) == 179
     # The second edition's list, with which its weights were trained, is part of this one.
-    old = [pair for pair in held_out_pairs() if pair[0] not in THIRD_EDITION]
+    old = [pair for pair in held_out_pairs() if pair[0] not in THIRD_EDITION | FOURTH_EDITION]
     assert len(old) == 59
     assert ("umbrella", Attribute("handle", "long")) not in old
 

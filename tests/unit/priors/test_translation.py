@@ -25,6 +25,9 @@ from tests.cases import each_case
         ("un avion con alas grandes", "an airplane with big wings"),  # without its accent
         ("un árbol alto y delgado", "a tall thin tree"),
         ("un barco largo", "a long boat"),
+        ("a pan", "a pan"),  # English first: bread in Spanish
+        ("un pan", "a bread"),
+        ("una corona", "a crown"),
     ],
 )
 def test_a_prompt_means_what_it_means_in_its_language(prompt: str, meaning: str) -> None:
@@ -52,5 +55,5 @@ def test_every_noun_adjective_and_part_has_a_translation() -> None:
 
 def test_of_a_word_that_no_noun_is_the_meaning_is_known_all_the_same() -> None:
     with pytest.raises(VocabularyError) as refused:
-        parse("ein Brunnen")
-    assert refused.value.extra["unknown"] == ["well"]
+        parse("eine Brücke")
+    assert refused.value.extra["unknown"] == ["bridge"]

@@ -22,8 +22,8 @@ from training.judge.shapes.solids import (
 )
 
 __all__ = [
-    "apple", "banana", "bread", "burger", "cake", "carrot", "cookie", "corn", "cupcake", "hotdog", "icecream", "pear",
-    "pineapple", "pumpkin", "strawberry",
+    "apple", "banana", "bread", "burger", "cake", "carrot", "corn", "cupcake", "hotdog", "pear", "pineapple",
+    "pumpkin", "strawberry",
 ]  # fmt: skip
 
 Rng = np.random.Generator
@@ -245,41 +245,4 @@ def hotdog(rng: Rng) -> list[Solid]:
     if rng.random() < 0.6:
         wave = [(x * long * 0.85, 0.3 + r, 0.06 * (-1) ** k) for k, x in enumerate(np.linspace(-1, 1, 10))]
         made += rods(wave, [0.045] * 10)
-    return made
-
-
-def icecream(rng: Rng) -> list[Solid]:
-    """Shape ice cream: scoops side by side or on each other, or a swirl, in a cone or a tub; or a bar on a stick."""
-    u, kind = rng.uniform, int(rng.integers(5))
-    if kind == 4:
-        return [block((0, 0.75, 0), (u(0.45, 0.6), 0.9, 0.28), u(0.5, 1.0)), rod((0, 0.45, 0), (0, 0.0, 0), 0.07)]
-    r, long = u(0.26, 0.34), u(0.6, 0.9)
-    tub = rng.random() < 0.15
-    made = [drum((0, 0.25 * tub, 0), (0, long, 0), r * 0.7 if tub else 0.03, r)]
-    made += [drum((0, long - 0.06, 0), (0, long + 0.06, 0), r * u(1.0, 1.15))]
-    if kind == 3:
-        for k in range(5):
-            made += [hoop((0, long + 0.12 + 0.13 * k, 0), r * (0.75 - 0.17 * k), 0.11, (90, 0, 0))]
-        return [*made, drum((0, long, 0), (0, long + 0.85, 0), r, 0.02)]
-    stacks = [[(0.0, 0.0)], [(0.0, 0.0), (0.0, 1.3)], [(-0.62, 0.0), (0.62, 0.0), (0.0, 0.95)]]
-    spots = stacks[kind]
-    made += [ball((x * r, long + (0.55 + y) * r, 0), r * u(0.95, 1.15)) for x, y in spots]
-    top = long + (1.45 + spots[-1][1]) * r
-    return [*made, ball((0.05, top + 0.06, 0), 0.1)] if rng.random() < 0.4 else made
-
-
-def cookie(rng: Rng) -> list[Solid]:
-    """Shape a round cookie with drops of chocolate, lying or upright, sometimes bitten; or two with cream between."""
-    u = rng.uniform
-    thick = u(0.14, 0.24)
-    if rng.random() < 0.2:
-        made = [drum((0, y, 0), (0, y + 0.12, 0), 0.55) for y in (0.0, 0.24)] + [drum((0, 0.1, 0), (0, 0.26, 0), 0.48)]
-    else:
-        soft = rng.random() < 0.5
-        made = [ball((0, thick / 2, 0), (0.62, 0.75 * thick, 0.62)) if soft else drum((0, 0, 0), (0, thick, 0), 0.58)]
-        for k in range(int(rng.integers(6, 10))):
-            a, far = 2.4 * k + u(0, 0.5), 0.18 * np.sqrt(k)
-            made += [ball((far * np.sin(a), thick, far * np.cos(a)), u(0.06, 0.1))]
-    if rng.random() < 0.3:
-        made += [carved(ball((0.5 + 0.1 * k, 0.1, 0.5 - 0.2 * k), u(0.16, 0.24))) for k in range(2)]
     return made

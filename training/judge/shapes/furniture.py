@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import Solid, ball, block, both, carved, drum, hoop, plate, rod, rods
+from training.judge.shapes.solids import Solid, ball, block, both, carved, drum, plate, rod, rods
 
 __all__ = [
-    "armchair", "bathtub", "bed", "bench", "bookcase", "cabinet", "chair", "desk", "fridge", "piano", "pillow", "sink",
-    "sofa", "stool", "stove", "table", "television", "toilet", "wardrobe",
+    "armchair", "bathtub", "bed", "bench", "bookcase", "cabinet", "chair", "desk", "fridge", "piano", "pillow",
+    "sofa", "stool", "table", "television", "toilet",
 ]  # fmt: skip
 
 Rng = np.random.Generator
@@ -304,32 +304,6 @@ def piano(rng: Rng) -> list[Solid]:
     return [*made, rod((0.4, high, -0.05), (0.25, high + 0.55, -0.05), 0.035)]
 
 
-def wardrobe(rng: Rng) -> list[Solid]:
-    """Shape a wardrobe: tall, of two or three doors with grooves between them, on feet or a plinth."""
-    u = rng.uniform
-    wide, high, deep, foot = u(0.38, 0.6), u(1.1, 1.4), u(0.22, 0.3), u(0.0, 0.12)
-    made = [block((0, foot + high / 2, 0), (2 * wide, high, 2 * deep), 0)]
-    if rng.random() < 0.8:
-        made += [block((0, foot + high, 0.02), (2 * wide + u(0.06, 0.16), u(0.06, 0.12), 2 * deep + 0.1), 0.3)]
-    if rng.random() < 0.3:
-        made += [plate([(-wide, 0), (wide, 0), (0, u(0.12, 0.25))], 0.14, (0, foot + high, deep - 0.07))]
-    plinth = block((0, 0.05, 0), (2 * wide + 0.06, 0.1, 2 * deep + 0.06), 0)
-    made += _legs(rng, wide, deep, foot + 0.02) if foot > 0.05 else [plinth]
-    count, low = int(rng.integers(2, 4)), u(0.2, 0.32) * (rng.random() < 0.6)
-    step = 2 * wide / count
-    for x in (np.arange(count) + 0.5) * step - wide:
-        field = block((x, foot + (high + low) / 2, deep), (step - 0.09, high - low - 0.12, 0.06), 0.2)
-        made += [carved(field) if rng.random() < 0.5 else field]
-        grip = np.array([x + 0.3 * step, foot + 0.5 * high, deep + 0.04])
-        made += [rod(grip, grip + [0, 0.1 * high, 0], 0.035)]
-    if low:
-        made += [block((0, foot + 0.05 + low / 2, deep), (2 * wide - 0.08, low - 0.06, 0.07), 0.3)]
-        made += [*both(ball((0.5 * wide, foot + 0.05 + low / 2, deep + 0.05), 0.045))]
-    for x in np.arange(1, count) * step - wide:
-        made += [carved(block((x, foot + (high + low) / 2, deep), (0.035, high - low, 0.09), 0))]
-    return made
-
-
 def bookcase(rng: Rng) -> list[Solid]:
     """Shape a bookcase: a hollow case, narrow or broad, with boards and books, or without."""
     u = rng.uniform
@@ -369,35 +343,6 @@ def fridge(rng: Rng) -> list[Solid]:
     return made
 
 
-def stove(rng: Rng) -> list[Solid]:
-    """Shape a stove: a cube with an oven behind a glass, plates or grates on top; or an iron one with a pipe."""
-    u = rng.uniform
-    wide, high, deep = u(0.36, 0.48), u(0.65, 0.85), u(0.32, 0.42)
-    if rng.random() < 0.2:
-        made = [block((0, 0.25 + high / 3, 0), (1.7 * wide, high * 0.75, 1.6 * deep), 0.2)]
-        made += [block((0, 0.27 + 0.7 * high, 0), (2 * wide, 0.08, 2 * deep), 0.2)]
-        made += [drum((0, 0.6 * high, -0.4 * deep), (0, high + u(0.5, 0.8), -0.4 * deep), 0.1)]
-        made += [block((0, 0.25 + 0.36 * high, 0.8 * deep), (wide, 0.4 * high, 0.08), 0.2)]
-        for z in (-deep, deep):
-            made += both(rod((0.6 * wide, 0.3, 0.6 * z), (0.75 * wide, 0.05, 0.75 * z), 0.07))
-        return made
-    made = [block((0, high / 2, 0), (2 * wide, high, 2 * deep), 0.05)]
-    made += [block((0, high, 0), (2 * wide + 0.04, 0.05, 2 * deep + 0.04), 0)]
-    pane = block((0, 0.4 * high, deep), (1.4 * wide, 0.4 * high, 0.07), 0.2)
-    made += [block((0, 0.42 * high, deep), (1.85 * wide, 0.62 * high, 0.06), 0.2)]
-    made += [carved(pane) if rng.random() < 0.6 else pane]
-    made += [rod((-0.7 * wide, 0.7 * high, deep + 0.07), (0.7 * wide, 0.7 * high, deep + 0.07), 0.04)]
-    for x in np.linspace(-0.75 * wide, 0.75 * wide, int(rng.integers(3, 7))):
-        made += [drum((x, 0.87 * high, deep - 0.05), (x, 0.87 * high, deep + 0.06), 0.055)]
-    for x, z, r in ((-1, -1, 0.13), (1, -1, 0.1), (-1, 1, 0.1), (1, 1, 0.13)):
-        at = np.array([0.5 * x * wide, high + 0.02, 0.48 * z * deep])
-        grate = hoop(at + [0, 0.03, 0], r, 0.03, (90, 0, 0))
-        made += [drum(at, at + [0, 0.05, 0], r) if rng.random() < 0.6 else grate]
-    if rng.random() < 0.5:
-        made += [block((0, high + 0.12, 0.06 - deep), (2 * wide, u(0.2, 0.4), 0.1), 0.2)]
-    return made
-
-
 def toilet(rng: Rng) -> list[Solid]:
     """Shape a toilet: a bowl on a waist or boxed in, a ring of a seat, a lid up, down or none, a cistern behind."""
     u = rng.uniform
@@ -417,31 +362,6 @@ def toilet(rng: Rng) -> list[Solid]:
     made += [block((0, high + tank, z), (0.68, 0.07, 0.3), 0.4)]
     lever = rod((-0.22, high + 0.8 * tank, z + 0.14), (-0.1, high + 0.8 * tank, z + 0.16), 0.04)
     return [*made, lever if rng.random() < 0.5 else drum((0, high + tank, z), (0, high + tank + 0.07, z), 0.07)]
-
-
-def sink(rng: Rng) -> list[Solid]:
-    """Shape a sink: a basin of a wall, on a pillar or in a cupboard, round or square, with a bent tap and two cocks."""
-    u, kind = rng.uniform, int(rng.integers(3))
-    wide, deep, high = u(0.38, 0.52), u(0.28, 0.36), u(0.7, 0.95)
-    if kind == 2:
-        made = [block((0, high / 2, 0), (2 * wide, high, 2 * deep), 0)]
-        made += [block((0, high, 0), (2 * wide + 0.06, 0.07, 2 * deep + 0.06), 0.2)]
-        made += [carved(block((0, 0.45 * high, deep), (0.03, 0.75 * high, 0.08), 0))]
-        made += both(ball((0.08, 0.6 * high, deep + 0.04), 0.045))
-    else:
-        made = [block((0, high - 0.1, 0), (2 * wide, 0.3, 2 * deep), 0.5)]
-        if rng.random() < 0.5:
-            made = [ball((0, high, 0), (wide, u(0.22, 0.34), deep))]
-        made += [carved(block((0, high + 0.5, 0), (3, 1.0, 3), 0))]
-        made += [block((0, high - 0.03, -deep), (1.7 * wide, 0.12, 0.2), 0.3)]
-        made += [drum((0, 0, -0.06), (0, high - 0.1, -0.03), u(0.16, 0.2), 0.11)] if kind else []
-    hollow = ball((0, high, 0.04), (0.75 * wide, 0.18, 0.68 * deep))
-    if rng.random() < 0.5:
-        hollow = block((0, high, 0.04), (1.5 * wide, 0.32, 1.25 * deep), 0.6)
-    rise, z = u(0.18, 0.35), 0.02 - deep
-    tap = [(0, high, z), (0, high + rise, z), (0, high + rise, z + 0.22), (0, high + rise - 0.08, z + 0.24)]
-    made += [carved(hollow), *rods(tap, [0.045] * 4)]
-    return made + both(drum((0.16, high, z), (0.16, high + 0.1, z), 0.05)) if rng.random() < 0.7 else made
 
 
 def pillow(rng: Rng) -> list[Solid]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import Solid, around, ball, block, both, carved, drum, hoop, rod, rods, spun
+from training.judge.shapes.solids import Solid, ball, block, both, carved, drum, hoop, rod, rods, spun
 
 __all__ = [
     "barrel", "bell", "bottle", "bowl", "bucket", "can", "candle", "goblet", "jar", "lamp", "mug", "pan", "plate",
-    "pot", "potion", "teapot", "umbrella", "vase",
+    "potion", "teapot", "umbrella", "vase",
 ]  # fmt: skip
 
 Rng = np.random.Generator
@@ -229,33 +229,6 @@ def mug(rng: Rng) -> list[Solid]:
         outline = _curve([(foot, 0.0), (r * u(0.92, 1.1), 0.5 * high), (r, high)])
     made = _ear(rng, 0.95 * r, 0.2 * high, 0.85 * high) + _pot(outline, u(0.05, 0.09), 0.1)
     return [*made, drum((0, -0.05, 0), (0, 0.04, 0), 0.5, 0.68)] if cup and rng.random() < 0.5 else made
-
-
-def pot(rng: Rng) -> list[Solid]:
-    """Shape a pot for cooking: with two ears, a long handle or a lid; or a kettle of iron on legs, hung on a bail."""
-    u = rng.uniform
-    r, high = u(0.45, 0.58), u(0.4, 0.7)
-    if rng.random() < 0.35:
-        side = _curve([(0.4, 0.13), (r * 1.15, 0.5), (r * 0.85, 0.9)])
-        made = _pot([(0.25, 0.1), *side, (r, 0.95), (r, 1.0)], 0.09, 0.25)
-        for way, _ in around(3, 0.3):
-            made += [rod(0.3 * way + [0, 0.25, 0], 0.42 * way, 0.09, 0.06)]
-        if rng.random() < 0.6:
-            return made + both(hoop((r, 0.75, 0), 0.13, 0.04))
-        bow = u(0.3, 0.5)
-        bail = [(r * np.cos(a), 0.95 + bow * np.sin(a), 0) for a in np.linspace(0, np.pi, 9)]
-        return made + rods(bail, [0.04] * 9)
-    made = _pot([(r * 0.93, 0.0), (r, 0.1), (r, high), (r + 0.04, high), (r + 0.04, high + 0.05)], 0.07, 0.08)
-    if rng.random() < 0.3:
-        made += [rod((r, 0.85 * high, 0), (r + u(0.6, 0.85), high * u(0.85, 1.1), 0), 0.05, 0.07)]
-    elif rng.random() < 0.5:
-        made += both(hoop((r, 0.75 * high, 0), u(0.12, 0.18), 0.045, (90 * (rng.random() < 0.5), 0, 0)))
-    else:
-        made += both(block((r + 0.08, 0.8 * high, 0), (0.26, 0.08, 0.3), 0.5))
-    if rng.random() < 0.45:
-        made += [ball((0, high + 0.02, 0), (r + 0.02, u(0.08, 0.2), r + 0.02))]
-        made += [drum((0, high, 0), (0, high + u(0.22, 0.3), 0), 0.05, 0.1)]
-    return made
 
 
 def pan(rng: Rng) -> list[Solid]:

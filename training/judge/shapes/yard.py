@@ -20,8 +20,7 @@ from training.judge.shapes.solids import (
 )  # fmt: skip
 
 __all__ = [
-    "bomb", "bone", "book", "coffin", "column", "cone", "crate", "crown", "door", "gravestone", "log", "sack", "scroll",
-    "skull", "torch", "tower", "trashcan", "well",
+    "bone", "column", "cone", "crate", "crown", "crystal", "door", "gravestone", "log", "scroll", "skull", "torch",
 ]  # fmt: skip
 
 Rng = np.random.Generator
@@ -31,34 +30,6 @@ def _slab(half: float, high: float, round_: float) -> np.ndarray:
     """Return the outline of an upright slab whose top is an arch; `round_` is 0 for flat and 1 for a half circle."""
     a = np.linspace(0, np.pi, 13)
     return np.array([(-half, 0), (half, 0), *np.stack([half * np.cos(a), high + half * round_ * (np.sin(a) - 1)], 1)])
-
-
-def tower(rng: Rng) -> list[Solid]:
-    """Shape a tower: round, square or with six sides, battlements or a pointed roof; or a wooden lookout."""
-    u, sides = rng.uniform, int(rng.choice([0, 4, 6]))
-    r, high = u(0.26, 0.38), u(0.9, 1.4)
-    if rng.random() < 0.15:
-        made = both([rod((1.1 * r, 0, z), (0.85 * r, high, 0.8 * z), 0.06) for z in (-r, r)])
-        made += [block((0, high, 0), (2.4 * r, 0.1, 2.4 * r), 0), block((0, high + 0.2, 0), (2 * r, 0.36, 2 * r), 0)]
-        made += [drum((0, high + 0.4, 0), (0, high + 0.85, 0), 1.3 * r, 0.02, sides=4)]
-        return made + both(rods([(1.05 * r, 0.1, r), (0.9 * r, high * 0.9, -0.85 * r)], [0.045] * 2))
-    made = [drum((0, 0, 0), (0, high, 0), r * u(1.0, 1.3), r, sides)]
-    made += [drum((0, high - 0.05, 0), (0, high + 0.22, 0), r * u(1.1, 1.35), sides=sides)]
-    wide, top = 1.2 * r, high + 0.22
-    if rng.random() < 0.6:
-        made += [carved(drum((0, high + 0.1, 0), (0, top + 0.2, 0), r * 0.9, sides=sides))]
-        for way, degrees in around(int(rng.choice([2, 3, 4])), u(0, 1.5) * (sides != 4)):
-            side = 4 * r * abs(way[2]) + 0.13
-            gap = (side, 0.22, side) if sides == 4 else (0.15, 0.22, 4 * r)
-            made += [carved(block((0, top, 0), gap, 0, (0, degrees, 0)))]
-    else:
-        made += [drum((0, top, 0), (0, top + u(0.4, 0.9), 0), wide * u(1.05, 1.25), 0.02, sides)]
-    if rng.random() < 0.8:
-        made += [carved(plate(_slab(0.1, 0.32, 1.0), 0.5, (0, 0, r * 1.15)))]
-    for y in (0.5 * high, 0.75 * high):
-        for way, turn in around(4):
-            made += [carved(block(way * r * 1.05 + [0, y, 0], (0.09, 0.2, 0.2), 0, (0, turn, 0)))]
-    return made
 
 
 def skull(rng: Rng) -> list[Solid]:
@@ -203,33 +174,6 @@ def door(rng: Rng) -> list[Solid]:
     return [*made, ball((x, 0.47 * high, z + 0.04), 0.065) if rng.random() < 0.7 else ring]
 
 
-def book(rng: Rng) -> list[Solid]:
-    """Shape a book: shut, upright, lying or leaning, with bands about its back; or open like a gull's wings."""
-    u = rng.uniform
-    wide, high, thick = u(0.36, 0.5), u(0.55, 0.7), u(0.1, 0.22)
-    if rng.random() < 0.35:
-        tilt, lean = u(4, 16), u(0, 55)
-        size = (2 * wide - 0.06, u(0.12, 0.2), 2 * high - 0.08)
-        made = both(block((wide + 0.01, 0.13, 0), size, u(0.2, 0.8), (0, 0, tilt)))
-        made += both(block((wide, 0.03, 0), (2 * wide + 0.08, 0.06, 2 * high + 0.06), 0, (0, 0, tilt)))
-        return [_tilted(s, lean) for s in made]
-    lies = rng.random() < 0.35
-
-    def put(centre: tuple[float, float, float], size: tuple[float, float, float], edge: float = 0.1) -> Solid:
-        (x, y, z), (a, b, c) = centre, size
-        return block((x, z, -y), (a, c, b), edge) if lies else block((x, y, z), (a, b, c), edge)
-
-    made = [put((0.02, 0, 0), (2 * wide - 0.1, 2 * high - 0.1, 2 * thick), 0)]
-    made += [put((-wide + 0.04, 0, 0), (0.1, 2 * high, 2 * thick + 0.1), 0.6)]
-    made += [put((0, 0, z * (thick + 0.02)), (2 * wide, 2 * high, 0.07)) for z in (-1, 1)]
-    if rng.random() < 0.6:
-        made += [put((-wide + 0.02, y * high, 0), (0.16, 0.09, 2 * thick + 0.14), 0.5) for y in (-0.6, 0, 0.6)]
-    if rng.random() < 0.6:
-        made += [put((0.1, 0.2, thick + 0.05), (u(0.25, 0.5), u(0.25, 0.5), 0.06), 0.4)]
-        made += [put((wide, 0, 0), (0.1, 0.14, 2 * thick + 0.1))]
-    return made
-
-
 def _tilted(solid: Solid, degrees: float) -> Solid:
     """Turn a solid about the x axis, so that what lies faces +Z."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
@@ -237,31 +181,6 @@ def _tilted(solid: Solid, degrees: float) -> Solid:
     middle, half = (solid.low + solid.high) / 2, (solid.high - solid.low) / 2
     reach = np.abs(matrix) @ half
     return Solid(lambda p: solid.field(p @ matrix), matrix @ middle - reach, matrix @ middle + reach, solid.hole)
-
-
-def well(rng: Rng) -> list[Solid]:
-    """Shape a well: a ring of stones or a square of logs, posts, a roof with two slopes or a beam with a bucket."""
-    u = rng.uniform
-    r, high, top = u(0.4, 0.5), u(0.3, 0.5), u(0.95, 1.2)
-    sides = int(rng.choice([0, 0, 4, 6, 8]))
-    made = [drum((0, 0, 0), (0, high, 0), r, sides=sides)]
-    made += [drum((0, high - 0.08, 0), (0, high + 0.02, 0), r + 0.06, sides=sides)]
-    made += [carved(drum((0, high - 0.25, 0), (0, high + 0.2, 0), r - 0.13, sides=sides))]
-    if rng.random() < 0.6 and not sides:
-        for row, y in enumerate(np.arange(0.0, high, 0.15)):
-            made += [carved(hoop((0, y, 0), r, 0.02, (90, 0, 0)))]
-            for way, turn in around(9, 0.35 * row):
-                made += [carved(block(way * r + [0, y + 0.075, 0], (0.04, 0.13, 0.06), 0, (0, turn, 0)))]
-    made += both(drum((r * 0.95, 0, 0), (r * 0.95, top, 0), 0.06, sides=4 * (rng.random() < 0.6)))
-    made += [rod((-r - 0.12, 0.72 * top, 0), (r + 0.12, 0.72 * top, 0), u(0.04, 0.08))]
-    made += [rod((0, 0.72 * top, 0), (0, high + 0.1, 0), 0.03), drum((0, high, 0), (0, high + 0.16, 0), 0.1, 0.13)]
-    if rng.random() < 0.8:
-        rise, over = u(0.25, 0.4), u(0.1, 0.25)
-        upper = np.array([(r + over, top - 0.12), (0, top + rise), (-r - over, top - 0.12)])
-        roof = np.concatenate([upper, upper[::-1] - [(0, 0.08), (0, 0.14), (0, 0.08)]])
-        long = rng.random() < 0.75
-        made += [plate(roof[:, ::-1], 2 * r + 0.35, (0, 0, 0), "x") if long else plate(roof, 2 * r)]
-    return made
 
 
 def torch(rng: Rng) -> list[Solid]:
@@ -281,30 +200,6 @@ def torch(rng: Rng) -> list[Solid]:
     return made
 
 
-def bomb(rng: Rng) -> list[Solid]:
-    """Shape a bomb: a ball with a neck and a curved fuse; a bundle of sticks; or one that falls, with fins."""
-    u, kind = rng.uniform, rng.random()
-    if kind < 0.15:
-        made = [drum((x, 0, z), (x, u(0.8, 0.9), z), 0.15) for x, z in ((-0.15, 0), (0.15, 0), (0, 0.26))]
-        made += [hoop((0, 0.45, 0.09), 0.3, 0.06, (90, 0, 0))]
-        return [*made, *rods([(0, 0.8, 0.1), (0, 1.05, 0.1), (0.12, 1.15, 0.1)], [0.04] * 3)]
-    if kind < 0.3:
-        made = [ball((0, 0.5, 0), (0.26, 0.55, 0.26)), drum((0, 0.8, 0), (0, 1.3, 0), 0.17, 0.1)]
-        fin = [(0.05, 1.0), (0.3, 1.2), (0.3, 1.4), (0.05, 1.4)]
-        return made + [plate(fin, 0.06, (0, 0, 0), "z", (0, turn, 0)) for _, turn in around(4)]
-    r, side = u(0.42, 0.5), rng.choice([-1, 1])
-    neck = np.array([u(0.0, 0.35) * side, 0.9 * r, u(-0.1, 0.2)])
-    way = neck / np.linalg.norm(neck)
-    tip = way * (r + 0.3) + [0.25 * side, u(0.0, 0.15), 0]
-    made = [ball((0, 0, 0), r), drum(way * r * 0.9, way * (r + 0.1), u(0.12, 0.18))]
-    made += [*rods([way * r, way * (r + 0.22), tip], [0.045] * 3)]
-    if rng.random() < 0.6:
-        made += [ball(tip, 0.08)]
-        for a in np.arange(6) * np.pi / 3:
-            made += [rod(tip, tip + 0.16 * np.array([np.cos(a), np.sin(a), 0]), 0.04, 0.01)]
-    return made
-
-
 def bone(rng: Rng) -> list[Solid]:
     """Shape a bone: a shaft with double knobs at its ends, as dogs get it; lying along X, slanted or upright."""
     u, tilt = rng.uniform, np.radians(rng.choice([0.0, rng.uniform(-60, 60), 90.0], p=[0.6, 0.25, 0.15]))
@@ -315,33 +210,6 @@ def bone(rng: Rng) -> list[Solid]:
         for up in (-0.8 * knob * side, 0.8 * knob * side):
             made += [rod(end * long * 0.8 * axis, end * (long + 0.3 * knob) * axis + up, thick, knob)]
     return made
-
-
-def coffin(rng: Rng) -> list[Solid]:
-    """Shape a coffin: six-sided, lying or upright, with a raised lid or a cross, rarely open; or a casket."""
-    u = rng.uniform
-    wide, long, deep = u(0.26, 0.36), u(0.75, 0.95), u(0.26, 0.4)
-    stands, open_ = rng.random() < 0.25, rng.random() < 0.12
-    rim = np.array([(-0.6, -1), (0.6, -1), (1, 0.45), (0.6, 1), (-0.6, 1), (-1, 0.45)]) * [wide, long]
-    turn = (0, 0, 0) if stands else (-90, 0, 0)
-
-    def put(outline: np.ndarray, low: float, high: float) -> Solid:
-        return plate(outline, high - low, (0, 0, (low + high) / 2) if stands else (0, (low + high) / 2, 0), "z", turn)
-
-    if rng.random() < 0.2:
-        lid = u(0.15, 0.25)
-        made = [block((0, 0.2, 0), (2 * wide, 0.4, 2 * long), 0.1)]
-        made += [block((0, 0.4, 0), (2 * wide + 0.08, 2 * lid, 2 * long + 0.08), 0.7)]
-        return made + both(rod((wide + 0.05, 0.25, -0.7 * long), (wide + 0.05, 0.25, 0.7 * long), 0.04))
-    made = [put(rim, 0, deep)]
-    if open_:
-        return [*made, carved(put(rim * 0.72, 0.12, deep + 0.2))]
-    made += [put(rim * [1.12, 1.05], deep, deep + u(0.06, 0.1))]
-    if rng.random() < 0.6:
-        square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-        made += [put(square * [0.05, 0.65 * long] + [0, 0.05 * long], deep, deep + 0.15)]
-        return [*made, put(square * [0.2, 0.06 * long] + [0, 0.36 * long], deep, deep + 0.15)]
-    return [*made, put(rim * 0.7, deep, deep + u(0.14, 0.2))]
 
 
 def log(rng: Rng) -> list[Solid]:
@@ -357,30 +225,6 @@ def log(rng: Rng) -> list[Solid]:
         made += [drum(root, root + way / np.linalg.norm(way) * (r + u(0.1, 0.2)), 0.08, 0.07)]
     rings = [carved(drum(s * long * axis, s * (long - 0.04) * axis, 0.75 * r)) for s in (-1, 1)]
     return made + rings if rng.random() < 0.6 else made
-
-
-def sack(rng: Rng) -> list[Solid]:
-    """Shape a sack: round below, laced under an ear of cloth; or a pile of lying ones; or open and full."""
-    u, kind = rng.uniform, rng.random()
-    r, high = u(0.36, 0.46), u(0.6, 0.85)
-    if kind < 0.2:
-        places = [(0, 0.17), (0.75, 0.17), (0.38, 0.45)][: int(rng.choice([1, 3]))]
-        return [block((x, y, 0), (0.8, 0.34, 0.55), 0.9, (0, u(-20, 20), u(-6, 6))) for x, y in places]
-    made = [ball((0, 0.6 * r, 0), (r, 0.8 * r, r * u(0.75, 1.0)))]
-    made += [ball((u(-0.1, 0.1), 0.95 * r, u(-0.05, 0.05)), 0.85 * r)]
-    made += [drum((0, r, 0), (0, high, 0), r * 0.85, 0.34 * r if kind < 0.8 else 0.85 * r)]
-    made += [carved(block((0, -0.5, 0), (3, 1.05, 3), 0))]
-    if kind < 0.8:
-        ear = high + u(0.16, 0.28)
-        made += [hoop((0, high, 0), 0.3 * r, 0.045, (90, 0, 0))]
-        made += [drum((0, high, 0), (0, ear, 0), 0.26 * r, u(0.45, 0.7) * r)]
-        for way, _ in around(5, u(0, 3)):
-            made += [carved(rod(way * 0.5 * r + [0, high + 0.06, 0], way * 0.75 * r + [0, ear + 0.06, 0], 0.06))]
-            made += [carved(rod(way * 0.34 * r + [0, high - 0.04, 0], way * 0.95 * r + [0, 1.1 * r, 0], 0.05, 0.02))]
-        return made
-    made += [hoop((0, high, 0), r * 0.85, 0.07, (90, 0, 0))]
-    made += [carved(drum((0, high - 0.1, 0), (0, high + 0.2, 0), r * 0.75))]
-    return made + [ball((0.15 * np.sin(k), high - 0.08, 0.15 * np.cos(k)), 0.16) for k in (0, 2, 4)]
 
 
 def scroll(rng: Rng) -> list[Solid]:
@@ -415,24 +259,16 @@ def cone(rng: Rng) -> list[Solid]:
     return made
 
 
-def trashcan(rng: Rng) -> list[Solid]:
-    """Shape a trash can: of ribbed metal with a lid and ears, a bin on wheels, one with a pedal, or an open basket."""
-    u, kind = rng.uniform, int(rng.integers(4))
-    r, high = u(0.28, 0.36), u(0.65, 0.9)
-    if kind == 1:
-        side = [(0.1, -0.8 * r), (0.1, 0.75 * r), (high + 0.08, r), (high + u(0.12, 0.2), -0.9 * r), (high, -r)]
-        made = [plate(side, 1.9 * r, (0, 0, 0), "x")]
-        lid = [(high, 1.15 * r), (high + 0.07, 1.15 * r), (high + 0.2, -r), (high + 0.1, -1.1 * r)]
-        made += [plate(lid, 2.2 * r, (0, 0, 0), "x"), rod((-0.8 * r, high, -1.2 * r), (0.8 * r, high, -1.2 * r), 0.045)]
-        return made + both(drum((0.8 * r, 0.12, -0.8 * r), (1.05 * r, 0.12, -0.8 * r), 0.13))
-    made = [drum((0, 0, 0), (0, high, 0), r * u(0.75, 1.0), r), hoop((0, high, 0), r, 0.035, (90, 0, 0))]
-    if kind == 3:
-        made += [carved(drum((0, 0.15, 0), (0, high + 0.2, 0), 0.7 * r, r - 0.05))]
-        slits = [rod(way * r + [0, 0.12, 0], way * r + [0, high - 0.12, 0], 0.03) for way, _ in around(12)]
-        return made + [carved(slit) for slit in slits]
-    made += half_ball((0, high, 0), (r * 1.05, u(0.1, 0.3), r * 1.05))[:1]
-    if kind == 2:
-        made += [block((0, 0.05, r), (0.2, 0.06, 0.2), 0.3)]
-        return [*made, drum((0, high - 0.03, 0), (0, high + 0.03, 0), r * 1.08)]
-    made += [rod(way * r * 0.95 + [0, 0.1, 0], way * r + [0, high - 0.1, 0], 0.03) for way, _ in around(14)]
-    return made + both(hoop((r, 0.75 * high, 0), 0.09, 0.035, (0, 0, 0))) + [hoop((0, high + 0.22, 0), 0.1, 0.04)]
+def crystal(rng: Rng) -> list[Solid]:
+    """Shape a gem with a flat table, or a cluster of pointed prisms of uneven height."""
+    u = rng.uniform
+    if rng.random() < 0.4:
+        r, sides = u(0.5, 0.7), int(rng.choice([4, 6, 8]))
+        return [drum((0, -0.7, 0), (0, 0, 0), 0.01, r, sides), drum((0, 0, 0), (0, u(0.2, 0.35), 0), r, 0.6 * r, sides)]
+    made = []
+    for k in range(int(rng.integers(3, 8))):
+        way, high = around(7, u(0, 1))[k][0], u(0.4, 0.9) + 0.4 * (k == 0)
+        foot, tip, r = way * 0.18, way * (0.18 + 0.35 * high * (k > 0)) + [0, high, 0], u(0.09, 0.17)
+        neck = foot + 0.7 * (tip - foot)
+        made += [drum(foot, neck, r, r, 5), drum(neck, tip, r, 0.01, 5)]
+    return made

@@ -21,8 +21,8 @@ __all__ = ["FAMILIES", "Family", "Part", "Traits", "member"]
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animals beasts buildings clothing creatures dungeon figures food furniture household kitchen movers plants rooms "
-    "small swimmers things tools vehicles wheeled winged"
+    "animals beasts buildings clothing creatures dungeon figures food furniture household kitchen movers "
+    "plants rooms small swimmers things tools vehicles wheeled winged"
 )
 _MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
 FAMILIES: dict[str, Family] = dict(

@@ -8,10 +8,7 @@ from numpy.typing import ArrayLike
 from training.prior.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from training.prior.families.traits import Rng, Traits
 
-__all__ = [
-    "bomb", "bone", "coffin", "column", "crate", "crown", "gravestone", "log", "sack", "scroll", "skull", "torch",
-    "tower", "well",
-]  # fmt: skip
+__all__ = ["bone", "column", "crate", "crown", "crystal", "gravestone", "log", "scroll", "skull", "torch"]
 
 
 def _around(part: Part, count: int, start: float = 0.0) -> list[Part]:
@@ -30,27 +27,6 @@ def arched(width: float, height: float, rise: float, depth: float) -> Part:
     turn = np.linspace(0.0, np.pi, 15)
     top = [(0.5 * width * np.cos(t), height - rise + rise * np.sin(t)) for t in turn]
     return extrude([(-width / 2, 0.0), (width / 2, 0.0), *top], depth, bevel=0.12)
-
-
-def tower(rng: Rng, _: Traits) -> Part:
-    """Draw a round or square tower with a door and windows, a gallery that juts out, and battlements or a cone."""
-    wide, tall, kind = rng.uniform(0.36, 0.44), rng.uniform(1.3, 1.7), rng.integers(3)
-    out, sides = rng.uniform(1.2, 1.35) * wide, 4 if kind == 2 else 28
-    wall = [(1.25 * wide, 0.0), (1.05 * wide, 0.22), (0.92 * wide, tall - 0.2), (out, tall), (out, tall + 0.2)]
-    wall += [(0.75 * out, tall + 0.2), (0.75 * out, tall + 0.08)]
-    grow = np.sqrt(2.0) if kind == 2 else 1.0
-    parts = [turned(lathe(np.array(wall) * [grow, 1], segments=sides), 45, "y")]
-    if kind == 1:
-        roof = [(out + 0.12, tall + 0.16), (out + 0.12, tall + 0.22), (0.45 * out, tall + 0.65), (0.03, tall + 1.1)]
-        parts += [lathe(roof)]
-    else:
-        places = (-0.8, 0, 0.8) if kind else (0,)
-        teeth = [box([x * out, tall + 0.26, out - 0.07], [0.21, 0.34, 0.16], round_by=0.1) for x in places]
-        parts += [turned(t, 360 * k / (4 if kind else 8), "y") for k in range(4 if kind else 8) for t in teeth]
-    parts += [moved(arched(0.34, 0.5, 0.17, 0.2), [0, 0, 1.05 * wide])]
-    window = moved(arched(0.16, 0.3, 0.08, 0.16), [0, 0, 0.95 * wide])
-    parts += [*(moved(p, [0, 0.68 * tall, 0]) for p in _around(window, 4))]
-    return join([*parts, moved(window, [0, 0.4 * tall, 0.02])])
 
 
 def skull(rng: Rng, _: Traits) -> Part:
@@ -164,25 +140,6 @@ def column(rng: Rng, _: Traits) -> Part:
     return join(parts)
 
 
-def well(rng: Rng, _: Traits) -> Part:
-    """Draw a well: a round wall of stones, a gabled roof on two posts, an axle with a crank and a bucket."""
-    high, roof, tall = rng.uniform(0.55, 0.7), rng.uniform(0.35, 0.5), rng.uniform(1.25, 1.45)
-    wall = lathe([*((0.68, high * t) for t in np.linspace(0, 1, 13)), (0.48, high), (0.48, 0.3)], segments=72)
-    x, y, z = wall.verts.T
-    course = y / high * 3
-    seam = np.abs((np.arctan2(x, z) / (2 * np.pi) * 12 + 0.5 * np.floor(course - 1e-6)) % 1 - 0.5) > 0.44
-    seam |= np.abs(course - np.round(course)) < 0.05
-    groove = np.where((np.hypot(x, z) > 0.6) & seam & (y < high), 0.93, 1.0)
-    parts = [Part(np.stack([x * groove, y, z * groove], 1), wall.faces)]
-    parts += pair(box([0.6, tall / 2 + 0.1, 0], [0.14, tall, 0.16], round_by=0.15))
-    eaves = [(x, tall - 0.05) for x in (-0.62, 0.0, 0.62)]
-    slope = extrude([*eaves, (0.04, tall + roof), (-0.04, tall + roof)], 1.65, bevel=0.02)
-    parts += [turned(slope, 90, "y"), limb([[-0.75, high + 0.3, 0], [0.75, high + 0.3, 0]], [0.08, 0.08], segments=10)]
-    parts += [limb([[0.78, high + 0.3, 0], [0.8, high + 0.08, 0.1], [0.95, high + 0.08, 0.1]], [0.06] * 3, segments=8)]
-    parts += [limb([[0, high + 0.3, 0], [0, high, 0]], [0.05, 0.05])]
-    return join([*parts, lathe([(0.14, high - 0.2), (0.19, high + 0.06)])])
-
-
 def torch(rng: Rng, _: Traits) -> Part:
     """Draw a torch: a stick that widens to a bound or a caged head, with a flame of several tongues."""
     thick, tall, head = rng.uniform(0.1, 0.13), rng.uniform(1.0, 1.3), rng.uniform(0.22, 0.28)
@@ -200,23 +157,6 @@ def torch(rng: Rng, _: Traits) -> Part:
     return join([*parts, *_around(side, 4, rng.uniform(0, 90))])
 
 
-def bomb(rng: Rng, _: Traits) -> Part:
-    """Draw a round bomb: a ball with a collar, a bent fuse toward +X and a spark; or a mine with spikes all round."""
-    parts = [ellipsoid([0, 0, 0], 0.7, rings=20)]
-    if rng.random() < 0.2:
-        spike = lathe([(0.17, 0.6), (0.12, 0.75), (0.03, 1.0)], segments=14)
-        ring = [turned(turned(spike, tilt, "x"), 45 * k, "y") for tilt in (45, 90, 135) for k in range(0, 8, 2)]
-        return join([*parts, spike, turned(spike, 180, "x"), *ring])
-    reach = rng.uniform(0.2, 0.45)
-    parts += [lathe([(0.24, 0.55), (0.24, 0.84), (0.17, 0.86), (0.17, 0.8)])]
-    tip = np.array([reach + 0.12, 1.02 + rng.uniform(-0.08, 0.2), 0.0])
-    fuse = [[0, 0.78, 0], [0.03, 1.02, 0], [0.5 * reach, 1.16, 0], tip]
-    parts += [limb(fuse, [0.075, 0.075, 0.075, 0.07], samples=3)]
-    ray = limb([[0, 0, 0], [0, 0.24, 0]], [0.09, 0.02], segments=8)
-    parts += [moved(turned(turned(ray, 60 * k, "z"), 30 * k, "y"), tip) for k in range(6)]
-    return turned(join(parts), rng.uniform(-30, 0), "z")
-
-
 def bone(rng: Rng, _: Traits) -> Part:
     """Draw a bone along X: a shaft, narrow in its middle, with two knobs at each end."""
     long, thick, knob = rng.uniform(0.6, 0.85), rng.uniform(0.13, 0.17), rng.uniform(0.2, 0.26)
@@ -224,23 +164,6 @@ def bone(rng: Rng, _: Traits) -> Part:
     for y in (-0.75, 0.75):
         shaft += pair(ellipsoid([long + 0.5 * knob, y * knob, 0], [knob * 1.15, knob, 0.9 * knob], rings=10))
     return turned(join(shaft), rng.choice([0.0, rng.uniform(-25, 25)]), "z")
-
-
-def coffin(rng: Rng, _: Traits) -> Part:
-    """Draw a lying coffin, its foot toward +Z: six-sided, with a lid that juts out and a cross on it."""
-    wide, long, high = rng.uniform(0.4, 0.48), rng.uniform(0.95, 1.1), rng.uniform(0.36, 0.48)
-    rim = np.array([(-0.6, -1), (0.6, -1), (1, -0.45), (0.55, 1), (-0.55, 1), (-1, -0.45)])
-
-    def slab(grow: float, low: float, top: float) -> Part:
-        flat = extrude((rim * [wide + grow, long + grow])[::-1] * [1, -1], top - low, bevel=0.1)
-        return moved(turned(flat, -90, "x"), [0, (low + top) / 2, 0])
-
-    parts = [slab(0.0, 0.0, high), slab(0.07, high - 0.06, high + 0.08), slab(-0.08, high, high + 0.2)]
-    parts += [box([0, high + 0.2, 0.05], [0.13, 0.14, 1.3 * long])]
-    parts += [box([0, high + 0.2, -0.4 * long], [1.0 * wide, 0.14, 0.13])]
-    for z in (-0.1, 0.45):
-        parts += pair(ellipsoid([wide * (0.86 - 0.3 * z), 0.5 * high, z * long], [0.09, 0.08, 0.16], rings=8))
-    return join(parts)
 
 
 def log(rng: Rng, _: Traits) -> Part:
@@ -257,27 +180,6 @@ def log(rng: Rng, _: Traits) -> Part:
     at, tilt = rng.uniform(-0.5, 0.5) * long, rng.uniform(-80, 80)
     stump = moved(turned(turned(disc(0.42 * thick, 0.0, thick + 0.2), 25, "x"), tilt, "z"), [0, 0, at])
     return join([part, stump])
-
-
-def sack(rng: Rng, _: Traits) -> Part:
-    """Draw a full sack that is tied below its top, with folds from the neck; or an open one with a rolled rim."""
-    wide, tall, tied = rng.uniform(0.52, 0.64), rng.uniform(0.9, 1.15), rng.random() < 0.8
-    if tied:
-        rows = [(0.7, 0.0), (0.95, 0.1), (1.0, 0.3), (0.92, 0.55), (0.7, 0.78)]
-        rows += [(0.36, 0.95), (0.3, 1.02), (0.42, 1.12), (0.6, 1.24), (0.5, 1.26)]
-    else:
-        rows = [(0.75, 0.0), (0.97, 0.1), (1.0, 0.35), (0.92, 0.7), (0.86, 0.86)]
-        rows += [(0.98, 0.92), (0.98, 1.0), (0.82, 1.02), (0.76, 0.86)]
-    part = lathe(np.array(rows) * [wide, tall], segments=56)
-    x, y, z = part.verts.T
-    # Folds are deep at the neck and vanish at the belly.
-    fold = 1 + 0.12 * np.clip(y / tall * 1.6 - 0.7, 0, 1) * np.cos(7 * np.arctan2(x, z)) * tied
-    fold += 0.06 * np.cos(3 * np.arctan2(x, z) + 4 * y + rng.uniform(0, 6))
-    part = Part(np.stack([x * fold, y, 0.86 * z * fold], 1), part.faces)
-    if tied:
-        knot = ellipsoid([0, tall, 0.32 * wide], [0.12, 0.09, 0.09], rings=8)
-        return join([part, disc(0.36 * wide, 0.96 * tall, 1.04 * tall, edge=0.02), knot])
-    return join([part, ellipsoid([0, 0.84 * tall, 0], [0.8 * wide, 0.2, 0.68 * wide])])
 
 
 def scroll(rng: Rng, _: Traits) -> Part:
@@ -299,3 +201,17 @@ def scroll(rng: Rng, _: Traits) -> Part:
     sheet = [[0, tall * t, 0.12 * t**2 - 0.06] for t in bow]
     lines = [box([0, y * tall, -0.02], [1.2 * wide, 0.07, 0.13], round_by=0.45) for y in (-0.36, 0.0, 0.36)]
     return join([limb(sheet, [[wide - 0.07, 0.05]] * 7), *lines, *roller(tall, knobs=True), *roller(-tall, knobs=True)])
+
+
+def crystal(rng: Rng, _: Traits) -> Part:
+    """Draw crystals: one cut stone with a point above and below, or a bunch of prisms with points that lean apart."""
+    if rng.random() < 0.4:
+        wide, sides = rng.uniform(0.45, 0.75), int(rng.integers(5, 9))
+        return lathe([(0.02, -0.9), (wide, 0.1), (wide, 0.25), (0.55 * wide, 0.55)], segments=sides)
+    parts = [ellipsoid([0, 0.05, 0], [0.55, 0.16, 0.5], rings=8)]
+    for k in range(int(rng.integers(4, 7))):
+        tall, wide = (1.5, 0.24) if k == 0 else (rng.uniform(0.6, 1.1), rng.uniform(0.13, 0.19))
+        prism = lathe([(wide, -0.1), (1.1 * wide, 0.7 * tall), (0.02, tall)], segments=6)
+        lean = turned(prism, 0 if k == 0 else rng.uniform(18, 38), "x")
+        parts.append(turned(lean, 72 * k + rng.uniform(-15, 15), "y"))
+    return join(parts)

@@ -15,14 +15,11 @@ from training.prior.families.parts import (
     limb,
     mirrored,
     moved,
-    pair,
     turned,
 )  # fmt: skip
 from training.prior.families.traits import Rng, Traits
 
-__all__ = [
-    "bread", "can", "cookie", "hotdog", "icecream", "jar", "mug", "pan", "plate", "pot", "potion",
-]  # fmt: skip
+__all__ = ["bread", "can", "hotdog", "jar", "mug", "pan", "plate", "potion"]
 
 
 def vessel(outer: ArrayLike, wall: float, floor: float, segments: int = SEGMENTS) -> Part:
@@ -48,29 +45,6 @@ def mug(rng: Rng, _: Traits) -> Part:
     wall = np.stack([foot + (wide - foot) * np.sqrt(share) + band, high * share], 1)
     handle = _ear(0.92 * wide, 0.22 * high, 0.82 * high, rng.uniform(0.32, 0.42), rng.uniform(0.08, 0.1))
     return join([vessel(wall, 0.09, 0.12), *map(mirrored, handle)])
-
-
-def pot(rng: Rng, _: Traits) -> Part:
-    """Draw a cooking pot with two ears or one long handle, open or under a lid, or a cauldron on three feet."""
-    wide, high, kind = rng.uniform(0.6, 0.7), rng.uniform(0.55, 0.8), rng.integers(3)
-    if kind == 2:
-        turn = np.linspace(0.1, 0.78, 12) * np.pi
-        belly = [(wide * np.sin(t), 0.6 * (1 - np.cos(t)) + 0.12) for t in turn]
-        rim = [(belly[-1][0] + 0.12, belly[-1][1] + 0.06), (belly[-1][0] + 0.12, belly[-1][1] + 0.16)]
-        foot = limb([[0, 0.3, 0.42], [0, 0.06, 0.5]], [0.13, 0.09], segments=10)
-        ears = pair(moved(turned(join(_ear(0, -0.16, 0.16, 0.2, 0.07)), 20, "z"), [0.92 * wide, 0.8, 0]))
-        return join([vessel([*belly, *rim], 0.12, 0.4), *(turned(foot, 60 + 120 * k, "y") for k in range(3)), *ears])
-    wall = [(0.9 * wide, 0.0), (wide, 0.08), (wide, 0.5 * high), (wide, high - 0.08), (wide + 0.06, high - 0.06)]
-    parts = [vessel([*wall, (wide + 0.06, high)], 0.13, 0.12)]
-    if rng.random() < 0.3:
-        grip = [[wide, 0.8 * high, 0], [wide + 0.9, 0.95 * high, 0]]
-        parts += [limb(grip, [[0.07, 0.08], [0.08, 0.12]], segments=12)]
-    else:
-        parts += pair(join([moved(p, [0, 0.75 * high, 0]) for p in _ear(0.95 * wide, -0.13, 0.13, 0.26, 0.075)]))
-    if kind:
-        dome = [((wide + 0.03) * np.cos(t), high + 0.22 * np.sin(t)) for t in np.linspace(0, 1.5, 8)]
-        parts += [lathe([(wide + 0.03, high - 0.06), *dome]), ellipsoid([0, high + 0.3, 0], [0.14, 0.11, 0.14])]
-    return join(parts)
 
 
 def pan(rng: Rng, _: Traits) -> Part:
@@ -163,31 +137,3 @@ def hotdog(rng: Rng, _: Traits) -> Part:
     wave = np.stack([x, 0.36 + thick + 0 * x, 0.09 * np.sin(np.linspace(0, 8 * np.pi, 25))], 1)
     bun = [half, Part(half.verts * [1, 1, -1], half.faces[:, ::-1].copy())]
     return join([*bun, sausage, limb(wave, np.full(25, 0.06), samples=1)])
-
-
-def icecream(rng: Rng, _: Traits) -> Part:
-    """Draw a cone with one to three scoops, or with a soft one that winds to a tip."""
-    wide, long, kind = rng.uniform(0.36, 0.42), rng.uniform(0.85, 1.1), rng.integers(4)
-    rim = [(wide + 0.06, long), (wide + 0.06, long + 0.1), (wide - 0.04, long + 0.1)]
-    parts = [lathe([(0.05, 0.0), (wide, long), *rim])]
-    if kind == 3:
-        rings = [(wide * (1.2 - 0.27 * k), long + 0.16 + 0.24 * k) for k in range(4)]
-        swirl = [(r + 0.1 * side, y + 0.1 * side - 0.02) for r, y in rings for side in (0, 1, 0.4)]
-        return join([*parts, lathe([*swirl, (0.03, long + 1.15)])])
-    ball, drips = wide * rng.uniform(1.1, 1.25), np.linspace(0, 2 * np.pi, 8)[:-1]
-    for number in range(kind + 1):
-        level, size = long + 0.22 + 1.25 * ball * number, ball * 0.93**number
-        parts += [ellipsoid([0, level, 0], size, rings=10)]
-        for a in drips:
-            parts += [ellipsoid([size * np.sin(a), level - 0.42 * size, size * np.cos(a)], 0.3 * size, rings=8)]
-    return join(parts)
-
-
-def cookie(rng: Rng, _: Traits) -> Part:
-    """Draw a thick round cookie that lies flat, with chips on top."""
-    thick = rng.uniform(0.26, 0.4)
-    side = [(0.9, 0.0), (1.0, 0.25), (1.0, 0.5), (0.92, 0.85), (0.7, 1.02), (0.35, 1.1)]
-    spots = [(0.28, 2.1 * k) for k in range(3)] + [(0.7, 0.9 * k) for k in range(7)]
-    turn, size = rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 0.14)
-    chips = [ellipsoid([r * np.sin(a + turn), 1.04 * thick, r * np.cos(a + turn)], size, rings=8) for r, a in spots]
-    return join([lathe(np.array(side) * [1, thick]), *chips])

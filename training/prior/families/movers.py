@@ -8,7 +8,7 @@ from training.prior.families.animals import Body, at
 from training.prior.families.parts import Part, box, disc, ellipsoid, extrude, join, limb, moved, pair, turned
 from training.prior.families.traits import Rng, Traits
 
-__all__ = ["astronaut", "fox", "van", "wolf"]
+__all__ = ["fox", "van", "wolf"]
 
 
 def fox(rng: Rng, _: Traits) -> Part:
@@ -71,24 +71,3 @@ def van(rng: Rng, _: Traits) -> Part:
         parts += pair(moved(turned(disc(wheel, -0.09, 0.09), 90, "z"), [wide - 0.02, wheel, z]))
     parts += [box([0, floor + 0.08, z], [2 * wide + 0.06, 0.14, 0.14], round_by=0.4) for z in (-long, front)]
     return join([*parts, *pair(ellipsoid([0.7 * wide, belt - 0.24, front], [0.09, 0.09, 0.07], rings=8))])
-
-
-def astronaut(rng: Rng, _: Traits) -> Part:
-    """Draw an astronaut: a round helmet with a bulging visor, a padded suit with cuffs, a pack, big boots."""
-    wide, legs, head = rng.uniform(0.32, 0.38), rng.uniform(0.42, 0.55), rng.uniform(0.36, 0.42)
-    hips, top = legs + 0.12, legs + rng.uniform(0.68, 0.8)
-    skull = np.array([0.0, top + 0.8 * head, 0.0])
-    spine = [[0, hips, 0], [0, (hips + top) / 2, 0], [0, top - 0.15, 0]]
-    parts = [limb(spine, [[wide * 0.9, 0.24], [wide, 0.27], [wide, 0.27]]), ellipsoid(skull, head)]
-    parts += [ellipsoid(skull + [0, 0, 0.45 * head], [0.78 * head, 0.62 * head, 0.72 * head])]
-    parts += [moved(disc(0.8 * head, -0.08, 0.08), [0, top + 0.02, 0])]
-    parts += [moved(disc(wide + 0.03, -0.06, 0.06), [0, hips + 0.06, 0])]
-    parts += [box([0, top - 0.2, -0.38], [1.5 * wide, 0.75, 0.32]), box([0, top - 0.28, 0.27], [0.34, 0.22, 0.14])]
-    lift = np.radians(rng.uniform(25, 85))
-    way = np.array([np.sin(lift), -np.cos(lift), 0.15])
-    shoulder = np.array([wide * 0.95, top - 0.15, 0.0])
-    elbow, hand = shoulder + 0.32 * way, shoulder + 0.62 * way + [0, 0, 0.05]
-    parts += pair(limb([shoulder, elbow, hand], [0.16, 0.15, 0.13])) + pair(ellipsoid(hand + 0.1 * way, 0.15, rings=8))
-    foot = np.array([rng.uniform(0.2, 0.28), 0.12, 0.0])
-    parts += pair(limb([[0.18, hips, 0], foot + [0, 0.3, 0], foot], [0.19, 0.17, 0.16]))
-    return join([*parts, *pair(box(foot + [0, 0, 0.08], [0.3, 0.24, 0.46], round_by=0.4))])

@@ -6,12 +6,10 @@ import numpy as np
 
 from training.prior.families.dungeon import arched
 from training.prior.families.kitchen import vessel
-from training.prior.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
+from training.prior.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, pair, turned
 from training.prior.families.traits import Rng, Traits
 
-__all__ = [
-    "book", "bookcase", "cone", "door", "fridge", "pillow", "sink", "stove", "toilet", "trashcan", "wardrobe",
-]  # fmt: skip
+__all__ = ["bookcase", "cone", "door", "fridge", "pillow", "toilet"]
 
 
 def door(rng: Rng, _: Traits) -> Part:
@@ -35,25 +33,6 @@ def door(rng: Rng, _: Traits) -> Part:
     return join(parts)
 
 
-def book(rng: Rng, _: Traits) -> Part:
-    """Draw an upright closed book, its back toward -X with ribs, a shield on its cover; or an open book on a slope."""
-    wide, tall, deep = rng.uniform(0.8, 1.0), rng.uniform(1.15, 1.35), rng.uniform(0.3, 0.46)
-    if rng.random() < 0.35:
-        bow = np.linspace(0, 1, 9)
-        edge = [(wide * t, 0.3 * np.sin(np.pi * t**0.7) ** 0.8 + 0.12) for t in bow[1:]]
-        leaf = extrude([(0.0, 0.0), (wide, 0.0), *edge[::-1], (0.0, 0.1)], tall, bevel=0.03)
-        parts = [*pair(leaf), box([0, 0, 0], [2 * wide + 0.16, 0.1, tall + 0.14], round_by=0.3)]
-        return turned(join(parts), rng.uniform(25, 60), "x")
-    parts = [box([0.0, 0, 0], [wide - 0.06, tall - 0.12, deep - 0.1], round_by=0.03)]
-    parts += [box([0.02, 0, z * (deep / 2 - 0.05)], [wide + 0.06, tall, 0.11], round_by=0.3) for z in (-1, 1)]
-    back = [[-wide / 2, -tall / 2 + 0.06, 0], [-wide / 2, tall / 2 - 0.06, 0]]
-    parts += [limb(back, [[0.11, deep / 2]] * 2, segments=20)]
-    for y in (-0.28 * tall, 0.28 * tall):
-        parts += [limb([[-wide / 2, y, 0], [-wide / 2, y + 0.02, 0]], [[0.13, deep / 2 + 0.03]] * 2, segments=20)]
-    half = [box([0.05, y, deep / 2], [0.5 * wide, 0.1, 0.08], round_by=0.4) for y in (-0.3 * tall, -0.22 * tall)]
-    return join([*parts, *half, box([0.05, 0.15 * tall, deep / 2], [0.4 * wide, 0.4 * wide, 0.12], round_by=0.48)])
-
-
 def _panel(x: float, y: float, front: float, width: float, height: float, thick: float = 0.13) -> Part:
     """Return a raised panel with soft edges on a front."""
     return box([x, y, front], [width, height, thick], round_by=0.45)
@@ -63,32 +42,6 @@ def _grip(x: float, y: float, front: float, long: float, axis: int) -> Part:
     """Return a bar to pull at, `long` along x (0) or y (1)."""
     half = np.eye(3)[axis] * long / 2
     return limb([np.array([x, y, front]) - half, np.array([x, y, front]) + half], [0.06, 0.06], segments=10)
-
-
-def _spout(y: float, z: float, reach: float, rise: float) -> list[Part]:
-    """Return a tap that stands at height `y` and reaches forward, with a knob at each side."""
-    bow = [[0, y, z], [0, y + rise, z], [0, y + rise + 0.06, z + 0.5 * reach], [0, y + 0.7 * rise, z + reach]]
-    knobs = pair(ellipsoid([0.24, y + 0.06, z], [0.09, 0.1, 0.09], rings=8))
-    return [limb(bow, [0.075, 0.07, 0.07, 0.07], segments=10), *knobs]
-
-
-def wardrobe(rng: Rng, _: Traits) -> Part:
-    """Draw a wardrobe: a tall broad case with a heavy cornice, two long doors over a row of drawers, on bun feet."""
-    wide, tall, deep = rng.uniform(0.95, 1.25), rng.uniform(1.6, 1.9), rng.uniform(0.5, 0.62)
-    front, low, bow = deep / 2, rng.uniform(0.36, 0.46), rng.random() < 0.5
-    parts = [box([0, tall / 2 + 0.08, 0], [wide, tall, deep], round_by=0.04)]
-    parts += [box([0, 0.14, 0.02], [wide + 0.12, 0.14, deep + 0.1], round_by=0.3)]
-    parts += [box([0, tall + 0.1, 0.02], [wide + 0.2, 0.17, deep + 0.16], round_by=0.3)]
-    if bow:
-        parts += [moved(arched(0.8 * wide, 0.3, 0.24, deep), [0, tall + 0.1, 0])]
-    door = tall - low - 0.12
-    parts += pair(_panel(0.25 * wide, low + 0.1 + door / 2, front, 0.44 * wide, door))
-    parts += pair(_panel(0.25 * wide, 0.12 + (low + 0.1) / 2, front, 0.44 * wide, low - 0.16))
-    parts += pair(_grip(0.07 * wide, low + 0.1 + door / 2, front + 0.1, 0.24, 1))
-    parts += pair(ellipsoid([0.25 * wide, low / 2 + 0.17, front + 0.08], 0.07, rings=8))
-    for z in (-0.4 * deep, 0.4 * deep):
-        parts += pair(ellipsoid([0.42 * wide, 0.05, z], [0.1, 0.08, 0.1], rings=8))
-    return join(parts)
 
 
 def bookcase(rng: Rng, _: Traits) -> Part:
@@ -128,26 +81,6 @@ def fridge(rng: Rng, _: Traits) -> Part:
     return join(parts)
 
 
-def stove(rng: Rng, _: Traits) -> Part:
-    """Draw a kitchen stove: four burners on top, a row of knobs over an oven door with a window and a bar."""
-    wide, tall, deep = rng.uniform(0.9, 1.05), rng.uniform(0.9, 1.05), rng.uniform(0.8, 0.92)
-    front = deep / 2
-    parts = [box([0, tall / 2, 0], [wide, tall, deep], round_by=0.04)]
-    parts += [box([0, tall, 0], [wide + 0.08, 0.11, deep + 0.08], round_by=0.3)]
-    burner = lathe([(0.19, 0.0), (0.19, 0.09), (0.13, 0.1), (0.12, 0.05), (0.05, 0.05), (0.05, 0.09)])
-    parts += [moved(burner, [x * wide, tall + 0.04, z * deep]) for x in (-0.25, 0.25) for z in (-0.25, 0.25)]
-    knob = turned(disc(0.075, 0.0, 0.13, edge=0.02), 90, "x")
-    places = np.linspace(-0.38, 0.38, int(rng.integers(4, 6)))
-    parts += [moved(knob, [x * wide, 0.88 * tall, front]) for x in places]
-    parts += [_panel(0, 0.48 * tall, front, 0.86 * wide, 0.56 * tall)]
-    parts += [_panel(0, 0.42 * tall, front + 0.05, 0.56 * wide, 0.26 * tall, 0.14)]
-    parts += [_grip(0, 0.68 * tall, front + 0.14, 0.7 * wide, 0)]
-    parts += [_panel(0, 0.1 * tall, front, 0.86 * wide, 0.13 * tall)]
-    if rng.random() < 0.6:
-        parts += [box([0, tall + 0.17, -front + 0.06], [wide, 0.34, 0.13], round_by=0.25)]
-    return join(parts)
-
-
 def toilet(rng: Rng, _: Traits) -> Part:
     """Draw a toilet: a foot, an oval bowl with its seat, the lid up or down, a tank with a button behind."""
     wide, long, high = rng.uniform(0.4, 0.46), rng.uniform(0.52, 0.62), rng.uniform(0.62, 0.74)
@@ -165,52 +98,6 @@ def toilet(rng: Rng, _: Traits) -> Part:
         oval = turned(Part(lid.verts * [wide * 1.02, 1, long * 0.95], lid.faces), 80, "x")
         return join([*parts, moved(oval, [0, high + 0.92 * long, back + 0.33])])
     return join([*parts, moved(Part(lid.verts * [wide * 1.1, 1.2, long * 1.1], lid.faces), [0, high + 0.06, 0])])
-
-
-def sink(rng: Rng, _: Traits) -> Part:
-    """Draw a wash basin on a pedestal, or a kitchen sink let into a cupboard, with a tap behind."""
-    wide, deep, high = rng.uniform(0.6, 0.7), rng.uniform(0.44, 0.52), rng.uniform(0.85, 1.1)
-    if rng.random() < 0.6:
-        wall = [(0.3, high - 0.36), (0.7, high - 0.26), (0.97, high - 0.08), (1.02, high)]
-        bowl = vessel(wall, 0.2, high - 0.2, segments=36)
-        x, y, z = bowl.verts.T
-        parts = [Part(np.stack([x * wide, y, np.maximum(z, -0.85) * deep], 1), bowl.faces)]
-        parts += [lathe([(0.3, 0.0), (0.27, 0.08), (0.17, 0.2), (0.17, high - 0.45), (0.28, high - 0.25)])]
-        parts += [box([0, high, -deep], [1.7 * wide, 0.16, 0.24], round_by=0.3)]
-        return join([*parts, *_spout(high + 0.05, -deep, 0.4, rng.uniform(0.22, 0.32))])
-    parts = [box([0, high / 2 - 0.06, 0], [2 * wide, high - 0.12, 2 * deep], round_by=0.03)]
-    parts += pair(box([wide - 0.13, high, 0], [0.3, 0.28, 2 * deep + 0.08], round_by=0.2))
-    for z, size in ((deep - 0.04, 0.16), (-deep + 0.1, 0.3)):
-        parts += [box([0, high, z], [2 * wide, 0.28, size], round_by=0.2)]
-    parts += pair(_panel(0.5 * wide, 0.44 * high, deep, 0.86 * wide, 0.68 * high))
-    parts += pair(ellipsoid([0.16, 0.6 * high, deep + 0.08], 0.07, rings=8))
-    return join([*parts, *_spout(high + 0.1, 0.1 - deep, 0.5, rng.uniform(0.3, 0.45))])
-
-
-def trashcan(rng: Rng, _: Traits) -> Part:
-    """Draw a ribbed dustbin with a domed lid, a smooth one with a flap lid, or a bin on two wheels, its lid slanted."""
-    wide, tall, kind = rng.uniform(0.44, 0.52), rng.uniform(1.0, 1.25), rng.integers(3)
-    if kind == 2:
-        tub = box([0, 0, 0], [2 * wide, tall, 2 * wide], round_by=0.06)
-        taper = 0.86 + 0.24 * tub.verts[:, 1:2] / tall
-        tub = Part(tub.verts * np.concatenate([taper, np.ones_like(taper), taper], 1), tub.faces)
-        lid = turned(box([0, 0, 0], [2.2 * wide, 0.16, 2.25 * wide], round_by=0.4), 6, "x")
-        parts = [moved(tub, [0, tall / 2 + 0.08, 0]), moved(lid, [0, tall + 0.12, 0])]
-        parts += [_grip(0, tall + 0.1, -1.22 * wide, 1.5 * wide, 0)]
-        return join([*parts, *pair(moved(turned(disc(0.17, -0.08, 0.08), 90, "z"), [0.72 * wide, 0.17, -0.8 * wide]))])
-    side = [(wide * (0.86 + 0.14 * t), 0.04 + (tall - 0.04) * t) for t in np.linspace(0, 1, 6)]
-    body = lathe([(0.86 * wide, 0.0), *side], segments=64)
-    x, y, z = body.verts.T
-    rib = 1 - 0.08 * (np.cos(16 * np.arctan2(x, z)) < 0) * ((y > 0.1 * tall) & (y < 0.9 * tall)) * (kind == 0)
-    rim, rise = [(wide + 0.08, tall), (wide + 0.08, tall + 0.08), (wide, tall + 0.12)], 0.2 if kind == 0 else 0.42
-    dome = [(wide * np.cos(t), tall + 0.12 + rise * np.sin(t)) for t in np.linspace(0.2, 1.5, 6)]
-    parts = [Part(np.stack([x * rib, y, z * rib], 1), body.faces), lathe([*rim, *dome])]
-    if kind == 1:
-        flap = turned(box([0, 0, 0], [0.9 * wide, 0.32, 0.2], round_by=0.3), -35, "x")
-        return join([*parts, moved(flap, [0, tall + 0.3, 0.72 * wide])])
-    bow = [[-0.16, tall + 0.25, 0], [-0.12, tall + 0.44, 0], [0.12, tall + 0.44, 0], [0.16, tall + 0.25, 0]]
-    ear = [[wide, 0.76 * tall, -0.15], [wide + 0.13, 0.7 * tall, 0], [wide, 0.76 * tall, 0.15]]
-    return join([*parts, limb(bow, [0.065] * 4, segments=10), *pair(limb(ear, [0.07] * 3))])
 
 
 def cone(rng: Rng, _: Traits) -> Part:
