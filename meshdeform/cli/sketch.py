@@ -30,6 +30,12 @@ def sketch(
     change: Annotated[
         list[str] | None, flag("--set", "A parameter of the first guess as NAME=VALUE; may be repeated.")
     ] = None,
+    among: Annotated[
+        Path | None,
+        typer.Option(
+            help="Choose among these assets instead: a folder or a ZIP, such as a family's shapes.", exists=True
+        ),
+    ] = None,
     parameters: Annotated[bool, flag("--parameters", "List the families with their parameters, and end.")] = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -44,6 +50,11 @@ def sketch(
 
     if parameters:
         _list(as_json=as_json)
+        return
+    if among is not None:
+        if drawing is None:
+            raise ParameterError("There is no drawing to choose by.", advice="Name a picture.")
+        _choose(drawing, among, output or Path(f"{drawing.stem}.glb"), force=force, as_json=as_json)
         return
     found = _guesses(drawing, family, {name: text.strip() for name, text in split_pairs(change or [], "--set")})
     output = output or Path(f"{drawing.stem if drawing else family}.glb")
@@ -71,6 +82,28 @@ def sketch(
             "If it is one of them, name it with --family.",
             err=True,
         )
+
+
+def _choose(drawing: Path, among: Path, output: Path, *, force: bool, as_json: bool) -> None:
+    """Write the three assets of a folder or a ZIP that look most like a drawing."""
+    from meshdeform.assets import Limits, load_asset
+    from meshdeform.assets.collection import LABELS_FILE, unpacked
+    from meshdeform.cli.kinds import packed
+    from meshdeform.kinds.sketch.choosing import distances
+
+    files = unpacked(packed(among, Limits().max_bytes), Limits())
+    files.pop(LABELS_FILE, None)
+    apart = distances(drawing.read_bytes(), (load_asset(data, name) for name, data in files.items()))
+    nearest = [list(files)[place] for place in apart.argsort()[:3]]
+    starts = ("", ".2", ".3")
+    chosen = {output.with_suffix(start + Path(name).suffix): name for start, name in zip(starts, nearest, strict=False)}
+    check_free(list(chosen), [drawing], force=force)
+    write_all({path: files[name] for path, name in chosen.items()}, what="The assets")
+    if as_json:
+        emit({"chosen": [{"name": name, "file": str(path)} for path, name in chosen.items()]})
+        return
+    for path, name in chosen.items():
+        typer.echo(f"{path}: {name}")
 
 
 def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list[Guess]:

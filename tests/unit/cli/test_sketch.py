@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.build import Primitive
 from meshdeform.cli.app import app
-from meshdeform.kinds.sketch.families import FAMILIES
+from meshdeform.kinds.sketch.families import FAMILIES, member_glb
 from tests.cases import each_case
 from training.sketch.lines import View, joined, visible_lines
 from training.sketch.strokes import draw
@@ -45,6 +45,18 @@ def test_a_drawing_becomes_three_meshes_and_a_picture() -> None:
     again = run(app, ["sketch", "vase.png", "-o", "out/made.glb"])
     assert again.exit_code == 3
     assert "--force" in again.stderr
+
+
+def test_a_drawing_chooses_among_the_assets_of_a_folder() -> None:
+    Path("shapes").mkdir()
+    for name in ("chair", "vase", "airplane"):
+        Path(f"shapes/{name}.glb").write_bytes(member_glb(name, {}))
+    found = run(app, ["sketch", "vase.png", "--among", "shapes", "-o", "best.glb", "--json"])
+    assert found.exit_code == 0, found.output
+    chosen = json.loads(found.stdout)["chosen"]
+    assert chosen[0] == {"name": "vase.glb", "file": "best.glb"}
+    assert len(chosen) == 3
+    assert Path("best.glb").read_bytes() == Path("shapes/vase.glb").read_bytes()
 
 
 def test_a_drawing_of_something_else_is_told() -> None:
