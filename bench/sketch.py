@@ -23,8 +23,11 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
+from bench.parametric_families import family as members_of
+from meshdeform.assets import load_asset
 from meshdeform.assets.drawing import prepared, read_drawing
 from meshdeform.errors import DrawingError
+from meshdeform.kinds.sketch.choosing import gradients, line_pictures
 from meshdeform.kinds.sketch.families import FAMILIES
 from meshdeform.kinds.sketch.looking import SURE, WEIGHTS, look, read_weights
 from meshdeform.kinds.sketch.solids import Solid
@@ -41,6 +44,22 @@ from training.sketch.train import Drawings, make_drawings, measured
 Floats = NDArray[np.float64]
 _ALIKE = {"armchair", "bed", "bench", "cabinet", "desk", "sofa", "stool"}
 """Nouns whose drawings may rightly be taken for a chair or a table."""
+
+
+def among(name: str, count: int = 32) -> None:
+    """Print how often a drawing finds its member of a parametric family, and its sub-class, two drawings of each."""
+    members = members_of(name, count)
+    looks = np.stack([gradients(line_pictures(load_asset(each.glb(), each.name))) for each in members])
+    ranks, kinds = [], []
+    for number, seed in np.ndindex(count, 2):
+        random = np.random.default_rng([number, seed])
+        mesh = joined({name: solid for name, (_, solid) in members[number].solids.items()})
+        drawn = prepared(draw(visible_lines(mesh, random_view(random)), random))
+        order = np.linalg.norm(looks - gradients(drawn[None])[0], axis=2).min(1).argsort()
+        ranks.append(int(np.flatnonzero(order == number)[0]))
+        kinds.append(members[order[0]].kind == members[number].kind)
+    first, three = np.mean(np.array(ranks) < 1), np.mean(np.array(ranks) < 3)
+    print(f"{name}: first {first:.1%}  first three {three:.1%}  sub-class {np.mean(kinds):.1%}", flush=True)
 
 
 def hog(pictures: NDArray[np.uint8], cell: int = 8, bins: int = 9) -> Floats:
@@ -178,11 +197,16 @@ def nearest(train: Drawings, test: Drawings) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--training", type=int, default=1200, help="the number of drawings of the training")
+    parser.add_argument("--among", action="store_true", help="only measure how drawings find members of families")
     parser.add_argument("--cache", type=Path, help="the training's drawings, if it kept them")
     parser.add_argument("--other", type=int, default=72)
     parser.add_argument("--sheet", type=Path, help="draw the drawings of the second set")
     options = parser.parse_args()
     torch.set_num_threads(1)
+    if options.among:
+        for name in ("chairs", "airplanes"):
+            among(name)
+        return
     network = load_network()
     if options.cache:
         with np.load(options.cache) as kept:
