@@ -146,10 +146,8 @@ class Document:
         return offset
 
     def _own_buffer_zero(self) -> None:
-        """Make buffer 0 the binary chunk; an embedded buffer 0 moves there with its bytes unchanged.
-
-        It replaces a binary chunk beside it, which no buffer refers to.
-        """
+        """Make buffer 0 the binary chunk; an embedded buffer 0 moves there with its bytes unchanged."""
+        # It replaces a binary chunk beside it, which no buffer refers to.
         buffers = self.items("buffers")
         if not buffers:
             buffers.append({"byteLength": 0})

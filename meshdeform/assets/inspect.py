@@ -766,10 +766,8 @@ def _weight(mesh: Json) -> int:
 
 
 def _mesh_counts(mesh: Json, accessors: list[Json]) -> tuple[int, int, int, list[dict[str, Any]]]:
-    """Return a mesh's vertices (each set of accessors once), triangles, loose vertices, and the skipped primitives.
-
-    Loose vertices are those of points and lines.
-    """
+    """Return a mesh's vertices (each set of accessors once), triangles, loose vertices, and the skipped primitives."""
+    # Loose vertices are those of points and lines.
     blocks: dict[tuple[int | None, ...], int] = {}
     triangles, skipped, loose = 0, [], dict[int, int]()
     for p, primitive in enumerate(objects(mesh, "primitives")):

@@ -219,10 +219,9 @@ def decode_triangles(data: bytes, count: int) -> NDArray[np.uint32]:
 
 
 class _TriangleDecoder:
-    """The state of a triangle stream: the next vertex, and the last 16 edges and vertices.
+    """The state of a triangle stream: the next vertex, and the last 16 edges and vertices."""
 
-    The FIFOs are ring buffers. Unwritten entries are -1; using one makes the stream invalid.
-    """
+    # The FIFOs are ring buffers. Unwritten entries are -1; using one makes the stream invalid.
 
     def __init__(self, extra: bytes, table: bytes) -> None:
         self.extra = extra

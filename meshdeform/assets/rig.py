@@ -115,10 +115,8 @@ def move_joints(
 def _used_binds(
     document: Document, blocks: Sequence[Block], worlds: Sequence[Matrix], *, posed: bool
 ) -> tuple[list[int], dict[int, Matrix]]:
-    """Return the joints of the blocks' skins, and the world matrix of each joint of the file in the bind pose.
-
-    With `posed`, the pose of the nodes counts as the bind pose.
-    """
+    """Return the joints of the blocks' skins, and the world matrix of each joint of the file in the bind pose."""
+    # With `posed`, the pose of the nodes counts as the bind pose.
     nodes, skins = document.root.get("nodes", []), document.root.get("skins", [])
     used = {nodes[block.node]["skin"] for block in blocks if "skin" in nodes[block.node]}
     binds = {

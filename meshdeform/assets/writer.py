@@ -77,11 +77,9 @@ class Deformation:
 
 
 def _local_shape(block: Block, shape: Deformation) -> LocalShape:
-    """Transform a block's new vertices back to mesh space.
-
-    Vertices that did not move keep their exact bits: positions are the source plus the displacement, and directions
-    are replaced only where they changed.
-    """
+    """Transform a block's new vertices back to mesh space."""
+    # Vertices that did not move keep their exact bits: positions are the source plus the displacement, and directions
+    # are replaced only where they changed.
     linear = block.placement[:3, :3]
     moved = (shape.positions[block.rows] - shape.surface.positions[block.rows]) @ np.linalg.inv(linear).T
     maps = None
@@ -238,11 +236,9 @@ def _record(document: Document, provenance: Mapping[str, Any]) -> None:
 
 
 def _own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
-    """Give every deformed node its own mesh and return the mesh of each node.
-
-    The first node of a mesh keeps the original, unless a node that is not deformed (in another scene, or drawn by GPU
-    instancing) also shows the mesh and needs the original.
-    """
+    """Give every deformed node its own mesh and return the mesh of each node."""
+    # The first node of a mesh keeps the original, unless a node that is not deformed (in another scene, or drawn by GPU
+    # instancing) also shows the mesh and needs the original.
     nodes, meshes = document.root["nodes"], document.items("meshes")
     found: dict[int, dict[int, None]] = defaultdict(dict)
     for block in blocks:

@@ -130,11 +130,9 @@ def _decided(settings: Settings, host: str) -> Settings:
 
 
 def _require_key(settings: Settings, host: str, data_dir: Path | None) -> None:
-    """Raise ParameterError if requests require a key and there is none.
-
-    For a person at a terminal. The API alone is started by supervisors, which would start it again and again: it starts
-    without a key, lets nobody in, and says so.
-    """
+    """Raise ParameterError if requests require a key and there is none."""
+    # For a person at a terminal. The API alone is started by supervisors, which would start it again and again: it
+    # starts without a key, lets nobody in, and says so.
     if _decided(settings, host).auth == "on" and not _has_key(settings):
         place = f" --data-dir {shlex.quote(str(data_dir))}" if data_dir is not None else ""
         reason = f"Others can reach {host}" if settings.auth == "auto" else "MESHDEFORM_AUTH is on"

@@ -72,10 +72,8 @@ def rotation_vectors(jacobians: _Floats, known: _Flags, pairs: sparse.csr_matrix
 
 
 def _orders(tree: sparse.csr_matrix, angle: _Floats) -> tuple[_Index, _Index]:
-    """Return an order in which every element follows its parent in the forest, and the parents; -1 for roots.
-
-    Each tree is rooted at its least angle.
-    """
+    """Return an order in which every element follows its parent in the forest, and the parents; -1 for roots."""
+    # Each tree is rooted at its least angle.
     _, labels = sparse.csgraph.connected_components(tree, directed=False)
     by_angle = np.lexsort((angle, labels))
     _, first = np.unique(labels[by_angle], return_index=True)

@@ -182,11 +182,9 @@ class StepRepair:
         return moved
 
     def _regions(self, inside: _Index) -> tuple[int, _Index]:
-        """Return the number of regions of these elements, and the region of each.
-
-        Cells that are close to each other are connected. Faces that cut each other may be far apart on the surface, so
-        there all belong together.
-        """
+        """Return the number of regions of these elements, and the region of each."""
+        # Cells that are close to each other are connected. Faces that cut each other may be far apart on the surface,
+        # so there all belong together.
         if self._elements.holding is None:
             return 1, np.zeros(len(inside), np.int64)
         return self._elements.regions(inside)
@@ -194,10 +192,8 @@ class StepRepair:
     def _shorten(
         self, find_broken: Callable[[], _Flags], old: Mapping[str, Tensor], new: Mapping[str, Tensor]
     ) -> _Flags:
-        """Shorten the steps of broken components until nothing is broken; return flags (E,) of their elements.
-
-        Another component can run into one that no longer moves, so the broken elements are found anew each time.
-        """
+        """Shorten the steps of broken components until nothing is broken; return flags (E,) of their elements."""
+        # Another component can run into one that no longer moves, so the broken elements are found anew each time.
         tried = np.zeros(int(self._component.max()) + 1, np.int64)
         for _ in range(_SHORTENINGS):
             broken = np.unique(self._component[find_broken()])
@@ -228,10 +224,8 @@ class StepRepair:
 
 
 def _affine_fit(before: _Floats, after: _Floats, weight: _Floats) -> _Floats:
-    """Return points (P, 3) moved by the affine map that best takes `before` to `after`, weighted by (P, 1).
-
-    Where the points do not determine the map, because they lie in a plane, it does nothing across it.
-    """
+    """Return points (P, 3) moved by the affine map that best takes `before` to `after`, weighted by (P, 1)."""
+    # Where the points do not determine the map, because they lie in a plane, it does nothing across it.
     total = max(float(weight.sum()), 1e-300)
     centre, goal = (weight * before).sum(0) / total, (weight * after).sum(0) / total
     arms = before - centre

@@ -84,10 +84,8 @@ def _edge_cuts(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bo
 
 @kernel
 def _crosses_inside(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats) -> bool:
-    """Return whether the segment p q crosses the plane a b c in the triangle or on its border.
-
-    In one plane all determinants are rounding errors, so those without a sign do not tell even far from the triangle.
-    """
+    """Return whether the segment p q crosses the plane a b c in the triangle or on its border."""
+    # In one plane all determinants are rounding errors, so those without a sign do not tell even far from the triangle.
     nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
     ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
     nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -254,12 +252,11 @@ def _in_strips(low: _Floats, high: _Floats) -> tuple[_Index, _Index, _Index, _In
 def _sweep(
     verts: _Floats, faces: _Index, low: _Floats, high: _Floats, reach: _Floats, work: int, hit: _Flags, out: _Index
 ) -> int:
-    """Mark the faces of all pairs in `hit`, or list the pairs in `out` and return their number; -1 if it gives up.
-
-    Boxes (F, 3) are sorted by their lower end on the first axis. The second axis is divided into strips, each of which
-    is swept alone: most boxes that overlap on the first axis are in other strips. A pair is tested in the first strip
-    that has both. A pair cuts each other or, with a `reach` (F,), touches. `work` is counted in comparisons of boxes.
-    """
+    """Mark the faces of all pairs in `hit`, or list the pairs in `out` and return their number; -1 if it gives up."""
+    # Boxes (F, 3) are sorted by their lower end on the first axis. The second axis is divided into strips, each of
+    # which is swept alone: most boxes that overlap on the first axis are in other strips. A pair is tested in the first
+    # strip that has both. A pair cuts each other or, with a `reach` (F,), touches. `work` is counted in comparisons of
+    # boxes.
     first, _, members, ends = _in_strips(low, high)
     found, listing, touching = 0, len(hit) == 0, len(reach) > 0
     for strip in range(_STRIPS):

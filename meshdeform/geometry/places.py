@@ -282,10 +282,8 @@ def _search(
     distance: _Floats,
     weights: _Floats,
 ) -> None:
-    """Set the nearest face of each point, its squared distance and the coordinates of the place.
-
-    `touching` are the sorted pairs of components that count, as a * count + b; all do if it is empty.
-    """
+    """Set the nearest face of each point, its squared distance and the coordinates of the place."""
+    # `touching` are the sorted pairs of components that count, as a * count + b; all do if it is empty.
     place = np.empty(3)
     for number in range(len(points)):
         p, own = points[number], components[number]

@@ -259,10 +259,8 @@ def _squared_stretches(rest: _Floats, verts: _Floats, faces: _Faces, scale: floa
 
 
 def _kept_area(total: _Floats, growth: _Floats, areas: _Floats) -> float:
-    """Return the area at rest of the faces that kept their shape.
-
-    Their squared singular values have the sums `total` (F,) and the products `growth ** 2` (F,).
-    """
+    """Return the area at rest of the faces that kept their shape."""
+    # Their squared singular values have the sums `total` (F,) and the products `growth ** 2` (F,).
     middle = np.exp(np.average(np.log(growth), weights=areas))
     largest = (total + np.sqrt(np.maximum(total**2 - 4 * growth**2, 0.0))) / 2
     kept = (largest <= _RESIZED**2 * middle) & (growth**2 / largest >= middle / _RESIZED**2)

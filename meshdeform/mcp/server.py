@@ -105,10 +105,9 @@ def _bearer(headers: Mapping[str, str]) -> str | None:
 
 
 class _KeyCheck:
-    """Answer 401 to callers without a key that the service accepts, before anything of their message is read.
+    """Answer 401 to callers without a key that the service accepts, before anything of their message is read."""
 
-    A key that was accepted is asked for again after 30 seconds; each call of a tool uses it at the service anyway.
-    """
+    # A key that was accepted is asked for again after 30 seconds; each call of a tool uses it at the service anyway.
 
     def __init__(self, app: ASGIApp, url: str) -> None:
         self._app = app

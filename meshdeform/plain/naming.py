@@ -74,10 +74,8 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], asked: Senten
 
 
 def _is_evident(parts: Parts, part: str, found: Mapping[str, NamedPart]) -> bool:
-    """Return whether a part is what its name says: a ball has a lower end that is no leg, and no tail.
-
-    Legs are several, or one below a table; a tail is that of something that has a front, and legs or a head.
-    """
+    """Return whether a part is what its name says: a ball has a lower end that is no leg, and no tail."""
+    # Legs are several, or one below a table; a tail is that of something that has a front, and legs or a head.
     if found[part].found_by != "geometry" or part not in ("leg", "seat", "top", "back", "tail"):
         return True
     stands = "leg" in found and (parts.legs.count > 1 or ("seat" in found and "back" not in found))

@@ -130,10 +130,8 @@ def _check_scheduler(config: dict[str, Any], model: str) -> None:
 
 
 def _refuse_distilled(index: dict[str, Any], unet: dict[str, Any], scheduler: dict[str, Any], model: str) -> None:
-    """Refuse models distilled for few steps, which support neither a guidance scale nor other timesteps.
-
-    A name tells, or a scheduler made for few steps, or a U-Net that is told the guidance scale.
-    """
+    """Refuse models distilled for few steps, which support neither a guidance scale nor other timesteps."""
+    # A name tells, or a scheduler made for few steps, or a U-Net that is told the guidance scale.
     names = (model.rstrip("/").rsplit("/", 1)[-1], *(str(each.get("_name_or_path", "")) for each in (index, unet)))
     named = any("turbo" in name.lower() for name in names)
     if named or scheduler.get("_class_name") in _FEW_STEPS or unet.get("time_cond_proj_dim") is not None:

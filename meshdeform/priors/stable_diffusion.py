@@ -223,10 +223,8 @@ class StableDiffusionPrior:
         return output
 
     def _replay_unet(self, *given: Tensor) -> Tensor:
-        """Run the U-Net as one CUDA graph: kernel by kernel, a GPU waits most of the time for the next launch.
-
-        The next call overwrites the result.
-        """
+        """Run the U-Net as one CUDA graph: kernel by kernel, a GPU waits most of the time for the next launch."""
+        # The next call overwrites the result.
         shapes = tuple(tensor.shape for tensor in given)
         if shapes not in self._graphs:
             samples = tuple(tensor.clone() for tensor in given)
@@ -236,10 +234,8 @@ class StableDiffusionPrior:
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
-    """Return the torch dtype of a setting; `auto` is float32 on the CPU, else bfloat16 if supported, else float16.
-
-    `int8`, a precision of the builtin model, is the same as `auto`.
-    """
+    """Return the torch dtype of a setting; `auto` is float32 on the CPU, else bfloat16 if supported, else float16."""
+    # `int8`, a precision of the builtin model, is the same as `auto`.
     if name not in ("auto", "int8"):
         found: torch.dtype = getattr(torch, name)
         return found

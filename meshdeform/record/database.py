@@ -360,10 +360,8 @@ def _upgrade(connection: sa.Connection) -> None:
 
 
 def _upgrade_apart(url: str) -> None:
-    """Let a child process upgrade the record, so that Alembic (10 MB) does not stay in this one. Never raises.
-
-    Whoever calls this opens the record afterwards, and meets there what went wrong here.
-    """
+    """Let a child process upgrade the record, so that Alembic (10 MB) does not stay in this one. Never raises."""
+    # Whoever calls this opens the record afterwards, and meets there what went wrong here.
     # The URL may have a password, which must not be among the arguments.
     command = [sys.executable, "-P", "-m", "meshdeform.record.database"]
     subprocess.run(command, input=url.encode(), stderr=subprocess.DEVNULL, check=False)

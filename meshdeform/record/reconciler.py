@@ -280,11 +280,9 @@ class Reconciler:
             self._queue.publish_cancel(job_id)
 
     def _announce(self) -> None:
-        """Ensure that Redis has a message for every queued job that may start.
-
-        Workers claim the next job, whichever message they read. So as long as there are as many messages as queued
-        jobs, none is forgotten, and they need not be compared one by one.
-        """
+        """Ensure that Redis has a message for every queued job that may start."""
+        # Workers claim the next job, whichever message they read. So as long as there are as many messages as queued
+        # jobs, none is forgotten, and they need not be compared one by one.
         # Read first: jobs queued after this are left to the next run.
         unannounced = self._record.upkeep.unannounced()
         if self._missing() > 0:

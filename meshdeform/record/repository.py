@@ -346,10 +346,8 @@ def _further_prompts(request: JobRequest) -> list[str]:
 
 
 def _has_words(query: str) -> sa.ColumnElement[bool]:
-    """Return the condition that a job's text contains every word of a query, anywhere and in any case.
-
-    Every character of a word stands for itself, `%` and `_` too.
-    """
+    """Return the condition that a job's text contains every word of a query, anywhere and in any case."""
+    # Every character of a word stands for itself, `%` and `_` too.
     mine = sa.select(sa.true()).where(job_texts.c.job_id == jobs.c.id)
     for word in _folded(query).split():
         mine = mine.where(job_texts.c.text.contains(word, autoescape=True))

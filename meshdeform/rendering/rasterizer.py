@@ -429,11 +429,9 @@ def _walk(
     depth: NDArray[np.float32],
     removed: NDArray[np.float32] | None,
 ) -> tuple[_Index, _Floats]:
-    """Find the visible crossings, of several between two pixels the nearest.
-
-    (N, 4) int64: the pixel that takes a share of another's colour, that other pixel, the rows of the edge's ends.
-    (N, 6) float64: the share, its derivatives by the two pixel coordinates of each end, the depth of the edge.
-    """
+    """Find the visible crossings, of several between two pixels the nearest."""
+    # (N, 4) int64: the pixel that takes a share of another's colour, that other pixel, the rows of the edge's ends.
+    # (N, 6) float64: the share, its derivatives by the two pixel coordinates of each end, the depth of the edge.
     views, n_verts = clip.shape[0], clip.shape[1]
     height, width = depth.shape[1], depth.shape[2]
     x, y = np.empty(n_verts), np.empty(n_verts)

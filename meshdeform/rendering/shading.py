@@ -686,12 +686,10 @@ def _damped(value: Tensor, share: Tensor) -> Tensor:
 
 
 def _motion_only(smooth: Tensor, flat: Tensor) -> Tensor:
-    """Return zero with the gradient of a pattern that moves with the surface.
-
-    Flat colours are constant on each face, so their gradient does not include the motion of the faces: shifting a
-    sphere would have an effect at its silhouette only. The smoothly interpolated normals provide this gradient. It is
-    faded out at creases, where smooth and flat normals differ.
-    """
+    """Return zero with the gradient of a pattern that moves with the surface."""
+    # Flat colours are constant on each face, so their gradient does not include the motion of the faces: shifting a
+    # sphere would have an effect at its silhouette only. The smoothly interpolated normals provide this gradient. It is
+    # faded out at creases, where smooth and flat normals differ.
     with torch.no_grad():
         trust = (((smooth * flat).sum(-1, keepdim=True) - TRUST_FROM) / TRUST_OVER).clamp(0, 1)
     return trust * (smooth - smooth.detach())

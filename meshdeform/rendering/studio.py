@@ -58,10 +58,9 @@ class PaintedStyle:
 
 @dataclass(frozen=True)
 class _View:
-    """One camera's view of the surface: what its pixels are computed from.
+    """One camera's view of the surface: what its pixels are computed from."""
 
-    `values` (1, M, 10): normal, texture coordinates, vertex colour, and 1 where the file has a normal.
-    """
+    # `values` (1, M, 10): normal, texture coordinates, vertex colour, and 1 where the file has a normal.
 
     clip: Tensor
     values: Tensor

@@ -134,10 +134,8 @@ def _validator(model: type[BaseModel]) -> SchemaValidator:
 
 
 def _without_bounds(node: Any, shared: dict[str, Any]) -> Any:
-    """Return a part of pydantic's core schema, which is made of dicts and lists, without its bounds.
-
-    `shared` has the parts that others refer to.
-    """
+    """Return a part of pydantic's core schema, which is made of dicts and lists, without its bounds."""
+    # `shared` has the parts that others refer to.
     if isinstance(node, list):
         return [_without_bounds(each, shared) for each in node]
     if not isinstance(node, dict):

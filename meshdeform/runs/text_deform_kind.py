@@ -187,10 +187,8 @@ def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSum
 
 
 def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str]) -> None:
-    """Refuse pictures without a direction, directions without a picture, and directions that are the same.
-
-    `present` has the names of the parts with pictures.
-    """
+    """Refuse pictures without a direction, directions without a picture, and directions that are the same."""
+    # `present` has the names of the parts with pictures.
     views = params.silhouettes
     if params.guidance is GuidanceKind.TARGET and present:
         detail = "Pictures cannot guide beside a second mesh, which has all its silhouettes."

@@ -463,10 +463,9 @@ def sees_colours(params: ResolvedParams) -> bool:
 
 
 def _appearance(params: ResolvedParams, deformation: Deformation) -> dict[str, Any]:
-    """Return the report's `appearance`: what was `drawn`, where the `colours` come from, and a `notice`.
-
-    `colours` is `asset`; `stand_in` if a simplified mesh was drawn with vertex colours sampled from the asset; or None.
-    """
+    """Return the report's `appearance`: what was `drawn`, where the `colours` come from, and a `notice`."""
+    # `colours` is `asset`; `stand_in` if a simplified mesh was drawn with vertex colours sampled from the asset; or
+    # None.
     wanted = sees_colours(params)
     coloured = wanted and deformation.shading != "lambert"
     return {

@@ -103,11 +103,9 @@ async def _refuse_hosts(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 def _limited(scope: Scope, receive: Receive) -> Receive:
-    """Limit the size of bodies that FastAPI reads, and the time for them.
-
-    A route without a body parameter reads and limits its body itself. FastAPI reads a body before it authenticates the
-    request.
-    """
+    """Limit the size of bodies that FastAPI reads, and the time for them."""
+    # A route without a body parameter reads and limits its body itself. FastAPI reads a body before it authenticates
+    # the request.
     received, complete = 0, False
     deadline = anyio.current_time() + IDLE_S
 

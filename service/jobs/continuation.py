@@ -139,10 +139,8 @@ def _own_references(job: Job, document: BranchDocument) -> dict[str, tuple[FileR
 def _inherited(
     job: Job, document: BranchDocument, named: Mapping[str, tuple[FileReference | FileSource, list[str]]]
 ) -> dict[str, StoredFile]:
-    """Return the files of the other job that a branch keeps.
-
-    `ParameterError`: the document has another kind, or replaces a file to which the checkpoint belongs.
-    """
+    """Return the files of the other job that a branch keeps."""
+    # `ParameterError`: the document has another kind, or replaces a file to which the checkpoint belongs.
     if document.kind is not job.kind:
         raise ParameterError.at(
             ["kind"], f"A branch has the kind of its job: {job.kind}.", f'Set "kind": "{job.kind}".'

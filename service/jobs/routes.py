@@ -248,10 +248,8 @@ def _view(job: Job) -> JobView:
 
 
 def _labels(request: Request) -> dict[str, str]:
-    """Return the labels in the query, in OpenAPI's notation for objects: `metadata[NAME]=VALUE`.
-
-    `ParameterError`: a label is repeated, too long or not allowed, or there are too many.
-    """
+    """Return the labels in the query, in OpenAPI's notation for objects: `metadata[NAME]=VALUE`."""
+    # `ParameterError`: a label is repeated, too long or not allowed, or there are too many.
     labels: dict[str, str] = {}
     for parameter, value in request.query_params.multi_items():
         match = _LABEL.fullmatch(parameter)

@@ -85,11 +85,9 @@ def read_positions(glb: bytes, parts: Sequence[Part]) -> list[NDArray[np.float32
 
 
 def _split(part: Part) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the map to bake into the positions (3, 3), and the node's matrix (4, 4), +Y up.
-
-    A glTF node can rotate, scale and translate but not shear, as a rotated child of an unevenly scaled parent does. A
-    sheared part gets its linear map baked into the positions.
-    """
+    """Return the map to bake into the positions (3, 3), and the node's matrix (4, 4), +Y up."""
+    # A glTF node can rotate, scale and translate but not shear, as a rotated child of an unevenly scaled parent does. A
+    # sheared part gets its linear map baked into the positions.
     linear, offset = part.matrix[:3, :3], part.matrix[:3, 3]
     lengths = np.linalg.norm(linear, axis=0)
     if not np.isfinite(part.matrix).all() or abs(np.linalg.det(linear)) <= 1e-9 * max(float(lengths.max()) ** 3, 1e-30):

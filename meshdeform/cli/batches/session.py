@@ -94,10 +94,8 @@ class Session:
         return count_states(records), files
 
     def _run(self, rows: Sequence[Row], runner: Runner, parallel: int, view: BatchView) -> None:
-        """Run rows in threads, up to `parallel` at a time; show and record them in this thread.
-
-        The first exception of the runner ends the batch; running rows are abandoned.
-        """
+        """Run rows in threads, up to `parallel` at a time; show and record them in this thread."""
+        # The first exception of the runner ends the batch; running rows are abandoned.
         todo: queue.SimpleQueue[Row] = queue.SimpleQueue()
         for row in rows:
             todo.put(row)

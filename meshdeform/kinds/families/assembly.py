@@ -197,10 +197,8 @@ class Assembler:
         return [first, *by_area]
 
     def _meetings(self, each: PlacedPart, done: list[PlacedPart]) -> list[tuple[PlacedPart, bool, list[Contact]]]:
-        """Return the placed neighbours of a part, whose side the contacts are on (True: its own), and the contacts.
-
-        A part that may not move says itself where it is touched: those of others meet their own neighbours elsewhere.
-        """
+        """Return the placed neighbours of a part, whose side the contacts are on (True: its own), and the contacts."""
+        # A part that may not move says itself where it is touched: those of others meet their own neighbours elsewhere.
         found = []
         for other in done:
             own, theirs = (a.shape.contacts(a.number, b.number) for a, b in ((each, other), (other, each)))
@@ -285,10 +283,8 @@ def _from_other(
 def _pull(
     each: PlacedPart, points: _Floats, patches: _Index, way: _Floats, offsets: _Floats, contact: Contact
 ) -> tuple[Pull | None, float]:
-    """Return the pull that closes a gap, if there is one, and how wide the gap is.
-
-    All points of a contact go the same way, so that the end of a leg keeps its shape.
-    """
+    """Return the pull that closes a gap, if there is one, and how wide the gap is."""
+    # All points of a contact go the same way, so that the end of a leg keeps its shape.
     together = way.mean(0)
     nearest = float(np.linalg.norm(contact.offsets, axis=1).min())
     apart = max(float(np.linalg.norm(offsets, axis=1).min()) - nearest, 0.0)

@@ -107,10 +107,8 @@ def _smoothed(parts: _Index, areas: _Floats, faces: _Index, lengths: _Floats) ->
 
 
 def _voted(corners: _Index, parts: _Index, smooth: _Index, areas: _Floats, faces: _Index, lengths: _Floats) -> _Index:
-    """Return the parts (F,) with each connected piece given to the part that has most of its area, if that is clear.
-
-    It is not where the smoothed parts have a limb: a patch with a short boundary.
-    """
+    """Return the parts (F,) with each connected piece given to the part that has most of its area, if that is clear."""
+    # It is not where the smoothed parts have a limb: a patch with a short boundary.
     piece = components(int(corners.max()) + 1, np.concatenate([corners[:, :2], corners[:, 1:]]))[corners[:, 0]]
     share = np.zeros((int(piece.max()) + 1, int(parts.max()) + 1))
     np.add.at(share, (piece, parts), areas)

@@ -144,10 +144,8 @@ def turned_alike(points: Tensor) -> Tensor:
 
 
 def _turned_costs(few: Tensor, *, per_axis: bool) -> Tensor:
-    """Return how far each shape (T, P, 3), turned by each angle (T, _TURNS), is from the typical ones.
-
-    `per_axis`: scaled along x, y and z to bounding boxes of size 1, so that only what is where counts.
-    """
+    """Return how far each shape (T, P, 3), turned by each angle (T, _TURNS), is from the typical ones."""
+    # `per_axis`: scaled along x, y and z to bounding boxes of size 1, so that only what is where counts.
 
     def boxed(sets: Tensor) -> Tensor:
         low, high = sets.amin(1, keepdim=True), sets.amax(1, keepdim=True)

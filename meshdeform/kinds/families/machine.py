@@ -113,11 +113,9 @@ class BetaMachine:
         return machine
 
     def _stack(self, h1: Tensor, second: int, third: int, random: torch.Generator) -> None:
-        """Begin the second and third layer as random projections of the layers below, with inputs of mean 0.
-
-        From small weights they learned next to nothing: reconstructions from the top were one and the same shape, and
-        the half of the epochs that starts there drove the first layer away from the members.
-        """
+        """Begin the second and third layer as random projections of the layers below, with inputs of mean 0."""
+        # From small weights they learned next to nothing: reconstructions from the top were one and the same shape, and
+        # the half of the epochs that starts there drove the first layer away from the members.
 
         def projection(below: Tensor, size: int) -> Tensor:
             weights = torch.randn(below.shape[1], size, generator=random)

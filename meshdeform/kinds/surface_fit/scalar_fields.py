@@ -87,10 +87,8 @@ class ScalarField(FieldNetwork):
 
 
 def _random(verts: _Floats, outputs: int, width: int, depth: int, seed: int) -> list[Tensor]:
-    """Return the features and the weights and biases of each layer before they are learned.
-
-    The features begin with the positions and a little noise: what is smooth is learned sooner from smooth ones.
-    """
+    """Return the features and the weights and biases of each layer before they are learned."""
+    # The features begin with the positions and a little noise: what is smooth is learned sooner from smooth ones.
     generator = torch.Generator().manual_seed(seed)
     first = _NOISE * torch.randn(len(verts), _FEATURES, generator=generator)
     centred = torch.from_numpy((verts - verts.mean(0)) / max(float(verts.std()), 1e-12)).float()

@@ -293,10 +293,9 @@ def round_weights(x: _Floats, largest: int) -> NDArray[np.int8]:
 
 @dataclass(frozen=True)
 class _Levels:
-    """Pictures (B, H, W, C) of bytes with a border.
+    """Pictures (B, H, W, C) of bytes with a border."""
 
-    `steps` (B, 2) has of each picture the step between two levels and the level of 0: ``step (values - zero)``.
-    """
+    # `steps` (B, 2) has of each picture the step between two levels and the level of 0: ``step (values - zero)``.
 
     values: NDArray[np.uint8]
     steps: NDArray[np.float32]
@@ -352,11 +351,10 @@ class _Norm(nn.Module):
 
 
 class _Convolution(nn.Module):
-    """A convolution whose weights are bytes; its output is float32.
+    """A convolution whose weights are bytes; its output is float32."""
 
-    Its input has a border in place of padding. So every weight meets a pixel, and what the zero point adds is the same
-    everywhere. oneDNN would add up the weights again in each call, on one thread.
-    """
+    # Its input has a border in place of padding. So every weight meets a pixel, and what the zero point adds is the
+    # same everywhere. oneDNN would add up the weights again in each call, on one thread.
 
     def __init__(self, layer: nn.Conv2d) -> None:
         super().__init__()
@@ -394,11 +392,10 @@ class _Convolution(nn.Module):
 
 
 class _Modulation(nn.Module):
-    """One product for the second norms of all residual blocks.
+    """One product for the second norms of all residual blocks."""
 
-    Such a norm is scaled by ``gamma (1 + scale)`` and shifted by ``beta (1 + scale) + offset``, where a layer makes
-    scale and offset of the condition. Both are linear in the condition.
-    """
+    # Such a norm is scaled by ``gamma (1 + scale)`` and shifted by ``beta (1 + scale) + offset``, where a layer makes
+    # scale and offset of the condition. Both are linear in the condition.
 
     def __init__(self, blocks: Iterable[ResidualBlock]) -> None:
         super().__init__()

@@ -44,10 +44,8 @@ def _height(verts: Array) -> Array:
 
 
 def _slimness(verts: Array) -> Array:
-    """Return the shares (x, z) of a change of girth: 1 along the slimmer axis, less along the longer one.
-
-    A fat dog is thus wider, not longer.
-    """
+    """Return the shares (x, z) of a change of girth: 1 along the slimmer axis, less along the longer one."""
+    # A fat dog is thus wider, not longer.
     extent = np.ptp(verts, axis=0)[[0, 2]]
     return np.asarray(extent.min() / extent)
 
