@@ -29,10 +29,14 @@ _HYPERNYM = "@"
 _OTHER_SENSES = {
     # The first sense is another thing than the prior draws: a pullover, a dish, a giant, the fruit's tree.
     "turtle": "05", "octopus": "05", "whale": "05", "pear": "13", "carrot": "13", "pineapple": "13", "mushroom": "20",
-    # Symbols, which no kind of thing is near.
-    "star": "", "heart": "",
+    # A factory, an omen, a shape, a fruit, a clue, a fool, an instrument.
+    "plant": "20", "sign": "06", "cone": "06", "bone": "08", "key": "06", "mug": "06", "log": "20",
+    # Symbols and weather, which no kind of thing is near.
+    "star": "", "heart": "", "coin": "", "cloud": "", "crystal": "", "rover": "", "book": "", "target": "",
 }  # fmt: skip
 """The lexicographer file of the sense of the prior's nouns, unless it is that of the first sense."""
+_SEVERAL = {"dolphin"}
+"""Nouns whose sense is the second of its file: the first is a fish."""
 
 
 def tree(folder: Path) -> list[tuple[int, list[str]]]:
@@ -41,7 +45,7 @@ def tree(folder: Path) -> list[tuple[int, list[str]]]:
     words = defaultdict[str, list[str]](list)
     for word, senses in _senses(folder / "index.noun").items():
         shapes = [sense for sense in senses if files[sense] in _FILES]
-        if word in NOUNS:
+        if word in NOUNS and word not in _SEVERAL:
             shapes = [sense for sense in shapes if files[sense] == _OTHER_SENSES.get(word, files[sense])][:1]
         for rank, sense in enumerate(shapes[:_SENSES], 1):
             if word in lemmas[sense]:

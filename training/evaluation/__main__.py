@@ -32,7 +32,7 @@ def evaluate(
     suite: Annotated[
         str,
         typer.Option(
-            help="small, full, turned, nouns, unseen, seen, assets, turned-assets, keep or paper (docs/quality.md)."
+            help="small, full, turned, nouns, unseen, seen, assets, turned-assets, held-out-packs, keep or paper."
         ),
     ] = "small",
     out: Annotated[
@@ -90,7 +90,7 @@ def evaluate(
     assets: Annotated[
         Path | None,
         typer.Option(
-            help="With --suite assets, turned-assets or keep: a folder with its files.",
+            help="With a suite of real assets: a folder with its files.",
             rich_help_panel=_METHOD,
             exists=True,
             file_okay=False,

@@ -1,4 +1,4 @@
-"""List a run of the benchmark: its deformations, parameters and number of steps.
+"""List what a run of the benchmark would do: its deformations, parameters and number of steps.
 
 Loads no model, so a suite for another machine can be listed on this one.
 """

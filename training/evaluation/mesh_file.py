@@ -67,6 +67,6 @@ def write_texels(texels: NDArray[np.float64]) -> bytes:
 
 
 def read_texels(data: bytes) -> NDArray[np.float64]:
-    """Read a file of `write_texels`."""
+    """Read what `write_texels` wrote."""
     found: NDArray[np.float64] = np.load(io.BytesIO(data), allow_pickle=False)
     return found

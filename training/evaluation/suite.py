@@ -15,6 +15,9 @@ animals, people and plants, each with a near and a far prompt, chosen before any
 files, and the results are compared with doing nothing and with a stretch (`delivered`). `keep.json` says where each
 file is published, with its commit, SHA-256 and licence.
 
+`held-out-packs` deforms real assets of an author whom the prior's training never saw into each noun that the prior
+learned from collections alone (`training.collections`).
+
 `turned` is `small`, and `turned-assets` is `assets`, with every source turned by its own random angle about the up
 axis, which tests `orientation`.
 
@@ -38,7 +41,8 @@ from pathlib import Path
 from meshdeform.errors import ParameterError
 from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt
 from meshdeform.priors.builtin.vocabulary import NOUNS
-from training.prior.held_out import attributes_of, is_held_out, unseen_pairs
+from training.collections.nouns import noun_of
+from training.prior.held_out import FOURTH_EDITION, attributes_of, is_held_out, unseen_pairs
 
 __all__ = ["ASSET_PAIRS", "KEEP_ASSETS", "PAPER_PROMPTS", "SUITES", "Item", "Suite", "find_suite"]
 
@@ -111,6 +115,22 @@ KEEP_ASSETS: tuple[dict[str, str], ...] = tuple(json.loads((Path(__file__).paren
 """The assets of `keep`: `file`; `noun`: what it is; `near` and `far`: its prompts; `repository`, `commit`, `path`,
 `sha256`, `licence` and `author`."""
 
+_DUNGEON = ("barrel_large", "bottle_A_brown", "box_large", "candle_triple", "chair", "coin_stack_medium", "keg",
+            "pillar", "plate", "stool", "table_medium", "torch", "trunk_large_A")  # fmt: skip
+_KAYKIT = (*(f"{name}.gltf.glb" for name in _DUNGEON), "chest.glb", "Barbarian.glb", "Mage.glb")
+"""Files of KayKit's Dungeon Remastered and Adventurers (CC0, Kay Lousberg)."""
+
+
+def _held_out_pairs() -> tuple[tuple[str, str], ...]:
+    """Return a pair for each noun from collections, with an asset that does not show it."""
+    pairs = []
+    for number, noun in enumerate(sorted(FOURTH_EDITION)):
+        others = [name for name in _KAYKIT if noun_of(Path(name).stem) != noun]
+        pairs.append((others[5 * number % len(others)], str(ParsedPrompt(noun))))
+    return tuple(pairs)
+
+
+_HELD_OUT_PAIRS = _held_out_pairs()
 _KEEP_PAIRS = tuple((asset["file"], asset[which]) for asset in KEEP_ASSETS for which in ("near", "far"))
 
 _OUR_PROMPTS = (
@@ -256,6 +276,9 @@ SUITES: dict[str, Suite] = {
             (0,),
             "balanced",
             ASSET_PAIRS,
+        ),
+        Suite(
+            "held-out-packs", _KAYKIT, tuple(prompt for _, prompt in _HELD_OUT_PAIRS), (0,), "balanced", _HELD_OUT_PAIRS
         ),
         Suite(
             "turned-assets",

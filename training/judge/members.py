@@ -249,7 +249,7 @@ def _drawn_shape(
 
 
 def _recipe(kind: str, real: RealShapes | None) -> dict[str, str]:
-    """Return the fingerprint of a kind's training views."""
+    """Return what the training views of a kind depend on."""
     digest = hashlib.sha256()
     for number in range(_TOLD_MEMBERS):
         prompt, shape, _ = _drawn_shape(TRAINING, kind, number, real)

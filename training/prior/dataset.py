@@ -160,7 +160,7 @@ _TOLD_MEMBERS = 8
 
 
 def _recipe(noun: str, members: int, pictures_each: int, seed: int, real: RealShapes | None) -> dict[str, str]:
-    """Return the fingerprint of a noun's pictures."""
+    """Return what the pictures of a noun depend on."""
     prompts = [_drawn_prompt(noun, number, seed, real)[0] for number in range(members)]
     digest = hashlib.sha256(repr((CAMERAS, STYLE, SINGLE_STYLE)).encode())
     for number in range(min(members, _TOLD_MEMBERS)):

@@ -1,7 +1,8 @@
 """Draw the pictures that lessons rehearse: `python -m training.prior.rehearsal`.
 
 Of each noun two members as the training draws them, and a plain one that measures what a lesson forgets; of each member
-grids of four views and one single view. The same code draws the same pictures, and the file is written whole.
+grids of four views and one single view. Nouns without a family are drawn by the prior itself, so that no picture of
+somebody's asset is in the file. The same code and weights draw the same pictures, and the file is written whole.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ import torch
 from PIL import Image
 
 from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
-from meshdeform.priors.builtin.network import IMAGE_SIZE
+from meshdeform.priors.builtin.network import IMAGE_SIZE, WEIGHTS, PriorNetwork, read_network
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, joined, pictures, single_views
 from meshdeform.priors.builtin.teaching.replay import LABELS, REHEARSAL
+from meshdeform.priors.builtin.teaching.sheet import sample
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.support.files import write_files
 from training.prior.dataset import draw_prompt
 from training.prior.families import FAMILIES, member
@@ -31,10 +34,13 @@ _MEMBERS, _GRIDS, _HELD_GRIDS = 2, 2, 1
 _TRAINING_SEED, _HELD_SEED = 0, 7
 
 
-def rehearsal(nouns: list[str]) -> bytes:
-    """Return the file of the pictures of some nouns."""
+def rehearsal(nouns: list[str], network: PriorNetwork) -> bytes:
+    """Return the file of the pictures of some nouns; `network` draws those without a family."""
     drawn = {}
     for number, noun in enumerate(nouns):
+        if noun not in FAMILIES:
+            drawn[noun] = _sampled(noun, number, network)
+            continue
         seeds = [(_TRAINING_SEED, number, k) for k in range(_MEMBERS)]
         sets = [_drawn(noun, seed, _GRIDS, plain=False) for seed in seeds]
         sets.append(_drawn(noun, (_HELD_SEED, number), _HELD_GRIDS, plain=True))
@@ -79,12 +85,29 @@ def _drawn(noun: str, seed: tuple[int, ...], grids: int, *, plain: bool) -> tupl
     ), prompt
 
 
+@torch.no_grad()
+def _sampled(noun: str, seed: int, network: PriorNetwork) -> tuple[PictureSet, list[str], list[bool]]:
+    """Sample as many pictures of a plain noun as of others, the last of which are held out."""
+    prompt, grids, singles = ParsedPrompt(noun), _MEMBERS * _GRIDS + _HELD_GRIDS, _MEMBERS + 1
+    generator = torch.Generator().manual_seed(seed)
+    azimuth = 360.0 * torch.rand(grids + singles, generator=generator)
+    kinds = [
+        sample(network, [str(prompt)] * len(own), own, seed=seed, single=single)
+        for own, single in ((azimuth[:grids], False), (azimuth[grids:], True))
+    ]
+    images = (torch.cat(kinds) * 255.0).round().clamp(0, 255).to(torch.uint8)
+    single = torch.arange(grids + singles) >= grids
+    held = [row in range(grids - _HELD_GRIDS, grids) or row == grids + singles - 1 for row in range(grids + singles)]
+    tokens = torch.tensor([tokenise(prompt)] * len(images))
+    return PictureSet(images, tokens, azimuth, single), [str(prompt)] * len(images), held
+
+
 def main() -> None:
     """Write the file."""
     description = (__doc__ or "").partition("\n")[0]
     parser = argparse.ArgumentParser(prog="python -m training.prior.rehearsal", description=description)
     parser.add_argument("-o", "--output", type=Path, default=REHEARSAL, help="default: in the package")
-    write_files({parser.parse_args().output: rehearsal(list(FAMILIES))})
+    write_files({parser.parse_args().output: rehearsal(list(NOUNS), read_network(WEIGHTS)[0])})
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ _WORDS = "text.word.weight"
 
 
 def warm_start(network: PriorNetwork, path: Path, generator: torch.Generator) -> tuple[str, ...]:
-    """Copy the tensors that fit from a file of weights into a network, in place.
+    """Copy what fits from a file of weights into a network, in place.
 
     Parameters
     ----------

@@ -139,7 +139,7 @@ class Words:
 BUILTIN_WORDS = Words(
     NOUNS,
     NOUN_SYNONYMS,
-    ("<pad>", *NOUNS, *dict.fromkeys([*ADJECTIVES, *LENGTH, *SIZE]), "whole", *PARTS),
+    tuple(dict.fromkeys(["<pad>", *NOUNS, *ADJECTIVES, *LENGTH, *SIZE, "whole", *PARTS])),
 )
 
 VOCABULARY = BUILTIN_WORDS.tokens
@@ -271,7 +271,7 @@ def suggest(
     unknown: Sequence[str],
     words: Words = BUILTIN_WORDS,
 ) -> Suggestions:
-    """Return prompts in place of a refused one.
+    """Return what to say in place of a refused prompt.
 
     Parameters
     ----------

@@ -253,7 +253,7 @@ class PriorNetwork(nn.Module):
         return self.paint(x, self.condition(timestep, text, azimuth_deg, single), azimuth_deg, single)
 
     def condition(self, timestep: Tensor, text: Tensor, azimuth_deg: Tensor, single: Tensor | None = None) -> Tensor:
-        """Return the condition of the residual blocks, one row per picture, of the arguments of `forward`."""
+        """Return what the residual blocks get, one row per picture, of the arguments of `forward`."""
         conditions = self._condition(timestep, text, azimuth_deg)
         if single is not None:
             conditions = conditions + single[:, None] * self.single

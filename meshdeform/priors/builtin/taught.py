@@ -105,7 +105,7 @@ def words_of(metadata: Mapping[str, str], path: Path) -> Words:
 
 
 def lessons_of(metadata: Mapping[str, str], path: Path) -> tuple[Lesson, ...]:
-    """Return the lessons of a file, in order; none for the weights in the package.
+    """Return what a file was taught, in order; nothing for the weights in the package.
 
     Raises
     ------

@@ -11,10 +11,13 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "anvil": (),
     "apple": ("stem",),
     "armchair": ("back",),
+    "arrow": (),
+    "astronaut": (),
     "axe": ("blade", "handle"),
     "backpack": (),
     "balloon": (),
     "banana": (),
+    "banner": (),
     "barrel": (),
     "bathtub": (),
     "bear": ("ears", "head", "legs"),
@@ -23,19 +26,29 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "bench": ("legs",),
     "bird": ("beak", "tail", "wings"),
     "boat": ("sail",),
+    "bomb": (),
+    "bone": (),
+    "book": (),
+    "bookcase": (),
     "boot": ("heel",),
     "bottle": ("neck",),
     "bowl": (),
+    "bread": (),
+    "bridge": (),
     "bucket": (),
     "burger": (),
     "bus": ("wheels",),
+    "bush": (),
     "butterfly": ("wings",),
     "cabinet": ("legs",),
     "cactus": ("arms",),
     "cake": (),
     "camel": ("humps", "legs", "neck"),
     "camera": ("lens",),
+    "campfire": (),
+    "can": (),
     "candle": (),
+    "cannon": (),
     "car": (),
     "carrot": ("leaves",),
     "castle": ("tower",),
@@ -44,28 +57,43 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "chest": (),
     "chicken": ("head", "legs", "tail"),
     "church": ("roof", "tower"),
+    "cloud": (),
+    "coffin": (),
+    "coin": (),
+    "column": (),
+    "cone": (),
+    "cookie": (),
     "corn": ("leaves",),
     "cow": ("horns", "legs", "tail"),
     "crab": ("claws", "legs"),
+    "crate": (),
     "crocodile": ("legs", "nose", "tail"),
+    "crossbow": (),
+    "crown": (),
+    "crystal": (),
     "cupcake": (),
     "deer": ("horns", "legs", "neck"),
     "desk": ("legs",),
     "dinosaur": ("head", "legs", "neck", "tail"),
     "dog": ("ears", "head", "legs", "tail"),
     "dolphin": ("fins", "nose"),
+    "door": (),
     "dragon": ("head", "neck", "tail", "wings"),
     "dress": ("sleeves",),
     "duck": ("head", "neck"),
     "dumbbell": ("handle",),
     "elephant": ("ears", "legs", "trunk"),
     "fish": ("fins", "tail"),
+    "flag": (),
     "flower": ("head", "leaves", "stem"),
+    "fox": (),
+    "fridge": (),
     "frog": ("eyes", "legs"),
     "ghost": ("arms",),
     "giraffe": ("head", "legs", "neck"),
     "glove": (),
     "goblet": ("stem",),
+    "gravestone": (),
     "guitar": ("neck",),
     "hammer": ("handle", "head"),
     "hat": ("brim",),
@@ -74,61 +102,100 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "helicopter": ("tail",),
     "helmet": (),
     "horse": ("head", "legs", "neck", "tail"),
+    "hotdog": (),
     "house": ("roof",),
+    "icecream": (),
     "igloo": (),
+    "jar": (),
+    "key": (),
+    "knife": (),
     "lamp": ("shade", "stem"),
+    "lantern": (),
     "lighthouse": (),
     "lion": ("legs", "mane", "tail"),
+    "log": (),
     "monkey": ("arms", "ears", "tail"),
     "motorcycle": ("wheels",),
+    "mountain": (),
     "mouse": ("ears", "tail"),
+    "mug": (),
     "mushroom": ("cap", "stem"),
     "octopus": ("arms", "head"),
     "owl": ("ears", "eyes", "wings"),
     "palm": ("leaves", "trunk"),
+    "pan": (),
     "pear": (),
     "penguin": ("head", "wings"),
     "person": ("arms", "head", "legs"),
     "piano": ("legs",),
     "pig": ("ears", "legs", "nose"),
+    "pillow": (),
     "pine": ("trunk",),
     "pineapple": ("leaves",),
+    "pistol": (),
+    "plant": (),
+    "plate": (),
+    "pot": (),
+    "potion": (),
     "pumpkin": ("stem",),
     "rabbit": ("ears", "head"),
     "rhino": ("horns", "legs"),
+    "rifle": (),
     "robot": ("arms", "head", "legs"),
+    "rock": (),
     "rocket": ("fins",),
+    "rover": (),
+    "sack": (),
+    "scroll": (),
     "shark": ("fins", "tail"),
     "sheep": ("head", "legs"),
+    "shelf": (),
     "shield": (),
+    "ship": (),
     "shirt": ("sleeves",),
+    "sign": (),
+    "sink": (),
+    "skull": (),
     "skyscraper": (),
     "snail": ("head", "shell"),
     "snake": ("head",),
     "snowman": ("head", "nose"),
     "sofa": ("back",),
+    "spaceship": (),
     "spider": ("head", "legs"),
+    "stairs": (),
     "star": (),
     "stool": ("legs",),
+    "stove": (),
     "strawberry": ("leaves",),
+    "streetlight": (),
     "submarine": ("tower",),
     "swan": ("head", "neck", "wings"),
     "sword": ("blade", "handle"),
     "table": ("legs",),
     "tank": ("gun",),
+    "target": (),
     "teapot": ("spout",),
     "television": ("stem",),
     "tent": (),
+    "toilet": (),
+    "torch": (),
+    "tower": (),
     "tractor": ("wheels",),
     "train": ("wheels",),
+    "trashcan": (),
     "tree": ("trunk", "crown"),
     "trousers": ("legs",),
     "truck": ("wheels",),
     "turtle": ("head", "neck"),
     "umbrella": ("handle",),
+    "van": (),
     "vase": ("neck",),
+    "wardrobe": (),
+    "well": (),
     "whale": ("tail",),
     "windmill": ("sail",),
+    "wolf": (),
 }
 """Every noun with the parts whose size a prompt can set."""
 
@@ -136,23 +203,37 @@ NOUN_GROUPS: dict[str, tuple[str, ...]] = {
     name: tuple(nouns.split())
     for name, nouns in {
         "animals": (
-            "bear bird butterfly camel cat chicken cow crab crocodile deer dinosaur dog dolphin duck elephant "
-            "fish frog giraffe hedgehog horse lion monkey mouse octopus owl penguin pig rabbit rhino shark "
-            "sheep snail snake spider swan turtle whale"
+            "bear bird butterfly camel cat chicken cow crab crocodile deer dinosaur dog dolphin duck "
+            "elephant fish fox frog giraffe hedgehog horse lion monkey mouse octopus owl penguin pig rabbit "
+            "rhino shark sheep snail snake spider swan turtle whale wolf"
         ),
-        "figures": "dragon ghost person robot snowman",
-        "vehicles": "airplane balloon boat bus car helicopter motorcycle rocket submarine tank tractor train truck",
-        "furniture": "armchair bathtub bed bench cabinet chair desk lamp piano sofa stool table television",
-        "buildings": "castle church house igloo lighthouse skyscraper tent windmill",
+        "figures": "astronaut dragon ghost person robot snowman",
+        "vehicles": (
+            "airplane balloon boat bus car helicopter motorcycle rocket rover ship spaceship submarine tank "
+            "tractor train truck van"
+        ),
+        "furniture": (
+            "armchair bathtub bed bench bookcase cabinet chair desk fridge lamp piano pillow shelf sink sofa "
+            "stool stove table television toilet wardrobe"
+        ),
+        "buildings": (
+            "bridge castle church column door gravestone house igloo lighthouse sign skyscraper stairs "
+            "streetlight tent tower well windmill"
+        ),
         "plants and food": (
-            "apple banana burger cactus cake carrot corn cupcake flower mushroom palm pear pine pineapple "
-            "pumpkin strawberry tree"
+            "apple banana bread burger bush cactus cake carrot cookie corn cupcake flower hotdog icecream "
+            "mushroom palm pear pine pineapple plant pumpkin strawberry tree"
         ),
+        "rocks and weather": "campfire cloud crystal log mountain rock",
         "vessels and tools": (
-            "anvil axe barrel bell bottle bowl bucket camera candle chest dumbbell goblet guitar hammer shield "
-            "sword teapot vase"
+            "anvil arrow axe barrel bell bomb bottle bowl bucket camera can candle cannon chest cone crate "
+            "crossbow dumbbell goblet guitar hammer jar key knife lantern mug pan pistol plate pot potion "
+            "rifle sack shield sword target teapot torch trashcan vase"
         ),
-        "clothes and other things": "backpack boot dress glove hat heart helmet shirt star trousers umbrella",
+        "clothes and other things": (
+            "backpack banner bone book boot coffin coin crown dress flag glove hat heart helmet scroll shirt skull "
+            "star trousers umbrella"
+        ),
     }.items()
 }
 """The nouns by kind, for people who choose one."""
@@ -223,17 +304,17 @@ PARTS: dict[str, tuple[str, str]] = {
 
 NOUN_SYNONYMS = {
     "aeroplane": "airplane", "plane": "airplane", "jet": "airplane", "aircraft": "airplane", "handbell": "bell",
-    "sailboat": "boat", "ship": "boat", "yacht": "boat", "flask": "bottle", "cup": "bowl", "dish": "bowl",
+    "sailboat": "boat", "yacht": "boat", "flask": "bottle", "dish": "bowl",
     "basin": "bowl", "automobile": "car", "kitten": "cat", "kitty": "cat", "seat": "chair", "dino": "dinosaur",
     "sauropod": "dinosaur", "brontosaurus": "dinosaur", "diplodocus": "dinosaur", "puppy": "dog", "hound": "dog",
     "duckling": "duck", "goldfish": "fish", "chalice": "goblet", "wineglass": "goblet", "ukulele": "guitar",
     "sunhat": "hat", "fedora": "hat", "pony": "horse", "foal": "horse", "home": "house", "hut": "house",
     "cottage": "house", "toadstool": "mushroom", "piglet": "pig", "hog": "pig", "ananas": "pineapple",
-    "bunny": "rabbit", "hare": "rabbit", "spaceship": "rocket", "missile": "rocket", "couch": "sofa",
+    "bunny": "rabbit", "hare": "rabbit", "missile": "rocket", "couch": "sofa",
     "settee": "sofa", "starfish": "star", "tortoise": "turtle", "parasol": "umbrella", "brolly": "umbrella",
     "urn": "vase", "recliner": "armchair", "tub": "bathtub", "bath": "bathtub", "bunk": "bed", "cot": "bed",
-    "pew": "bench", "cupboard": "cabinet", "wardrobe": "cabinet", "dresser": "cabinet", "sideboard": "cabinet",
-    "closet": "cabinet", "bureau": "desk", "footstool": "stool", "tv": "television", "monitor": "television",
+    "pew": "bench", "cupboard": "cabinet", "dresser": "cabinet", "sideboard": "cabinet",
+    "bureau": "desk", "footstool": "stool", "tv": "television", "monitor": "television",
     "screen": "television", "coach": "bus", "minibus": "bus", "chopper": "helicopter", "motorbike": "motorcycle",
     "scooter": "motorcycle", "moped": "motorcycle", "lorry": "truck", "pickup": "truck", "locomotive": "train",
     "engine": "train", "panzer": "tank", "parrot": "bird", "sparrow": "bird", "robin": "bird", "pigeon": "bird",
@@ -253,6 +334,19 @@ NOUN_SYNONYMS = {
     "frock": "dress", "mitten": "glove", "tshirt": "shirt", "sweater": "shirt", "jumper": "shirt",
     "pants": "trousers", "jeans": "trousers", "slacks": "trousers", "sunflower": "flower", "daisy": "flower",
     "tulip": "flower", "rose": "flower", "fir": "pine", "spruce": "pine", "conifer": "pine",
+    "spaceman": "astronaut", "cosmonaut": "astronaut", "pennant": "banner", "grenade": "bomb", "novel": "book",
+    "tome": "book", "bookshelf": "bookcase", "loaf": "bread", "baguette": "bread", "shrub": "bush", "hedge": "bush",
+    "bonfire": "campfire", "tin": "can", "casket": "coffin", "pillar": "column", "biscuit": "cookie", "box":
+    "crate", "parcel": "crate", "gem": "crystal", "jewel": "crystal", "gate": "door", "refrigerator": "fridge",
+    "freezer": "fridge", "tombstone": "gravestone", "headstone": "gravestone", "dagger": "knife", "cleaver":
+    "knife", "hill": "mountain", "volcano": "mountain", "cup": "mug", "frypan": "pan", "skillet": "pan", "cushion":
+    "pillow", "handgun": "pistol", "revolver": "pistol", "houseplant": "plant", "saucepan": "pot", "cauldron":
+    "pot", "elixir": "potion", "shotgun": "rifle", "musket": "rifle", "stone": "rock", "boulder": "rock", "bag":
+    "sack", "pouch": "sack", "parchment": "scroll", "galleon": "ship", "frigate": "ship", "signpost": "sign",
+    "washbasin": "sink", "cranium": "skull", "starship": "spaceship", "spacecraft": "spaceship", "staircase":
+    "stairs", "steps": "stairs", "oven": "stove", "cooker": "stove", "streetlamp": "streetlight", "lamppost":
+    "streetlight", "bullseye": "target", "lavatory": "toilet", "watchtower": "tower", "dustbin": "trashcan", "bin":
+    "trashcan", "minivan": "van", "ambulance": "van", "closet": "wardrobe", "armoire": "wardrobe",
 }  # fmt: skip
 ADJECTIVE_SYNONYMS = {
     "high": "tall", "low": "short", "squat": "short", "stubby": "short",

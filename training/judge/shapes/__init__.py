@@ -20,40 +20,16 @@ from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge.shapes import (
-    beasts,
-    birds,
-    buildings,
-    clothing,
-    craft,
-    creatures,
-    figures,
-    food,
-    furniture,
-    plants,
-    tools,
-    vehicles,
-    vessels,
-)
+    beasts, birds, buildings, clothing, craft, creatures, figures, food, furniture, outdoors, plants, tools, vehicles, vessels, yard,
+)  # fmt: skip
 from training.judge.shapes.solids import Solid, surfaced
 from training.prior.families.parts import Part
 
 __all__ = ["SHAPES", "drawn"]
 
 _MODULES = (
-    beasts,
-    birds,
-    buildings,
-    clothing,
-    craft,
-    creatures,
-    figures,
-    food,
-    furniture,
-    plants,
-    tools,
-    vehicles,
-    vessels,
-)
+    beasts, birds, buildings, clothing, craft, creatures, figures, food, furniture, outdoors, plants, tools, vehicles, vessels, yard,
+)  # fmt: skip
 _NAMED = {name: getattr(module, name) for module in _MODULES for name in module.__all__}
 
 SHAPES: dict[str, Callable[[np.random.Generator], list[Solid]]] = {

@@ -9,8 +9,8 @@ import numpy as np
 from training.judge.shapes.solids import Floats, Solid, ball, block, both, drum, hoop, plate, rod, rods
 
 __all__ = [
-    "bear", "camel", "cat", "cow", "crocodile", "deer", "dinosaur", "dog", "dragon", "elephant", "giraffe", "hedgehog",
-    "horse", "lion", "mouse", "pig", "rabbit", "rhino", "sheep", "turtle",
+    "bear", "camel", "cat", "cow", "crocodile", "deer", "dinosaur", "dog", "dragon", "elephant", "fox", "giraffe",
+    "hedgehog", "horse", "lion", "mouse", "pig", "rabbit", "rhino", "sheep", "turtle", "wolf",
 ]  # fmt: skip
 
 Rng = np.random.Generator
@@ -387,3 +387,38 @@ def turtle(rng: Rng) -> list[Solid]:
         else:
             made += both(rod((wide * 0.65, 0.2, long * at), (wide * 0.85, -0.1, long * (at + 0.2 * out)), 0.17, 0.14))
     return [*made, rod((0, 0.15, -long), (0, 0.1, -long - 0.25), 0.09, 0.03)]
+
+
+def fox(rng: Rng) -> list[Solid]:
+    """Shape a fox that stands or sits: a narrow muzzle, large upright ears, a tail as thick as its body."""
+    u = rng.uniform
+    tail, pale = u(0.55, 0.8), u(0.13, 0.19)
+    if rng.random() < 0.65:
+        f = _frame(rng, length=0.8, girth=0.21, leg=0.34, thick=0.06, neck=0.22, head=0.22, muzzle=1.0, snout=0.2,
+                   rise=50.0)  # fmt: skip
+        way = np.radians(u(-35, 45))
+        tip = f.rump + tail * np.array([0, np.sin(way), -np.cos(way)])
+        made = [*f.solids, *_ears(rng, f, 1.15, "point")]
+        return made + rods([f.rump, 0.45 * f.rump + 0.55 * tip, tip], [0.07, pale, 0.03])
+    head = u(0.25, 0.32)
+    at = np.array([0, u(0.95, 1.1), 0.2])
+    made = [rod((0, 0.28, -0.15), at - [0, 0.2, 0.05], u(0.28, 0.34), 0.17), ball(at, (head * 1.1, head * 0.85, head))]
+    made += [rod(at + [0, -0.1 * head, 0.4 * head], at + [0, -0.4 * head, 1.7 * head], 0.5 * head, 0.05)]
+    made += both(drum(at + [0.5 * head, 0.4 * head, 0], at + [0.85 * head, u(1.5, 1.9) * head, 0], 0.42 * head, 0.02))
+    made += both(rod((0.12, 0.6, 0.18), (0.13, 0.08, 0.32), 0.1, 0.08)) + both(ball((0.26, 0.16, 0.02), (0.13, 0.18, 0.26)))
+    side = rng.choice([-1.0, 1.0])
+    return made + rods([(0, 0.12, -0.4), (0.5 * side, 0.16, -0.3), (0.6 * side, 0.2, 0.3)], [0.1, pale, 0.04])
+
+
+def wolf(rng: Rng) -> list[Solid]:
+    """Shape a wolf: a deep chest and a mane, long legs, a strong muzzle, short ears, a full tail held low."""
+    u = rng.uniform
+    f = _frame(rng, length=1.05, girth=0.27, leg=0.66, thick=0.075, neck=0.38, head=0.22, muzzle=1.15, snout=0.42,
+               rise=u(15, 75))  # fmt: skip
+    chest = np.array([0, f.back - 0.2, 0.45])
+    made = [*f.solids, rod(chest, 0.35 * chest + 0.65 * f.head, u(0.3, 0.36), u(0.2, 0.26)), *_ears(rng, f, 0.65, "point")]
+    for k in range(4):
+        place = chest + (f.head - chest) * k / 4
+        made += both(drum(place + [0.16, 0, 0], place + [u(0.3, 0.36), -0.15, -0.18], 0.13, 0.02))
+    low = f.rump + [0, -u(0.55, 0.7), -u(0.1, 0.35)]
+    return made + rods([f.rump, 0.5 * (f.rump + low) - [0, 0, 0.1], low], [0.07, u(0.1, 0.13), 0.03])

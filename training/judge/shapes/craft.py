@@ -1,4 +1,4 @@
-"""Shape aircraft and ships, facing +Z."""
+"""Shape what flies or floats. It faces +Z."""
 
 from __future__ import annotations
 

@@ -4,17 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import (
-    Solid,
-    ball,
-    block,
-    both,
-    drum,
-    rod,
-    rods,
-)
+from training.judge.shapes.solids import Solid, ball, block, both, carved, drum, rod, rods
 
-__all__ = ["ghost", "monkey", "person", "robot", "snowman"]
+__all__ = ["astronaut", "ghost", "monkey", "person", "robot", "snowman"]
 
 Rng = np.random.Generator
 
@@ -195,3 +187,26 @@ def snowman(rng: Rng) -> list[Solid]:
     if rng.random() < 0.6:
         made += both(rod((0.25, y * 0.62, 0), (u(0.75, 0.95), y * u(0.55, 0.95), 0.1), 0.05))
     return made
+
+
+def astronaut(rng: Rng) -> list[Solid]:
+    """Shape an astronaut: a bowl of a helmet with a sunk window, thick limbs, a pack with tanks, or floating."""
+    u = rng.uniform
+    head, wide, legs = u(0.3, 0.4), u(0.24, 0.33), u(0.35, 0.6)
+    top = legs + u(0.55, 0.7)
+    at = np.array([0, top + 0.75 * head, 0])
+    made = [rod((0, legs + 0.1, 0), (0, top - 0.15, 0), wide, wide * u(0.9, 1.15)), ball(at, head)]
+    if rng.random() < 0.6:
+        made += [carved(ball(at + [0, 0, head], (0.75 * head, 0.58 * head, 0.35 * head)))]
+    made += [drum((0, top - 0.02, 0), (0, top + 0.1, 0), head * 0.85)]
+    if rng.random() < 0.7:
+        made += [block((0, top - 0.2, -wide - 0.1), (1.7 * wide, u(0.5, 0.8), 0.3), u(0.1, 0.6))]
+    else:
+        made += both(rod((0.14, legs + 0.1, -wide - 0.08), (0.14, top - 0.02, -wide - 0.08), 0.13))
+    thick, float_ = u(0.11, 0.15), rng.random() < 0.3
+    hand = np.array([wide + u(0.25, 0.5), top - u(-0.3, 0.6), u(0.0, 0.35)])
+    made += both([*rods([(wide * 0.8, top - 0.12, 0), hand], [thick, thick * 0.9]), ball(hand, thick * 1.1)])
+    knee = np.array([0.2, 0.5 * legs + 0.1, u(0.15, 0.3) * float_])
+    foot = np.array([u(0.16, 0.28), 0.1, -0.25 * float_])
+    made += both(rods([(0.14, legs + 0.05, 0), knee, foot], [0.17, 0.15, 0.14]))
+    return made + both(block(foot + [0, 0, 0.08], (0.26, 0.22, 0.42), 0.5))

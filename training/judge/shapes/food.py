@@ -22,18 +22,9 @@ from training.judge.shapes.solids import (
 )
 
 __all__ = [
-    "apple",
-    "banana",
-    "burger",
-    "cake",
-    "carrot",
-    "corn",
-    "cupcake",
-    "pear",
-    "pineapple",
-    "pumpkin",
-    "strawberry",
-]
+    "apple", "banana", "bread", "burger", "cake", "carrot", "cookie", "corn", "cupcake", "hotdog", "icecream", "pear",
+    "pineapple", "pumpkin", "strawberry",
+]  # fmt: skip
 
 Rng = np.random.Generator
 
@@ -231,3 +222,70 @@ def strawberry(rng: Rng) -> list[Solid]:
     for way, degrees in around(int(rng.integers(5, 8)), u(0, 1)):
         made += [petal(np.array([0, r * 0.85, 0]), way, degrees, (0.1, 0.045, leaf), u(-25, 20))]
     return [*made, rod((0, r * 0.8, 0), (0, r + u(0.12, 0.25), 0), 0.05)]
+
+
+def bread(rng: Rng) -> list[Solid]:
+    """Shape bread: a long loaf with notches, a baguette, a round loaf, or a tin loaf that has risen over its edge."""
+    u, kind = rng.uniform, int(rng.integers(4))
+    if kind == 3:
+        long, wide, high = u(0.5, 0.75), u(0.26, 0.34), u(0.3, 0.42)
+        made = [block((0, high / 2, 0), (2 * long, high, 2 * wide), 0.15)]
+        return [*made, block((0, high + 0.08, 0), (2 * long + 0.06, u(0.26, 0.36), 2 * wide + 0.12), 0.9)]
+    if kind == 2:
+        made = [ball((0, 0.15, 0), (0.62, u(0.32, 0.42), u(0.5, 0.62))), carved(block((0, -0.5, 0), (3, 1, 3), 0))]
+        turns = [(u(0, 90) + 90 * k) for k in range(2)]
+        return made + [carved(block((0, u(0.48, 0.55), 0), (1.0, 0.12, 0.07), 0, (0, turn, 0))) for turn in turns]
+    long, r = (u(0.85, 1.1), u(0.15, 0.2)) if kind else (u(0.55, 0.75), u(0.26, 0.34))
+    made = [ball((0, r * 0.8, 0), (long, r, r * u(1.0, 1.3)))] if rng.random() < 0.4 else [rod((-long + r, r, 0), (long - r, r, 0), r)]
+    for x in np.linspace(-0.6, 0.6, int(rng.integers(3, 6))) * long:
+        cut = block((x, 1.85 * r, 0), (0.09, 0.16, 1.4 * r), 0.5, (0, 30, 0))
+        made += [carved(cut) if rng.random() < 0.6 else cut]
+    return made
+
+
+def hotdog(rng: Rng) -> list[Solid]:
+    """Shape a hot dog: a sausage, straight or curved, in a slit bun, with or without a wave of sauce."""
+    u = rng.uniform
+    long, r, bow = u(0.55, 0.7), u(0.1, 0.14), u(-0.05, 0.12)
+    path = [(x * long * u(1.12, 1.3), 0.28 + bow * x * x, 0) for x in np.linspace(-1, 1, 7)]
+    made = [block((0, 0.2, 0), (2 * long, u(0.3, 0.4), 0.5), u(0.7, 1.0))]
+    made += [carved(block((0, 0.45, 0), (3, 0.4, 1.7 * r), 0.2)), *rods(path, [r] * 7)]
+    if rng.random() < 0.6:
+        wave = [(x * long * 0.85, 0.3 + r, 0.06 * (-1) ** k) for k, x in enumerate(np.linspace(-1, 1, 10))]
+        made += rods(wave, [0.045] * 10)
+    return made
+
+
+def icecream(rng: Rng) -> list[Solid]:
+    """Shape ice cream: scoops side by side or on each other, or a swirl, in a cone or a tub; or a bar on a stick."""
+    u, kind = rng.uniform, int(rng.integers(5))
+    if kind == 4:
+        made = [block((0, 0.75, 0), (u(0.45, 0.6), 0.9, 0.28), u(0.5, 1.0)), rod((0, 0.45, 0), (0, 0.0, 0), 0.07)]
+        return made
+    r, long = u(0.26, 0.34), u(0.6, 0.9)
+    tub = rng.random() < 0.15
+    made = [drum((0, 0.25 * tub, 0), (0, long, 0), r * 0.7 if tub else 0.03, r), drum((0, long - 0.06, 0), (0, long + 0.06, 0), r * u(1.0, 1.15))]
+    if kind == 3:
+        for k in range(5):
+            made += [hoop((0, long + 0.12 + 0.13 * k, 0), r * (0.75 - 0.17 * k), 0.11, (90, 0, 0))]
+        return [*made, drum((0, long, 0), (0, long + 0.85, 0), r, 0.02)]
+    spots = [[(0, 0)], [(0, 0), (0, 1.3)], [(-0.62, 0), (0.62, 0), (0, 0.95)]][kind]
+    made += [ball((x * r, long + (0.55 + y) * r, 0), r * u(0.95, 1.15)) for x, y in spots]
+    top = long + (1.45 + spots[-1][1]) * r
+    return [*made, ball((0.05, top + 0.06, 0), 0.1)] if rng.random() < 0.4 else made
+
+
+def cookie(rng: Rng) -> list[Solid]:
+    """Shape a round cookie with drops of chocolate, lying or upright, sometimes bitten; or two with cream between."""
+    u = rng.uniform
+    thick = u(0.14, 0.24)
+    if rng.random() < 0.2:
+        made = [drum((0, y, 0), (0, y + 0.12, 0), 0.55) for y in (0.0, 0.24)] + [drum((0, 0.1, 0), (0, 0.26, 0), 0.48)]
+    else:
+        made = [ball((0, thick / 2, 0), (0.62, 0.75 * thick, 0.62))] if rng.random() < 0.5 else [drum((0, 0, 0), (0, thick, 0), 0.58)]
+        for k in range(int(rng.integers(6, 10))):
+            a, far = 2.4 * k + u(0, 0.5), 0.18 * np.sqrt(k)
+            made += [ball((far * np.sin(a), thick, far * np.cos(a)), u(0.06, 0.1))]
+    if rng.random() < 0.3:
+        made += [carved(ball((0.5 + 0.1 * k, 0.1, 0.5 - 0.2 * k), u(0.16, 0.24))) for k in range(2)]
+    return made

@@ -4,32 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.judge.shapes.solids import (
-    Solid,
-    ball,
-    block,
-    both,
-    carved,
-    drum,
-    plate,
-    rod,
-    rods,
-)
+from training.judge.shapes.solids import Solid, ball, block, both, carved, drum, hoop, plate, rod, rods
 
 __all__ = [
-    "armchair",
-    "bathtub",
-    "bed",
-    "bench",
-    "cabinet",
-    "chair",
-    "desk",
-    "piano",
-    "sofa",
-    "stool",
-    "table",
-    "television",
-]
+    "armchair", "bathtub", "bed", "bench", "bookcase", "cabinet", "chair", "desk", "fridge", "piano", "pillow", "sink",
+    "sofa", "stool", "stove", "table", "television", "toilet", "wardrobe",
+]  # fmt: skip
 
 Rng = np.random.Generator
 
@@ -345,3 +325,123 @@ def piano(rng: Rng) -> list[Solid]:
         drum((-0.3, 0, -0.6), (-0.3, high, -0.6), 0.07),
     ]
     return [*made, rod((0.4, high, -0.05), (0.25, high + 0.55, -0.05), 0.035)]
+
+
+def wardrobe(rng: Rng) -> list[Solid]:
+    """Shape a wardrobe: tall, of two or three doors with grooves between them, a ledge above, feet or a plinth below."""
+    u = rng.uniform
+    wide, high, deep, foot = u(0.38, 0.6), u(1.1, 1.4), u(0.22, 0.3), u(0.0, 0.12)
+    made = [block((0, foot + high / 2, 0), (2 * wide, high, 2 * deep), 0)]
+    made += [block((0, foot + high, 0.02), (2 * wide + u(0.06, 0.16), u(0.06, 0.12), 2 * deep + 0.1), 0.3)] if rng.random() < 0.8 else []
+    made += [plate([(-wide, 0), (wide, 0), (0, u(0.12, 0.25))], 0.14, (0, foot + high, deep - 0.07))] if rng.random() < 0.3 else []
+    made += _legs(rng, wide, deep, foot + 0.02) if foot > 0.05 else [block((0, 0.05, 0), (2 * wide + 0.06, 0.1, 2 * deep + 0.06), 0)]
+    count, low = int(rng.integers(2, 4)), u(0.2, 0.32) * (rng.random() < 0.6)
+    step = 2 * wide / count
+    for x in (np.arange(count) + 0.5) * step - wide:
+        field = block((x, foot + (high + low) / 2, deep), (step - 0.09, high - low - 0.12, 0.06), 0.2)
+        made += [carved(field) if rng.random() < 0.5 else field]
+        made += [rod((x + 0.3 * step, foot + 0.5 * high, deep + 0.04), (x + 0.3 * step, foot + 0.6 * high, deep + 0.04), 0.035)]
+    if low:
+        made += [block((0, foot + 0.05 + low / 2, deep), (2 * wide - 0.08, low - 0.06, 0.07), 0.3), *both(ball((0.5 * wide, foot + 0.05 + low / 2, deep + 0.05), 0.045))]
+    return [*made, *(carved(block((x, foot + (high + low) / 2, deep), (0.035, high - low, 0.09), 0)) for x in np.arange(1, count) * step - wide)]
+
+
+def bookcase(rng: Rng) -> list[Solid]:
+    """Shape a bookcase: a hollow case, narrow or broad, with boards and books that stand, lean or lie, or are missing."""
+    u = rng.uniform
+    wide, row, rows, deep = u(0.32, 0.6), u(0.26, 0.34), int(rng.integers(3, 6)), u(0.13, 0.2)
+    high = rows * row
+    made = [block((0, high / 2, 0), (2 * wide, high + 0.06, 2 * deep), 0)]
+    made += [carved(block((0, (k + 0.5) * row, 0.08), (2 * wide - 0.12, row - 0.06, 2 * deep), 0)) for k in range(rows)]
+    for k in range(rows):
+        x, full = -wide + 0.06, rng.random() < 0.85
+        while full and x < wide * u(0.3, 0.95) - 0.1:
+            thick, tall = u(0.04, 0.1), u(0.6, 0.88) * (row - 0.06)
+            made += [block((x + thick / 2, k * row + 0.03 + tall / 2, -0.02), (thick * 0.9, tall, 2 * deep - u(0.06, 0.16)), 0.2)]
+            x += thick + 0.1 * (rng.random() < 0.08)
+    return [*made, block((0, high + 0.04, 0), (2 * wide + 0.1, 0.07, 2 * deep + 0.06), 0.2)] if rng.random() < 0.5 else made
+
+
+def fridge(rng: Rng) -> list[Solid]:
+    """Shape a fridge: a high block with a seam between its doors and upright grips; a rounded one of old; a larder."""
+    u = rng.uniform
+    wide, high, deep = u(0.32, 0.42), u(1.0, 1.3), u(0.3, 0.38)
+    made = [block((0, high / 2 + 0.05, 0), (2 * wide, high, 2 * deep), u(0.0, 0.5)), block((0, 0.05, 0), (1.8 * wide, 0.1, 1.7 * deep), 0)]
+    kind, z = int(rng.integers(3)), deep + 0.05
+    if kind == 2:
+        made += [carved(block((0, high / 2 + 0.05, deep), (0.04, high, 0.1), 0)), *both(block((0.08, 0.55 * high, z), (0.06, u(0.3, 0.6), 0.08), 0.5))]
+        return made + [carved(block((-0.5 * wide, 0.65 * high, deep), (0.2, 0.24, 0.12), 0.1))] if rng.random() < 0.5 else made
+    seam, x = high * (u(0.25, 0.4) if kind else u(0.6, 0.75)), 0.75 * wide * rng.choice([-1, 1])
+    made += [carved(block((0, seam + 0.05, deep), (3 * wide, 0.045, 0.14), 0))]
+    for low, top in ((0.05, seam), (seam + 0.05, high)):
+        long = u(0.3, 0.6) * (top - low)
+        y = (low + top) / 2 if rng.random() < 0.5 else (top - long / 2 - 0.08 if top == seam else low + long / 2 + 0.08)
+        made += [block((x, y, z), (0.06, long, 0.09), 0.5)]
+    return made
+
+
+def stove(rng: Rng) -> list[Solid]:
+    """Shape a stove: a cube with an oven behind a glass, knobs and plates or grates on top; or an iron one with a pipe."""
+    u = rng.uniform
+    wide, high, deep = u(0.36, 0.48), u(0.65, 0.85), u(0.32, 0.42)
+    if rng.random() < 0.2:
+        made = [block((0, 0.25 + high / 3, 0), (1.7 * wide, high * 0.75, 1.6 * deep), 0.2), block((0, 0.27 + 0.7 * high, 0), (2 * wide, 0.08, 2 * deep), 0.2)]
+        made += [drum((0, 0.6 * high, -0.4 * deep), (0, high + u(0.5, 0.8), -0.4 * deep), 0.1), block((0, 0.25 + 0.36 * high, 0.8 * deep), (wide, 0.4 * high, 0.08), 0.2)]
+        return made + both([rod((0.6 * wide, 0.3, s * 0.6 * deep), (0.75 * wide, 0.05, s * 0.75 * deep), 0.07) for s in (-1, 1)])
+    made = [block((0, high / 2, 0), (2 * wide, high, 2 * deep), 0.05), block((0, high, 0), (2 * wide + 0.04, 0.05, 2 * deep + 0.04), 0)]
+    pane = block((0, 0.4 * high, deep), (1.4 * wide, 0.4 * high, 0.07), 0.2)
+    made += [block((0, 0.42 * high, deep), (1.85 * wide, 0.62 * high, 0.06), 0.2), carved(pane) if rng.random() < 0.6 else pane]
+    made += [rod((-0.7 * wide, 0.7 * high, deep + 0.07), (0.7 * wide, 0.7 * high, deep + 0.07), 0.04)]
+    made += [drum((x * wide, 0.87 * high, deep - 0.05), (x * wide, 0.87 * high, deep + 0.06), 0.055) for x in np.linspace(-0.75, 0.75, int(rng.integers(3, 7)))]
+    for x, z, r in ((-1, -1, 0.13), (1, -1, 0.1), (-1, 1, 0.1), (1, 1, 0.13)):
+        at = np.array([0.5 * x * wide, high + 0.02, 0.48 * z * deep])
+        made += [drum(at, at + [0, 0.05, 0], r)] if rng.random() < 0.6 else [hoop(at + [0, 0.03, 0], r, 0.03, (90, 0, 0))]
+    return [*made, block((0, high + 0.12, 0.06 - deep), (2 * wide, u(0.2, 0.4), 0.1), 0.2)] if rng.random() < 0.5 else made
+
+
+def toilet(rng: Rng) -> list[Solid]:
+    """Shape a toilet: a bowl on a waist or boxed in, a ring of a seat, a lid up, down or none, a cistern behind."""
+    u = rng.uniform
+    wide, long, high = u(0.26, 0.32), u(0.34, 0.44), u(0.42, 0.52)
+    made = [drum((0, 0, -0.05), (0, high, 0), u(0.14, 0.2), 0.24)] if rng.random() < 0.7 else [block((0, 0.2, -0.1), (0.36, 0.4, 0.6), 0.3)]
+    made += [ball((0, high, 0.08), (wide, u(0.25, 0.36), long)), block((0, high - 0.15, -long), (0.36, 0.3, 0.3), 0.3)]
+    made += [carved(block((0, high + 0.5, 0), (3, 1.0, 3), 0)), ball((0, high, 0.08), (wide + 0.03, 0.05, long + 0.03))]
+    lid, tank = int(rng.integers(3)), u(0.35, 0.5)
+    if lid != 1:
+        made += [carved(ball((0, high + 0.02, 0.08), (wide - 0.08, 0.24, long - 0.1)))]
+    made += [ball((0, high + long, 0.02 - long), (wide, long, 0.06), (-8, 0, 0))] if lid == 0 else []
+    made += [ball((0, high + 0.03, 0.08), (wide + 0.02, 0.07, long + 0.02))] if lid == 1 else []
+    z = -long - u(0.1, 0.2)
+    made += [block((0, high + tank / 2, z), (u(0.5, 0.66), tank, 0.24), u(0.1, 0.5)), block((0, high + tank, z), (0.68, 0.07, 0.3), 0.4)]
+    return [*made, rod((-0.22, high + 0.8 * tank, z + 0.14), (-0.1, high + 0.8 * tank, z + 0.16), 0.04) if rng.random() < 0.5 else drum((0, high + tank, z), (0, high + tank + 0.07, z), 0.07)]
+
+
+def sink(rng: Rng) -> list[Solid]:
+    """Shape a sink: a basin of a wall, on a pillar or in a cupboard, round or square, with a bent tap and two cocks."""
+    u, kind = rng.uniform, int(rng.integers(3))
+    wide, deep, high = u(0.38, 0.52), u(0.28, 0.36), u(0.7, 0.95)
+    if kind == 2:
+        made = [block((0, high / 2, 0), (2 * wide, high, 2 * deep), 0), block((0, high, 0), (2 * wide + 0.06, 0.07, 2 * deep + 0.06), 0.2)]
+        made += [carved(block((x, 0.45 * high, deep), (0.03, 0.75 * high, 0.08), 0)) for x in (0,)] + both(ball((0.08, 0.6 * high, deep + 0.04), 0.045))
+    else:
+        made = [ball((0, high, 0), (wide, u(0.22, 0.34), deep)) if rng.random() < 0.5 else block((0, high - 0.1, 0), (2 * wide, 0.3, 2 * deep), 0.5)]
+        made += [carved(block((0, high + 0.5, 0), (3, 1.0, 3), 0)), block((0, high - 0.03, -deep), (1.7 * wide, 0.12, 0.2), 0.3)]
+        made += [drum((0, 0, -0.06), (0, high - 0.1, -0.03), u(0.16, 0.2), 0.11)] if kind else []
+    hollow = block((0, high, 0.04), (1.5 * wide, 0.32, 1.25 * deep), 0.6) if rng.random() < 0.5 else ball((0, high, 0.04), (0.75 * wide, 0.18, 0.68 * deep))
+    rise, z = u(0.18, 0.35), 0.02 - deep
+    made += [carved(hollow), *rods([(0, high, z), (0, high + rise, z), (0, high + rise, z + 0.22), (0, high + rise - 0.08, z + 0.24)], [0.045] * 4)]
+    return made + both(drum((0.16, high, z), (0.16, high + 0.1, z), 0.05)) if rng.random() < 0.7 else made
+
+
+def pillow(rng: Rng) -> list[Solid]:
+    """Shape a pillow: a plump square or oblong cushion with pointed corners, lying or leaning, or a roll."""
+    u = rng.uniform
+    wide, high, thick = u(0.5, 0.75), u(0.4, 0.5), u(0.14, 0.24)
+    lean, pinch = (-90.0 if rng.random() < 0.3 else -u(0, 35)), u(0.05, 0.2)
+    if rng.random() < 0.1:
+        return [rod((-wide, 0, 0), (wide, 0, 0), thick), *both(ball((wide + thick, 0, 0), 0.06))]
+    x = np.linspace(-1, 1, 9)
+    side = np.stack([wide * x, -high * (1 - pinch * (1 - x * x))], 1)
+    rim = np.concatenate([side[:-1], np.stack([wide * (1 - pinch * (1 - x * x)), high * x], 1)[:-1], -side[:-1], np.stack([-wide * (1 - pinch * (1 - x * x)), -high * x], 1)[:-1]])
+    made = [plate(rim, 0.1, (0, 0, 0), "z", (lean, 0, 0))]
+    return [*made, block((0, 0, 0), (1.86 * wide, 1.86 * high, 2 * thick), 1.0, (lean, 0, 0)), ball((0, 0, 0), (wide * 0.9, high * 0.9, thick * 1.25), (lean, 0, 0))]

@@ -16,7 +16,7 @@ from training.judge.shapes.solids import (
     rod,
 )
 
-__all__ = ["bus", "car", "motorcycle", "tank", "tractor", "train", "truck"]
+__all__ = ["bus", "car", "motorcycle", "tank", "tractor", "train", "truck", "van"]
 
 Rng = np.random.Generator
 
@@ -196,8 +196,8 @@ def train(rng: Rng) -> list[Solid]:
     return made + (both(rod((0.33, wheel, -0.55), (0.33, wheel, 0.33), 0.04)) if rng.random() < 0.7 else [])
 
 
-def _van(rng: Rng) -> list[Solid]:
-    """Return a delivery van: one tall box with a short sloping nose."""
+def van(rng: Rng) -> list[Solid]:
+    """Shape a van: one tall box with a short sloping nose; windows in front or all along."""
     u = rng.uniform
     wide, r, long, high, nose = u(0.32, 0.4), u(0.14, 0.19), u(0.65, 0.85), u(0.6, 0.8), u(0.15, 0.3)
     floor = r
@@ -206,6 +206,8 @@ def _van(rng: Rng) -> list[Solid]:
     made = [plate(side, 2 * wide, (0, 0, 0), "x")]
     made += [carved(s) for s in both(block((wide, floor + 0.68 * high, long * 0.75), (0.08, 0.25, 0.25), 0.1))]
     made += [carved(block((0, floor + 0.68 * high, long), (1.6 * wide, 0.25, 0.2), 0.1))]
+    for z in np.linspace(-0.75, 0.3, 3) * long if rng.random() < 0.5 else ():
+        made += [carved(s) for s in both(block((wide, floor + 0.68 * high, z), (0.08, 0.25, 0.32), 0.1))]
     made += [block((0, floor, z), (1.9 * wide, 0.1, 0.1), 0.2) for z in (-long, long + nose)]
     return made + _wheels(wide + 0.02, r, 0.13, [-0.65 * long, long - 0.05])
 
@@ -213,8 +215,6 @@ def _van(rng: Rng) -> list[Solid]:
 def truck(rng: Rng) -> list[Solid]:
     """Shape a truck: a cab, and a box, a tank, a flat bed or a tipper behind a gap; or a pickup."""
     u = rng.uniform
-    if rng.random() < 0.2:
-        return _van(rng)
     wide, r, long = u(0.3, 0.38), u(0.15, 0.22), u(0.85, 1.1)
     floor, cab, front = r + 0.14, u(0.55, 0.75), u(0.36, 0.5)
     made = [block((0, floor - 0.05, -0.1), (wide * 1.4, 0.16, 2 * long - 0.2), 0)]

@@ -17,7 +17,10 @@ from training.judge.shapes.solids import (
     spun,
 )
 
-__all__ = ["barrel", "bell", "bottle", "bowl", "bucket", "candle", "goblet", "lamp", "teapot", "umbrella", "vase"]
+__all__ = [
+    "barrel", "bell", "bottle", "bowl", "bucket", "can", "candle", "goblet", "jar", "lamp", "mug", "pan", "plate",
+    "pot", "potion", "teapot", "umbrella", "vase",
+]  # fmt: skip
 
 Rng = np.random.Generator
 
@@ -236,3 +239,116 @@ def umbrella(rng: Rng) -> list[Solid]:
     made += [rod((0, high + 0.1, 0), (0, -stick, 0), 0.045)]
     path = [np.array([crook * (1 - np.cos(a)), -stick - crook * np.sin(a), 0]) for a in np.linspace(0, np.pi * 1.1, 7)]
     return made + rods(path, [0.05] * 7)
+
+
+def _ear(rng: Rng, r: float, low: float, high: float) -> list[Solid]:
+    """Return a handle at +X or -X of a wall of radius `r`: a ring, a square bow, or a filled ear."""
+    out, middle, half = rng.uniform(0.12, 0.3), (low + high) / 2, (high - low) / 2
+    thick = rng.uniform(0.045, 0.075)
+    kind = int(rng.integers(3))
+    if kind == 0:
+        ear = [hoop((r, middle, 0), half, thick)]
+    elif kind == 1:
+        ear = rods([(r - 0.05, high, 0), (r + out, high, 0), (r + out, low, 0), (r - 0.05, low, 0)], [thick] * 4)
+    else:
+        ear = [ball((r, middle, 0), (out + 0.05, half, thick))]
+    return ear if rng.random() < 0.5 else both(ear)[len(ear) :]
+
+
+def mug(rng: Rng) -> list[Solid]:
+    """Shape a mug with one ear: upright, bellied, or a low cup on a saucer."""
+    u, cup = rng.uniform, rng.random() < 0.3
+    r, high = u(0.36, 0.46), u(0.45, 0.6) if cup else u(0.7, 1.0)
+    foot = r * (u(0.5, 0.7) if cup else u(0.85, 1.1))
+    outline = _curve([(foot, 0.0), (r * u(0.92, 1.1), 0.5 * high), (r, high)]) if cup or rng.random() < 0.5 else [(r, 0.0), (r, high)]
+    made = _ear(rng, 0.95 * r, 0.2 * high, 0.85 * high) + _pot(outline, u(0.05, 0.09), 0.1)
+    return [*made, drum((0, -0.05, 0), (0, 0.04, 0), 0.5, 0.68)] if cup and rng.random() < 0.5 else made
+
+
+def pot(rng: Rng) -> list[Solid]:
+    """Shape a pot for cooking: with two ears, a long handle or a lid; or a kettle of iron on legs, hung on a bail."""
+    u = rng.uniform
+    r, high = u(0.45, 0.58), u(0.4, 0.7)
+    if rng.random() < 0.35:
+        made = _pot([(0.25, 0.1), *_curve([(0.4, 0.13), (r * 1.15, 0.5), (r * 0.85, 0.9)]), (r, 0.95), (r, 1.0)], 0.09, 0.25)
+        for k in (0.3, 2.4, 4.5):
+            made += [rod((0.3 * np.sin(k), 0.25, 0.3 * np.cos(k)), (0.42 * np.sin(k), 0.0, 0.42 * np.cos(k)), 0.09, 0.06)]
+        bail = [(r * np.cos(a), 0.95 + u(0.3, 0.5) * np.sin(a) * k, 0) for k in [rng.random() < 0.4] for a in np.linspace(0, np.pi, 9)]
+        return made + (rods(bail, [0.04] * 9) if bail[4][1] > 1 else both(hoop((r, 0.75, 0), 0.13, 0.04)))
+    made = _pot([(r * 0.93, 0.0), (r, 0.1), (r, high), (r + 0.04, high), (r + 0.04, high + 0.05)], 0.07, 0.08)
+    if rng.random() < 0.3:
+        made += [rod((r, 0.85 * high, 0), (r + u(0.6, 0.85), high * u(0.85, 1.1), 0), 0.05, 0.07)]
+    elif rng.random() < 0.5:
+        made += both(hoop((r, 0.75 * high, 0), u(0.12, 0.18), 0.045, (90 * (rng.random() < 0.5), 0, 0)))
+    else:
+        made += both(block((r + 0.08, 0.8 * high, 0), (0.26, 0.08, 0.3), 0.5))
+    if rng.random() < 0.45:
+        made += [ball((0, high + 0.02, 0), (r + 0.02, u(0.08, 0.2), r + 0.02)), drum((0, high, 0), (0, high + u(0.22, 0.3), 0), 0.05, 0.1)]
+    return made
+
+
+def pan(rng: Rng) -> list[Solid]:
+    """Shape a pan: shallow and round, with a long handle to some side, rarely with two short ones."""
+    u = rng.uniform
+    r, high = u(0.46, 0.56), u(0.1, 0.22)
+    made = _pot([(r * u(0.75, 0.95), 0.0), (r, high)], 0.06, 0.06)
+    if rng.random() < 0.2:
+        return made + both(hoop((r + 0.04, high - 0.03, 0), 0.13, 0.045, (90, 0, 0)))
+    end = np.array([r + u(0.6, 0.9), high + u(-0.05, 0.25), 0])
+    made += [rod((r - 0.03, high - 0.05, 0), end, 0.045, 0.07), rod(0.45 * end + [0.55 * r, 0.5 * high, 0], end, 0.05, 0.08)]
+    turns = int(rng.choice([0, 0, 1, 2, 3]))
+    for _ in range(turns):
+        made = [_turned(s) for s in made]
+    return made
+
+
+def jar(rng: Rng) -> list[Solid]:
+    """Shape a jar: a wide body, a short neck nearly as wide, a screw lid, a stopper or a knob on a lid."""
+    u = rng.uniform
+    r, high, neck = u(0.34, 0.46), u(0.65, 1.0), u(0.7, 0.85)
+    side = [(r * 0.9, 0.0), (r, 0.06), (r, high - 0.1)] if rng.random() < 0.5 else _curve([(r * 0.75, 0.0), (r * 1.12, 0.55 * high), (r * 0.85, high)])
+    made = [spun([(0, 0), *side, (neck * r, high), (neck * r, high + 0.1), (0, high + 0.1)])]
+    lid, top = neck * r + u(0.02, 0.07), high + u(0.2, 0.3)
+    made += [drum((0, high + 0.07, 0), (0, top, 0), lid)]
+    if rng.random() < 0.4:
+        made += [ball((0, top, 0), (lid * 0.9, 0.09, lid * 0.9)), ball((0, top + 0.13, 0), 0.09)]
+    return made
+
+
+def can(rng: Rng) -> list[Solid]:
+    """Shape a can: of a drink with a drawn-in top and a tab, or of food with rims and rings; sometimes open."""
+    u = rng.uniform
+    r, high = u(0.3, 0.38), u(0.75, 1.1)
+    if rng.random() < 0.5:
+        made = [spun([(0, 0), (r * 0.8, 0), (r, 0.09), (r, high - 0.12), (r * 0.82, high), (r * 0.82, high + 0.03), (0, high + 0.03)])]
+        made += [carved(drum((0, high - 0.02, 0), (0, high + 0.2, 0), r * 0.72)), block((0, high - 0.01, 0.06), (0.12, 0.03, 0.2), 0.3)]
+        return made
+    high *= u(0.6, 1.0)
+    made = [drum((0, 0, 0), (0, high, 0), r * 1.1), carved(drum((0, high - u(0.05, 0.3), 0), (0, high + 0.2, 0), r * 0.98))]
+    for y in np.linspace(0.0, high, int(rng.choice([2, 5, 7]))):
+        made += [hoop((0, y, 0), r * 1.1, 0.04, (90, 0, 0))]
+    return made
+
+
+def plate(rng: Rng) -> list[Solid]:
+    """Shape a plate: round, flat and wide with a raised rim, or square."""
+    u = rng.uniform
+    rim, high = u(0.1, 0.2), u(0.08, 0.16)
+    if rng.random() < 0.15:
+        return [block((0, high / 2, 0), (1.2, high, 1.2), 0.4), carved(block((0, high, 0), (1.2 - 2 * rim, high, 1.2 - 2 * rim), 0.4))]
+    return _pot([(0.4, 0.0), (0.6 - rim, 0.02), (0.6, high), (0.6, high + 0.05)], u(0.05, rim), 0.05)
+
+
+def potion(rng: Rng) -> list[Solid]:
+    """Shape a flask of a potion: a round, drop-like, conical or cornered body, a narrow neck, a lip and a stopper."""
+    u = rng.uniform
+    r, neck, top = u(0.32, 0.4), u(0.09, 0.14), u(0.98, 1.15)
+    kind = int(rng.integers(4))
+    made = [
+        [ball((0, r, 0), r)],
+        [spun([(0, 0), *_curve([(0.6 * r, 0.0), (r * 1.1, 0.2), (0.6 * r, 0.5), (neck, 0.75)]), (0, 0.75)])],
+        [drum((0, 0, 0), (0, 0.75, 0), 1.15 * r, neck)],
+        [drum((0, 0, 0), (0, 0.5, 0), r * 0.9, r, sides=int(rng.integers(4, 7))), drum((0, 0.5, 0), (0, 0.68, 0), r, neck)],
+    ][kind]
+    made += [drum((0, 0.3, 0), (0, top, 0), neck), hoop((0, top - u(0.0, 0.12), 0), neck + 0.02, 0.05, (90, 0, 0))]
+    return [*made, drum((0, top, 0), (0, top + u(0.08, 0.16), 0), neck * 0.8, neck)] if rng.random() < 0.75 else made

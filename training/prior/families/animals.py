@@ -19,7 +19,7 @@ from training.prior.families.parts import (
 )
 from training.prior.families.traits import Rng, Traits
 
-__all__ = ["Body", "at", "dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
+__all__ = ["dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Describe a lesson: nouns with their synonyms, and the names of files and folders of meshes. Torch-free."""
+"""Say what is taught: nouns with their synonyms, and what files and folders of meshes are called. Torch-free."""
 
 from __future__ import annotations
 

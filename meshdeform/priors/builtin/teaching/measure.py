@@ -1,4 +1,4 @@
-"""Measure the knowledge of a network: its loss on held-out pictures, and which noun it takes a picture for.
+"""Measure what a network knows: its loss on held-out pictures, and which noun it takes a picture for.
 
 ::
 

@@ -93,7 +93,7 @@ def contact_sheet(rows: Sequence[Tensor], labels: Sequence[str], columns: int = 
 
 
 def learned_sheet(network: PriorNetwork, words: Words, seen: Mapping[str, PictureSet], *, seed: int = 0) -> Image.Image:
-    """Draw the nouns that a network has learned, with pictures of the training.
+    """Draw what a network has learned, with pictures of the training.
 
     Of one noun: rows of grids, single views, and single views with an attribute. Of several: a row of each.
 

@@ -149,7 +149,7 @@ class Trainer:
         }
 
     def load_state(self, state_dict: dict[str, Any]) -> None:
-        """Restore a `state`."""
+        """Restore what `state` returned."""
         self.network.load_state_dict(state_dict["network"])
         self.average = state_dict["average"]
         self.optimiser.load_state_dict(state_dict["optimiser"])
