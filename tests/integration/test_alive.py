@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import pytest
 import sqlalchemy as sa
 
@@ -61,17 +59,3 @@ def test_the_lease_of_a_job_keeps_its_worker_alive(record: JobRecord) -> None:
     with pytest.raises(StaleAttemptError):
         record.leases.heartbeat(job.id, 2, LEASE_S, worker=worker)
     assert record.leases.alive("one") == 0
-
-
-def test_a_worker_that_is_gone_leaves_neither_a_row_nor_a_lease(record: JobRecord) -> None:
-    job = claimed(record, posted(record))
-    record.leases.heartbeat(job.id, 1, LEASE_S, worker=WorkerIdentity("worker", "one", "cpu"))
-    assert record.leases.worker_ended("worker")
-    assert known(record) == {}
-    assert record.upkeep.reclaim_expired(3) == [job.id]
-
-
-def test_many_say_so_at_once(record: JobRecord) -> None:
-    with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda n: record.leases.idle(WorkerIdentity(f"worker{n % 4}", "one", "cpu")), range(40)))
-    assert record.leases.alive("one") == 4

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
 
-from tests.integration.conftest import Api, new_job
+from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
 
 
@@ -30,22 +29,9 @@ def test_health_and_readiness(api: Api, openapi: dict[str, Any]) -> None:
     assert {part["status"] for name, part in ready.json().items() if name != "status"} == {"ok"}
 
 
-def test_the_description_is_served_without_a_page_of_another_host(api: Api, openapi: dict[str, Any]) -> None:
-    assert api.http.get("/openapi.json").json() == openapi
-    for path in ("/docs", "/redoc"):
-        assert api.http.get(path).status_code == 404
-
-
 def test_nobody_elses_page_may_call_the_api(api: Api) -> None:
     answer = api.http.get("/healthz", headers={"Origin": "https://elsewhere.example"})
     assert not [name for name in answer.headers if name.startswith("access-control-")]
-
-
-def test_many_ask_at_once(api: Api) -> None:
-    job = new_job(api.record)
-    with ThreadPoolExecutor(8) as pool:
-        answers = list(pool.map(lambda _: api.http.get(f"/v1/jobs/{job.id}").status_code, range(80)))
-    assert set(answers) == {200}
 
 
 def test_a_mistake_of_ours_is_a_problem_without_its_details(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -10,13 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.assets.isolation import run_child
-from meshdeform.cli.app import app
-from meshdeform.client import AsyncClient, Client
-from meshdeform.errors import NotFoundError
+from meshdeform.client import Client
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest, MorphPath, OutputOptions
@@ -131,26 +127,6 @@ def test_the_stl_of_a_result_is_made_of_it_alone(api: Api, stretched: bytes, tmp
     answer = api.http.head(f"/v1/jobs/{job_id}/artifacts/result.stl")
     assert answer.headers["content-type"] == "model/stl"
     assert answer.headers["content-disposition"] == 'attachment; filename="ball-x-seed0.stl"'
-
-
-def test_clients_and_the_command_line_make_what_is_missing(api: Api, stretched: bytes, tmp_path: Path) -> None:
-    job_id = finished(api, stretched)
-    with Client(api.url) as client:
-        (path,) = client.fetch(job_id, tmp_path, ["result.stl"])
-        assert path.name.endswith(".stl")
-        with pytest.raises(NotFoundError, match="has no artifact"):
-            client.make(job_id, "other.glb")
-    assert asyncio.run(_made(api.url, job_id)) == "morph.glb"
-    again = finished(api, stretched)
-    command = ["fetch", again, "-o", str(tmp_path / "cli"), "--name", "morph.glb", "--url", api.url]
-    done = CliRunner().invoke(app, command)
-    assert done.exit_code == 0, done.output
-    assert (tmp_path / "cli" / "morph.glb").read_bytes()[:4] == b"glTF"
-
-
-async def _made(url: str, job_id: str) -> str:
-    async with AsyncClient(url) as client:
-        return (await client.make(job_id, "morph.glb")).name
 
 
 def test_what_cannot_be_made_is_refused(api: Api, stretched: bytes) -> None:

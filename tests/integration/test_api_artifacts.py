@@ -51,11 +51,6 @@ def test_an_artifact_whose_object_is_gone_is_an_error_before_the_first_byte(api:
     check_problem(api.http.get(f"/v1/jobs/{job_id}/artifacts/result.glb"), 404, "not_found")
 
 
-def test_an_artifact_that_is_not_there_says_what_is(api: Api) -> None:
-    problem = check_problem(api.http.get(f"/v1/jobs/{finished_job(api)}/artifacts/nothing.glb"), 404, "not_found")
-    assert problem["artifacts"] == ["result.glb"]
-
-
 def test_a_result_requested_too_early_or_of_a_job_without_one(api: Api, client: Client, tmp_path: Path) -> None:
     job = new_job(api.record)
     url = f"/v1/jobs/{job.id}/artifacts/result.glb"

@@ -60,17 +60,6 @@ def test_the_request_may_be_a_file_part_and_a_target_may_come_along(api: Api, sp
     assert (asset.filename, target.filename) == ("a.glb", "t.glb")
 
 
-def test_the_same_bytes_are_stored_once_and_outlive_one_of_two_jobs(api: Api, repository: Path) -> None:
-    cube = (repository / "examples" / "cube.glb").read_bytes()
-    first, second = (post(api, cube).json()["id"] for _ in range(2))
-    key = api.record.get(first).files["asset"].key
-    assert api.record.get(second).files["asset"].key == key
-    for job_id, left in ((first, True), (second, False)):
-        assert api.http.post(f"/v1/jobs/{job_id}/cancel").json()["state"] == "canceled"
-        assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
-        assert api.store.exists(key) is left
-
-
 BARE = {"asset": {"version": "2.0"}}
 
 
@@ -145,10 +134,6 @@ def test_a_bad_request_is_a_clear_problem(api: Api, sphere: bytes, request_: Any
     if loc is not None:
         assert [error["loc"] for error in problem["errors"]] == [loc]
         assert set(problem["errors"][0]) == {"loc", "msg", "type"}
-
-
-def test_a_target_without_its_guidance_is_refused(api: Api, sphere: bytes) -> None:
-    check_problem(post(api, sphere, target=("t.glb", sphere)), 422, "parameter_invalid")
 
 
 @each_case(

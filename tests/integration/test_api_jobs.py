@@ -43,31 +43,6 @@ def test_a_job_shows_its_progress_and_its_version(api: Api, openapi: dict[str, A
     assert changed.json()["finished_at"].endswith("Z")
 
 
-def test_a_failed_job_says_why(api: Api, openapi: dict[str, Any]) -> None:
-    job = new_job(api.record)
-    api.record.leases.claim(job.id, "worker", -1.0)
-    api.record.upkeep.reclaim_expired(1)
-    document = api.http.get(f"/v1/jobs/{job.id}").json()
-    check_document(document, "JobView", openapi)
-    assert (document["state"], document["error"]["code"]) == ("failed", "worker_lost")
-    assert document["error"]["advice"]
-
-
-def test_the_list_goes_through_all_pages(api: Api, openapi: dict[str, Any]) -> None:
-    made = [new_job(api.record, prompt=f"a vase {i}").id for i in range(5)]
-    page = api.http.get("/v1/jobs", params={"limit": 2}).json()
-    check_document(page, "JobList", openapi)
-    seen = [job["id"] for job in page["jobs"]]
-    while len(seen) < len(made):
-        page = api.http.get("/v1/jobs", params={"limit": 2, "cursor": page["next_cursor"]}).json()
-        seen += [job["id"] for job in page["jobs"]]
-    assert seen[:5] == made[::-1]
-    api.record.leases.claim(made[2], "worker", 60.0)
-    running = api.http.get("/v1/jobs", params={"state": "running"}).json()["jobs"]
-    assert made[2] in [job["id"] for job in running]
-    assert {job["state"] for job in running} == {"running"}
-
-
 @each_case(
     ("query", "loc"),
     [
@@ -111,37 +86,6 @@ def test_cancel_and_delete_follow_the_state(api: Api) -> None:
 def test_a_job_that_ended_otherwise_cannot_be_canceled(api: Api) -> None:
     problem = check_problem(api.http.post(f"/v1/jobs/{finished_job(api)}/cancel"), 409, "conflict")
     assert problem["state"] == "succeeded"
-
-
-def test_jobs_are_found_by_their_labels(api: Api) -> None:
-    def made(**metadata: str) -> str:
-        return api.record.create(NewJob(JobRequest(prompt="a vase", metadata=metadata), {"asset": stored_file()})).id
-
-    first, second, _ = made(shot="sc010", take="1"), made(shot="sc010", take="[2]"), made(shot="sc020", take="1")
-
-    def found(*labels: tuple[str, str]) -> list[str]:
-        answer = api.http.get("/v1/jobs", params=[(f"metadata[{name}]", value) for name, value in labels])
-        assert answer.status_code == 200, answer.text
-        return [job["id"] for job in answer.json()["jobs"]]
-
-    assert found(("shot", "sc010")) == [second, first]
-    assert found(("shot", "sc010"), ("take", "1")) == [first]
-    assert found(("shot", "sc010"), ("take", "[2]")) == [second]
-    assert found(("shot", "sc")) == []
-    page = api.http.get("/v1/jobs", params={"metadata[shot]": "sc010", "limit": 1}).json()
-    following = {"metadata[shot]": "sc010", "limit": 1, "cursor": page["next_cursor"]}
-    assert [job["id"] for job in api.http.get("/v1/jobs", params=following).json()["jobs"]] == [first]
-
-
-def test_deleting_a_job_removes_its_objects(api: Api) -> None:
-    job_id = finished_job(api)
-    (artifact,) = api.record.artifacts(job_id)
-    orphan = f"jobs/{job_id}/0/checkpoint-000100"
-    api.store.put(orphan, b"x")
-    assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
-    assert not api.store.exists(artifact.key)
-    assert not api.store.exists(orphan)
-    check_problem(api.http.get(f"/v1/jobs/{job_id}/artifacts"), 404, "not_found")
 
 
 @each_case("job_id", ["job_01kg9zqk2xf3v8c5m7n9p1r4t6", "nonsense", "%2e%2e", "job_" + "0" * 500])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,26 +13,12 @@ from meshdeform.settings import Settings
 from tests.integration.conftest import Api, serving, serving_api
 from tests.integration.http_calls import check_document, check_problem, post
 
-HEAD = b'--x\r\nContent-Disposition: form-data; name="asset"; filename="a.glb"\r\n\r\n'
-
 
 @pytest.fixture(scope="module")
 def small(own_settings: Callable[..., Settings]) -> Iterator[Api]:
     """A server that allows little."""
     with serving_api(own_settings(max_steps=1000, max_run_s=60, max_upload_bytes=2**20, retention_s=3600)) as found:
         yield found
-
-
-def begun(api: Api, length: int = 1000, body: bytes = HEAD) -> socket.socket:
-    """A connection on which a posted body has begun to come."""
-    host, port = api.url.removeprefix("http://").split(":")
-    connection = socket.create_connection((host, int(port)), timeout=30)
-    kind = "Content-Type: multipart/form-data; boundary=x"
-    connection.sendall(
-        f"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\n{kind}\r\nContent-Length: {length}\r\n\r\n".encode()
-    )
-    connection.sendall(body)
-    return connection
 
 
 def test_a_server_says_what_it_allows(small: Api, openapi: dict[str, Any]) -> None:
@@ -61,12 +46,6 @@ def test_a_longer_run_than_allowed_is_refused(small: Api, sphere: bytes) -> None
     assert problem["errors"][0]["loc"] == ["max_run_s"]
     assert post(small, sphere, {"prompt": "a vase", "max_run_s": 60}).json()["max_run_s"] == 60
     assert post(small, sphere, {"prompt": "a vase"}).json()["max_run_s"] is None
-
-
-def test_a_document_that_is_too_long_is_refused(small: Api) -> None:
-    headers = {"Content-Type": "application/json"}
-    check_problem(small.http.post("/v1/jobs", content=b" " * 300_000, headers=headers), 422, "request_invalid")
-    check_problem(small.http.post("/v1/uploads", content=b"{}"), 422, "request_invalid")
 
 
 # Which models a server has, over HTTP.

@@ -10,14 +10,11 @@ import pytest
 from meshdeform.client import Client
 from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
-from tests.integration.http_calls import check_document, check_problem, finished_job, post
+from tests.integration.http_calls import check_document, check_problem, finished_job
 
 
 def messages(problem: dict[str, Any]) -> dict[str, str]:
     return {".".join(map(str, error["loc"])): error["msg"] for error in problem["errors"]}
-
-
-OUTPUTS = "compact, morph, morph_path, provenance, rig, subdivide"
 
 
 @each_case(
@@ -39,39 +36,6 @@ def test_unknown_query_parameters_are_refused(url: str, place: str, message: str
     problem = check_problem(answer, 422, "parameter_invalid")
     assert list(messages(problem)) == [place]
     assert message is None or problem["detail"] == f"{place}: {message}"
-
-
-@each_case(
-    "document, expected",
-    [
-        ({"promt": "a vase"}, {"promt": "there is no such member. Did you mean 'prompt'?"}),
-        (
-            {"prompt": "a vase", "params": {"step": 3}},
-            {"params.step": "there is no such member. Did you mean 'steps'?"},
-        ),
-        ({"prompt": "a vase", "prompts": ""}, {"prompts": "there is no such member. Did you mean 'prompt'?"}),
-        (
-            {"prompt": "a vase", "asset": {"upload": "x"}},
-            {"asset.upload": "there is no such member. Did you mean 'upload_id'?"},
-        ),
-        (
-            {"prompt": "a vase", "output": {"xyz": True}},
-            {"output.xyz": f"there is no such member. There are: {OUTPUTS}."},
-        ),
-    ],
-)
-def test_a_misspelt_member_is_answered_with_the_right_one(
-    document: dict[str, Any], expected: dict[str, str], api: Api, sphere: bytes
-) -> None:
-    problem = check_problem(post(api, sphere, document), 422, "parameter_invalid")
-    assert messages(problem) == expected
-
-
-def test_other_documents_say_it_in_plain_words(api: Api) -> None:
-    problem = check_problem(
-        api.http.post("/v1/webhooks", json={"uri": "https://example.com"}), 422, "parameter_invalid"
-    )
-    assert "there is no such member." in messages(problem).values()
 
 
 def test_a_job_lists_its_artifacts(api: Api, openapi: dict[str, Any]) -> None:

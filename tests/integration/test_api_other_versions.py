@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 
 import httpx
 import pytest
-from typer.testing import CliRunner
 
-from meshdeform.cli.app import app as command_line
-from meshdeform.client import Client
-from meshdeform.record.models import JobState
-from tests.integration.conftest import Api, new_job
+from tests.integration.conftest import Api
 from tests.integration.http_calls import check_problem, finished_job
 from tests.integration.other_versions import LATER, accepted_elsewhere
 from tests.integration.record_calls import set_to
@@ -54,23 +49,3 @@ def test_their_results_are_downloaded(api: Api, new: str) -> None:
         else:
             assert (found.status_code, found.content) == (200, b"glTF and so on")
     check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/morph.glb"), 404, "not_found")
-
-
-def test_an_ordinary_job_can_be_read(api: Api) -> None:
-    job_id = new_job(api.record).id
-    assert api.http.get(f"/v1/jobs/{job_id}").json()["unreadable"] is None
-
-
-def test_the_client_and_the_command_line_show_them(api: Api) -> None:
-    later = {name: accepted_elsewhere(api.record, document) for name, document in LATER.items()}
-    with Client(api.url) as client:
-        for name, job in later.items():
-            found = client.get(job.id)
-            assert (found.kind, found.state) == (LATER[name].get("kind", "text_deform"), JobState.QUEUED)
-            assert found.unreadable == api.record.get(job.id).unreadable
-            assert found.as_json()["params"] == api.http.get(f"/v1/jobs/{job.id}").json()["params"]
-        assert {job.id for job in later.values()} <= {job.id for job in client.jobs()}
-    shown = CliRunner().invoke(command_line, ["jobs", "--url", api.url], env={"COLUMNS": "200"})
-    assert shown.exit_code == 0, shown.output
-    for job in later.values():
-        assert re.search(rf"{job.id} +queued \(unreadable\) ", shown.output)

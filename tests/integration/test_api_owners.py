@@ -79,6 +79,7 @@ def test_every_route_of_a_job_knows_only_its_owner(two: tuple[Api, Api]) -> None
         ("GET", f"/v1/jobs/{job}/artifacts"),
         ("GET", f"/v1/jobs/{job}/artifacts/result.glb"),
         ("HEAD", f"/v1/jobs/{job}/artifacts/result.glb"),
+        ("POST", f"/v1/jobs/{job}/artifacts/result.glb/url"),
         ("GET", f"/v1/jobs/{job}/events"),
         ("GET", f"/v1/jobs/{job}/checkpoints"),
         ("POST", f"/v1/jobs/{job}/checkpoints/5/branch"),

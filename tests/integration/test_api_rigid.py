@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from meshdeform.assets import Primitive, build_glb
+from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.groups import grouped
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
 from tests.unit.geometry.test_structure import STATUE
-from tests.unit.plain.shapes import chair, plain_glb
 from tests.unit.runs.test_pictures import GLB, ellipse
-from training.shapes import box
 
 
 def validate(api: Api, asset: bytes, **params: Any) -> Any:
@@ -105,23 +103,6 @@ def test_an_asset_with_z_up_is_valid_and_comes_with_a_warning(api: Api) -> None:
     assert any("Z up" in text for text in found.json()["asset"]["warnings"])
 
 
-def test_an_unknown_node_to_exclude_is_refused_with_the_nearest_name(api: Api) -> None:
-    ball = icosphere(2)
-    asset = build_glb([Primitive(ball.verts.numpy() + 3 * k, ball.faces.numpy(), name=f"Ball{k}") for k in range(2)])
-    assert validate(api, asset, exclude=["Ball1"]).json()["params"]["exclude"] == ["Ball1"]
-    problem = check_problem(validate(api, asset, exclude=["Ball0", "ball1"]), 422, "parameter_invalid")
-    assert "Did you mean 'Ball1'?" in problem["advice"]
-    assert problem["errors"][0]["loc"] == ["params", "control", "exclude", 1]
-    check_problem(validate(api, asset, exclude=[True]), 422, "parameter_invalid")
-
-
-def test_a_coarse_asset_is_valid_and_comes_with_a_warning(api: Api) -> None:
-    found = validate(api, build_glb(box(1).verts.numpy(), box(1).faces.numpy()))
-    assert found.status_code == 200, found.text
-    (warning,) = found.json()["asset"]["warnings"]
-    assert "output.subdivide" in warning
-
-
 # Pictures as targets over HTTP: what is found in them, and what is refused before a job exists.
 
 
@@ -150,16 +131,3 @@ def test_pictures_are_checked_with_their_job(api: Api) -> None:
     job = api.http.post("/v1/jobs", files=sent(ellipse(20, 15)))
     assert job.status_code == 202
     assert list(job.json()["files"]) == ["asset", "silhouette_1", "silhouette_2"]
-
-
-def test_a_change_of_a_part_that_is_not_there_is_refused_before_the_job(api: Api) -> None:
-    def answer(prompt: str) -> Any:
-        files = {"asset": ("a.glb", plain_glb(chair())), "request": (None, json.dumps({"prompt": prompt}))}
-        return api.http.post("/v1/jobs:validate", files=files)
-
-    assert answer("longer legs and a taller back").status_code == 200
-    assert answer("twice as tall").json()["estimate"]["run_s"] < 3  # no steps
-    problem = check_problem(answer("a longer tail"), 422, "part_not_found")
-    assert {"legs", "seat"} <= set(problem["parts"])
-    check_problem(answer("tall and short"), 422, "prompt_invalid")
-    check_problem(answer("a big blorb"), 422, "prompt_unknown_words")

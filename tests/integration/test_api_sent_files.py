@@ -129,16 +129,3 @@ def test_a_name_cannot_leave_its_header(api: Api, sphere: bytes, sent: str, plai
     if name == sent:
         assert first == f'attachment; filename="{plain}"'
     assert first.count('"') == 2
-
-
-def test_a_file_that_the_store_has_lost_is_an_error_before_the_first_byte(api: Api, sphere: bytes) -> None:
-    for name in ("sphere.glb", "sphere.bin"):
-        job_id = posted(api, sphere, name)
-        api.store.delete(api.record.get(job_id).files["asset"].key)
-        check_problem(api.http.get(f"/v1/jobs/{job_id}/asset"), 404, "not_found")
-
-
-def test_a_job_that_is_not_there_has_no_files(api: Api) -> None:
-    for kind in ("asset", "files/target"):
-        for job_id in ("job_01kg9zqk2xf3v8c5m7n9p1r4t6", "nonsense"):
-            check_problem(api.http.get(f"/v1/jobs/{job_id}/{kind}"), 404, "not_found")

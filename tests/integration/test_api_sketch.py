@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from meshdeform.assets.isolation import ChildOutcome, run_child
+from meshdeform.assets.isolation import run_child
 from meshdeform.client import AsyncClient, Client, SketchGuesses
-from meshdeform.errors import DependencyError, DrawingError, ParameterError
+from meshdeform.errors import DrawingError, ParameterError
 from meshdeform.kinds.sketch.families import member_glb
 from meshdeform.kinds.sketch.looking import guess
 from meshdeform.requests.sketches import Sketch
@@ -76,19 +76,6 @@ def test_what_cannot_be_read_is_refused(api: Api, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("service.sketches.routes._MAX_BYTES", 100)
     large = check_problem(api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY), 422, "not_a_drawing")
     assert "larger than 100 bytes" in large["detail"]
-
-
-def test_a_server_without_numpy_says_so(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    verdict = {
-        "ok": False,
-        "error": {"code": DependencyError.code, "detail": "numpy is not installed.", "advice": "", "extra": {}},
-    }
-    monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, verdict))
-    problem = check_problem(
-        api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY), 501, DependencyError.code
-    )
-    assert "numpy is not installed" in problem["detail"]
-    assert "meshdeform sketch" in problem["advice"]
 
 
 def test_a_child_makes_the_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

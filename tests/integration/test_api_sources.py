@@ -66,12 +66,6 @@ def test_a_job_without_such_an_artifact_says_which_it_has(api: Api, sphere: byte
     check_problem(api.http.post("/v1/jobs", json=document), 409, "conflict")
 
 
-def test_one_thing_is_not_given_twice(api: Api, sphere: bytes) -> None:
-    reference = {"job_id": finished_job(api, sphere)}
-    problem = check_problem(post(api, sphere, {**PROMPT, "asset": reference}), 422, "parameter_invalid")
-    assert problem["errors"][0]["loc"] == ["asset"]
-
-
 def test_what_a_reference_names_is_checked_like_what_is_sent(api: Api) -> None:
     document = {**PROMPT, "asset": {"job_id": finished_job(api, b"no mesh at all")}}
     before = api.record.list_jobs(limit=1).jobs

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from meshdeform.assets import load_asset
 from meshdeform.assets.isolation import run_child
 from meshdeform.assets.limits import Limits
-from meshdeform.client import AsyncClient, Client
+from meshdeform.client import Client
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import derive
@@ -66,17 +65,6 @@ def test_a_strength_is_made_once_and_can_be_resumed_like_any_artifact(
     assert len(list(api.store.list(f"jobs/{job_id}/strengths/"))) == 1
     assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
     assert not list(api.store.list(f"jobs/{job_id}/"))
-
-
-def test_the_ends_and_the_clients(api: Api, job_id: str, sphere: bytes, tmp_path: Path) -> None:
-    async def read() -> bytes:
-        async with AsyncClient(api.url) as client:
-            await client.download(job_id, "result.glb", tmp_path / "more.glb", strength=1.5)
-            return await client.read(job_id, "result.glb", strength=0)
-
-    assert positions(asyncio.run(read())).tobytes() == positions(sphere).tobytes()
-    more = positions((tmp_path / "more.glb").read_bytes())
-    np.testing.assert_allclose(more, positions(sphere) * [1.0, 2.5, 1.0], atol=0.05)
 
 
 def test_only_a_few_strengths_of_a_job_are_kept(api: Api, job_id: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,24 +56,6 @@ def test_checkpoints_are_listed_by_step_and_the_newest_attempt_counts(api: Api, 
         assert api.http.get(one["mesh"]["href"]).content == content
 
 
-def test_a_mesh_is_downloaded_like_an_artifact(api: Api) -> None:
-    job, content = new_job(api.record), bytes(range(256)) * 16
-    assert api.record.leases.claim(job.id, "worker", 60.0)
-    store_checkpoint(api, job.id, 1, 500, content)
-    url = f"/v1/jobs/{job.id}/checkpoints/500/mesh.glb"
-    whole = api.http.get(url)
-    assert (whole.status_code, whole.content) == (200, content)
-    assert whole.headers["content-type"] == "model/gltf-binary"
-    assert whole.headers["content-disposition"] == 'attachment; filename="step-000500.glb"'
-    tag = f'"{hashlib.sha256(content).hexdigest()}"'
-    assert whole.headers["etag"] == tag
-    assert api.http.get(url, headers={"If-None-Match": tag}).status_code == 304
-    part = api.http.get(url, headers={"Range": "bytes=4000-"})
-    assert (part.status_code, part.content) == (206, content[4000:])
-    assert api.http.head(url).headers["content-length"] == str(len(content))
-    check_problem(api.http.get(url, headers={"Range": "bytes=4096-"}), 416, "range_not_satisfiable")
-
-
 def test_a_mesh_that_is_not_there_says_which_are(api: Api) -> None:
     job = new_job(api.record)
     path = f"/v1/jobs/{job.id}/checkpoints"

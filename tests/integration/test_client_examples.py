@@ -56,17 +56,6 @@ def shown(cell: str, names: dict[str, Any]) -> Any:
     return eval(compile(ast.Expression(last.value), "<cell>", "eval"), names) if isinstance(last, ast.Expr) else None
 
 
-def test_the_notebook_is_kept_without_outputs(repository: Path) -> None:
-    document = notebook(repository)
-    assert (document["nbformat"], document["nbformat_minor"]) >= (4, 5)
-    identities = [cell["id"] for cell in document["cells"]]
-    assert len(set(identities)) == len(identities)
-    for cell in document["cells"]:
-        if cell["cell_type"] == "code":
-            assert (cell["outputs"], cell["execution_count"]) == ([], None)
-    assert "start_server = False" in "".join(document["cells"][1]["source"])
-
-
 @pytest.mark.long  # its calls are those of docs/client.md
 def test_the_notebook_runs_from_its_first_cell_to_its_last(
     service: Service,

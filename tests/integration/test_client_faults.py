@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import threading
 from collections.abc import Callable, Iterator
@@ -14,13 +13,13 @@ import pytest
 
 from meshdeform.client import Client, EventView
 from meshdeform.client.retries import Policy
-from meshdeform.errors import NotFoundError, StaleAttemptError
+from meshdeform.errors import NotFoundError
 from meshdeform.record.models import JobState
 from tests.acceptance.cluster import SPHERE, Cluster, running_redis, until
 from tests.client_flavors import both_clients, opened
 from tests.fault_proxy import FaultProxy
 from tests.integration.conftest import stored_result
-from tests.integration.streams import progress, recovered_run
+from tests.integration.streams import recovered_run
 from tests.servers import NotInstalledError
 
 POLICY = Policy(
@@ -112,33 +111,6 @@ def test_a_lost_answer_makes_no_second_job(cluster: Cluster, proxy: FaultProxy, 
 # A stream of events
 
 
-@pytest.mark.parametrize("client", ["async"], indirect=True)
-def test_events_go_on_over_the_death_of_the_api(cluster: Cluster, client: Client) -> None:
-    job_id = cluster.submit()
-    assert cluster.record.leases.claim(job_id, "worker", 60.0)
-    events: list[EventView] = []
-    step = 0
-    for event in client.watch(job_id):
-        events.append(event)
-        if event.type == "recovered":
-            # The new process has noticed that this worker is none that lives.
-            assert cluster.record.leases.claim(job_id, "worker", 60.0)
-        elif event.type in ("started", "progress"):
-            step += 1
-            if step == 3:
-                cluster.parts["api"].kill()
-            # The new process may take the job back at any moment; then this goes on when it is claimed again.
-            with contextlib.suppress(StaleAttemptError):
-                if step > 6:
-                    cluster.record.leases.finish(job_id, event.attempt, JobState.SUCCEEDED)
-                else:
-                    progress(cluster.record, job_id, event.attempt, step)
-            if step == 3:
-                cluster.start_api()
-    check_whole(cluster, job_id, events)
-    assert len(events) >= 9
-
-
 @both_clients
 def test_events_go_on_over_a_line_that_breaks_within_them(cluster: Cluster, proxy: FaultProxy, client: Client) -> None:
     job_id = cluster.submit()
@@ -170,16 +142,6 @@ def test_a_line_that_hangs_is_left(cluster: Cluster, proxy: FaultProxy, client: 
             healer.start()
     healer.join()
     check_whole(cluster, job_id, events)
-
-
-def test_watching_begins_where_one_wants_and_ends_when_the_job_is_over(cluster: Cluster, client: Client) -> None:
-    job_id = cluster.submit()
-    recovered_run(cluster.record, job_id)
-    last = cluster.record.events.after(job_id)[-1].seq
-    assert [event.seq for event in client.watch(job_id, after=last - 2)] == [last - 1, last]
-    assert list(client.watch(job_id, after=last)) == []
-    with pytest.raises(NotFoundError):
-        list(client.watch("job_01kg9zqk2xf3v8c5m7n9p1r4t6"))
 
 
 @both_clients

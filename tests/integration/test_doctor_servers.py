@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 import sqlalchemy as sa
@@ -17,8 +16,6 @@ from meshdeform.cli.checks import ok
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD
-from tests.cases import each_case
-from tests.fault_proxy import FaultProxy
 
 
 @pytest.fixture(autouse=True)
@@ -30,11 +27,6 @@ def doctor(*arguments: str) -> tuple[int, dict[str, dict[str, Any]]]:
     """Its exit code, and what it found, by what it looked at."""
     result = CliRunner().invoke(app, ["doctor", "--json", "--timeout", "10", *arguments])
     return result.exit_code, {check["name"]: check for check in json.loads(result.stdout)["checks"]}
-
-
-def through(proxy: FaultProxy, url: str) -> str:
-    """The same URL, by way of the proxy."""
-    return url.replace(f":{urlsplit(url).port}", f":{proxy.port}")
 
 
 def test_servers_that_are_well(
@@ -83,30 +75,6 @@ def test_a_record_that_takes_no_writes_is_named(postgres_url: str, monkeypatch: 
     assert code == 4
     assert found["database"]["detail"].endswith("is read-only")
     assert "primary" in found["database"]["advice"]
-
-
-@each_case("fault", ["refuse", "hang", "error503"])
-def test_servers_that_are_ill_fail_each_with_advice(
-    fault: str, postgres_url: str, redis_url: str, s3_store_url: str, s3_server: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    endpoint = s3_server.settings()["AWS_ENDPOINT_URL"]
-    with (
-        FaultProxy(urlsplit(postgres_url).port or 0) as record,
-        FaultProxy(urlsplit(redis_url).port or 0) as queue,
-        FaultProxy(urlsplit(endpoint).port or 0) as store,
-    ):
-        monkeypatch.setenv("MESHDEFORM_DATABASE_URL", through(record, postgres_url))
-        monkeypatch.setenv("MESHDEFORM_REDIS_URL", through(queue, redis_url))
-        monkeypatch.setenv("MESHDEFORM_STORAGE_URL", s3_store_url)
-        monkeypatch.setenv("AWS_ENDPOINT_URL", through(store, endpoint))
-        for proxy in (record, queue, store):
-            getattr(proxy, fault)()
-        code, found = doctor("--timeout", "2")
-    assert code == 4
-    for name in ("database", "redis", "object store"):
-        assert found[name]["status"] == "fail", found[name]
-        assert found[name]["advice"], found[name]
-    assert "MESHDEFORM_STORAGE_URL" in found["object store"]["advice"] or fault == "hang"
 
 
 @pytest.mark.parametrize(

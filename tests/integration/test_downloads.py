@@ -44,20 +44,6 @@ def owner(api: Api, name: str) -> tuple[str, dict[str, str]]:
     return key.owner_id, {"Authorization": f"Bearer {text}"}
 
 
-def test_what_is_not_yours_is_not_there(closed: Api) -> None:
-    (mine, key), (_, other) = owner(closed, "mine"), owner(closed, "other")
-    job_id = finished_job(closed, owner_id=mine)
-    paths = [f"/v1/jobs/{job_id}{rest}" for rest in ("/artifacts", "/artifacts/result.glb", "/events", "/checkpoints")]
-    for path in paths:
-        assert closed.http.get(path, headers=key).status_code == 200, path
-        check_problem(closed.http.get(path, headers=other), 404, "not_found")
-        check_problem(closed.http.get(path), 401, "unauthorized")
-    check_problem(closed.http.post(f"{paths[1]}/url", headers=other), 404, "not_found")
-    check_problem(closed.http.post(f"{paths[1]}/url"), 401, "unauthorized")
-    stream = {"Accept": "text/event-stream"}
-    check_problem(closed.http.get(paths[2], headers={**other, **stream}), 404, "not_found")
-
-
 def test_a_signed_url_needs_no_key_and_opens_one_thing(closed: Api, openapi: dict[str, Any]) -> None:
     mine, key = owner(closed, "mine")
     job_id, another = finished_job(closed, owner_id=mine), finished_job(closed, owner_id=mine)
@@ -99,16 +85,6 @@ def test_a_signed_url_needs_no_key_and_opens_one_thing(closed: Api, openapi: dic
     check_problem(closed.http.get(url), 404, "not_found")
 
 
-def test_every_process_of_the_deployment_takes_the_same_urls(
-    closed: Api, tmp_path: Path, database_url: str, redis_url: str
-) -> None:
-    mine, key = owner(closed, "mine")
-    job_id = finished_job(closed, owner_id=mine)
-    url = closed.http.post(f"/v1/jobs/{job_id}/artifacts/result.glb/url", headers=key).json()["url"]
-    with closed_server(tmp_path, database_url, redis_url) as second:
-        assert second.http.get(url).content == CONTENT
-
-
 def test_of_a_bucket_the_url_is_its_own(
     record: JobRecord, database_url: str, redis_url: str, tmp_path: Path, s3_store_url: str
 ) -> None:
@@ -123,12 +99,3 @@ def test_of_a_bucket_the_url_is_its_own(
         assert answer.headers["content-disposition"] == 'attachment; filename="result.glb"'
         assert httpx.get(url[:-1] + ("0" if url[-1] != "0" else "1"), timeout=DEADLINE_S).status_code == 403
         assert api.http.get(path, headers=key).content == CONTENT
-
-
-def test_without_keys_urls_can_be_signed_too(api: Api) -> None:
-    path = f"/v1/jobs/{finished_job(api, CONTENT)}/artifacts/result.glb"
-    url = api.http.post(f"{path}/url").json()["url"]
-    assert url.startswith(f"{path}?")
-    assert api.http.get(url).content == CONTENT
-    problem = check_problem(api.http.post(path.replace("result", "other") + "/url"), 404, "not_found")
-    assert problem["artifacts"] == ["result.glb"]

@@ -177,13 +177,3 @@ def test_of_many_that_wait_the_rest_counts_like_the_first(record: JobRecord, mon
     for _ in range(23):
         waiting(record, 4)
     assert estimated(record).queue_s == pytest.approx(23 * 4 * 0.5)
-
-
-def test_a_workers_silence_is_noticed(record: JobRecord) -> None:
-    measured(record, 0.5)
-    record.leases.idle(WorkerIdentity("w1", QUEUE, "cpu"))
-    assert record.leases.alive(QUEUE) == 1
-    with record.database.write() as connection:
-        connection.exec_driver_sql("UPDATE workers SET seen_at = '2026-01-01 00:00:00.000000'")
-    assert record.leases.alive(QUEUE) == 0
-    assert estimated(record).queue_s is None

@@ -19,7 +19,6 @@ from typer.testing import CliRunner, Result
 
 from meshdeform.priors import load_prior
 from tests.cases import each_case
-from tests.taught import write_small_weights
 from training.evaluation.__main__ import app
 from training.evaluation.mesh_file import read_ply
 from training.evaluation.suite import SUITES
@@ -93,40 +92,6 @@ def test_what_is_done_is_not_done_again_and_what_is_new_is(run: Path) -> None:
     assert record.stat().st_mtime_ns == before
 
 
-def test_an_item_done_again_is_the_same_to_the_bit(run: Path) -> None:
-    mesh = run / "items" / FIRST / "steps-000002.ply"
-    before = mesh.read_bytes()
-    shutil.rmtree(mesh.parent)
-    assert evaluated(run, *QUICK, "--limit", "1").exit_code == 0
-    assert mesh.read_bytes() == before
-
-
-def test_an_unknown_ablation_is_refused(tmp_path: Path) -> None:
-    refused = evaluated(tmp_path, *QUICK, "--ablation", "everything")
-    assert refused.exit_code == 2
-    assert "single_views" in refused.stderr
-
-
-@each_case(
-    ("options", "named"),
-    [
-        (["--steps", "3", "--checkpoint-at", "1", *KEEP], "params.steps"),
-        ([*QUICK, "--set", "learning_rate=0.02"], "params.learning_rate"),
-        ([*QUICK, "--preset", "paper"], "params.preset"),
-        ([*QUICK, "--seeds", "1"], "seeds"),
-        (["--steps", "2", *KEEP], "steps"),
-        ([*QUICK, "--ablation", "vertices"], "ablation"),
-    ],
-)
-def test_a_folder_of_other_parameters_is_refused_and_stays_as_it_was(run: Path, options: list[str], named: str) -> None:
-    before = (run / "manifest.json").read_bytes()
-    refused = evaluated(run, *options, "--limit", "1")
-    assert refused.exit_code == 3
-    assert named in refused.stderr
-    assert "another folder with --out" in refused.stderr
-    assert (run / "manifest.json").read_bytes() == before
-
-
 def test_another_judge_is_refused_until_it_judges_everything_anew(run: Path) -> None:
     other = "tests.unit.evaluation.stand_ins:OtherJudge"
     refused = evaluated(run, *QUICK, "--limit", "3", judge=other)
@@ -163,18 +128,6 @@ def test_a_failing_item_is_recorded_the_others_go_on_and_the_next_run_tries_agai
     assert "3 of 48 done, 0 failed" in evaluated(out, *QUICK, "--limit", "3").stdout
 
 
-def test_several_runs_are_compared_in_one_table(finished: Path, tmp_path: Path) -> None:
-    other = shutil.copytree(finished, tmp_path / "other")
-    table = CliRunner().invoke(app, ["--compare", str(finished), str(other)])
-    assert table.exit_code == 0
-    rows = table.stdout.splitlines()
-    assert len(rows) == 2 + 4
-    assert rows[2].startswith("| run ")
-    assert rows[5].startswith("| other ")
-    missing = CliRunner().invoke(app, ["--compare", str(tmp_path / "nothing")])
-    assert missing.exit_code == 3
-
-
 @each_case(
     ("options", "code", "said"),
     [
@@ -205,16 +158,6 @@ def test_what_cannot_be_run_is_said_before_anything_is_written(
     assert refused.exit_code == code, refused.output
     assert said in " ".join(refused.stderr.replace("│", " ").split())
     assert not (tmp_path / "run").exists()
-
-
-def test_taught_weights_are_evaluated(tmp_path: Path) -> None:
-    model = write_small_weights(tmp_path / "mine.safetensors")
-    listed = evaluated(tmp_path / "run", "--model", str(model), "--dry-run", "--json")
-    assert json.loads(listed.stdout)["model"] == str(model)
-    # The suite has nouns that these weights do not know.
-    refused = evaluated(tmp_path / "run", "--model", str(model), *QUICK, "--limit", "1")
-    assert refused.exit_code == 3, refused.output
-    assert "mushroom" in refused.stderr
 
 
 def test_the_suite_for_stable_diffusion_runs_with_a_checkpoint_and_is_judged_by_clip(tmp_path: Path) -> None:

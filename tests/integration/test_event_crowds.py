@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +27,7 @@ from service.events import waiting as hub_module
 from service.events.waiting import JobWaiters
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
 from tests.integration.streams import STREAM, stream
-from tests.integration.test_api_process import api_process
+from tests.servers import free_port, wait_for_port
 from tests.waiting import until
 
 TERMINAL = {state.value for state in TERMINAL_STATES}
@@ -202,6 +206,34 @@ def test_what_a_crowd_waits_for_is_looked_up_for_those_who_were_there(monkeypatc
     asyncio.run(late())
 
 
+# A server that waits for its answers for as long as they take.
+_SERVE = """
+import sys
+import uvicorn
+from service.app import create_app
+
+uvicorn.run(create_app(), host="127.0.0.1", port=int(sys.argv[1]), log_level="warning")
+"""
+
+
+@contextmanager
+def api_process(folder: Path, redis_url: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    port = free_port()
+    environment = {
+        **os.environ,
+        "MESHDEFORM_DATA_DIR": str(folder),
+        "MESHDEFORM_REDIS_URL": redis_url,
+        "MESHDEFORM_QUEUE": f"test-{folder.name}",
+    }
+    process = subprocess.Popen([sys.executable, "-c", _SERVE, str(port)], env=environment, text=True)
+    try:
+        wait_for_port(port, process, folder / "log")
+        yield process, f"http://127.0.0.1:{port}"
+    finally:
+        process.kill()
+        process.communicate()
+
+
 def test_a_process_that_is_to_end_does_not_wait_for_its_streams(redis_url: str, tmp_path: Path) -> None:
     with api_process(tmp_path, redis_url) as (process, url), httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
         record = JobRecord(f"sqlite:///{tmp_path / 'meshdeform.sqlite'}")
@@ -210,7 +242,6 @@ def test_a_process_that_is_to_end_does_not_wait_for_its_streams(redis_url: str, 
         with stream(http, job.id) as found:
             events = found.events()
             assert next(events)["type"] == "queued"
-            # This server waits for its answers for as long as they take.
             process.send_signal(signal.SIGTERM)
             assert list(events) == []
         process.communicate(timeout=DEADLINE_S)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import json
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -22,11 +21,6 @@ from tests.worker_world import working
 
 GENERATOR = "tests/.openapi-python-client/0.29.1"
 REPORT = {"seed": 0}
-RUN = """
-import { readFile } from "node:fs/promises";
-import { run } from "./typescript_client.js";
-console.log(JSON.stringify(await run(process.argv[2], new Blob([await readFile(process.argv[3])]))));
-"""
 
 
 class ReportingKind(FakeKind):
@@ -102,28 +96,3 @@ def test_a_generated_python_client(api: Api, python_client: str, sphere: bytes) 
     assert part("api.jobs.get_asset").sync(job.id, client=client).payload.read() == sphere
     problem = part("api.jobs.get_job").sync("job_" + "0" * 26, client=client)
     assert (type(problem), problem.code) == (models.Problem, "not_found")
-
-
-@pytest.mark.usefixtures("worker")
-def test_a_generated_typescript_client(api: Api, repository: Path, tmp_path: Path) -> None:
-    node, modules = shutil.which("node"), repository / "tests/node/node_modules"
-    if node is None:
-        pytest.skip("Node.js is not installed (apt install nodejs npm, then scripts/test)")
-    if not all((modules / name).is_dir() for name in ("openapi-fetch", "openapi-typescript", "typescript")):
-        pytest.skip("openapi-typescript is not installed (npm install --prefix tests/node)")
-    generator = repository / "tests/node/typescript_client.mjs"
-    assert execute(node, generator, repository / "openapi/openapi.json", tmp_path / "api.d.ts", cwd=tmp_path) == ""
-    (tmp_path / "node_modules").symlink_to(modules)
-    (tmp_path / "package.json").write_text('{"type": "module"}')
-    (tmp_path / "run.js").write_text(RUN)
-    shutil.copy(generator.with_suffix(".ts"), tmp_path)
-    tsc = modules / "typescript/bin/tsc"
-    options = {"strict": True, "target": "es2022", "module": "nodenext", "types": [], "skipLibCheck": True}
-    (tmp_path / "tsconfig.json").write_text(json.dumps({"compilerOptions": options, "files": ["typescript_client.ts"]}))
-    execute(node, tsc, "-p", ".", cwd=tmp_path)
-    sphere = repository / "examples/sphere.glb"
-    found = json.loads(execute(node, "run.js", api.url, sphere, cwd=tmp_path))
-    assert (found["state"], found["assetSize"], found["code"]) == ("succeeded", sphere.stat().st_size, "not_found")
-    assert json.loads(found["files"]["report.json"]) == REPORT
-    assert int(found["files"]["result.glb"]) > 12
-    assert found["vertices"] > 0

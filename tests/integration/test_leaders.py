@@ -111,30 +111,6 @@ def test_the_more_there_are_the_less_often_each_looks(record: JobRecord) -> None
     assert 3.0 < other.pause_s() < 7.0
 
 
-@pytest.mark.both_databases(long=True)
-def test_a_successor_knows_what_its_predecessor_saw_while_both_lived(record: JobRecord) -> None:
-    old, alive = candidates(record, 2)
-    old.look()
-    alive.look()
-    long_ago = record.upkeep.clock() - timedelta(hours=1)
-    old.look(long_ago)
-    age(record, 2.1 * EVERY_S)
-    alive._first_look = record.upkeep.clock() - timedelta(seconds=600.0)
-    young = candidates(record, 1)[0]
-    assert alive.look()
-    assert alive.watched is not None
-    looked_at, since = alive.watched
-    # Not from before its own first look, though the leader had watched for an hour.
-    assert since == alive._first_look
-    assert looked_at < record.upkeep.clock() - timedelta(seconds=2 * EVERY_S)
-    alive.look(long_ago)
-    age(record, 2.1 * EVERY_S)
-    assert young.look()
-    # It has just started: whatever was silent then may have been paused with its predecessor.
-    assert young.watched is not None
-    assert young.watched[1] > young.watched[0]
-
-
 @pytest.mark.parametrize(("lived", "attempts"), [(True, 1), (False, 0)])
 @pytest.mark.both_databases(long=True)
 def test_a_successor_that_lived_blames_silent_workers_and_one_that_has_just_started_waits(

@@ -12,7 +12,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import ConflictError, StaleAttemptError, StoredFileError
 from meshdeform.record.leases import WorkerIdentity
-from meshdeform.record.models import EventType, JobError, JobState, Progress
+from meshdeform.record.models import EventType, JobError, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs as jobs_table
 from meshdeform.runs.base import StepReport
@@ -49,33 +49,11 @@ def test_of_many_that_claim_one_job_at_once_one_gets_it(record: JobRecord, datab
 
 
 @pytest.mark.both_databases(long=True)
-def test_a_claim_is_a_new_attempt(record: JobRecord) -> None:
-    job = claimed(record, new_job(record))
-    assert (job.state, job.attempt, job.progress.attempt) == (JobState.RUNNING, 1, 1)
-    assert job.started_at is not None
-    assert job.version > 1
-    assert record.leases.claim(job.id, "another", LEASE_S) is None
-
-
-@pytest.mark.both_databases(long=True)
 def test_a_heartbeat_keeps_the_lease(record: JobRecord) -> None:
     job = claimed(record, new_job(record), OVER)
     assert record.leases.heartbeat(job.id, 1, LEASE_S) is JobState.RUNNING
     assert record.upkeep.reclaim_expired(3) == []
     assert record.leases.claim(job.id, "another", LEASE_S) is None
-
-
-@pytest.mark.both_databases(long=True)
-def test_progress_is_published_and_its_fraction_never_goes_back(record: JobRecord) -> None:
-    job = claimed(record, new_job(record))
-    far = Progress(
-        step=6, total_steps=10, fraction=0.6, phase="optimizing", losses={"guidance": 0.25}, eta_s=1.5, attempt=1
-    )
-    record.leases.save_progress(job.id, 1, far)
-    assert record.get(job.id).progress == far
-    record.leases.save_progress(job.id, 1, far.model_copy(update={"step": 2, "fraction": 0.2}))
-    progress = record.get(job.id).progress
-    assert (progress.step, progress.fraction) == (2, 0.6)
 
 
 @pytest.mark.both_databases(long=True)
@@ -95,22 +73,6 @@ def test_success_is_for_good(record: JobRecord) -> None:
 
 
 @pytest.mark.both_databases(long=True)
-def test_failure_keeps_its_error(record: JobRecord) -> None:
-    job = claimed(record, new_job(record))
-    error = JobError(code="numerical_failure", title="t", detail="d", advice="a", status=500)
-    record.leases.finish(job.id, 1, JobState.FAILED, error)
-    assert record.get(job.id).error == error
-    assert record.get(job.id).state is JobState.FAILED
-
-
-@pytest.mark.both_databases(long=True)
-def test_only_a_terminal_state_ends_a_job(record: JobRecord) -> None:
-    job = claimed(record, new_job(record))
-    with pytest.raises(ValueError, match="not terminal"):
-        record.leases.finish(job.id, 1, JobState.QUEUED)
-
-
-@pytest.mark.both_databases(long=True)
 def test_a_released_job_waits_with_its_checkpoint_and_does_not_count_as_lost(record: JobRecord) -> None:
     job = new_job(record)
     for attempt in range(1, 6):
@@ -122,21 +84,6 @@ def test_a_released_job_waits_with_its_checkpoint_and_does_not_count_as_lost(rec
     assert (checkpoint.key, checkpoint.step, checkpoint.attempt) == ("k5", 50, 5)
     claimed(record, job, OVER)
     assert record.upkeep.reclaim_expired(2) == [job.id]
-
-
-@pytest.mark.both_databases(long=True)
-def test_a_lost_job_is_queued_again_until_its_attempts_are_used_up(record: JobRecord) -> None:
-    job = new_job(record)
-    for attempt in (1, 2):
-        assert claimed(record, job, OVER).attempt == attempt
-        assert record.upkeep.reclaim_expired(3) == [job.id]
-    claimed(record, job, OVER)
-    assert record.upkeep.reclaim_expired(3) == []
-    failed = record.get(job.id)
-    assert failed.state is JobState.FAILED
-    assert failed.error is not None
-    assert failed.error.code == "worker_lost"
-    assert failed.finished_at is not None
 
 
 @pytest.mark.both_databases(long=True)
@@ -363,16 +310,6 @@ def test_a_progress_event_tells_what_the_job_tells(record: JobRecord) -> None:
     assert told.type == "progress"
     assert told.data == found.model_dump(mode="json")
     assert (found.step, found.attempt) == (6, 1)
-
-
-@pytest.mark.both_databases(long=True)
-def test_a_checkpoint_keeps_the_mesh_of_its_step(record: JobRecord) -> None:
-    job = claimed(record, new_job(record))
-    record.leases.set_checkpoint(job.id, 1, key="k", step=5, sha256="s", size=11, mesh=artifact("mesh.glb", "m" * 64))
-    found = record.leases.checkpoints(job.id)[0]
-    assert (found.size, found.mesh_key, found.mesh_sha256, found.mesh_size) == (11, "jobs/x/mesh.glb", "m" * 64, 7)
-    assert found.created_at is not None
-    assert found.created_at.tzinfo is not None
 
 
 def test_a_heartbeat_that_comes_after_its_worker_was_found_dead_renews_nothing(record: JobRecord) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -47,15 +46,6 @@ def test_an_answer_is_held_back_until_the_job_is_over(server: tuple[httpx.Client
     assert found.status_code == 200
     assert found.json()["state"] == "succeeded"
     assert found.headers["preference-applied"] == "wait=60"
-
-
-def test_a_job_that_is_over_is_shown_at_once(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:
-    http, _ = server
-    job = new_job(record)
-    record.request_cancel(job.id)
-    start = time.monotonic()
-    assert http.get(f"/v1/jobs/{job.id}", headers=WAIT).json()["state"] == "canceled"
-    assert time.monotonic() - start < DEADLINE_S
 
 
 def test_after_its_time_the_job_is_shown_as_it_is(server: tuple[httpx.Client, FastAPI], record: JobRecord) -> None:

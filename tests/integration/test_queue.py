@@ -91,13 +91,6 @@ def test_a_worker_obeys_no_command_from_redis(queue: JobQueue, redis_url: str, s
     assert heard == [0]  # subscribers
 
 
-def test_telling_twice_is_two_deliveries_of_one_id(queue: JobQueue) -> None:
-    queue.enqueue("job_1")
-    queue.enqueue("job_1")
-    queue.enqueue("job_2")
-    assert queue.announced() == {"job_1", "job_2"}
-
-
 def test_a_cancel_is_heard_by_who_listens_for_this_job(queue: JobQueue) -> None:
     heard: dict[str, bool] = {}
     ready = threading.Barrier(3)

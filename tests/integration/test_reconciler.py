@@ -17,7 +17,7 @@ from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
-from tests.integration.conftest import DEADLINE_S, new_job, stored_file
+from tests.integration.conftest import DEADLINE_S, new_job
 from tests.integration.record_calls import LEASE_S, OVER, claimed, ids, late, posted, set_to
 from tests.servers import free_port
 from tests.waiting import until
@@ -195,31 +195,6 @@ def test_the_worker_of_a_job_whose_deadline_is_over_is_told_to_stop(record: JobR
         assert mine.wait(DEADLINE_S)
         assert not nobodys.wait(0.05)
     assert {record.get(job.id).state for job in (running, queued)} == {JobState.EXPIRED}
-
-
-def test_an_upload_past_its_time_goes_and_a_job_keeps_its_file(
-    record: JobRecord, queue: JobQueue, tmp_path: Path
-) -> None:
-    store = ObjectStore(tmp_path)
-    open_, complete, used = (record.uploads.create("me", f"{n}.glb", 3, 60.0) for n in range(3))
-    store.append(open_.id, 0, [b"ab"], 3)
-    for upload, letter in ((complete, "1"), (used, "2")):
-        key = stored_file(letter).key
-        store.put(key, b"xyz")
-        record.files.pin(key)
-        record.uploads.complete(upload.id, letter * 64, key)
-    new_job(record, letter="2")
-    looks = reconciler(record, queue, store)
-    looks.run_once()
-    assert store.exists(stored_file("1").key)
-    assert store.appended_size(open_.id) == 2
-    with record.database.write() as connection:
-        connection.exec_driver_sql("UPDATE uploads SET expires_at = '2026-01-01 00:00:00.000000'")
-    looks.run_once()
-    assert record.upkeep.expired_uploads() == []
-    assert not store.exists(stored_file("1").key)
-    assert store.exists(stored_file("2").key)
-    assert [key for key, _ in store.list()] == [stored_file("2").key]
 
 
 def test_one_duty_that_fails_does_not_stop_the_others(

@@ -7,14 +7,13 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from meshdeform.api.jobs import accepted
-from meshdeform.errors import ConflictError, IdempotencyBusyError, NotFoundError, ParameterError, TooManyJobsError
-from meshdeform.record.models import Claim, EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
+from meshdeform.errors import ConflictError, NotFoundError, ParameterError, TooManyJobsError
+from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, Progress
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.document import JobRequest, ResolvedParams, resolve
+from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.conftest import new_job, stored_file
-from tests.integration.record_calls import LEASE_S, OVER, artifact, claimed, history, ids, posted
+from tests.integration.record_calls import LEASE_S, artifact, claimed, history, ids, posted
 
 pytestmark = pytest.mark.both_databases(long=True)
 
@@ -88,35 +87,6 @@ def test_the_version_changes_with_everything_that_a_user_sees(record: JobRecord)
     assert changed()
 
 
-def test_a_queued_job_is_canceled_at_once(record: JobRecord) -> None:
-    job = record.request_cancel(new_job(record).id)
-    assert job.state is JobState.CANCELED
-    assert job.finished_at is not None
-    assert record.leases.claim(job.id, "worker", LEASE_S) is None
-
-
-def test_a_running_job_is_asked_to_stop_and_asking_twice_is_no_error(record: JobRecord) -> None:
-    job = claimed(record, new_job(record))
-    assert record.request_cancel(job.id).state is JobState.CANCELING
-    assert record.request_cancel(job.id).state is JobState.CANCELING
-    assert record.leases.heartbeat(job.id, 1, LEASE_S) is JobState.CANCELING
-
-
-@pytest.mark.parametrize("end", ["finish", "release", "reclaim"])
-def test_a_cancel_that_was_promised_is_kept(record: JobRecord, end: str) -> None:
-    job = claimed(record, new_job(record), OVER if end == "reclaim" else LEASE_S)
-    record.request_cancel(job.id)
-    if end == "finish":
-        record.leases.finish(job.id, 1, JobState.SUCCEEDED)
-    elif end == "release":
-        record.leases.release(job.id, 1)
-    else:
-        assert record.upkeep.reclaim_expired(3) == []
-    canceled = record.get(job.id)
-    assert canceled.state is JobState.CANCELED
-    assert canceled.finished_at is not None
-
-
 @pytest.mark.both_databases(long=True)
 def test_a_job_is_found_by_its_labels_all_of_them(record: JobRecord) -> None:
     both = posted(record, metadata={"batch": "7", "who": "me"})
@@ -158,29 +128,6 @@ def test_a_job_that_continues_another_says_so_and_holds_the_copy_of_its_checkpoi
     record.request_cancel(job.id)
     record.delete(job.id)
     assert "assets/copy" in record.files.unused()
-
-
-@pytest.mark.both_databases
-def test_a_key_that_another_request_has_taken_over_undoes_the_job(record: JobRecord) -> None:
-    claim = Claim("me", "key", "a token that nobody holds")
-    with pytest.raises(IdempotencyBusyError):
-        record.create(
-            NewJob(JobRequest(prompt="x", metadata={"a": "1"}), {"asset": stored_file()}, claim=claim, answer=accepted)
-        )
-    assert record.list_jobs().jobs == []
-    assert record.upkeep.unannounced() == []
-    assert record.files.unused() == []
-
-
-def test_what_runs_is_kept_beside_what_was_written(record: JobRecord) -> None:
-    request = JobRequest.model_validate({"prompt": "a vase", "params": {"preset": "preview"}})
-    resolved = resolve(request.params)
-    made = record.create(NewJob(request, {"asset": stored_file()}, resolved=resolved))
-    assert made.resolved == resolved.model_dump(mode="json")
-    assert ResolvedParams.model_validate(record.get(made.id).resolved) == resolved
-    assert record.get(made.id).request == request
-    # Jobs of before 0003.
-    assert new_job(record).resolved is None
 
 
 @pytest.mark.both_databases
@@ -244,16 +191,6 @@ def test_only_a_job_that_is_over_is_deleted_with_all_that_belongs_to_it(record: 
     assert record.upkeep.discarded_prefixes() == [f"jobs/{job.id}/"]
     record.upkeep.forget_discarded(f"jobs/{job.id}/")
     assert record.upkeep.discarded_prefixes() == []
-
-
-def test_heads_say_where_many_jobs_stand(record: JobRecord) -> None:
-    first, second = claimed(record, new_job(record)), new_job(record)
-    heads = record.events.heads([first.id, second.id, "job_nothing"])
-    assert {job_id: (head.seq, head.state) for job_id, head in heads.items()} == {
-        first.id: (2, JobState.RUNNING),
-        second.id: (1, JobState.QUEUED),
-    }
-    assert heads[first.id].version == first.version
 
 
 @pytest.mark.both_databases

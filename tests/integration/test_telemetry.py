@@ -32,22 +32,6 @@ def test_without_a_collector_nothing_is_loaded() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_a_job_s_attempt_belongs_to_the_trace_of_its_request(collector: Collector) -> None:
-    assert telemetry.start_tracing("api")
-    with telemetry.span("POST /v1/jobs", {"http.request.method": "POST"}):
-        kept = telemetry.current_traceparent()
-    # As in another process, later: only the word that the job carries connects the two.
-    with telemetry.span("attempt", {"job.attempt": 1}, traceparent=kept), telemetry.span("optimize"):
-        pass
-    telemetry.stop_tracing()
-    spans = {span.name: span for span in collector.spans}
-    assert set(spans) == {"POST /v1/jobs", "attempt", "optimize"}
-    assert len({span.trace_id for span in spans.values()}) == 1
-    assert spans["attempt"].parent_span_id == spans["POST /v1/jobs"].span_id
-    assert spans["optimize"].parent_span_id == spans["attempt"].span_id
-    assert set(collector.services.values()) == {"meshdeform-api"}
-
-
 def test_a_span_tells_of_the_error_that_left_it(collector: Collector) -> None:
     telemetry.start_tracing("worker")
     with pytest.raises(ValueError, match="broke"), telemetry.span("attempt"):

@@ -108,26 +108,3 @@ def test_what_the_readme_shows_fits_the_types(repository: Path, tmp_path: Path) 
     command = [shutil.which("node") or "node", compiler, *options, *sorted(tmp_path.glob("*.mts"))]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stdout
-
-
-def test_the_readme_names_every_method_and_option(repository: Path) -> None:
-    sources = repository / "clients/typescript/src"
-    methods = re.findall(r"^  (?:async )?\*?(\w+)(?:<[^>]*>)?\([^\n]*\{$", (sources / "client.ts").read_text(), re.M)
-    options = re.search(r"^export interface Options \{(.*?)^\}", (sources / "transport.ts").read_text(), re.M | re.S)
-    assert options is not None
-    names = {*methods, *re.findall(r"^  (\w+)\?:", options[1], re.M)} - {"constructor"}
-    assert {"submit", "jobs", "watch", "json", "onRetry", "fetch"} <= names
-    text = (repository / "clients/typescript/README.md").read_text()
-    blocks = re.findall(r"^```ts\n.*?^```", text, re.M | re.S)
-    marked = re.findall(r"`[^`\n]+`", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S))
-    assert names - set(re.findall(r"\w+", " ".join([*blocks, *marked]))) == set()
-
-
-def test_what_the_package_holds_is_named_in_it(repository: Path) -> None:
-    package = json.loads((repository / "clients/typescript/package.json").read_text())
-    assert package.get("dependencies") is None
-    from meshdeform import __version__
-
-    assert package["version"] == __version__
-    pinned = json.loads((repository / "tests/node/package.json").read_text())["dependencies"]
-    assert package["devDependencies"] == {name: pinned[name] for name in package["devDependencies"]}

@@ -299,22 +299,6 @@ def test_a_webhook_that_is_deleted_is_sent_nothing_more(
     assert sums(record) == {}
 
 
-@pytest.mark.both_databases(long=True)
-def test_a_webhook_that_is_deleted_by_its_receivers_own_answer(
-    record: JobRecord, delivery: WebhookDelivery, receiver: Receiver
-) -> None:
-    webhook, _ = record.webhooks.create("", receiver.url, ["job.queued"])
-
-    def answer(message: Message) -> int:
-        record.webhooks.delete(webhook.id, "")
-        return 410
-
-    receiver.answer = answer
-    new_job(record)
-    assert delivery.run_once() == 1
-    assert record.webhooks.list_webhooks("") == []
-
-
 def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRecord, receiver: Receiver) -> None:
     waiting, over = threading.Event(), threading.Event()
 

@@ -136,12 +136,6 @@ def test_an_obj_alone_keeps_the_names_of_its_materials() -> None:
     assert all("TEXCOORD_0" in mesh["primitives"][0]["attributes"] for mesh in root["meshes"])
 
 
-def test_colors_of_vertices_win_over_materials() -> None:
-    data = b"v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nusemtl red\nf 1 2 3\n"
-    root, _, _ = unpack(load_asset(data, "a.obj").to_bytes())
-    assert "COLOR_0" in root["meshes"][0]["primitives"][0]["attributes"]
-
-
 def declared(files: dict[str, bytes], **changes: int) -> bytes:
     """Return a ZIP whose first entry's directory record has other values."""
     data = bytearray(packed(files))

@@ -134,25 +134,6 @@ def test_pictures_of_other_formats_become_png(kind: str) -> None:
         assert picture.convert("RGB").getpixel((1, 1)) == (10, 20, 30)
 
 
-@each_case(
-    ("mtl", "words"),
-    [
-        ("newmtl wood\nKd 1 1 1\nd 0\n", "wholly transparent, so viewers show nothing of what has them: wood"),
-        ("newmtl wood\nmap_Bump b.png\nmap_Ks s.png\n", "left out: map_bump, map_ks"),
-        ("newmtl wood\nmap_Kd wood.xcf\n", "Textures cannot be read, and were left out: wood.xcf"),
-        ("newmtl wood\nmap_Kd none.png\n", "Textures not found, and left out: none.png"),
-    ],
-)
-def test_what_a_material_loses_is_said(mtl: str, words: str) -> None:
-    contents = {"a.obj": OBJ, "lib.mtl": mtl.encode(), "wood.xcf": b"gimp xcf file"}
-    assert any(words in warning for warning in notable(load_asset(packed(contents), "a.zip")))
-
-
-def test_a_library_that_is_not_there_is_said() -> None:
-    (warning,) = notable(load_asset(OBJ, "a.obj"))
-    assert warning.startswith("Material libraries not found, and left out: lib.mtl. Send the asset with the files")
-
-
 def test_colors_of_a_material_are_srgb_and_tint_a_texture_unless_grey() -> None:
     def factor(mtl: str) -> list[float] | None:
         data = packed({"a.obj": OBJ, "lib.mtl": f"newmtl wood\n{mtl}".encode(), "wood.png": DOT})

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import io
-import struct
 import time
 import tracemalloc
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -76,29 +74,6 @@ def test_concave_polygons_are_filled_and_counted() -> None:
         assert area_and_volume(text.encode())[0] == pytest.approx(1.6)
     warnings = load_asset(text.encode(), "a.obj").summary.warnings
     assert warnings[0] == "1 polygon with more than three corners became triangles."
-
-
-@each_case("coordinates", ["", "property float s\nproperty float t\n"])
-def test_concave_polygons_of_a_ply_are_filled(coordinates: str) -> None:
-    def ply(points: list[tuple[float, ...]], sides: list[list[int]], form: str = "ascii") -> tuple[str, str]:
-        head = f"ply\nformat {form} 1.0\nelement vertex {len(points)}\n"
-        head += "property float x\nproperty float y\nproperty float z\n" + coordinates
-        head += f"element face {len(sides)}\nproperty list uchar int vertex_indices\nend_header\n"
-        more = (0.5, 0.25) if coordinates else ()
-        body = "".join(" ".join(map(str, (*point, *more))) + "\n" for point in points)
-        return head, body + "".join(f"{len(side)} {' '.join(map(str, side))}\n" for side in sides)
-
-    for first in range(6):
-        assert area_and_volume("".join(ply(*prism(first))).encode(), "a.ply") == pytest.approx((22, 5))
-    darts = [DART[first:] + DART[:first] for first in range(4)]
-    corners = [(x + 5 * k, y, 0.0) for k, dart in enumerate(darts) for x, y in dart]
-    sides = [[4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3] for k in range(4)]
-    assert area_and_volume("".join(ply(corners, sides)).encode(), "a.ply")[0] == pytest.approx(6.4)
-    head = ply(corners, sides, "binary_little_endian")[0].encode()
-    more = (0.5, 0.25) if coordinates else ()
-    rows = [struct.pack(f"<{3 + len(more)}f", *corner, *more) for corner in corners]
-    rows += [struct.pack("<B4i", 4, *side) for side in sides]
-    assert area_and_volume(head + b"".join(rows), "a.ply")[0] == pytest.approx(6.4)
 
 
 BODY = """# made by hand
@@ -352,8 +327,3 @@ def test_an_obj_has_no_more_parts_than_a_scene_may_have() -> None:
     data = NINE + b"".join(b"g %d\nf 1 2 3\n" % k for k in range(20))
     with pytest.raises(AssetTooLargeError, match="20 parts"):
         load_asset(data, "a.obj", Limits(max_primitives=19))
-
-
-def test_the_boxes_are_read_from_disk_too(tmp_path: Path) -> None:
-    (tmp_path / "boxes.obj").write_text(boxes_in_blocks())
-    assert area_and_volume(read_with_files(tmp_path / "boxes.obj", Limits()))[1] == pytest.approx(6)

@@ -161,17 +161,6 @@ def test_what_cannot_be_kept_is_said(data: bytes, words: str) -> None:
     assert any(words in warning for warning in load_asset(data, name).summary.warnings)
 
 
-def test_colors_beside_a_texture_are_left_out_and_said() -> None:
-    bands = "".join(f"property uchar {band}\n" for band in ("red", "green", "blue"))
-    comments = "comment TextureFile skin.png\n"
-    data = header("ascii", 4, 1, "property list uchar float texcoord", vertex_lines=bands, comments=comments)
-    data += "".join(f"{x} {y} {z} 9 9 9\n" for x, y, z in SQUARE).encode() + b"4 0 1 2 3 8 0 0 1 0 1 1 0 1\n"
-    file = packed({"a.ply": data, "skin.png": DOT})
-    assert attribute(file, "COLOR_0", file="a.zip") is None
-    assert any("the colours were left out" in warning for warning in notable(load_asset(file, "a.zip")))
-    assert attribute(data, "COLOR_0").shape == (4, 4)  # without the texture there is nothing that they would tint
-
-
 @each_case(
     ("old", "new", "message"),
     [

@@ -10,7 +10,7 @@ import pytest
 from meshdeform.assets import inspect_asset, load_asset
 from meshdeform.assets.build import Primitive, build_glb
 from meshdeform.assets.stl_file import write_stl
-from meshdeform.errors import AssetEmptyError, AssetUnsupportedError
+from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_NORMALS, QUAD_VERTS, Builder, notable, unpack
@@ -121,15 +121,6 @@ def test_an_asset_of_which_nothing_is_shown_is_refused() -> None:
     for read in (inspect_asset, load_asset):
         with pytest.raises(AssetEmptyError, match="KHR_node_visibility hides every mesh"):
             read(builder.glb())
-
-
-def test_a_required_extension_that_is_not_understood_is_refused() -> None:
-    builder = hidden(visible=False)
-    builder.root["extensionsRequired"] = ["KHR_node_visibility"]
-    assert load_asset(builder.glb()).summary.triangles == 2
-    builder.root["extensionsRequired"] = ["EXT_other_geometry"]
-    with pytest.raises(AssetUnsupportedError):
-        load_asset(builder.glb())
 
 
 FAR = np.float64([478_123.25, 120.5, -5_402_311.75])
