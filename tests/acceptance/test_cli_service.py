@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import re
 import signal
 from pathlib import Path
 
-import psutil
 import pytest
 
 from tests.acceptance.cli import answer, call, on_a_terminal, run, started
@@ -131,12 +129,3 @@ def test_ctrl_c_leaves_the_job_and_says_how_to_come_back(folder: Path, service: 
     ended = call("wait", job, "--json", "--url", url, cwd=folder)
     assert ended.returncode == 6, ended.stderr
     assert json.loads(ended.stdout)["jobs"][0]["state"] == "canceled"
-
-
-def _kill_api(service: Service) -> None:
-    for process in service.family():
-        with contextlib.suppress(psutil.Error):
-            if "service" in process.cmdline()[-3:]:
-                process.kill()
-                return
-    raise AssertionError("there is no API process")

@@ -10,7 +10,6 @@ import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from datetime import timedelta
 from pathlib import Path
 
 import httpx
@@ -18,8 +17,7 @@ import pytest
 
 from meshdeform.record.models import JobState
 from meshdeform.support.failpoints import FAILPOINTS
-from tests.acceptance.cluster import LEASE_S, Cluster, lives, running_redis, until
-from tests.newer_version import upgrade_record
+from tests.acceptance.cluster import Cluster, lives, running_redis, until
 from tests.servers import NotInstalledError, PostgresServer
 
 pytestmark = pytest.mark.acceptance
@@ -85,19 +83,6 @@ def test_a_worker_killed_at_every_failpoint_loses_nothing(cluster: Cluster, tmp_
 
 
 # A newer version beside this one
-
-
-def test_processes_go_on_and_start_again_on_a_record_that_a_newer_version_has_migrated(cluster: Cluster) -> None:
-    job_id = cluster.submit(STEPS)
-    supervisor = cluster.start_worker(**waiting_at(cluster, ["worker.step"]))
-    until("the worker is there", (cluster.folder / "worker.step.reached").exists)
-    upgrade_record(cluster.record.database)
-    # Another process of the old version must open the record; it waits for nothing any more.
-    (cluster.folder / "worker.step.go").touch()
-    supervisor.child().kill()
-    cluster.start_api()
-    assert cluster.check(job_id, steps=STEPS).attempt == 2
-    cluster.check(cluster.post(STEPS).json()["id"], steps=STEPS)
 
 
 # SIGKILL of the API
@@ -209,20 +194,6 @@ def test_a_redis_that_is_away_for_a_while_delays_jobs_only(running: Cluster) -> 
     running.check(posted.json()["id"], steps=STEPS)
 
 
-def test_jobs_that_redis_forgot_are_told_again(running: Cluster) -> None:
-    first = running.submit(600, every=SELDOM)
-    running.at_step(first, 1)
-    waiting = [running.submit(STEPS) for _ in range(21)]
-    import redis
-
-    with redis.Redis.from_url(running.redis.url) as connection:
-        connection.flushall()
-    assert {running.job(job_id).state for job_id in waiting} == {JobState.QUEUED}, "too late"
-    assert running.check(first, steps=600).attempt == 1
-    for job_id in waiting:
-        assert running.check(job_id, steps=STEPS).attempt == 1
-
-
 # A worker that sleeps past its lease
 
 
@@ -284,23 +255,6 @@ def _accepted(cluster: Cluster) -> str | None:
     return str(answer.json()["id"]) if answer.status_code == 202 else None
 
 
-@pytest.mark.long  # test_upkeep.py cuts such a lease
-def test_a_clock_that_is_set_back_or_forward_delays_a_recovery_by_a_lease_at_most(cluster: Cluster) -> None:
-    # The clock of the process that gave the lease was an hour ahead; then its worker was killed with its supervisor.
-    job_id = cluster.submit(400)
-    worker = cluster.start_worker("first")
-    cluster.at_step(job_id, 20)
-    cluster.put_to_sleep(worker.child())
-    worker.kill()
-    job = cluster.job(job_id)
-    cluster.record.leases.heartbeat(job_id, job.attempt, timedelta(hours=1).total_seconds())
-    before = time.monotonic()
-    cluster.start_worker("second")
-    cluster.when(job_id, "the second attempt", lambda job: job.attempt == 2)
-    assert time.monotonic() - before < 60 * LEASE_S, "it did not wait for the hour to pass"
-    cluster.check(job_id, steps=400)
-
-
 # The end of a job has the last word
 
 
@@ -312,15 +266,6 @@ def test_a_cancel_while_parts_die_ends_in_one_state(running: Cluster) -> None:
     assert answer.json().get("state") == "canceling", answer.text
     worker.child().kill()
     running.check(job_id, state=JobState.CANCELED)
-
-
-@pytest.mark.long  # test_leases.py counts the attempts
-def test_a_worker_that_dies_in_every_attempt_fails_the_job(cluster: Cluster) -> None:
-    job_id = cluster.submit(STEPS)
-    cluster.start_worker(MESHDEFORM_FAILPOINTS="worker.started=kill")
-    job = cluster.check(job_id, state=JobState.FAILED)
-    assert job.error is not None
-    assert (job.error.code, job.attempt) == ("worker_lost", 3)
 
 
 def test_sigterm_stores_a_checkpoint_and_counts_no_attempt_as_lost(cluster: Cluster) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -46,21 +44,6 @@ def uninterrupted(service: Service, sphere: Path, egg: Path) -> str:
     assert answer.headers["location"].endswith(job)
     assert service.finished(job)["state"] == "succeeded", service.log
     return job
-
-
-def test_a_job_over_http_succeeds_and_its_artifacts_can_be_had(service: Service, uninterrupted: str) -> None:
-    job = service.job(uninterrupted)
-    assert (job["state"], job["error"]) == ("succeeded", None)
-    assert job["metadata"] == {"shot": "sc010"}
-    assert job["started_at"] <= job["finished_at"]
-    progress = job["progress"]
-    assert (progress["step"], progress["total_steps"], progress["fraction"]) == (STEPS, STEPS, 1.0)
-    assert progress["attempt"] == 1
-    names = {a["name"] for a in service.http.get(f"/v1/jobs/{job['id']}/artifacts").json()["artifacts"]}
-    assert {"result.glb", "report.json", "preview.png"} <= names
-    assert service.artifact(job["id"], "result.glb")[:4] == b"glTF"
-    assert service.artifact(job["id"], "preview.png")[:4] == b"\x89PNG"
-    assert json.loads(service.artifact(job["id"], "report.json"))
 
 
 def test_the_api_comes_back_when_it_is_killed(service: Service) -> None:
@@ -121,11 +104,3 @@ def test_a_job_outlives_its_worker_ctrl_c_and_a_killed_serve_with_the_same_bytes
             assert third.http.get("/readyz").status_code == 200
             third.send(signal.SIGINT)
             assert third.wait() == 0, third.log
-
-
-def test_a_second_serve_on_the_directory_is_refused(service: Service) -> None:
-    command = [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", service.data_dir]
-    refused = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert refused.returncode == 4
-    assert f"(process {service.pid})" in refused.stderr
-    assert "Traceback" not in refused.stderr

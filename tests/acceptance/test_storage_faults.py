@@ -55,9 +55,7 @@ def proxied(
         cluster.clean_up()
 
 
-@pytest.mark.parametrize(
-    "fault", ["error503", "error404", pytest.param("cut", marks=pytest.mark.long)]
-)  # one that refuses is in test_worker_outages.py
+@pytest.mark.parametrize("fault", ["error503", "error404", "refuse", pytest.param("cut", marks=pytest.mark.long)])
 def test_a_store_that_fails_for_a_while_delays_jobs_only(proxied: tuple[Cluster, FaultProxy], fault: str) -> None:
     cluster, proxy = proxied
     cluster.start_api()

@@ -10,7 +10,6 @@ import pytest
 
 from tests.acceptance.cluster import Cluster, running_redis, until
 from tests.fault_proxy import FaultProxy
-from tests.s3_server import S3Server
 from tests.shut_database import database_to_shut
 
 pytestmark = pytest.mark.acceptance
@@ -27,23 +26,6 @@ def cluster_with(folder: Path, **urls: str) -> Iterator[Cluster]:
             yield made
         finally:
             made.clean_up()
-
-
-def test_a_store_that_is_away_costs_no_attempt(
-    tmp_path: Path, s3_server: S3Server, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with FaultProxy(s3_server.port) as proxy:
-        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
-        with cluster_with(tmp_path, storage_url=s3_store_url) as cluster:
-            worker = cluster.start_worker()
-            job_id = cluster.submit(STEPS, every=20)
-            cluster.at_step(job_id, 20)
-            proxy.refuse()
-            until("a checkpoint is missed", lambda: "is not stored: " in worker.log)
-            cluster.when(job_id, "the results wait", lambda job: job.progress.phase == "uploading")
-            until("an upload failed", lambda: "result.glb: " in worker.log)
-            proxy.pass_through()
-            assert cluster.check(job_id, steps=STEPS).attempt == 1
 
 
 @pytest.mark.parametrize("empty", [False, True], ids=["missing", "empty"])
@@ -72,17 +54,6 @@ def test_a_folder_that_is_not_mounted_costs_no_attempt(tmp_path: Path, empty: bo
         for job_id, steps in ((running, STEPS), (queued, 12)):
             assert cluster.check(job_id, steps=steps).attempt == 1
         assert cluster.http.get(f"/v1/jobs/{running}/asset").status_code == 200
-
-
-def test_a_job_that_begins_while_its_folder_is_not_mounted_waits(tmp_path: Path) -> None:
-    with cluster_with(tmp_path) as cluster:
-        job_id = cluster.submit(12)
-        (tmp_path / "objects").rename(tmp_path / "elsewhere")
-        worker = cluster.start_worker()
-        until("the asset cannot be read", lambda: "the file asset: " in worker.log)
-        assert not (tmp_path / "objects").exists()
-        (tmp_path / "elsewhere").rename(tmp_path / "objects")
-        assert cluster.check(job_id, steps=12).attempt == 1
 
 
 def test_a_supervisor_waits_for_a_record_that_is_not_up_yet(

@@ -39,23 +39,6 @@ STORM = """
     sys.settrace(at_a_call)
 """
 
-DEAF_ONCE = """
-    # A signal whose exception is swallowed, as by a library that catches every one, just before the wait for a job.
-    import contextlib, signal
-    from rq import Queue
-    from rq.worker.base import StopRequested
-    from worker.process import InProcessWorker
-
-    wait_for_a_job = Queue.dequeue_any
-
-    def interrupted(*arguments, **others):
-        with contextlib.suppress(StopRequested):
-            signal.raise_signal(signal.SIGTERM)
-        return wait_for_a_job(*arguments, **others)
-
-    Queue.dequeue_any, InProcessWorker.dequeue_timeout = interrupted, 1
-"""
-
 
 def worker(folder: Path, redis_url: str, before: str, **environment: str) -> subprocess.Popen[bytes]:
     """The worker process without its supervisor, after a few lines of our own."""
@@ -102,12 +85,3 @@ def test_a_burst_of_signals_in_the_midst_of_a_job_ends_the_worker_in_order(
     record = JobRecord(f"sqlite:///{tmp_path / 'meshdeform.sqlite'}")
     assert record.get(job_id).state == JobState.QUEUED
     record.close()
-
-
-@pytest.mark.long
-def test_a_stop_that_was_swallowed_before_the_wait_for_a_job_is_noticed(tmp_path: Path, redis_url: str) -> None:
-    with worker(tmp_path, redis_url, DEAF_ONCE) as process:
-        try:
-            assert process.wait(timeout=120.0) == 0
-        finally:
-            process.kill()

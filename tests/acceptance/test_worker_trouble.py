@@ -69,16 +69,6 @@ def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(usual:
     assert worker.child().pid != first
 
 
-@pytest.mark.long  # test_leases.py counts the same attempts
-def test_a_device_without_memory_fails_the_job_at_last(cluster: Cluster) -> None:
-    worker = cluster.start_worker()
-    job = cluster.check(cluster.submit(STEPS, prompt="ooms"), state=JobState.FAILED)
-    assert job.error is not None
-    assert (job.error.code, job.attempt) == ("gpu_oom", 3)
-    cluster.check(cluster.submit(STEPS), steps=STEPS)
-    assert worker.stop() == 0
-
-
 def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(impatient: Cluster) -> None:
     worker = impatient.parts["worker"]
     noticed = worker.log.count("has made no progress")

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
-from meshdeform.requests.document import JobKind, JobRequest
-from meshdeform.runs import check_request, kinds
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import check_request
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.taught import write_small_weights
@@ -21,14 +21,6 @@ def check(request: dict[str, Any], *, has_target: bool = False, **settings: Any)
     check_request(
         JobRequest.model_validate(request), Settings(**settings), files=["asset", "target"] if has_target else ["asset"]
     )
-
-
-def test_every_kind_is_described() -> None:
-    assert {kind.name for kind in kinds()} >= set(JobKind)
-    for kind in kinds():
-        for sentence in (kind.summary, *(each.summary for each in (*kind.reads, *kind.artifacts))):
-            assert sentence[0].isupper()
-            assert sentence.endswith(".")
 
 
 def test_files_that_a_kind_needs_or_does_not_read_are_refused() -> None:

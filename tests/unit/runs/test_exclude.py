@@ -104,14 +104,6 @@ def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> No
         text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved))
 
 
-def test_a_backdrop_that_is_deformed_is_carried_with_the_rest() -> None:
-    asset = scene(1)
-    result, report = finished(start(asset, backdrop="deform", steps=5))
-    assert report["carrier"]["kind"] == "lattice"
-    moved = np.abs(load_asset(result).surface.positions - load_asset(asset).surface.positions)
-    assert moved[load_asset(asset).surface.instance_of_vertex == 1].max() > 1
-
-
 def contents(data: bytes, mesh: int) -> list[bytes]:
     """Return the bytes of every accessor of a mesh."""
     document = Document.parse(data, Limits(), glb=True)

@@ -16,7 +16,6 @@ from PIL import Image
 from bench.parametric_families import family, labels_document
 from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.collection import inspect_collection, open_collection
-from meshdeform.client import Client
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -31,8 +30,6 @@ from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
-from tests.integration.conftest import DEADLINE_S, serving
-from tests.worker_world import working
 
 PARAMS = {"points": 20, "samples": 50, "iterations": 2, "epochs": 3, "embed_labels": True}
 
@@ -264,21 +261,3 @@ def test_a_request_that_cannot_run_is_refused(document, words):
     request = JobRequest.model_validate({"kind": "family_fit", **document})
     with pytest.raises(ParameterError, match=words):
         check_request(request, Settings(), files={"collection"})
-
-
-def test_a_collection_is_posted_fitted_and_downloaded(glbs, tmp_path, redis_url):
-    (tmp_path / "chairs.zip").write_bytes(packed(glbs))
-    (tmp_path / "one.zip").write_bytes(packed(dict(list(glbs.items())[:1])))
-    asked = {"kind": "family_fit", "params": grouped({**PARAMS, "embed_labels": False, "iterations": 1, "epochs": 1})}
-    settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-family-fit")
-    with serving(settings) as url, Client(url) as client:
-        with pytest.raises(AssetError, match="one asset; a family has at least 10"):
-            client.submit(files={"collection": tmp_path / "one.zip"}, **asked)
-        with working(settings, start_run):
-            result = client.deform(files={"collection": tmp_path / "chairs.zip"}, timeout_s=DEADLINE_S, **asked)
-        found = np.load(io.BytesIO(result.read("correspondences.npz")))
-        assert found["positions"].shape == (10, 20, 3)
-        assert {artifact.name for artifact in result.job.artifacts} == {
-            "report.json", "preview.png", "wall.glb", "segmentation.npz", "correspondences.npz", "descriptors.npz",
-            "family.safetensors",
-        }  # fmt: skip

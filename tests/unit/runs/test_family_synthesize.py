@@ -14,7 +14,6 @@ import safetensors.numpy
 from bench.parametric_families import family, labels_document
 from meshdeform.assets import load_asset
 from meshdeform.assets.family_file import dump_family, read_family
-from meshdeform.client import Client
 from meshdeform.errors import (
     AssetError,
     AssetFormatError,
@@ -28,9 +27,7 @@ from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
-from tests.integration.conftest import DEADLINE_S, serving
 from tests.unit.runs.test_family_fit import packed, same_state
-from tests.worker_world import working
 
 
 @pytest.fixture(scope="module")
@@ -225,24 +222,3 @@ def test_a_request_that_cannot_run_is_refused(chairs, params, words):
     with pytest.raises(ParameterError, match=words) as caught:
         begin(chairs, **params)
     assert caught.value.extra["errors"][0]["loc"][0] == "params"
-
-
-def test_a_family_is_posted_and_its_shapes_are_downloaded(chairs, tmp_path, redis_url):
-    (tmp_path / "chairs.zip").write_bytes(chairs[1])
-    (tmp_path / "family.safetensors").write_bytes(chairs[2]["family.safetensors"])
-    (tmp_path / "old.safetensors").write_bytes(
-        chairs[2]["family.safetensors"].replace(b"meshdeform-family-3", b"meshdeform-family-2")
-    )
-    settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-family-synthesize")
-    asked = {"kind": "family_synthesize", "params": {"count": 1}}
-    collection = {"collection": tmp_path / "chairs.zip"}
-    with serving(settings) as url, Client(url) as client:
-        with pytest.raises(AssetFormatError, match="meshdeform-family-2"):
-            client.submit(files={"family": tmp_path / "old.safetensors", **collection}, **asked)
-        with working(settings, start_run):
-            files = {"family": tmp_path / "family.safetensors", **collection}
-            result = client.deform(files=files, timeout_s=DEADLINE_S, **asked)
-        assert len(load_asset(result.read("result.glb")).surface.triangles) > 0
-        assert {artifact.name for artifact in result.job.artifacts} == {
-            "report.json", "preview.png", "wall.glb", "result.glb", "shapes.zip", "points.npz",
-        }  # fmt: skip

@@ -22,7 +22,6 @@ from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
-from meshdeform.runs.text_report import rig_warnings
 from tests.cases import each_case
 from tests.fakes import FakePrior
 from tests.unit.assets.playing import Player
@@ -174,10 +173,3 @@ def test_a_rig_follows_if_it_is_asked_to_and_the_report_says_so(rig: str) -> Non
         after.at(None, 0).verts, load_asset(result).surface.positions[: len(after.at(None, 0).verts)], atol=1e-5
     )
     assert bool([text for text in report["warnings"] if "output.rig" in text]) == (rig == "keep")
-
-
-def test_only_a_rig_that_stays_behind_is_worth_a_warning() -> None:
-    rig = load_asset(arm().glb()).rig()
-    (text,) = rig_warnings(rig, JobRequest().output.rig)
-    assert "3 joints, which" in text
-    assert rig_warnings(load_asset(GLB).rig(), JobRequest().output.rig) == []

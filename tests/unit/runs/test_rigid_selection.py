@@ -16,12 +16,11 @@ from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.requests.selection import RigidSelector, check_selections
+from meshdeform.requests.selection import RigidSelector
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.control import SelectableSurface, select_bodies
 from meshdeform.runs.inspection import inspect_parts
-from tests.cases import each_case
 from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
 from training.shapes import box, torus
@@ -85,34 +84,6 @@ def test_selections_that_share_vertices_are_one_body() -> None:
     both = select({"material": "paint", "mode": "similarity"}, {"material": "rubber"})
     assert both == [(WHEEL, "rigid")] * 4 + [(icosphere(2).verts.shape[0], "rigid")]
     assert select({"node": "hub", "mode": "similarity"}, {"node": 4, "mode": "similarity"}) == [(BOX, "similarity")]
-
-
-@each_case(
-    "selector,detail,advice",
-    [
-        ({"node": "Axle"}, "no node named 'Axle'", "Did you mean 'axle'?"),
-        ({"node": "Boby"}, "no node named 'Boby'", "Did you mean 'Body'?"),
-        ({"material": "rubbr"}, "no material named", "Did you mean 'rubber'?"),
-        ({"material": "never used"}, "no material named", "0 'paint', 1 'rubber'"),
-        ({"node": 17}, "no node with the index 17", "0 'Body', 1 'axle'"),
-        ({"component": 6}, "no component 6", "0 to 5"),
-    ],
-)
-def test_a_selector_of_nothing_is_refused_with_what_there_is(selector, detail, advice) -> None:
-    with pytest.raises(ParameterError, match=detail) as refused:
-        select({"node": "hub"}, selector)
-    assert advice in str(refused.value.advice_text)
-    assert refused.value.extra["errors"][0]["loc"] == ["params", "control", "rigid", 1, next(iter(selector))]
-
-
-def test_what_the_json_shows_is_checked_without_the_geometry() -> None:
-    nodes, materials = ASSET.summary.nodes, ASSET.summary.materials
-    assert [*nodes] == ASSET.parts().nodes
-    assert [*materials] == ASSET.parts().materials
-    named = {"nodes": nodes, "materials": materials}
-    check_selections("rigid", [RigidSelector(node="axle"), RigidSelector(component=99)], named)
-    with pytest.raises(ParameterError, match="no material"):
-        check_selections("rigid", [RigidSelector(material="wood")], named)
 
 
 def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:

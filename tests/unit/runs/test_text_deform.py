@@ -14,7 +14,7 @@ from PIL import Image
 import meshdeform
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.deformation import stand_in
-from meshdeform.errors import AssetEmptyError, CheckpointError, ParameterError, PromptError
+from meshdeform.errors import CheckpointError, ParameterError
 from meshdeform.geometry import intersections
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import icosphere, join
@@ -210,22 +210,6 @@ def test_split_vertices_stay_together() -> None:
     assert np.abs(positions - positions[first][inverse.reshape(-1)]).max() < 1e-6
 
 
-def test_a_resumed_job_writes_the_same_bytes() -> None:
-    asset = glb(icosphere(2))
-    whole = start(asset)
-    for _ in whole:
-        pass
-    first = start(asset)
-    for report in first:
-        if report.step == 5:
-            break
-    second = start(asset, checkpoint=first.checkpoint())
-    assert second.step == 5
-    for _ in second:
-        pass
-    assert second.finish()["result.glb"].data == whole.finish()["result.glb"].data
-
-
 class HalfPrior(FakePrior):
     """One on a processor with bfloat16."""
 
@@ -341,14 +325,6 @@ def test_several_components_open_borders_and_stray_vertices_are_no_errors() -> N
     new = load_asset(artifacts["result.glb"].data).surface.positions
     assert np.isfinite(new).all()
     np.testing.assert_allclose(new[-1], [9, 9, 9])
-
-
-def test_bad_requests_are_told_before_the_first_step() -> None:
-    with pytest.raises(PromptError):
-        start(glb(icosphere(1)), JobRequest(prompt=" "))
-    line = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
-    with pytest.raises(AssetEmptyError, match="area"):
-        start(build_glb(line, np.array([[0, 1, 2]])))
 
 
 @pytest.mark.parametrize(("bottom", "kept"), [(0.0, True), (-7.0, False)])

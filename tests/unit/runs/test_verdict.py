@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from meshdeform.assets import build_glb
-from meshdeform.cli.report_lines import kept_line, likeness_line, verdict_line
+from meshdeform.cli.report_lines import kept_line, verdict_line
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
@@ -140,17 +140,6 @@ def test_a_shape_of_the_family_matches_its_prompt_and_no_other() -> None:
     assert set(same["judge"]) == {"id", "revision", "sha256"}
 
 
-def test_the_line_names_both_nouns() -> None:
-    odds = {"rabbit": 0.83, "cat": 0.06, "elephant": 0.001}
-    assert (
-        likeness_line(summarize(odds, "rabbit"))
-        == "Looks like: a rabbit (83% among the judge's 3 nouns); next: a cat (6%)"
-    )
-    assert likeness_line(summarize(odds, "elephant")) == (
-        "Does not look like its prompt: it looks more like a rabbit (83%); an elephant (under 1%) is number 3 of 3"
-    )
-
-
 def test_the_source_is_judged_once_and_compared_with() -> None:
     part = member("giraffe", (), seeded(HELD_OUT, "giraffe", 2000))
     result = TriangleMesh(torch.from_numpy(part.verts), torch.from_numpy(part.faces))
@@ -249,7 +238,3 @@ def test_nobody_is_asked_for_the_front_of_what_is_not_recognised() -> None:
     )
     assert known_source(icosphere(1), None, params) is None
     assert front_of(None, prior, params, "a giraffe") is None
-
-
-def test_probabilities_are_rounded_in_the_report() -> None:
-    assert Recognition("dog", 0.123456).to_dict()["probability"] == pytest.approx(0.1235)
