@@ -64,13 +64,6 @@ def test_identities_give_the_rest_mesh_in_any_unit_at_any_place(mesh: TriangleMe
     assert_close(found, moved.verts, atol=1e-11 * unit, rtol=0)
 
 
-@each_case("mesh", MESHES)
-def test_rotations_give_the_rotated_mesh(mesh: TriangleMesh) -> None:
-    system, turn = PoissonSystem(mesh), rotation(5)
-    found = system.solve(turn.expand(len(mesh.faces), 3, 3).contiguous())
-    assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-11, rtol=0)
-
-
 @each_case("mesh", [icosphere(1), grid(3)])
 def test_it_is_the_least_squares_solution(mesh: TriangleMesh) -> None:
     jacobians = random(len(mesh.faces), 3, 3)
@@ -79,15 +72,6 @@ def test_it_is_the_least_squares_solution(mesh: TriangleMesh) -> None:
     dense = np.linalg.lstsq(cotangent_laplacian(mesh).toarray(), right, rcond=None)[0]
     expected = centred(system, torch.from_numpy(dense))
     assert_close(centred(system, system.solve(jacobians)), expected, atol=1e-10, rtol=0)
-
-
-def test_it_is_linear_up_to_the_centre() -> None:
-    mesh = icosphere(1)
-    system = PoissonSystem(mesh)
-    a, b = random(len(mesh.faces), 3, 3, seed=1), random(len(mesh.faces), 3, 3, seed=2)
-    combined = centred(system, system.solve(2 * a - 3 * b))
-    parts = 2 * centred(system, system.solve(a)) - 3 * centred(system, system.solve(b))
-    assert_close(combined, parts, atol=1e-11, rtol=0)
 
 
 @each_case("mesh", [icosphere(0), grid(2), join(icosphere(0), grid(1))])
@@ -100,19 +84,6 @@ def test_the_gradient_through_collapsed_faces() -> None:
     mesh = soup([[0, 0, 0], [2, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0]], [[0, 1, 3], [0, 1, 2], [0, 4, 2], [2, 4, 1]])
     system = PoissonSystem(mesh)
     assert torch.autograd.gradcheck(system.solve, (random(4, 3, 3).requires_grad_(),))
-
-
-def test_the_same_input_gives_the_same_bits() -> None:
-    jacobians = random(1280, 3, 3)
-    results = []
-    for _ in range(2):
-        variable = jacobians.clone().requires_grad_()
-        verts = PoissonSystem(icosphere(3)).solve(variable)
-        verts.square().sum().backward()
-        assert variable.grad is not None
-        results.append((verts.detach(), variable.grad))
-    assert torch.equal(results[0][0], results[1][0])
-    assert torch.equal(results[0][1], results[1][1])
 
 
 def soup(verts: list[list[float]], faces: list[list[int]]) -> TriangleMesh:
@@ -181,12 +152,6 @@ def test_needles_of_any_thinness_do_not_break_the_factor(height: float) -> None:
     found = system.solve(identity_jacobians(len(mesh.faces)))
     assert_close(found, mesh.verts, atol=1e-8, rtol=0)
     assert torch.isfinite(system.solve(random(len(mesh.faces), 3, 3))).all()
-
-
-def test_caps_and_needles_of_a_fine_pole() -> None:
-    mesh = uv_sphere(6, 3000)
-    found = PoissonSystem(mesh).solve(identity_jacobians(len(mesh.faces)))
-    assert_close(found, mesh.verts, atol=1e-9, rtol=0)
 
 
 coordinate = st.one_of(

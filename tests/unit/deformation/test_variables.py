@@ -133,18 +133,3 @@ def test_what_has_no_gradient_stays() -> None:
     optimizer.step()
     assert torch.equal(x, torch.ones(3))
     assert optimizer.state == {}
-
-
-def test_its_state_goes_on_where_it_was() -> None:
-    x = torch.ones(4, dtype=torch.float64, requires_grad=True)
-    whole = Adam([{"params": [x], "lr": 0.05}])
-    for _ in range(3):
-        x.grad = 2 * x.detach()
-        whole.step()
-    y = x.detach().clone().requires_grad_()
-    resumed = Adam([{"params": [y], "lr": 0.05}])
-    resumed.state[y] = {name: value.clone() for name, value in whole.state[x].items()}
-    for parameter, optimizer in ((x, whole), (y, resumed)):
-        parameter.grad = 2 * parameter.detach()
-        optimizer.step()
-    assert torch.equal(x, y)

@@ -18,7 +18,6 @@ from training.evaluation.evaluator import Evaluator
 from training.evaluation.plan import (
     Plan,
     check_manifest,
-    code_sha256,
     manifest,
     plan_of,
     read_manifest,
@@ -88,8 +87,3 @@ def test_the_plan_of_a_manifest_is_the_one_that_wrote_it(tmp_path: Path) -> None
     again = plan_of(tmp_path, dict(members(tmp_path, preset="preview")), judge="none", clip="", device="cpu")
     assert (again.suite, again.steps) == (SUITE, (10, 600))
     assert again.params.model == "builtin"
-
-
-def test_the_code_has_a_hash_that_stays() -> None:
-    assert code_sha256() == code_sha256()
-    assert len(code_sha256()) == 64

@@ -9,12 +9,9 @@ from meshdeform.errors import ModelError
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.prior import STYLE
 from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures, single_views
 from meshdeform.priors.builtin.teaching.teacher import TrainConfig
 from meshdeform.priors.builtin.vocabulary import NOUNS, OPPOSITES
-from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.shading import Renderer, combine_views
 from tests.close import assert_close
 from training.prior import mix, sample, train, warm_start
 from training.prior.dataset import PictureFolder, draw_prompt, draw_set
@@ -45,21 +42,6 @@ def tiny() -> PictureSet:
 @pytest.fixture
 def small_network(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train, "PriorNetwork", lambda: PriorNetwork(SMALL))
-
-
-def test_a_picture_is_what_the_deformer_renders() -> None:
-    shape = member("mushroom", (), np.random.default_rng(0))
-    images, azimuth = pictures(shape, 2, torch.Generator().manual_seed(5))
-    assert images.shape == (2, 3, 128, 128)
-    assert images.dtype == torch.uint8
-    assert (azimuth.abs() <= 180).all()
-    # The fixed cameras are not those of the draw, but they show the same thing in the same colours.
-    renderer = Renderer(torch.from_numpy(shape.faces), len(shape.verts), STYLE)
-    views = renderer.render(torch.from_numpy(shape.verts), fixed_cameras(float(azimuth[0]), 15.0))
-    fixed = combine_views(views)[0]
-    covered = (fixed.sum(0) > 0).float().mean()
-    assert (images[0].sum(0) > 0).float().mean() == pytest.approx(float(covered), rel=0.3)
-    assert abs(images[0].float().div(255).mean() - fixed.mean()) < 0.05
 
 
 def test_drawn_prompts_never_have_what_is_held_out_unless_asked() -> None:
@@ -156,20 +138,6 @@ def test_the_learning_rate_rises_then_falls_to_zero(tiny: PictureSet) -> None:
     assert np.argmax(rates) == 50
     assert rates[-1] < 1e-4
     assert (np.diff(rates[50:]) <= 0).all()
-
-
-@pytest.mark.usefixtures("small_network")
-def test_weights_come_back_in_half_precision(tiny: PictureSet, tmp_path: Path) -> None:
-    trainer = PriorTrainer(tiny, TrainConfig(batch=2), device="cpu", precision="fp32")
-    trainer.total_steps = 1
-    trainer.step()
-    trainer.save(tmp_path / "state.pt", tmp_path / "prior.safetensors")
-    network, metadata = weights_network.read_network(tmp_path / "prior.safetensors")
-    assert metadata["steps"] == "1"
-    assert network.config == SMALL
-    for name, tensor in network.state_dict().items():
-        assert_close(tensor, trainer.average[name], atol=1e-3, rtol=1e-3)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["prior.safetensors", "state.pt"]
 
 
 def test_samples_are_pictures_and_the_same_for_the_same_seed() -> None:

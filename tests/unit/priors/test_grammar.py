@@ -145,14 +145,9 @@ def test_every_suggestion_is_a_prompt_that_is_accepted(words: list[str]) -> None
 @each_case(
     ("prompt", "says"),
     [
-        ("a dog and a cat", "'dog' and 'cat'"),
-        ("tall and thin", "None was found"),
-        ("a vase with long ears", "its parts: neck"),
         ("a bowl with a long neck", "its parts: none"),
         ("a chair with thick legs", "'short' or 'long'"),
-        ("a chair with legs", "'short' or 'long'"),
         ("a big dog", "scaled to fit"),
-        ("a tall short vase", "at once"),
         ("a dog with long legs and short legs", "opposite"),
     ],
 )
@@ -306,8 +301,3 @@ def test_the_rule_is_a_matter_of_names_alone() -> None:
     old = [pair for pair in held_out_pairs() if pair[0] not in THIRD_EDITION | FOURTH_EDITION]
     assert len(old) == 59
     assert ("umbrella", Attribute("handle", "long")) not in old
-
-
-def test_it_needs_neither_torch_nor_numpy() -> None:
-    code = "import sys, training.prior.held_out;sys.exit(any(name in sys.modules for name in ('torch', 'numpy')))"
-    subprocess.run([sys.executable, "-c", code], check=True)

@@ -213,12 +213,6 @@ def test_a_job_without_a_cancel_listener_goes_on_and_is_canceled_all_the_same(re
         until(lambda: watch.canceled)
 
 
-def test_a_cancel_that_redis_lost_is_read_from_the_record(record: RecordStub, ear: Ear) -> None:
-    record.state = JobState.CANCELING
-    with watch_of(record, ear) as watch:
-        until(lambda: watch.canceled)
-
-
 def test_a_job_that_is_claimed_while_it_is_being_canceled_is_canceled(record: RecordStub, ear: Ear) -> None:
     assert watch_of(record, ear, JOB.model_copy(update={"state": JobState.CANCELING})).canceled
 
