@@ -39,7 +39,7 @@ def inside(at: NDArray[np.float64], tube: float) -> NDArray[np.float64]:
 def main() -> None:
     """Print a line for each thickness and fit."""
     torch.set_num_threads(1)
-    source = FitOptions(STEPS, batch_faces=48, rounding=False)
+    source = FitOptions(STEPS, batch_faces=48)
     print("| cells | steps | base | mean | greatest | distance |\n|---|---|---|---|---|---|")
     for cells, options in ((2, source), (3, source), (4, source), (6, source), (6, FitOptions(400))):
         tube = cells / 2 * CELL

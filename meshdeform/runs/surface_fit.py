@@ -90,12 +90,8 @@ def start(given: RunInput) -> SurfaceFitRun:
         initial=load_shape(given.initial, shape) if given.initial is not None else None,
         anchors=_anchors(params, frame, frame.leave(base.verts), surface.reference.verts),
     )
-    facts = {
-        "filename": file.filename,
-        "bytes": len(file.data),
-        "sha256": sha256,
-        "warnings": list(warnings_about(source)),
-    }
+    warnings = list(warnings_about(source))
+    facts = {"filename": file.filename, "bytes": len(file.data), "sha256": sha256, "warnings": warnings}
     scalars = None
     if "scalars" in given.files:
         scalars = read_scalar_file(given.files["scalars"].data)
@@ -287,11 +283,7 @@ class SurfaceFitRun(JobRun):
         return comparison_png({"input": level_glb(*divided(mesh.verts, mesh.faces, _DRAWN_FACES)), "field": ours})
 
     def _report(
-        self,
-        data: bytes,
-        levels: list[dict[str, Any]],
-        mesh: IntrinsicMesh,
-        compared: dict[str, Any],
+        self, data: bytes, levels: list[dict[str, Any]], mesh: IntrinsicMesh, compared: dict[str, Any]
     ) -> dict[str, Any]:
         reference = self._surface.reference
         return {

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Route
 
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.kinds.surface_fit.container import encode_base, write_field
+from meshdeform.kinds.surface_fit.network import FieldNetwork
 from meshdeform.kinds.surface_fit.reader import read_field
 
 PAGE = """<!doctype html><canvas width="300" height="300"></canvas>
@@ -35,11 +38,22 @@ window.found = { seen, missing, faces, places: list("position"), normals: list("
 </script>"""
 
 
-def test_a_bare_page_loads_a_field_and_takes_the_level_that_it_needs(browser: Browser, repository: Path) -> None:
+def small_field() -> bytes:
+    """Return the field of a base of twenty faces."""
+    ball = icosphere(0)
+    base = encode_base(ball.verts.numpy(), ball.faces.numpy())
+    network = FieldNetwork.random(len(base.verts), features=1, octaves=1, width=4, depth=1, seed=0)
+    return write_field(base, network, centre=np.array([1.0, 2.0, 3.0]), scale=2.0)
+
+
+def test_a_bare_page_loads_a_field_and_takes_the_level_that_it_needs(
+    browser: Browser, repository: Path, tmp_path: Path
+) -> None:
     web = repository / "service/web"
     files = {path.name: path for path in [*(web / "viewer").glob("ndf*.js"), *(web / "vendor/three").glob("*.js")]}
     files["NDFLoader.js"] = repository / "clients/ndf/NDFLoader.js"
-    files["surface.ndf"] = repository / "tests/unit/kinds/surface_fit/version_1.ndf"
+    files["surface.ndf"] = tmp_path / "surface.ndf"
+    files["surface.ndf"].write_bytes(small_field())
 
     def answer(route: Route) -> None:
         path = files.get(route.request.url.rsplit("/", 1)[1])

@@ -92,7 +92,6 @@ class FitOptions:
     batch_faces: int = 96  # base faces per step
     learning_rate: float = 0.01
     normal_weight: float = 1e-4
-    rounding: bool = True  # false if the field is not written to a file
 
 
 class FieldFit:
@@ -212,7 +211,7 @@ class FieldFit:
 
     def _round(self) -> None:
         """Round the field for the next step, if it is in the last part of the fit."""
-        if self.rounding is None and self._options.rounding and self.step >= START * self._options.steps:
+        if self.rounding is None and self.step >= START * self._options.steps:
             self.rounding = steps_of(self._learned.tensors, self._options.steps)
         if self.rounding is not None:
             self.field = self._learned.with_tensors(rounded(self._learned.tensors, self.rounding))

@@ -201,18 +201,12 @@ def spectrum(mesh: IntrinsicMesh, count: int) -> tuple[_Floats, _Floats]:
 
 
 class HeatGeodesics:
-    """Geodesic distances on a triangulation; the systems are factored once.
+    """Geodesic distances on a triangulation; the systems are factored once."""
 
-    Parameters
-    ----------
-    factor : float
-        The time t is this times the mean squared edge length over the area.
-    """
-
-    def __init__(self, mesh: IntrinsicMesh, factor: float = 1.0) -> None:
+    def __init__(self, mesh: IntrinsicMesh) -> None:
         self._mesh = mesh
         masses, matrix = mass(mesh), laplacian(mesh)
-        time = factor * float(np.average((mesh.lengths**2).mean(1), weights=areas_of(mesh.lengths)))
+        time = float(np.average((mesh.lengths**2).mean(1), weights=areas_of(mesh.lengths)))
         options = {"SymmetricMode": True}
         self._heat = splu((sparse.diags(masses) + time * matrix).tocsc(), diag_pivot_thresh=0.0, options=options)
         shift = 1e-10 / max(float(masses.sum()), 1e-300)

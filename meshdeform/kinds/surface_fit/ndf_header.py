@@ -51,9 +51,8 @@ def _weights(network: dict[str, Any], features: int, vertices: int) -> int:
     """Return the bytes of a network's section."""
     widths: list[int] = network["widths"]
     _require(2 <= len(widths) <= _MAX_LAYERS and all(_whole(width, 1, 1 << 16) for width in widths))
-    if "steps" in network:
-        steps = network["steps"]
-        _require(len(steps) == features + 2 * len(widths) - 2 and all(_whole(n, -_MAX_STEP, _MAX_STEP) for n in steps))
+    steps = network["steps"]
+    _require(len(steps) == features + 2 * len(widths) - 2 and all(_whole(n, -_MAX_STEP, _MAX_STEP) for n in steps))
     return 2 * (vertices * features + sum((before + 1) * after for before, after in itertools.pairwise(widths)))
 
 

@@ -24,19 +24,17 @@ _NEIGHBOURS = 8
 _SMOOTH, _SCREEN = 0.7, 1.0
 """Standard deviations in cells, or in distances of points if these are greater: of normals, and of what is taken."""
 _FEWEST, _MOST = 32, 192
-"""Cells along the longest side."""
+"""Cells along the longest side, as large as the fourth neighbour of a point is far."""
 _ROUNDS, _LITTLE = 4, 0.02
 
 
-def poisson_grid(points: _Floats, normals: _Floats, cells: int | None = None) -> tuple[_Floats, _Floats, float]:
+def poisson_grid(points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats, float]:
     """Return phi (X, Y, Z), negative inside; the place (3,) of its first value; and the distance of neighbours.
 
     Parameters
     ----------
     points, normals : (P, 3) float64
         Unit normals, to the outside.
-    cells : int
-        Cells along the longest side; by default as large as the fourth neighbour of a point is far.
     """
     low, high = points.min(0), points.max(0)
     size = float((high - low).max())
@@ -44,7 +42,7 @@ def poisson_grid(points: _Floats, normals: _Floats, cells: int | None = None) ->
     apart = float(np.median(near[:, 4]))
     margin = max(_MARGIN * size, _WIDE * apart)
     spacing = size + 2 * margin
-    spacing /= cells or min(max(spacing / apart, _FEWEST), _MOST)
+    spacing /= min(max(spacing / apart, _FEWEST), _MOST)
     wide = max(apart / spacing, 1.0)
     shape = np.ceil((high - low + 2 * margin) / spacing).astype(int) + 1
     origin = (low + high) / 2 - spacing * (shape - 1) / 2

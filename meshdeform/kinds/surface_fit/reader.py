@@ -60,8 +60,8 @@ def read_field(data: bytes | Path) -> NeuralField:
     data = data.read_bytes() if isinstance(data, Path) else data
     if data[:3] != b"NDF" or len(data) < 12:
         raise ValueError("The file is not a .ndf.")
-    if data[3] not in (1, 2):
-        raise ValueError(f"The .ndf has version {data[3]}; this reader knows versions 1 and 2.")
+    if data[3] != 2:
+        raise ValueError(f"The .ndf has version {data[3]}; this reader knows version 2.")
     if zlib.crc32(data[:-4]) != struct.unpack("<I", data[-4:])[0]:
         raise ValueError("The .ndf is damaged or incomplete: its checksum is wrong.")
     try:
@@ -114,9 +114,7 @@ def _numbers(data: bytes, size: int) -> NDArray[np.uint16]:
 
 
 def _weights(part: NDArray[Any], given: dict[str, Any], vertices: int) -> NDArray[np.float32]:
-    """Return features, weights and biases: float16 in version 1, whole multiples of steps 2^(n / 4) in version 2."""
-    if "steps" not in given:
-        return np.asarray(part.view("<f2"), np.float32)
+    """Return features, weights and biases: whole multiples of steps 2^(n / 4)."""
     counts = [n for before, after in itertools.pairwise(given["widths"]) for n in (after * before, after)]
     channels, others = np.split(2.0 ** (np.array(given["steps"]) / 4), [-len(counts)])
     signed = (part >> 1) ^ -(part & 1).astype(np.int64)  # zigzag

@@ -25,7 +25,7 @@ from meshdeform.kinds.surface_fit.network import IN_SPREAD, START, FieldNetwork,
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 STEPS = 600
-_FEATURES = 8
+_FEATURES, _HIDDEN = 8, (32, 32)
 _RATE, _LAST_RATE = 0.01, 0.01
 _BATCH = 4096
 _NOISE = 0.1
@@ -86,7 +86,7 @@ class ScalarField(FieldNetwork):
         }
 
 
-def _random(verts: _Floats, outputs: int, width: int, depth: int, seed: int) -> list[Tensor]:
+def _random(verts: _Floats, outputs: int, seed: int) -> list[Tensor]:
     """Return the features and the weights and biases of each layer before they are learned."""
     # The features begin with the positions and a little noise: what is smooth is learned sooner from smooth ones.
     generator = torch.Generator().manual_seed(seed)
@@ -94,7 +94,7 @@ def _random(verts: _Floats, outputs: int, width: int, depth: int, seed: int) -> 
     centred = torch.from_numpy((verts - verts.mean(0)) / max(float(verts.std()), 1e-12)).float()
     first[:, :3] += centred
     tensors = [first]
-    for before, after in itertools.pairwise([_FEATURES, *[width] * depth, outputs]):
+    for before, after in itertools.pairwise([_FEATURES, *_HIDDEN, outputs]):
         tensors += [torch.randn(after, before, generator=generator) * math.sqrt(2 / before), torch.zeros(after)]
     return tensors
 
@@ -107,8 +107,6 @@ def learn_scalars(
     *,
     name: str = "scalars",
     labels: Sequence[int] = (),
-    width: int = 32,
-    depth: int = 2,
     steps: int = STEPS,
     seed: int = 0,
     on_step: Callable[[], None] = lambda: None,
@@ -127,8 +125,8 @@ def learn_scalars(
     labels : sequence of int, optional
         The number of each piece. A binary classifier of each is learned; a place belongs to the one with the greatest
         result.
-    width, depth, steps, seed
-        The network and its fit.
+    steps, seed
+        Of the fit.
     on_step : callable
         Called after each step.
 
@@ -141,7 +139,7 @@ def learn_scalars(
     scale = np.ones(values.shape[1]) if labels else np.maximum(values.std(0), 1e-12)
     wanted = torch.from_numpy((values - offset) / scale).float()
     places, shares = torch.from_numpy(corners), torch.from_numpy(weights).float()
-    tensors = _random(verts, values.shape[1], width, depth, seed)
+    tensors = _random(verts, values.shape[1], seed)
     field = ScalarField(name, tensors, offset, scale, labels)
     for tensor in tensors:
         tensor.requires_grad_()

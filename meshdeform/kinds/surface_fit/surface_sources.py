@@ -161,7 +161,6 @@ class _Implicit(_Sampled):
     """The zero set of a function with a gradient: Newton's method along the gradient."""
 
     _reach: float
-    _largest: float
 
     def _value(self, points: Tensor) -> tuple[Tensor, Tensor]:
         raise NotImplementedError

@@ -38,10 +38,8 @@ export function checkHeader(header, size) {
 function weightsOf(network, features, vertices) {
   const { widths, steps } = network ?? {};
   require(Array.isArray(widths) && widths.length >= 2 && widths.length <= MAX_LAYERS && widths.every((width) => whole(width, 1, 65_536)));
-  if (steps !== undefined) {
-    require(numbers(steps, features + 2 * widths.length - 2));
-    require(steps.every((/** @type {number} */ step) => whole(step, -MAX_STEP, MAX_STEP)));
-  }
+  require(numbers(steps, features + 2 * widths.length - 2));
+  require(steps.every((/** @type {number} */ step) => whole(step, -MAX_STEP, MAX_STEP)));
   let count = vertices * features;
   for (let i = 1; i < widths.length; i++) count += (widths[i - 1] + 1) * widths[i];
   return 2 * count;

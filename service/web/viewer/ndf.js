@@ -17,13 +17,11 @@ import { checkHeader, TORN } from "./ndf-header.js";
 export { scalarsAt } from "./ndf-scalars.js";
 export { unfold } from "./ndf-unfold.js";
 
-
 /** @param {Uint8Array} data @returns {Promise<NeuralField>} @throws {Error} The file is damaged, incomplete, or of another version. */
 export async function readField(data) {
   const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
   if (data.length < 12 || data[0] !== 78 || data[1] !== 68 || data[2] !== 70) throw new Error("The file is not a .ndf.");
-  const version = data[3];
-  if (version !== 1 && version !== 2) throw new Error(`The .ndf has version ${version}; this reader knows versions 1 and 2.`);
+  if (data[3] !== 2) throw new Error(`The .ndf has version ${data[3]}; this reader knows version 2.`);
   if (crc32(data.subarray(0, -4)) !== view.getUint32(data.length - 4, true))
     throw new Error("The .ndf is damaged or incomplete: its checksum is wrong.");
   let at = 8 + view.getUint32(4, true);
@@ -57,20 +55,19 @@ function parsed(bytes) {
 /**
  * @param {Uint16Array} numbers @param {number} vertices
  * @param {number[]} widths Features of each vertex, then the inputs and the outputs of all layers.
- * @param {number[] | undefined} steps Exponents n of the steps 2^(n / 4): of each channel of the features, then of each weight and bias.
- *     Without them, in version 1, the numbers are float16.
+ * @param {number[]} steps Exponents n of the steps 2^(n / 4): of each channel of the features, then of each weight and bias.
  */
 function networkOf(numbers, vertices, [each, ...widths], steps) {
-  const weights = steps ? Float32Array.from(numbers, signed) : Float32Array.from(numbers, half);
-  const sizes = (steps ?? []).map((step) => 2 ** (step / 4));
+  const weights = Float32Array.from(numbers, signed);
+  const sizes = steps.map((step) => 2 ** (step / 4));
   let from = vertices * each;
   const features = weights.subarray(0, from);
-  if (steps) for (let i = 0; i < from; i++) features[i] *= sizes[i % each];
+  for (let i = 0; i < from; i++) features[i] *= sizes[i % each];
   let tensor = each;
   /** @param {number} size */
   const take = (size) => {
     const part = weights.subarray(from, from + size);
-    if (steps) for (let i = 0; i < part.length; i++) part[i] *= sizes[tensor];
+    for (let i = 0; i < part.length; i++) part[i] *= sizes[tensor];
     from += size;
     tensor++;
     return part;
@@ -150,14 +147,6 @@ async function numbers(data, size) {
 /** The whole number of 0, -1, 1, -2, 2, ... @param {number} number */
 function signed(number) {
   return (number >> 1) ^ -(number & 1);
-}
-
-/** @param {number} bits A float16. */
-function half(bits) {
-  const exponent = (bits >> 10) & 31;
-  const fraction = bits & 1023;
-  const size = exponent ? 2 ** (exponent - 25) * (1024 + fraction) : 2 ** -24 * fraction;
-  return bits & 0x8000 ? -size : size;
 }
 
 /** @param {Uint8Array} data */
