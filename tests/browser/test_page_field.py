@@ -16,6 +16,7 @@ from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
 from tests.browser.steps import badge, barriers, difference, expect, picture, shown_job, until_drawn
+from tests.browser.test_ndf_loader import small_field
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -234,6 +235,32 @@ def test_scalars_of_a_field(page: Page, fitted: str, axe: str) -> None:
     expect(facts).to_contain_text("half: 2 pieces, in")
     expect(page.locator(".legend .ramp-ticks span")).to_have_text(["4", "5"])
     assert barriers(page, axe) == []
+
+
+@pytest.mark.without_pictures
+def test_a_field_of_ones_own_is_opened_and_nothing_is_sent(page: Page, watch: Watch, axe: str) -> None:
+    data = small_field()
+    page.goto("/#/surface", wait_until="networkidle")
+    page.get_by_role("link", name="Open a .ndf").click()
+    watch.sent.clear()
+    tag = page.locator(".field-stage .viewer-tag")
+    page.set_input_files("#field-file", {"name": "ball.ndf", "mimeType": "", "buffer": data})
+    expect(tag).to_have_text("Level 5 · 20,480 triangles")
+    expect(page.get_by_role("heading", name="ball.ndf")).to_be_visible()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download this level").click()
+    assert download.value.suggested_filename == "ball-level5.glb"
+    assert barriers(page, axe) == []
+    page.set_input_files("#field-file", {"name": "torn.NDF", "mimeType": "", "buffer": data[:-9]})
+    expect(page.get_by_text("its checksum is wrong")).to_be_visible()
+    page.set_input_files("#field-file", {"name": "ball.obj", "mimeType": "", "buffer": data})
+    expect(page.get_by_text("ball.obj isn't supported. Use NDF.")).to_be_visible()
+    assert not [path for path in watch.sent if "/v1/" in path]
+    # One that is chosen where assets are goes there too.
+    page.goto("/")
+    page.set_input_files("#asset-file", {"name": "other.ndf", "mimeType": "", "buffer": data})
+    expect(page.get_by_role("heading", name="other.ndf")).to_be_visible()
+    expect(tag).to_contain_text("triangles")
 
 
 @pytest.mark.without_3d

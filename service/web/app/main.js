@@ -16,7 +16,7 @@ let scope = new Scope();
 let first = true;
 let turn = 0;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
-const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", family: "create", examples: "examples", example: "examples", teach: "teach", shared: "shared" });
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", examples: "examples", example: "examples", teach: "teach", shared: "shared" });
 const RELOAD_MS = 30_000;
 const AGAIN_MS = 1000;
 const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared"]);
@@ -31,6 +31,7 @@ const VIEWS = {
     return (root, scope) => new CreateView(root, scope, route.result ? resultOrigin(route.from) : (route.from ?? example), route);
   },
   surface: ({ from, quick }) => import("./create/surface-view.js").then(({ SurfaceView }) => (root, scope) => new SurfaceView(root, scope, from, quick)),
+  field: () => import("./own-field.js").then(({ OwnField }) => (root, scope) => new OwnField(root, scope)),
   family: ({ from }) => import("./family/view.js").then(({ FamilyView }) => (root, scope) => new FamilyView(root, scope, from)),
   examples: () => import("./examples/view.js").then(({ showExamples }) => showExamples),
   example: ({ id }) => import("./examples/view.js").then(({ ExampleView }) => (root, scope) => new ExampleView(root, scope, id)),
@@ -89,7 +90,7 @@ async function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", surface: "New surface fit", family: "New family", examples: "Examples", example: "Example", teach: "Teach a word", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", examples: "Examples", example: "Example", teach: "Teach a word", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

@@ -1,6 +1,28 @@
 // @ts-check
 /** Files that a user chooses, or drops on the page. */
 import { h } from "./dom.js";
+import { routeHash } from "./router.js";
+
+/** A field that was given to another view. @type {File | null} */
+let handed = null;
+
+/** @param {File} file */
+export function isField(file) {
+  return /\.ndf$/i.test(file.name);
+}
+
+/** Show a `.ndf` in the view for it. @param {File} field */
+export function openField(field) {
+  handed = field;
+  location.hash = routeHash({ name: "field" });
+}
+
+/** @returns {File | null} The field with which that view opens. */
+export function takeHanded() {
+  const file = handed;
+  handed = null;
+  return file;
+}
 
 /**
  * A field for files, which a button opens.

@@ -5,7 +5,7 @@
  * @typedef {{name: "create", from: string | null, result?: boolean, example?: string, model?: string, prompt?: string}
  *   | {name: "surface", from: string | null, quick?: boolean}
  *   | {name: "family", from: string | null}
- *   | {name: "teach" | "examples"}
+ *   | {name: "teach" | "examples" | "field"}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job" | "group" | "example", id: string}
  *   | {name: "shared", id: string, link: string}
@@ -27,6 +27,7 @@ const ROUTES = [
   ["", [], (_, query) => createRoute(query)],
   ["surface", [], (_, query) => ({ name: "surface", from: jobOf(query), ...(query.has("quick") ? { quick: true } : {}) })],
   ["family", [], (_, query) => ({ name: "family", from: jobOf(query) })],
+  ["field", [], () => ({ name: "field" })],
   ["teach", [], () => ({ name: "teach" })],
   ["jobs", [], (_, query) => ({ name: "jobs", state: stateOf(query.get("state")), search: (query.get("q") ?? "").slice(0, MAX_SEARCH) })],
   ["jobs", [JOB], ([id]) => ({ name: "job", id })],

@@ -5,7 +5,7 @@ import { Asset, exampleAsset, formatOf, SURFACE_FORMATS } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
-import { fileInput, takeDrops } from "../picking.js";
+import { fileInput, isField, openField, takeDrops } from "../picking.js";
 import { ViewerBox } from "../viewer-box.js";
 
 export const EXAMPLES = [
@@ -35,7 +35,7 @@ export class AssetPanel {
     this.guide = null;
     this.box = new ViewerBox("Asset", scope);
     this.box.tag.hidden = true;
-    const accept = [...SURFACE_FORMATS.map((format) => "." + format), "model/gltf-binary", "application/zip"].join(",");
+    const accept = [...SURFACE_FORMATS.map((format) => "." + format), ".ndf", "model/gltf-binary", "application/zip"].join(",");
     this.input = fileInput("asset-file", "Asset file", accept, ([file]) => this.take(file));
     this.facts = h("p", { class: "facts", id: "asset-facts" });
     this.large = h("p", { class: "small muted", hidden: true }, `Over ${bytes(LARGEST_BYTES)}: after a reload, choose it again.`);
@@ -104,6 +104,7 @@ export class AssetPanel {
 
   /** @param {File} file */
   async take(file) {
+    if (isField(file)) return openField(file);
     this.choices += 1;
     const format = formatOf(file.name, SURFACE_FORMATS);
     if (!format) {

@@ -46,6 +46,7 @@ export class SurfaceView {
       this.numbers.first,
       this.problem,
       this.numbers.advanced,
+      h("p", { class: "small" }, h("a", { href: routeHash({ name: "field" }) }, "Open a .ndf"), " that you have."),
       h("div", { class: "start-bar" }, this.estimate, this.form.button),
     );
     fill(

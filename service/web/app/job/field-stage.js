@@ -18,9 +18,11 @@ const AGAIN_MS = 3000;
 const FIRST_FACES = 40_000; // levels come by themselves up to about as many
 
 export class FieldStage extends PictureStage {
-  /** @param {any} job @param {import("../scope.js").Scope} scope */
-  constructor(job, scope) {
+  /** @param {any} job @param {import("../scope.js").Scope} scope @param {File} [own] A `.ndf` in place of a job's. */
+  constructor(job, scope, own) {
     super(job, scope);
+    this.own = own;
+    this.stem = own ? own.name.replace(/\.[^.]*$/, "") : stemOf(job);
     this.flat = false; // nothing can be drawn here
     this.box = new ViewerBox("Surface", scope);
     this.legend = h("div", { class: "legend", hidden: true });
@@ -118,7 +120,7 @@ export class FieldStage extends PictureStage {
     this.box.say("Loading the surface…");
     try {
       const [data, { FieldView, FieldWorker }] = await Promise.all([
-        client.bytes(`v1/jobs/${this.job.id}/artifacts/surface.ndf`, { signal: this.scope.signal }),
+        this.own?.arrayBuffer() ?? client.bytes(`v1/jobs/${this.job.id}/artifacts/surface.ndf`, { signal: this.scope.signal }),
         import("../../viewer/field-view.js"),
       ]);
       if (this.scope.over) return;
@@ -273,7 +275,7 @@ export class FieldStage extends PictureStage {
 
   /** The level that is shown. */
   _mesh() {
-    return this.glb && this.shown ? { bytes: this.glb, name: `${stemOf(this.job)}-level${this.shown.level}.glb` } : null;
+    return this.glb && this.shown ? { bytes: this.glb, name: `${this.stem}-level${this.shown.level}.glb` } : null;
   }
 
   _download() {
@@ -282,7 +284,7 @@ export class FieldStage extends PictureStage {
   }
 
   _picture() {
-    return orToast("No picture", async () => saveBytes(await this.box.picture(), `${stemOf(this.job)}-level${this.shown?.level ?? 0}.png`));
+    return orToast("No picture", async () => saveBytes(await this.box.picture(), `${this.stem}-level${this.shown?.level ?? 0}.png`));
   }
 }
 
