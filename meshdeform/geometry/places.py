@@ -8,6 +8,7 @@ Source: Ericson 2005, Real-Time Collision Detection, section 5.1.5 (the nearest 
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -71,13 +72,15 @@ def _parts(corners: _Floats, distance: float) -> _Index:
     return np.asarray(np.maximum(np.ceil(longest / distance).astype(int), 1))
 
 
-def even_samples(areas: _Floats, count: int, seed: int) -> tuple[_Index, _Floats]:
+def even_samples(areas: _Floats, count: int, seed: int, *, independent: bool = False) -> tuple[_Index, _Floats]:
     """Place samples evenly on a surface.
 
     Parameters
     ----------
     areas : (F,) float64
         Areas of the faces, or other weights; at least one is positive.
+    independent : bool
+        Whether each is placed by itself (white noise), not in its share of the faces.
 
     Returns
     -------
@@ -85,18 +88,51 @@ def even_samples(areas: _Floats, count: int, seed: int) -> tuple[_Index, _Floats
     """
     random = np.random.default_rng(seed)
     bounds = np.cumsum(areas / areas.sum())
-    places = (np.arange(count) + random.random(count)) / count
+    places = np.sort(random.random(count)) if independent else (np.arange(count) + random.random(count)) / count
     face = np.minimum(np.searchsorted(bounds, places, side="right"), np.flatnonzero(areas > 0)[-1])
     root, share = np.sqrt(random.random(count)), random.random(count)
     return face, np.stack([1 - root, root * (1 - share), root * share], 1)
 
 
-def surface_samples(verts: _Floats, faces: _Index, count: int, seed: int) -> tuple[_Floats, _Floats]:
-    """Return points (count, 3) placed evenly on a mesh, and the unit normals (count, 3) of their faces."""
+def surface_samples(
+    verts: _Floats, faces: _Index, count: int, seed: int, *, independent: bool = False
+) -> tuple[_Floats, _Floats]:
+    """Return points (count, 3) placed evenly on a mesh (`even_samples`), and the unit normals (count, 3) there."""
     cross = area_vectors(verts, faces)
     twice = np.linalg.norm(cross, axis=1)
-    face, weights = even_samples(twice, count, seed)
+    face, weights = even_samples(twice, count, seed, independent=independent)
     return np.einsum("pk,pkc->pc", weights, verts[faces[face]]), cross[face] / twice[face, None]
+
+
+def blue_samples(verts: _Floats, faces: _Index, count: int, seed: int) -> tuple[_Floats, _Floats]:
+    """Return points (count, 3) on a mesh of which no two of the same side are near each other, and their normals.
+
+    Of five times as many, that with the most and nearest neighbours is left out, again and again.
+
+    Source: Yuksel 2015, Sample Elimination for Generating Poisson Disk Sample Sets, section 3.
+    """
+    points, normals = surface_samples(verts, faces, 5 * count, seed)
+    area = np.linalg.norm(area_vectors(verts, faces), axis=1).sum() / 2
+    reach = 2 * math.sqrt(area / (2 * math.sqrt(3) * count))  # of the densest packing
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    one, other = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(1) > 0].T
+    least = 0.65 * (1 - 5**-1.5) * reach
+    apart = np.maximum(np.linalg.norm(points[one] - points[other], axis=1), least)
+    near = sparse.coo_matrix(((1 - apart / reach) ** 8, (one, other)), shape=(len(points), len(points))).tocsr()
+    near = (near + near.T).tocsr()
+    crowd = near.sum(1).A1
+    heap = [(-value, i) for i, value in enumerate(crowd.tolist())]
+    heapq.heapify(heap)
+    kept = np.ones(len(points), bool)
+    while len(heap) > count:
+        value, i = heapq.heappop(heap)
+        if -value > crowd[i]:  # some of its neighbours are gone since
+            heapq.heappush(heap, (-float(crowd[i]), i))
+            continue
+        kept[i] = False
+        row = slice(near.indptr[i], near.indptr[i + 1])
+        crowd[near.indices[row]] -= near.data[row]
+    return points[kept], normals[kept]
 
 
 def blend_matrix(corners: _Index, weights: _Floats, count: int) -> sparse.csr_matrix:

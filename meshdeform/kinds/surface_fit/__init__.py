@@ -14,7 +14,7 @@ from __future__ import annotations
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from pathlib import Path
-    from typing import Any
+    from typing import Any, Literal
 
     import numpy as np
     from numpy.typing import NDArray
@@ -40,9 +40,17 @@ def fit(
     source : ((V, 3) float64, (F, 3) int64), or a surface without triangles
         Vertices and faces of a mesh; or points, a grid or a network of `meshdeform.assets.surface_files`.
     base_faces : int
-        Faces of the base, at most.
-    **options
-        `seed`, `width` and the others of `fitting.FitOptions`.
+        Faces of the base, at most; up to four times as many where fewer would fold over.
+    steps : int
+        Iterations of the optimiser.
+    seed : int, default 0
+        Of the first weights and all random draws.
+    features, octaves, width, depth : int, default 8, 6, 32, 2
+        Features of a vertex of the base, octaves of its position, neurons of a hidden layer, and hidden layers.
+    batch_faces : int, default 96
+        Faces of the base in each step, each divided into 64 triangles.
+    learning_rate, normal_weight : float, default 0.01, 1e-4
+        Adam's at its highest, with a diagonal of 2; weight of (1 - cosine) of normals beside squared distances then.
 
     Raises
     ------
@@ -78,14 +86,21 @@ def unfold(data: bytes | Path, level: int) -> tuple[_Floats, _Index]:
     return read_field(data).unfold(level)
 
 
-def sample(data: bytes | Path, count: int, seed: int = 0) -> tuple[_Floats, _Floats]:
-    """Return points (count, 3) float64 placed evenly on the surface of a `.ndf`, and unit normals (count, 3) there.
+def sample(
+    data: bytes | Path, count: int, seed: int = 0, *, noise: Literal["white", "blue"] = "white"
+) -> tuple[_Floats, _Floats]:
+    """Return points (count, 3) float64 on the surface of a `.ndf`, and unit normals (count, 3) there.
+
+    White noise is independent of each other and uniform by area; of blue noise, no two points are near each other.
 
     Raises
     ------
     ValueError
         The file is damaged, incomplete, or of another version.
     """
-    from meshdeform.geometry.places import surface_samples
+    from meshdeform.geometry.places import blue_samples, surface_samples
 
-    return surface_samples(*unfold(data, _SAMPLED_LEVEL), count, seed)
+    mesh = unfold(data, _SAMPLED_LEVEL)
+    if noise == "blue":
+        return blue_samples(*mesh, count, seed)
+    return surface_samples(*mesh, count, seed, independent=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.kinds.surface_fit import fit, sample, unfold
@@ -19,9 +20,16 @@ def test_a_ball_is_fitted_unfolded_and_sampled() -> None:
     assert points.shape == normals.shape == (500, 3)
     assert np.abs(np.linalg.norm(points, axis=1) - 1).mean() < 0.01
     assert (points * normals).sum(1).mean() > 0.97
-    # Evenly: every octant has its eighth.
-    octants = np.bincount((points > 0) @ [1, 2, 4], minlength=8)
-    assert abs(octants - 500 / 8).max() < 15
+    # By area: every octant has its eighth; of white noise within three standard deviations, of blue within a few.
+    even = sample(data, 500, seed=3, noise="blue")[0]
+    for found, off in ((points, 22), (even, 10)):
+        octants = np.bincount((found > 0) @ [1, 2, 4], minlength=8)
+        assert abs(octants - 500 / 8).max() < off
+    # The densest packing of 500 points on a unit sphere is some 0.17 apart.
+    nearest = [cKDTree(each).query(each, k=2)[0][:, 1].min() for each in (points, even)]
+    assert nearest[0] < 0.02
+    assert nearest[1] > 0.7 * 0.17
+    assert len(np.unique(even, axis=0)) == 500
     np.testing.assert_array_equal(points, sample(data, 500, seed=3)[0])
     with pytest.raises(ValueError, match="not a"):
         unfold(data[4:], 1)
