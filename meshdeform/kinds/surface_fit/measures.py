@@ -86,7 +86,7 @@ class Reference:
         self.components = mesh.topology.components
         self.eigenvalues, _ = spectrum(mesh_now, EIGENVALUES)
         solver = HeatGeodesics(mesh_now)
-        self._sources = _spread(verts, _SOURCES)
+        self._sources = spread(verts, _SOURCES)
         self._distances = [solver.distances([source]) for source in self._sources]
 
     def compare(self, mesh: IntrinsicMesh, verts: _Floats) -> dict[str, Any]:
@@ -118,7 +118,7 @@ class Reference:
         }
 
 
-def _spread(verts: _Floats, count: int) -> list[int]:
+def spread(verts: _Floats, count: int) -> list[int]:
     """Return vertices that are far from each other, by farthest-point sampling."""
     found = [int(np.linalg.norm(verts - verts.mean(0), axis=1).argmax())]
     far = np.linalg.norm(verts - verts[found[0]], axis=1)
