@@ -29,7 +29,7 @@ from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.deformation.edit_map import EditMap
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
-from meshdeform.geometry.simplify import simplified
+from meshdeform.geometry.shapes import simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior

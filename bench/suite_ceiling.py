@@ -17,7 +17,7 @@ import torch
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge import Judge
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.priors.builtin.teaching.measure import interval
+from meshdeform.priors.builtin.teaching.teacher import interval
 from meshdeform.runs.devices import use_threads
 from training.evaluation.suite import find_suite
 from training.judge.members import roughened

@@ -31,8 +31,8 @@ from meshdeform.geometry.weld import weld
 from meshdeform.judge.scoring import JudgeNetwork, draw_views, judging_cameras, read_judge
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
-from meshdeform.priors.builtin.teaching.measure import interval
-from meshdeform.priors.builtin.teaching.shapes import Shape, member, shape_of
+from meshdeform.priors.builtin.teaching.pictures import Shape, member, shape_of
+from meshdeform.priors.builtin.teaching.teacher import interval
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.requests.document import resolve

@@ -25,7 +25,7 @@ from meshdeform.assets import load_asset
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.weld import weld
 from meshdeform.priors import load_prior
-from meshdeform.priors.builtin.teaching.shapes import shape_of
+from meshdeform.priors.builtin.teaching.pictures import shape_of
 from meshdeform.requests.parameters import DeformParams
 from meshdeform.runs.devices import use_threads
 from training.evaluation.sources import source_mesh

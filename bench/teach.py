@@ -22,11 +22,9 @@ from meshdeform.geometry.weld import weld
 from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
 from meshdeform.priors.builtin.network import read_network
 from meshdeform.priors.builtin.taught import words_of
-from meshdeform.priors.builtin.teaching.measure import held_out_loss, retrieved
-from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures
-from meshdeform.priors.builtin.teaching.pictures import joined
-from meshdeform.priors.builtin.teaching.shapes import shape_of
-from meshdeform.priors.builtin.teaching.teacher import TeachConfig
+from meshdeform.priors.builtin.teaching.deformed import PictureSet, pictures
+from meshdeform.priors.builtin.teaching.pictures import joined, shape_of
+from meshdeform.priors.builtin.teaching.teacher import TeachConfig, held_out_loss, retrieved
 from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.runs.devices import use_threads
 from meshdeform.runs.prior_teach import TeachRequest, start_lesson

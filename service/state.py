@@ -19,7 +19,7 @@ from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from meshdeform.webhooks.lookups import LookupPool
+from meshdeform.webhooks.addresses import LookupPool
 from service.downloads.strengths import Strengths
 from service.events.waiting import JobWaiters
 from service.http.limits import FairSlots

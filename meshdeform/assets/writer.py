@@ -1,7 +1,7 @@
 """Write a new shape into a document, giving each deformed primitive new accessors in its mesh's space.
 
 Points and lines are carried along: they have no faces to deform, but belong to the object. Each of their vertices moves
-like the nearest vertices of triangles (`meshdeform.geometry.scattered`). Data URIs move into the binary chunk, where
+like the nearest vertices of triangles (`meshdeform.geometry.coincidence`). Data URIs move into the binary chunk, where
 viewers expect them: as base64 text they cost a third more bytes, and validators warn about it.
 
 The morph targets that a mesh has are carried along with its surface: a smile stays a smile on a fat face. With J the
@@ -291,7 +291,7 @@ def carried_positions(surface: Surface, moved: Floats, blocks: list[Block]) -> l
     """
     if not blocks:
         return []
-    from meshdeform.geometry.scattered import interpolate
+    from meshdeform.geometry.coincidence import interpolate
 
     used = np.unique(surface.triangles)
     world = [block.positions @ block.placement[:3, :3].T + block.placement[:3, 3] for block in blocks]

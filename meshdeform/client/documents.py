@@ -6,6 +6,8 @@ enumeration that only have a `value`; unknown or out-of-range parameters are att
 
 from __future__ import annotations
 
+import base64
+import html
 from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
 
@@ -13,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, SerializeAsAny, ValidationError, Wra
 
 from meshdeform.api import documents, jobs
 from meshdeform.api.states import JobError, Progress
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.requests.document import DeformParams, OutputOptions, ResolvedParams
 
 M = TypeVar("M", bound=BaseModel)
@@ -97,3 +99,28 @@ def read(model: type[M], document: Any, url: str) -> M:
             f"{url} answered with a document that this client does not understand ({place}: {first['msg']}).",
             advice="Check the service's address, and that client and service have compatible versions.",
         ) from error
+
+
+GLB, REPORT, PREVIEW = "result.glb", "report.json", "preview.png"
+
+
+def shown(preview: Callable[[], bytes]) -> bytes | None:
+    """Return a preview; None where it cannot be had, since showing must not fail if service or client is gone."""
+    try:
+        return preview()
+    except (MeshdeformError, RuntimeError):
+        return None
+
+
+def label(job: JobView) -> str:
+    """Return a job in a few words."""
+    return f"{job.id}: {job.asset.filename}, {job.prompt or job.kind}"
+
+
+def html_of(job: JobView, png: bytes | None) -> str:
+    """Return a job and its preview as HTML."""
+    words = html.escape(label(job))
+    if png is None:
+        return f"<p>{words}</p>"
+    shown = base64.b64encode(png).decode()
+    return f'<figure><img alt="{words}" src="data:image/png;base64,{shown}"><figcaption>{words}</figcaption></figure>'

@@ -25,7 +25,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
-from meshdeform.geometry.simplify import simplified
+from meshdeform.geometry.shapes import simplified
 
 _FORMAT = "meshdeform-edit-map"
 _VERSION = "1"

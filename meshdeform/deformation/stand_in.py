@@ -34,7 +34,7 @@ from meshdeform.errors import CheckpointError
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
-from meshdeform.geometry.simplify import simplified
+from meshdeform.geometry.shapes import simplified
 
 
 def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> Carrier:

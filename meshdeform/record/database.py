@@ -26,8 +26,7 @@ import sqlalchemy.exc
 from sqlalchemy import event
 
 from meshdeform.errors import DependencyError, UnavailableError
-from meshdeform.record.schema import UtcDateTime, compatible
-from meshdeform.record.sql_states import READ_ONLY_SERVER, sql_state
+from meshdeform.record.schema import READ_ONLY_SERVER, UtcDateTime, compatible, sql_state
 
 _log = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.dialects.postgresql.pg8000 import PGDialect_pg8000
 
-from meshdeform.record.sql_states import READ_ONLY_SERVER, sql_state
+from meshdeform.record.schema import READ_ONLY_SERVER, sql_state
 
 DRIVER = "postgresql+meshdeform"
 """The driver's name in SQLAlchemy's URLs."""

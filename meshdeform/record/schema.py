@@ -370,3 +370,13 @@ secrets = sa.Table(
 
 # Prefixes of objects of deleted jobs, until they are removed from the store.
 discarded = sa.Table("discarded", metadata, sa.Column("prefix", sa.String(255), primary_key=True))
+
+
+READ_ONLY_SERVER = "25006"
+"""The code of a write to a standby, or to a primary that an operator has set to read-only."""
+
+
+def sql_state(error: BaseException | None) -> str:
+    """Return the code of an error of the driver; empty if it has none."""
+    said = error.args[0] if error is not None and error.args else None
+    return str(said.get("C", "")) if isinstance(said, dict) else ""

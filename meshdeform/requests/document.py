@@ -43,12 +43,13 @@ from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
 from meshdeform.requests.parameters import (
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
+    OVERRIDES,
     DeformParams,
+    Family,
     ResolvedParams,
     StrictModel,
     active_prompts,
 )
-from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.surface_fit import SurfaceFitParams
 from meshdeform.requests.teaching import TeachParams
 

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from meshdeform.requests.choices import SynthesisMode
-from meshdeform.requests.declaration import StrictModel
+from meshdeform.requests.choices import StrictModel, SynthesisMode
 
 MAX_SYNTHESES = 64
 

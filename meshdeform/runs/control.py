@@ -18,9 +18,16 @@ from scipy.sparse import csgraph
 
 from meshdeform.assets import Asset
 from meshdeform.assets.surface import Parts
-from meshdeform.deformation.constraints import Constraints, Handle, freedom_around
+from meshdeform.deformation.constraints import (
+    TOLERANCE,
+    Constraints,
+    Handle,
+    Mirror,
+    Partners,
+    find_partners,
+    freedom_around,
+)
 from meshdeform.deformation.handles import handle_rows
-from meshdeform.deformation.mirror import TOLERANCE, Mirror, Partners, find_partners
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets import Asset
 from meshdeform.assets.surface import Parts
-from meshdeform.deformation.mirror import find_partners
+from meshdeform.deformation.constraints import find_partners
 from meshdeform.geometry.congruence import Component, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.body import body_of

@@ -23,17 +23,26 @@ from meshdeform.priors import hidden_folders
 from meshdeform.priors.builtin.network import WEIGHTS, file_sha256, pack_weights, read_network
 from meshdeform.priors.builtin.taught import Lesson, check, lessons_of, metadata_of, words_of
 from meshdeform.priors.builtin.teaching.lesson import NewNoun, new_nouns
-from meshdeform.priors.builtin.teaching.measure import interval, retrieved
-from meshdeform.priors.builtin.teaching.pictures import LessonPictures, LessonSize, draw_lesson, replay_of
-from meshdeform.priors.builtin.teaching.replay import read_replay, replay_tensors
-from meshdeform.priors.builtin.teaching.shapes import Shape, seen_turned, shape_of
+from meshdeform.priors.builtin.teaching.pictures import (
+    LessonPictures,
+    LessonSize,
+    Shape,
+    draw_lesson,
+    read_replay,
+    replay_of,
+    replay_tensors,
+    seen_turned,
+    shape_of,
+)
 from meshdeform.priors.builtin.teaching.sheet import learned_sheet
 from meshdeform.priors.builtin.teaching.teacher import (
     TeachConfig,
     Teacher,
     extended,
     fastest_precision,
+    interval,
     read_state,
+    retrieved,
 )
 from meshdeform.requests.choices import WEIGHTS_PART, is_sent, is_taught
 from meshdeform.requests.document import read_unbounded

@@ -19,8 +19,7 @@ from meshdeform.errors import MeshdeformError
 from meshdeform.record.deliveries import DueDelivery
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from meshdeform.webhooks.addresses import parse_networks
-from meshdeform.webhooks.lookups import LookupPool
+from meshdeform.webhooks.addresses import LookupPool, parse_networks
 
 if TYPE_CHECKING:
     from meshdeform.webhooks.sender import Sender

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import ArtifactList, ArtifactView, CheckpointList, CheckpointView, SignedUrl
-from meshdeform.api.limits import MAX_FILENAME
+from meshdeform.api.states import MAX_FILENAME
 from meshdeform.assets.inspect import asset_format
 from meshdeform.errors import (
     AssetEmptyError,

@@ -19,7 +19,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import ClientDisconnect
 
-from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MIN_BODY_RATE
+from meshdeform.api.states import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MIN_BODY_RATE
 from meshdeform.errors import (
     AssetTooLargeError,
     MeshdeformError,

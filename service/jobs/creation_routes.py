@@ -11,7 +11,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 
 from meshdeform.api.documents import FoundOrientation, FoundParts, Validation
 from meshdeform.api.jobs import JobView, RetriedJobs
-from meshdeform.api.limits import MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
+from meshdeform.api.states import MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
 from meshdeform.errors import (
     ConflictError,
     DependencyError,

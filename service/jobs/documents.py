@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-from meshdeform.api.limits import MAX_FILENAME, MAX_INLINE_BYTES
+from meshdeform.api.states import MAX_FILENAME, MAX_INLINE_BYTES
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
 from meshdeform.requests.choices import WEIGHTS_PART, teaching_job
 from meshdeform.requests.document import DeformParams, JobRequest

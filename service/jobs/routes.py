@@ -13,7 +13,7 @@ from fastapi.responses import JSONResponse
 from pydantic import AwareDatetime, BeforeValidator
 
 from meshdeform.api.jobs import JobList, JobView, SignedUrl, job_headers
-from meshdeform.api.limits import MAX_PAGE, MAX_SEARCH
+from meshdeform.api.states import MAX_PAGE, MAX_SEARCH
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.record.models import Job, JobState
 from meshdeform.record.reconciler import remove_job

@@ -24,7 +24,7 @@ import anyio
 from anyio import to_thread
 
 from meshdeform import __version__
-from meshdeform.api.limits import MAX_FETCH_S
+from meshdeform.api.states import MAX_FETCH_S
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetNotFetchedError,
@@ -36,8 +36,7 @@ from meshdeform.errors import (
 )
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import kind_of
-from meshdeform.webhooks.addresses import Destination, find_destination, parse_networks
-from meshdeform.webhooks.lookups import LOOKUP_S
+from meshdeform.webhooks.addresses import LOOKUP_S, Destination, find_destination, parse_networks
 from service.http.bodies import ReceivedFile, clean_filename
 from service.jobs.documents import FileReference, FileSource, JobDocument
 from service.state import AppState

@@ -22,7 +22,7 @@ from meshdeform.api.documents import (
     RequestLimits,
     UploadLimits,
 )
-from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MAX_KEY, MAX_PAGE, MAX_WAIT_S, MIN_BODY_RATE
+from meshdeform.api.states import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MAX_KEY, MAX_PAGE, MAX_WAIT_S, MIN_BODY_RATE
 from meshdeform.assets import Limits
 from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.priors.catalogue import list_models

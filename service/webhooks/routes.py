@@ -34,8 +34,7 @@ from meshdeform.errors import (
     WebhookAddressError,
 )
 from meshdeform.record.ids import id_pattern
-from meshdeform.webhooks.addresses import find_destination, parse_networks
-from meshdeform.webhooks.lookups import LOOKUP_S
+from meshdeform.webhooks.addresses import LOOKUP_S, find_destination, parse_networks
 from service.documentation.responses import header
 from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses

@@ -15,7 +15,7 @@ import httpx
 import pytest
 
 import service.jobs.sources
-from meshdeform.api.limits import MAX_DOCUMENT_BYTES
+from meshdeform.api.states import MAX_DOCUMENT_BYTES
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, Api, serving, serving_api

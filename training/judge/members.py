@@ -27,8 +27,7 @@ from torch import Tensor
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge.scoring import VIEW_SIZE, draw_views, encoded, judging_cameras, training_cameras
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt
-from meshdeform.priors.builtin.teaching.deformed import normalised
-from meshdeform.priors.builtin.teaching.picture_set import drawn_from
+from meshdeform.priors.builtin.teaching.deformed import drawn_from, normalised
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
 from training.collections.members import RealShapes
 from training.judge import shapes

@@ -19,8 +19,8 @@ from PIL import Image
 
 from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE
-from meshdeform.priors.builtin.teaching.picture_set import PictureSet, joined, pictures, single_views
-from meshdeform.priors.builtin.teaching.replay import LABELS, REHEARSAL
+from meshdeform.priors.builtin.teaching.deformed import PictureSet, joined, pictures, single_views
+from meshdeform.priors.builtin.teaching.pictures import LABELS, REHEARSAL
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.support.files import write_files
 from training.prior.dataset import draw_prompt

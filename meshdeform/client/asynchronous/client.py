@@ -30,7 +30,7 @@ from meshdeform.api.jobs import (
 from meshdeform.api.states import JobState
 from meshdeform.client.asynchronous.connection import AsyncConnection, pause, shielded, tell, work
 from meshdeform.client.asynchronous.transfers import followed, loaded, prepared, saved, uploaded
-from meshdeform.client.documents import JobList, JobView, Validation, read
+from meshdeform.client.documents import GLB, PREVIEW, REPORT, JobList, JobView, Validation, html_of, label, read
 from meshdeform.client.downloads import AFTERWARDS, is_same
 from meshdeform.client.orders import (
     AssetLike,
@@ -48,7 +48,6 @@ from meshdeform.client.orders import (
 )
 from meshdeform.client.problems import succeeded
 from meshdeform.client.requests import Call, Endpoint, JobLike, artifact_path, identity, job_path
-from meshdeform.client.result import GLB, PREVIEW, REPORT, html_of, label
 from meshdeform.client.retries import Patience, Policy, left_s, pace
 from meshdeform.errors import (
     ChecksumError,

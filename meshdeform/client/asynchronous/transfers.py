@@ -15,7 +15,7 @@ import httpx
 
 from meshdeform.api.documents import UploadView
 from meshdeform.api.jobs import EventView
-from meshdeform.api.limits import MAX_FILENAME
+from meshdeform.api.states import MAX_FILENAME
 from meshdeform.client.asynchronous.connection import AsyncConnection, pause, work
 from meshdeform.client.documents import read
 from meshdeform.client.downloads import PartialFile, to_disk

@@ -29,7 +29,7 @@ from meshdeform.api.jobs import (
     SignedUrl,
 )
 from meshdeform.api.states import JobState
-from meshdeform.client.documents import JobList, JobView, Validation, read
+from meshdeform.client.documents import GLB, PREVIEW, REPORT, JobList, JobView, Validation, html_of, label, read, shown
 from meshdeform.client.downloads import AFTERWARDS, is_same
 from meshdeform.client.orders import (
     AssetLike,
@@ -47,7 +47,6 @@ from meshdeform.client.orders import (
 )
 from meshdeform.client.problems import succeeded
 from meshdeform.client.requests import Call, Endpoint, JobLike, artifact_path, identity, job_path
-from meshdeform.client.result import GLB, PREVIEW, REPORT, html_of, label, shown
 from meshdeform.client.retries import Patience, Policy, left_s, pace
 from meshdeform.client.sync.connection import Connection, pause, shielded, tell, work
 from meshdeform.client.sync.transfers import followed, loaded, prepared, saved, uploaded

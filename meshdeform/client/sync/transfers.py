@@ -16,7 +16,7 @@ import httpx
 
 from meshdeform.api.documents import UploadView
 from meshdeform.api.jobs import EventView
-from meshdeform.api.limits import MAX_FILENAME
+from meshdeform.api.states import MAX_FILENAME
 from meshdeform.client.documents import read
 from meshdeform.client.downloads import PartialFile, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.deformation.constraints import Constraints, Handle, freedom_around
+from meshdeform.deformation.constraints import Constraints, Handle, Mirror, find_partners, freedom_around
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.mirror import Mirror, find_partners
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.stand_in import StandIn
 from meshdeform.deformation.variables import JacobianField, Variables, placed

@@ -22,8 +22,7 @@ from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, 
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces, count_samples, sample_blocks, samples_of
 from meshdeform.geometry.quality import measure
-from meshdeform.geometry.shapes import icosphere
-from meshdeform.geometry.simplify import simplified
+from meshdeform.geometry.shapes import icosphere, simplified
 from meshdeform.requests.document import Safeguard
 from training.evaluation.ablations import VertexDisplacements
 from training.shapes import box, torus

@@ -11,6 +11,7 @@ from scipy import sparse
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE
+from meshdeform.geometry.coincidence import interpolate
 from meshdeform.geometry.mesh import (
     TriangleMesh,
     connected_components,
@@ -25,7 +26,6 @@ from meshdeform.geometry.mesh import (
     sparse_product,
     vertex_areas,
 )
-from meshdeform.geometry.scattered import interpolate
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from tests.close import assert_close

@@ -9,7 +9,7 @@ from meshdeform.errors import ModelError
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.teaching.picture_set import PictureSet, pictures, single_views
+from meshdeform.priors.builtin.teaching.deformed import PictureSet, pictures, single_views
 from meshdeform.priors.builtin.teaching.teacher import TrainConfig
 from meshdeform.priors.builtin.vocabulary import NOUNS, OPPOSITES
 from tests.close import assert_close

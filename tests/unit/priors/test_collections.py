@@ -10,7 +10,7 @@ import pytest
 
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import Part, normalised
-from meshdeform.priors.builtin.teaching.shapes import four_views
+from meshdeform.priors.builtin.teaching.pictures import four_views
 from tests.cases import each_case
 from training.collections.members import RealShapes
 from training.collections.nouns import NOUNS, noun_of

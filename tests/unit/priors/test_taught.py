@@ -28,11 +28,10 @@ from meshdeform.priors import check_model, load_prior
 from meshdeform.priors.builtin import taught
 from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, ParsedPrompt, Words, parse, parse_negative, tokenise
 from meshdeform.priors.builtin.taught import Lesson, known_words, lessons_of, metadata_of, words_of
-from meshdeform.priors.builtin.teaching import measure
+from meshdeform.priors.builtin.teaching import teacher
+from meshdeform.priors.builtin.teaching.deformed import PictureSet
 from meshdeform.priors.builtin.teaching.lesson import attributes_of_folder, new_noun
-from meshdeform.priors.builtin.teaching.picture_set import PictureSet
-from meshdeform.priors.builtin.teaching.replay import shipped_pictures
-from meshdeform.priors.builtin.teaching.shapes import seen_turned, shape_of
+from meshdeform.priors.builtin.teaching.pictures import seen_turned, shape_of, shipped_pictures
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, write_small_weights
 from training.prior.held_out import FOURTH_EDITION, THIRD_EDITION
@@ -265,10 +264,10 @@ def test_a_picture_is_taken_for_the_noun_that_explains_it_best() -> None:
     tokens = torch.tensor([tokenise(ParsedPrompt("vase"), THREE_NOUNS)])
     pictures = PictureSet(images, tokens, torch.zeros(1), torch.zeros(1, dtype=torch.bool))
     oracle: Any = _Oracle(images.float() / 127.5 - 1, THREE_NOUNS.tokens.index("heart"))
-    assert measure.retrieved(oracle, THREE_NOUNS, pictures, list(THREE_NOUNS.nouns)) == ["heart"]
-    low, high = measure.interval(9, 10)
+    assert teacher.retrieved(oracle, THREE_NOUNS, pictures, list(THREE_NOUNS.nouns)) == ["heart"]
+    low, high = teacher.interval(9, 10)
     assert (round(low, 3), round(high, 3)) == (0.596, 0.982)  # Wilson 1927
-    assert measure.interval(0, 0) == (0.0, 1.0)
+    assert teacher.interval(0, 0) == (0.0, 1.0)
 
 
 def _wedge(turn_deg: float = 0.0) -> TriangleMesh:

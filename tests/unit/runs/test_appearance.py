@@ -13,8 +13,7 @@ from meshdeform.deformation import stand_in
 from meshdeform.deformation.surface_colours import baked_appearance, welded_appearance
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.shapes import icosphere
-from meshdeform.geometry.simplify import simplified
+from meshdeform.geometry.shapes import icosphere, simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.base_colours import BaseColours
 from meshdeform.requests.document import JobRequest

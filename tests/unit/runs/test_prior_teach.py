@@ -18,7 +18,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.taught import known_words, lessons_of, read_metadata
 from meshdeform.priors.builtin.teaching.lesson import new_noun, nouns_of_kit
-from meshdeform.priors.builtin.teaching.replay import read_replay
+from meshdeform.priors.builtin.teaching.pictures import read_replay
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.teaching import TeachParams
 from meshdeform.runs import check_request, start_run
