@@ -118,10 +118,7 @@ class AppState:
     def open(cls, settings: Settings, *, alone: bool = False) -> AppState:
         """Open the connections that the settings describe.
 
-        Parameters
-        ----------
-        alone : bool
-            Whether the process is a server and nothing else: what it needs once is then done in another one.
+        `alone`: whether the process is a server and nothing else: what it needs once is then done in another one.
         """
         record = JobRecord(settings.resolved_database_url, upgrade_elsewhere=alone)
         location, public_url = settings.resolved_storage_url, settings.storage_public_url

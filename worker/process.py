@@ -146,18 +146,11 @@ _LONGEST_JOB_S = 86_400
 class InProcessWorker(BaseWorker):  # type: ignore[misc]
     """A worker for one queue that runs one job at a time in this process, which keeps the model in memory.
 
-    Parameters
-    ----------
-    queue : str
-        Name of the RQ queue.
-    run : callable
-        Runs the next job of the record; receives the id of the job for which the message was sent.
-    on_idle : callable
-        Called before each wait for a message, every ten seconds while there is none.
-    on_stop : callable
-        Called once, from the signal handler of SIGINT and SIGTERM. It must not block or take a lock: signals come in
-        bursts, and one handler interrupts another. (When a supervisor dies, the kernel sends one signal for each of
-        its threads that ends after the main thread.)
+    `queue`: name of the RQ queue. `run`: runs the next job of the record; receives the id of the job for which the
+    message was sent. `on_idle`: called before each wait for a message, every ten seconds while there is none.
+    `on_stop`: called once, from the signal handler of SIGINT and SIGTERM. It must not block or take a lock: signals
+    come in bursts, and one handler interrupts another. (When a supervisor dies, the kernel sends one signal for each of
+    its threads that ends after the main thread.).
     """
 
     max_connection_wait_time = 5.0

@@ -48,12 +48,8 @@ class Pictures:
     """Decodes each image of the base colours once, within bounds on memory and time.
 
     Files may hold dozens of images of 8192 x 8192 pixels; a picture of the asset needs a thousandth of them. Every
-    image is reduced as it is decoded, and all of them together fit a budget.
-
-    Parameters
-    ----------
-    leave_out : callable
-        Called with the description of each image that cannot be drawn.
+    image is reduced as it is decoded, and all of them together fit a budget. `leave_out`: called with the description
+    of each image that cannot be drawn.
     """
 
     def __init__(self, document: Document, leave_out: Callable[[str], None]) -> None:
@@ -70,12 +66,7 @@ class Pictures:
     def pixels(self, at: int, *, opaque: bool) -> NDArray[np.uint8]:
         """Return an image as (H, W, 4) uint8 sRGB and alpha, or one grey pixel if it cannot be drawn.
 
-        Parameters
-        ----------
-        at : int
-            Index into the document's images.
-        opaque : bool
-            Whether to ignore its alpha.
+        `at`: index into the document's images; `opaque`: whether to ignore its alpha.
         """
         if (at, opaque) not in self._decoded:
             self._decoded[at, opaque] = self._read(at, opaque=opaque)

@@ -36,10 +36,7 @@ _BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSErro
 class FileNames:
     """Names of files, found by links that programs and systems spell differently.
 
-    Parameters
-    ----------
-    names : iterable of str
-        Normalised paths with forward slashes, relative to the folder of the asset's archive.
+    `names`: normalised paths with forward slashes, relative to the folder of the asset's archive.
     """
 
     def __init__(self, names: Iterable[str]) -> None:

@@ -43,16 +43,7 @@ class Piece:
 def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = None) -> bytes:
     """Write the pieces, one node each, in world space.
 
-    Parameters
-    ----------
-    pieces : sequence of Piece
-        At least one has triangles.
-    provenance : mapping, optional
-        JSON to store as `asset.extras.meshdeform`.
-
-    Returns
-    -------
-    A GLB.
+    `pieces`: at least one has triangles; `provenance`: JSON to store as `asset.extras.meshdeform`. Returns a GLB.
     """
     about: Json = {"version": "2.0", "generator": f"Meshdeform {__version__}"}
     if provenance is not None:

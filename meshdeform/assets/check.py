@@ -62,31 +62,12 @@ def check_asset_subprocess(
 ) -> AssetSummary | PictureSummary:
     """Check a stored file completely, in a child process.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    filename : str
-        The name that the user gave the file. Default: the name in `path`.
-    limits : Limits, optional
-        Upper bounds on the asset.
-    timeout_s : float, optional
-        Seconds after which the file counts as too large. Default: `limits.max_check_s`.
-    content : FileContent
-        What the file should be.
-
-    Returns
-    -------
-    AssetSummary, or PictureSummary of a silhouette.
-
-    Raises
-    ------
-    AssetError
-        The asset cannot be used, or a decoder crashed on it; the subclass and message say why and what to do.
-    DependencyError
-        A decoder is not installed.
-    UnavailableError
-        The machine cannot start a process at the moment.
+    `path`: the file. `filename`: the name that the user gave the file. Default: the name in `path`. `limits`: upper
+    bounds on the asset. `timeout_s`: seconds after which the file counts as too large. Default: `limits.max_check_s`.
+    `content`: what the file should be. Returns AssetSummary, or PictureSummary of a silhouette. Raises AssetError: the
+    asset cannot be used, or a decoder crashed on it; the subclass and message say why and what to do. Raises
+    DependencyError: a decoder is not installed. Raises UnavailableError: the machine cannot start a process at the
+    moment.
     """
     path = Path(path)
     limits = limits or Limits()
@@ -134,10 +115,7 @@ class CheckedAssets:
     ) -> AssetSummary | PictureSummary:
         """Return the summary of a file of this owner that passed before, or check it completely.
 
-        Raises
-        ------
-        AssetError, DependencyError
-            What is wrong with it.
+        Raises AssetError, DependencyError: what is wrong with it.
         """
         # Some formats are recognised only by the file's extension.
         suffix = PurePath(filename).suffix.lower()

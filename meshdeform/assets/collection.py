@@ -91,10 +91,7 @@ def unpacked(data: Data, limits: Limits) -> dict[str, bytes]:
 def inspect_collection(data: Data, limits: Limits) -> AssetSummary:
     """Check a collection and the structure of its assets; `meshes` of the summary counts those that can be used.
 
-    Raises
-    ------
-    AssetError
-        As `open_collection`; or too many assets cannot be used, and the error names the last one.
+    Raises AssetError: as `open_collection`; or too many assets cannot be used, and the error names the last one.
     """
     files = open_collection(data, limits)
     usable, wrong = [], None

@@ -23,14 +23,9 @@ _WORD = 4  # bytes; offsets keep their alignment
 def compact(document: Document, source: Usage, replaced: list[tuple[int, int]]) -> None:
     """Drop the entries that the source used and the document no longer does; those that were never used stay.
 
-    Parameters
-    ----------
-    document : Document
-        Changed in place. Everything after the source's accessors and views was appended by this package.
-    source : Usage
-        What the document used when it was read.
-    replaced : list of (int, int)
-        Accessors of the source, and those with their new values.
+    `document`: changed in place. Everything after the source's accessors and views was appended by this package.
+    `source`: what the document used when it was read; `replaced`, list of (int, int): accessors of the source, and
+    those with their new values.
     """
     root = document.root
     opaque = possible_references(root)

@@ -226,10 +226,8 @@ _WEIGHTS = "WEIGHTS_"
 def restore_exactness(rows: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Return a primitive's decoded attributes with weights that sum to 1 and unit tangents with a handedness of +-1.
 
-    Parameters
-    ----------
-    rows : mapping of str to (N, K) array
-        Decoded elements by attribute name. Integers are lossless and stay as they are.
+    `rows`, mapping of str to (N, K) array: decoded elements by attribute name. Integers are lossless and stay as they
+    are.
     """
     fixed = dict(rows)
     weights = [name for name, values in rows.items() if name.startswith(_WEIGHTS) and values.dtype.kind == "f"]

@@ -108,14 +108,8 @@ def padded(length: int) -> int:
 def pack_glb(json_text: bytes, binary: list[bytes | memoryview], rest: bytes) -> bytes:
     """Write a GLB.
 
-    Parameters
-    ----------
-    json_text : bytes
-        The JSON chunk in UTF-8. Padded with spaces.
-    binary : list of bytes-like
-        The pieces of the binary chunk, in order. Padded with zeros; without pieces no chunk is written.
-    rest : bytes
-        Further chunks with their headers, written unchanged.
+    `json_text`: the JSON chunk in UTF-8. Padded with spaces. `binary`: the pieces of the binary chunk, in order. Padded
+    with zeros; without pieces no chunk is written. `rest`: further chunks with their headers, written unchanged.
     """
     json_text += b" " * (-len(json_text) % 4)
     parts: list[bytes | memoryview] = [struct.pack("<II", len(json_text), _JSON), json_text]
@@ -138,12 +132,8 @@ _DEEPER = {ord("["): 1, ord("{"): 1, ord("]"): -1, ord("}"): -1}
 def parse_json(text: bytes, limits: Limits) -> Json:
     """Parse the JSON of an asset.
 
-    Parameters
-    ----------
-    text : bytes
-        UTF-8. Trailing padding is ignored.
-    limits : Limits
-        `max_json_values` and `max_json_depth` are checked before the parser runs.
+    `text`: UTF-8. Trailing padding is ignored. `limits`: `max_json_values` and `max_json_depth` are checked before the
+    parser runs.
     """
     text = text.rstrip(b"\0 \t\r\n")
     _check_shape(text, limits)

@@ -19,20 +19,11 @@ from meshdeform.errors import AssetEmptyError, AssetTooLargeError
 def convert_to_glb(data: bytes, kind: str, limits: Limits, archive: Archive) -> tuple[bytes, tuple[str, ...]]:
     """Convert a mesh file.
 
-    Parameters
-    ----------
-    kind : str
-        `obj`, `ply` or `stl`.
-    limits : Limits
-        Upper bounds on the asset.
-    archive : Archive
-        The ZIP that the file is in, with material libraries and textures; empty for a file that came alone.
-
-    Returns
-    -------
-    A GLB with one mesh per object, group and material, and sentences about what became of the file, with all that a GLB
-    cannot hold. Vertices are not merged. Normals are written only where the file has them. Materials have their names,
-    and the colours and textures that are in the archive.
+    `kind`: `obj`, `ply` or `stl`; `limits`: upper bounds on the asset. `archive`: the ZIP that the file is in, with
+    material libraries and textures; empty for a file that came alone. Returns a GLB with one mesh per object, group and
+    material, and sentences about what became of the file, with all that a GLB cannot hold. Vertices are not merged.
+    Normals are written only where the file has them. Materials have their names, and the colours and textures that are
+    in the archive.
     """
     inspect_foreign(data, kind, limits)
     notices: tuple[str, ...] = ()

@@ -18,12 +18,7 @@ _Floats = NDArray[np.float64]
 def corner_weights(document: Document, blocks: Sequence[Block], joints: Collection[int]) -> _Floats:
     """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1.
 
-    Parameters
-    ----------
-    blocks : sequence of Block
-        As `read_surface` gathered them.
-    joints : collection of int
-        Indices of nodes.
+    `blocks`: as `read_surface` gathered them; `joints`: indices of nodes.
     """
     return _gathered(document, blocks, lambda block, primitive: _weights(document, block, primitive, joints), 1)[..., 0]
 
@@ -50,9 +45,7 @@ def skin_weights(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], _Floats]:
     """Return the vertices, the places of joints in their skin, and the weights above 0, (K,) each.
 
-    Returns
-    -------
-    Three empty arrays if the attributes are not valid: the deformation does not need them.
+    Returns three empty arrays if the attributes are not valid: the deformation does not need them.
     """
     nothing = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
     attributes = primitive["attributes"]

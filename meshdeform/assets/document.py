@@ -171,16 +171,9 @@ class Document:
     ) -> int:
         """Append an accessor of floats and return its index.
 
-        Parameters
-        ----------
-        values : (N,), (N, 1..4) or (N, 16) float32
-            The elements.
-        like : dict, optional
-            The accessor to replace, whose name, extras and extensions are copied.
-        bounds : bool
-            Whether to write `min` and `max`.
-        vertex : bool
-            Whether the accessor holds vertex attributes.
+        `values`, (N,), (N, 1..4) or (N, 16) float32: the elements; `like`: the accessor to replace, whose name, extras
+        and extensions are copied; `bounds`: whether to write `min` and `max`; `vertex`: whether the accessor holds
+        vertex attributes.
         """
         rows = np.ascontiguousarray(values, dtype="<f4").reshape(len(values), -1)
         kept = {key: clone(value) for key, value in (like or {}).items() if key in {"name", "extras", "extensions"}}
@@ -360,19 +353,10 @@ def _indices(holder: Any, *keys: str) -> Iterator[_Slot]:
 def triangle_list(corners: NDArray[np.int64], mode: int, restart: int | None = None) -> NDArray[np.int64]:
     """Return the triangles that a primitive's corners form.
 
-    Parameters
-    ----------
-    corners : (C,) int64
-        Vertex indices in drawing order.
-    mode : int
-        4 triangles, 5 strip, 6 fan.
-    restart : int, optional
-        The index that starts a new strip or fan (glTF forbids it, but some exporters write it).
-
-    Returns
-    -------
-    (T, 3) int64. Triangles with a repeated corner are removed from strips and fans, where they only join parts, but
-    not from lists. Corners past the last whole triangle are ignored.
+    `corners`, (C,) int64: vertex indices in drawing order; `mode`: 4 triangles, 5 strip, 6 fan; `restart`: the index
+    that starts a new strip or fan (glTF forbids it, but some exporters write it). Returns (T, 3) int64. Triangles with
+    a repeated corner are removed from strips and fans, where they only join parts, but not from lists. Corners past the
+    last whole triangle are ignored.
     """
     if mode not in (TRIANGLE_STRIP, TRIANGLE_FAN):
         return np.asarray(corners[: len(corners) // 3 * 3].reshape(-1, 3))
@@ -405,9 +389,7 @@ DTYPES = {BYTE: "<i1", UNSIGNED_BYTE: "<u1", SHORT: "<i2", UNSIGNED_SHORT: "<u2"
 def read_accessor(document: Document, accessor: int) -> NDArray[Any]:
     """Return an accessor's elements as stored.
 
-    Returns
-    -------
-    (count, components) array of the accessor's component type.
+    Returns (count, components) array of the accessor's component type.
     """
     description = document.root["accessors"][accessor]
     dtype = np.dtype(DTYPES[description["componentType"]])
@@ -454,9 +436,7 @@ def refresh_bounds(document: Document, accessor: int) -> None:
 def read_floats(document: Document, accessor: int) -> NDArray[np.float32]:
     """Return an accessor's elements as floats; normalized integers become -1..1 or 0..1.
 
-    Returns
-    -------
-    (count, components) float32, always a new array.
+    Returns (count, components) float32, always a new array.
     """
     values = read_accessor(document, accessor)
     floats = values.astype(np.float32)

@@ -26,15 +26,7 @@ _ADVICE = "Draw the outlines of one thing with dark lines on an even, bright pag
 def read_drawing(data: bytes) -> NDArray[np.float32]:
     """Decode a picture and check that it is a line drawing.
 
-    Parameters
-    ----------
-    data : bytes
-        PNG, JPEG or WebP. Transparent pixels are paper.
-
-    Returns
-    -------
-    (SIDE, SIDE) float32
-        As `prepared` returns it.
+    `data`: PNG, JPEG or WebP. Transparent pixels are paper. Returns (SIDE, SIDE) float32: as `prepared` returns it.
     """
     grey = _decoded(data)
     check_drawing(grey)
@@ -99,10 +91,7 @@ def check_drawing(picture: Image.Image) -> None:
 def prepared(picture: Image.Image) -> NDArray[np.float32]:
     """Return the ink of a drawing, cut out, centred and at the network's size.
 
-    Returns
-    -------
-    (SIDE, SIDE) float32
-        0 is paper, 1 is ink, whatever the width of the strokes.
+    Returns (SIDE, SIDE) float32: 0 is paper, 1 is ink, whatever the width of the strokes.
     """
     ink = ink_of(picture)
     rows, columns = np.flatnonzero((ink > _INK).any(1)), np.flatnonzero((ink > _INK).any(0))

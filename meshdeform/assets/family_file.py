@@ -84,10 +84,7 @@ def dump_family(family: FamilyFile, more: Arrays) -> bytes:
 def read_family(data: bytes, limits: Limits | None = None) -> FamilyFile:
     """Read a family and check that everything in it fits together.
 
-    Raises
-    ------
-    AssetError
-        It is damaged, too large, of another version, or no family; the message says what to do.
+    Raises AssetError: it is damaged, too large, of another version, or no family; the message says what to do.
     """
     limits = limits or Limits()
     limits.check_bytes(len(data))

@@ -112,29 +112,11 @@ def check_storage(
 ) -> None:
     """Check buffers, buffer views and accessors.
 
-    Parameters
-    ----------
-    root : dict
-        The parsed JSON.
-    binary_length : int or None
-        Length of the GLB's binary chunk.
-    limits : Limits
-        Upper bounds on the asset.
-    decoded_later : set of int
-        Accessors that a Draco stream fills.
-    unread : set of int
-        Accessors that are never decoded.
-
-    Raises
-    ------
-    AssetExternalError
-        A buffer is in another file.
-    AssetTruncatedError
-        A buffer, view or accessor reaches past its data.
-    AssetTooLargeError
-        A count is over its limit, or compressed parts decode to more bytes than a file may have.
-    AssetError
-        Anything else is not valid.
+    `root`: the parsed JSON; `binary_length`: length of the GLB's binary chunk; `limits`: upper bounds on the asset;
+    `decoded_later`: accessors that a Draco stream fills; `unread`: accessors that are never decoded. Raises
+    AssetExternalError: a buffer is in another file. Raises AssetTruncatedError: a buffer, view or accessor reaches past
+    its data. Raises AssetTooLargeError: a count is over its limit, or compressed parts decode to more bytes than a file
+    may have. Raises AssetError: anything else is not valid.
     """
     # Check each array once; doing so for every element would take hours for a hostile file.
     views = objects(root, "bufferViews")
@@ -314,10 +296,7 @@ class Instance:
 def check_extensions(root: Json) -> None:
     """Refuse an asset that requires an unknown extension, which might change the geometry.
 
-    Raises
-    ------
-    AssetUnsupportedError
-        The message names the extension.
+    Raises AssetUnsupportedError: the message names the extension.
     """
     required = root.get("extensionsRequired", [])
     if not isinstance(required, list) or not all(isinstance(name, str) for name in required):
@@ -405,9 +384,7 @@ def _refuse_cycles(parents: dict[int, int], count: int) -> None:
 def check_meshes(root: Json) -> tuple[set[int], set[int]]:
     """Check meshes and their primitives.
 
-    Returns
-    -------
-    The accessors that only a Draco stream fills, and those that only morph targets use, which are never read.
+    Returns the accessors that only a Draco stream fills, and those that only morph targets use, which are never read.
     """
     accessors, views, from_draco = objects(root, "accessors"), objects(root, "bufferViews"), set[int]()
     of_targets, read = set[int](), set[int]()
@@ -521,26 +498,13 @@ class PictureSummary:
 class AssetSummary:
     """The size and contents of an asset.
 
-    Attributes
-    ----------
-    format : str
-        `glb`, `gltf`, `obj`, `ply`, `stl` or `zip`.
-    vertices, triangles : int
-        Counts in the default scene, over all instances. For OBJ, PLY and STL an estimate until the file is decoded,
-        and 0 for ZIP.
-    meshes : int
-        Number of mesh instances in the default scene.
-    extensions : tuple of str
-        `extensionsUsed`.
-    skipped : tuple of dict
-        Parts that are not deformed, and why.
-    warnings : tuple of str
-        Sentences about anything in the file that may surprise or get in the way.
-    nodes, materials, mesh_names, joints : tuple of dict
-        `index` and `name` of each node, material, mesh and joint that is deformed (`assets.surface`); empty until the
-        file is decoded.
-    bounds : tuple of tuple
-        Least and greatest coordinates of what is drawn, (2, 3), in the file's world; empty until the file is decoded.
+    `format`: `glb`, `gltf`, `obj`, `ply`, `stl` or `zip`. `vertices` and `triangles`: counts in the default scene, over
+    all instances. For OBJ, PLY and STL an estimate until the file is decoded, and 0 for ZIP. `meshes`: number of mesh
+    instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: parts that are not deformed, and why;
+    `warnings`: sentences about anything in the file that may surprise or get in the way. `nodes`, `materials`,
+    `mesh_names` and `joints`: `index` and `name` of each node, material, mesh and joint that is deformed
+    (`assets.surface`); empty until the file is decoded. `bounds`: least and greatest coordinates of what is drawn, (2,
+    3), in the file's world; empty until the file is decoded.
     """
 
     format: str
@@ -560,19 +524,8 @@ class AssetSummary:
 def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) -> AssetSummary:
     """Check an asset without decoding it.
 
-    Parameters
-    ----------
-    data : bytes or mmap
-        The file.
-    filename : str
-        Its name. The extension decides the format where the content does not.
-    limits : Limits, optional
-        Upper bounds on the asset.
-
-    Raises
-    ------
-    AssetError
-        The asset cannot be used; the subclass and message say why and what to do.
+    `data`: the file. `filename`: its name. The extension decides the format where the content does not. `limits`: upper
+    bounds on the asset. Raises AssetError: the asset cannot be used; the subclass and message say why and what to do.
     """
     limits = limits or Limits()
     limits.check_bytes(len(data))
@@ -595,12 +548,8 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
 def asset_format(data: Data, filename: str) -> str:
     """Return the format according to the first bytes, else to the file's name.
 
-    Raises
-    ------
-    AssetFormatError
-        Neither indicates glTF, OBJ, PLY, STL or ZIP.
-    AssetEmptyError
-        It is a surface without triangles.
+    Raises AssetFormatError: neither indicates glTF, OBJ, PLY, STL or ZIP. Raises AssetEmptyError: it is a surface
+    without triangles.
     """
     head = bytes(data[:64])
     ending = filename.lower().rpartition(".")[2] if "." in filename else ""
@@ -625,10 +574,7 @@ def asset_format(data: Data, filename: str) -> str:
 def surface_format(head: bytes, filename: str) -> str | None:
     """Return `points`, `grid` or `network` if a file may be one of these; None for a mesh.
 
-    Parameters
-    ----------
-    head : bytes
-        The first 64 KiB.
+    `head`: the first 64 KiB.
     """
     ending = filename.lower().rpartition(".")[2] if "." in filename else ""
     if ending in _SURFACES:

@@ -49,14 +49,8 @@ class ChildOutcome:
 def run_child(module: str, arguments: list[str], *, timeout_s: float, temporary: Path | None = None) -> ChildOutcome:
     """Run the function `main` of a module of this package in a child process.
 
-    Parameters
-    ----------
-    module : str
-        Its full name.
-    arguments : list of str
-        Its command line; paths must be absolute.
-    temporary : Path, optional
-        The folder for the child's temporary files. Default: the system's.
+    `module`: its full name. `arguments`: its command line; paths must be absolute. `temporary`: the folder for the
+    child's temporary files. Default: the system's.
     """
     root = Path(__file__).resolve().parents[2]
     # -P leaves the current folder out of the module path.

@@ -47,16 +47,8 @@ _SENTINELS = {bits: _sentinel_counts(bits) for bits in (1, 2, 4)}
 def decode_attributes(data: bytes, count: int, stride: int) -> Bytes:
     """Decode an attribute stream.
 
-    Parameters
-    ----------
-    data : bytes
-        The whole stream, header and tail included.
-    count, stride : int
-        Number of elements and bytes of each; the stride is a multiple of four, at most 256.
-
-    Returns
-    -------
-    (count, stride) uint8
+    `data`: the whole stream, header and tail included. `count` and `stride`: number of elements and bytes of each; the
+    stride is a multiple of four, at most 256. Returns (count, stride) uint8.
     """
     version = {0xA0: 0, 0xA1: 1}.get(data[0] if data else -1)
     if version is None:
@@ -321,12 +313,8 @@ class _TriangleDecoder:
 def apply_filter(name: str, elements: Bytes) -> Bytes:
     """Return the filtered elements, in the shape of the input.
 
-    Parameters
-    ----------
-    name : str
-        `NONE`, `OCTAHEDRAL`, `QUATERNION`, `EXPONENTIAL` or `COLOR`; the stride has been checked to fit.
-    elements : (N, stride) uint8
-        The decoded attribute stream.
+    `name`: `NONE`, `OCTAHEDRAL`, `QUATERNION`, `EXPONENTIAL` or `COLOR`; the stride has been checked to fit.
+    `elements`, (N, stride) uint8: the decoded attribute stream.
     """
     if name == "NONE":
         return elements

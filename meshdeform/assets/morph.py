@@ -66,14 +66,8 @@ def add_morph_targets(
 ) -> None:
     """Add shapes as morph targets to the deformed meshes.
 
-    Parameters
-    ----------
-    document : Document
-        Changed in place.
-    shapes : list of lists
-        For each target, the new vertices of each block.
-    owners : dict
-        The mesh of each deformed node. No two nodes share a mesh.
+    `document`: changed in place; `shapes`: for each target, the new vertices of each block. `owners`: the mesh of each
+    deformed node. No two nodes share a mesh.
     """
     meshes = document.root["meshes"]
     before = {node: _target_count(meshes[mesh]) for node, mesh in owners.items()}

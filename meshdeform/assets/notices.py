@@ -131,10 +131,7 @@ _MOSTLY = 0.5
 def coarse_share(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> float:
     """Return the share of the surface that is in triangles with an edge longer than a third of the asset.
 
-    Parameters
-    ----------
-    positions : (N, 3) float64
-    triangles : (T, 3) int64
+    `positions` is (N, 3) float64; `triangles` is (T, 3) int64.
     """
     corners = positions[triangles]
     edges = np.roll(corners, -1, axis=1) - corners
@@ -203,13 +200,8 @@ _MUCH_LESS = 0.1
 def looks_z_up(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> bool:
     """Return whether a mesh stands on a flat base at its lowest Z, with no such side at its lowest Y or highest Z.
 
-    A flat side opposite the base would also be the front and back of a flat panel that stands upright.
-
-    Parameters
-    ----------
-    positions : (V, 3) float64
-    triangles : (F, 3) int64
-        Counter-clockwise from outside.
+    A flat side opposite the base would also be the front and back of a flat panel that stands upright. `positions` is
+    (V, 3) float64; `triangles`, (F, 3) int64: counter-clockwise from outside.
     """
     if not len(triangles):
         return False

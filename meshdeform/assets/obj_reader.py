@@ -44,16 +44,8 @@ _ELEMENTS = {b"v": ("vertex", 3, 6), b"vt": ("texture coordinate", 1, 2), b"vn":
 def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primitive], tuple[str, ...]]:
     """Read an OBJ: white space and line ends of any kind, relative indices, polygons.
 
-    Parameters
-    ----------
-    archive : Archive
-        Holds its material libraries and their textures.
-    most_parts : int
-        How many primitives it may have.
-
-    Returns
-    -------
-    A primitive for each object, group and material, the last one first; and sentences about what became of the file.
+    `archive`: holds its material libraries and their textures; `most_parts`: how many primitives it may have. Returns a
+    primitive for each object, group and material, the last one first; and sentences about what became of the file.
     Vertices of a primitive differ in their index of the position, the texture coordinates or the normal. Where only
     some corners have texture coordinates, the others have (0, 0) of the file. Normals are given if all corners have
     them. Colours of vertices replace the colour of a material, and a texture that was found replaces both.

@@ -75,15 +75,8 @@ class _Header:
 def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str, ...]]:
     """Read the mesh of a PLY.
 
-    Parameters
-    ----------
-    archive : Archive
-        Holds its textures.
-
-    Returns
-    -------
-    A primitive, or one for each texture; and sentences about what became of the file. Vertices are those of the file,
-    split only where faces have colours or texture coordinates of their own.
+    `archive`: holds its textures. Returns a primitive, or one for each texture; and sentences about what became of the
+    file. Vertices are those of the file, split only where faces have colours or texture coordinates of their own.
     """
     header = _header(data)
     notices: list[str] = []

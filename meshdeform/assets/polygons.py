@@ -60,17 +60,9 @@ class Triangulation:
 def cut_polygons(points: _Floats, sizes: _Index) -> Triangulation:
     """Cut polygons into triangles that face as they do.
 
-    Parameters
-    ----------
-    points : (C, 3) float64
-        The corners of all polygons, one after the other; within the range of 32-bit floats.
-    sizes : (P,) int64
-        How many corners each has, at least three.
-
-    Returns
-    -------
-    A fan from the first corner where each of its triangles faces as the polygon does, and where ears cannot be clipped
-    because the outline crosses itself.
+    `points`, (C, 3) float64: the corners of all polygons, one after the other; within the range of 32-bit floats.
+    `sizes`, (P,) int64: how many corners each has, at least three. Returns a fan from the first corner where each of
+    its triangles faces as the polygon does, and where ears cannot be clipped because the outline crosses itself.
     """
     starts = np.cumsum(sizes) - sizes
     polygons = np.repeat(np.arange(len(sizes)), sizes - 2)

@@ -90,14 +90,8 @@ def move_joints(
 ) -> list[tuple[int, int]]:
     """Move joints of the deformed meshes' skins, and return each replaced accessor with its new one.
 
-    Parameters
-    ----------
-    document : Document
-        Changed in place: nodes, inverse bind matrices, and animations of translations.
-    moves : mapping of int to JointMove
-        By the joints' nodes.
-    posed : bool
-        Whether they are moves in the pose of the nodes, and not in the bind pose.
+    `document`: changed in place: nodes, inverse bind matrices, and animations of translations; `moves`: by the joints'
+    nodes; `posed`: whether they are moves in the pose of the nodes, and not in the bind pose.
     """
     moves = {joint: move for joint, move in moves.items() if move.shift.any() or move.growth != 1.0}
     if not moves:

@@ -47,12 +47,7 @@ class SilhouettePicture:
 def read_silhouette(data: bytes, name: str = "The picture") -> SilhouettePicture:
     """Find the silhouette in a picture.
 
-    Parameters
-    ----------
-    data : bytes
-        PNG, JPEG or WebP. A photograph is turned upright as its EXIF says.
-    name : str
-        What errors call the picture.
+    `data`: PNG, JPEG or WebP. A photograph is turned upright as its EXIF says. `name`: what errors call the picture.
     """
     with warnings.catch_warnings():
         # Our own limit is checked below, before anything is decoded.

@@ -32,12 +32,8 @@ class Stl:
 def write_stl(asset: Asset, up: Up = "y", unit: Unit = "m") -> Stl:
     """Write the triangles of an asset, skins in the pose of its nodes. The same asset gives the same bytes.
 
-    Parameters
-    ----------
-    up : str
-        The axis that points up. For `z`, the asset's front, +Z in glTF, becomes -Y.
-    unit : str
-        Of the lengths: the format stores none.
+    `up`: the axis that points up. For `z`, the asset's front, +Z in glTF, becomes -Y. `unit`: of the lengths: the
+    format stores none.
     """
     import trimesh
 

@@ -297,16 +297,11 @@ _Rows = NDArray[Any]
 def middles(columns: Mapping[str, _Rows], a: _Index, b: _Index) -> dict[str, _Rows]:
     """Return the attributes of new vertices between vertices `a` (M,) and `b` (M,).
 
-    Parameters
-    ----------
-    columns : mapping of str to (N, K) array
-        Stored elements by attribute name; those of a morph target as `target/NAME`, with any prefix before the slash.
-
-    Returns
-    -------
-    An array (M, K) of the same type for each. Normals and tangents have unit length. Skin weights are the mean of both
-    ends, limited to the number of joints that a vertex has in the file, and sum to 1. Integers of the application's own
-    attributes and feature ids, which may be numbers of something, are those of `a`; other integers are rounded.
+    `columns`, mapping of str to (N, K) array: stored elements by attribute name; those of a morph target as
+    `target/NAME`, with any prefix before the slash. Returns an array (M, K) of the same type for each. Normals and
+    tangents have unit length. Skin weights are the mean of both ends, limited to the number of joints that a vertex has
+    in the file, and sum to 1. Integers of the application's own attributes and feature ids, which may be numbers of
+    something, are those of `a`; other integers are rounded.
     """
     found = {name: _middle(name, values, a, b) for name, values in columns.items()}
     sets = [name[8:] for name in columns if name.startswith("WEIGHTS_") and f"JOINTS_{name[8:]}" in columns]

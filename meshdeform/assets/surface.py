@@ -170,23 +170,9 @@ def read_surface(
 ) -> tuple[Surface, list[Block], list[Block]]:
     """Gather the default scene's surface.
 
-    Parameters
-    ----------
-    excluded : frozenset of int
-        Nodes whose meshes are no part of it.
-
-    Returns
-    -------
-    The surface, its blocks, and the blocks of points and lines, whose `rows` are empty.
-
-    Raises
-    ------
-    AssetNotFiniteError
-        A position is NaN or infinite.
-    AssetEmptyError
-        The scene has no triangles.
-    AssetError
-        An index is out of range.
+    `excluded`: nodes whose meshes are no part of it. Returns the surface, its blocks, and the blocks of points and
+    lines, whose `rows` are empty. Raises AssetNotFiniteError: a position is NaN or infinite. Raises AssetEmptyError:
+    the scene has no triangles. Raises AssetError: an index is out of range.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # overflows are reported below as values that are not finite
         return _read_surface(document, excluded)

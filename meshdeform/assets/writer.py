@@ -280,14 +280,8 @@ def _replace(document: Document, block: Block, local: LocalShape, mesh: Json) ->
 def carried_positions(surface: Surface, moved: Floats, blocks: list[Block]) -> list[NDArray[np.float32]]:
     """Return the new positions of points and lines, in the space of their meshes.
 
-    Parameters
-    ----------
-    moved : (N, 3) float64
-        Displacement of its vertices, in world space.
-
-    Returns
-    -------
-    A (V, 3) float32 array for each block.
+    `moved`, (N, 3) float64: displacement of its vertices, in world space. Returns a (V, 3) float32 array for each
+    block.
     """
     if not blocks:
         return []
@@ -346,17 +340,8 @@ def carry_targets(
 ) -> list[tuple[int, int]]:
     """Give the targets of a block's primitives new accessors; return each old one with its new one.
 
-    Parameters
-    ----------
-    document : Document
-        Changed in place.
-    mesh : dict
-        The block's mesh, which no other node uses.
-    jacobians : (V, 3, 3) float64
-        In world space.
-    normals : (V, 3) float32, optional
-    tangents : (V, 4) float32, optional
-        Those of the new base, in mesh space.
+    `document`: changed in place; `mesh`: the block's mesh, which no other node uses; `jacobians`, (V, 3, 3) float64: in
+    world space; `normals` is (V, 3) float32; `tangents`, (V, 4) float32: those of the new base, in mesh space.
     """
     moved = np.asarray((jacobians != np.eye(3)).any((1, 2)))
     if not moved.any():

@@ -236,12 +236,7 @@ class Body:
 class Solid:
     """The cells of a grid that a body fills, `cells` (C, 3) with `centres` (C, 3).
 
-    Attributes
-    ----------
-    filled, surface : (X, Y, Z) bool
-    side : float
-        Of a cell.
-    origin : (3,) float64
+    `filled` and `surface` are (X, Y, Z) bool; `side`: of a cell; `origin` is (3,) float64.
     """
 
     def __init__(self, body: Body) -> None:
@@ -326,14 +321,8 @@ class Solid:
 def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
     """Return the body of an asset whose vertices were welded.
 
-    Parameters
-    ----------
-    vertex_map : (N,) int64
-        The welded vertex of each row of the surface, or -1.
-    rows : (V,) int64
-        A row of each welded vertex.
-    faces : (F, 3) int64
-        Of welded vertices.
+    `vertex_map`, (N,) int64: the welded vertex of each row of the surface, or -1; `rows`, (V,) int64: a row of each
+    welded vertex; `faces`, (F, 3) int64: of welded vertices.
     """
     parts, count = asset.parts(), len(rows)
     at, nodes, shares = asset.joint_shares()

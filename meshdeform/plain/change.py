@@ -77,10 +77,7 @@ def _phrase(change: Change) -> str:
 def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Done]]:
     """Carry out changes in their order.
 
-    Raises
-    ------
-    PartMissingError
-        A part is not there; nothing is changed.
+    Raises PartMissingError: a part is not there; nothing is changed.
     """
     done = []
     for change in changes:
@@ -134,10 +131,7 @@ def _part_of_way(change: Change, factor: float, share: float) -> float:
 def calibrated(parts: Parts, change: Change) -> float:
     """Return the factor with which a map gives what was asked for: bands take something away.
 
-    Raises
-    ------
-    PartMissingError
-        The part is not there, or cannot be told from the rest.
+    Raises PartMissingError: the part is not there, or cannot be told from the rest.
     """
     factor, asked = change.factor, change.factor
     if change.operation in SHAPES or abs(asked - 1) < 0.02:

@@ -41,10 +41,7 @@ class Moved:
 def move(parts: Parts, change: Change, factor: float) -> Moved:
     """Carry out one change with a factor, which may be another than that of the change.
 
-    Raises
-    ------
-    PartMissingError
-        The part is not there.
+    Raises PartMissingError: the part is not there.
     """
     if change.part == WHOLE:
         return _whole(parts, change.operation, factor)

@@ -37,10 +37,7 @@ class NamedPart:
     def faces(self, corners: Index) -> list[int | list[int]]:
         """Return the triangles that belong to it, as a region has them: numbers, and ranges with both ends.
 
-        Parameters
-        ----------
-        corners : (T, 3) int64
-            Vertices of the triangles, -1 where the body has none.
+        `corners`, (T, 3) int64: vertices of the triangles, -1 where the body has none.
         """
         inside = (corners >= 0).all(1) & (self.weight[corners].mean(1) > _INSIDE)
         ends = np.flatnonzero(np.diff(inside, prepend=False, append=False)).reshape(-1, 2)
@@ -50,12 +47,8 @@ class NamedPart:
 def find_parts(body: Body, read: Callable[[str], Sentence | None], asked: Sentence | None = None) -> list[NamedPart]:
     """Return the parts that words can name on a body: those that everybody knows, then names of nodes and materials.
 
-    Parameters
-    ----------
-    read : callable
-        Reads a sentence: a name is left out that is not read as the name of its part.
-    asked : Sentence, optional
-        Only the parts that it names.
+    `read`: reads a sentence: a name is left out that is not read as the name of its part; `asked`: only the parts that
+    it names.
     """
     parts = Parts(body)
     most = min(_MOST_NAMES, max(_FEWEST_NAMES, _MOST_TRIED // len(body.points)))

@@ -131,10 +131,7 @@ class _End:
 class Parts:
     """The parts of one body; each is looked for once.
 
-    Attributes
-    ----------
-    even : float
-        How evenly a change of one axis is spread, from 0, where it hurts least, to 1, alike everywhere.
+    `even`: how evenly a change of one axis is spread, from 0, where it hurts least, to 1, alike everywhere.
     """
 
     def __init__(self, body: Body) -> None:
@@ -183,10 +180,7 @@ class Parts:
     def legs(self) -> Legs:
         """The legs.
 
-        Raises
-        ------
-        PartMissingError
-            Nothing stands between the ground and the body.
+        Raises PartMissingError: nothing stands between the ground and the body.
         """
         body = self.body
         if self.wheels.any():
@@ -266,10 +260,7 @@ class Parts:
     def head(self) -> Head:
         """The head.
 
-        Raises
-        ------
-        PartMissingError
-            There is nothing like a neck.
+        Raises PartMissingError: there is nothing like a neck.
         """
         own = self.of_class("head")
         if own is not None and own.max() > 0.5:
@@ -359,10 +350,7 @@ class Parts:
     def tail(self) -> Tail:
         """The tail.
 
-        Raises
-        ------
-        PartMissingError
-            The rear end is not thin.
+        Raises PartMissingError: the rear end is not thin.
         """
         body, solid = self.body, self.body.solid
         own = self.of_class("tail")
@@ -421,10 +409,7 @@ class Parts:
     def arms(self) -> Limb:
         """The arms of a skeleton.
 
-        Raises
-        ------
-        PartMissingError
-            There are none.
+        Raises PartMissingError: there are none.
         """
         own = self.of_class("arm")
         if own is None or own.max() <= 0.5:
@@ -464,10 +449,7 @@ class Parts:
     def slab(self) -> tuple[float, float]:
         """The heights between which the widest slab above legs lies: a seat, or the top of a table.
 
-        Raises
-        ------
-        PartMissingError
-            It has no legs, or nothing like a slab.
+        Raises PartMissingError: it has no legs, or nothing like a slab.
         """
         body, solid = self.body, self.body.solid
         if self.rigged:
@@ -490,10 +472,7 @@ class Parts:
     def back(self) -> Limb:
         """Return the part above a seat.
 
-        Raises
-        ------
-        PartMissingError
-            There is no seat, or nothing above it.
+        Raises PartMissingError: there is no seat, or nothing above it.
         """
         body = self.body
         _, seat = self.slab
@@ -506,10 +485,7 @@ class Parts:
     def named(self, word: str) -> Limb:
         """Return the part that joints, nodes or materials with this name make.
 
-        Raises
-        ------
-        PartMissingError
-            None has it, or all of the asset does.
+        Raises PartMissingError: none has it, or all of the asset does.
         """
         if word not in self._named:
             self._named[word] = self._find_named(word)
@@ -547,10 +523,7 @@ class Parts:
     def wheel_parts(self) -> Limb:
         """Return the wheels as a part.
 
-        Raises
-        ------
-        PartMissingError
-            There are none.
+        Raises PartMissingError: there are none.
         """
         flags = self._wheels_or_missing()
         return Limb(self.body, flags.astype(float), self.body.points[flags].mean(0), "components")

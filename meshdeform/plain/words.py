@@ -193,22 +193,10 @@ def singular(word: str) -> str:
 def read_changes(text: str, noun_of: Callable[[str], str | None] = lambda _: None) -> Sentence | None:
     """Read the changes that a sentence asks for.
 
-    Parameters
-    ----------
-    text : str
-        For example "longer legs and a bigger head".
-    noun_of : callable
-        Returns the canonical noun of a word that names a thing, or None.
-
-    Returns
-    -------
-    None if a word is not understood, or no change is asked for. Words that are no part anybody knows count as the name
-    of one only beside a comparative, an amount or a verb.
-
-    Raises
-    ------
-    PromptError
-        It asks for opposite changes of one part, or for more than a fifth to five times.
+    `text`: for example "longer legs and a bigger head"; `noun_of`: returns the canonical noun of a word that names a
+    thing, or None. Returns none if a word is not understood, or no change is asked for. Words that are no part anybody
+    knows count as the name of one only beside a comparative, an amount or a verb. Raises PromptError: it asks for
+    opposite changes of one part, or for more than a fifth to five times.
     """
     lowered = text.lower().replace("-", " ")
     amounts: list[tuple[str, float]] = []

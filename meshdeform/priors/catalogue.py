@@ -66,12 +66,8 @@ def list_models(
 ) -> list[ModelInfo]:
     """Return every model that jobs of a deployment may name, the default one first.
 
-    Parameters
-    ----------
-    allowed_models : sequence of str
-        Models that jobs may name besides the default one and `builtin`.
-    public : bool
-        Whether the list is for clients, which see a folder's id instead of its path.
+    `allowed_models`: models that jobs may name besides the default one and `builtin`; `public`: whether the list is for
+    clients, which see a folder's id instead of its path.
     """
     models = list(dict.fromkeys([default_model, BUILTIN_MODEL, *allowed_models]))
     ids = public_names(models) if public else {model: model for model in models}
@@ -108,12 +104,7 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
 def describe_taught(model: str, name: str) -> ModelInfo:
     """Describe a file of weights that `meshdeform teach` or a job of kind `prior_teach` wrote.
 
-    Parameters
-    ----------
-    model : str
-        Its path.
-    name : str
-        Its id for those who ask; if it is another one, no text shows the path.
+    `model`: its path. `name`: its id for those who ask; if it is another one, no text shows the path.
     """
     path = Path(model).expanduser()
     try:

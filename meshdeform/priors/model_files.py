@@ -76,17 +76,9 @@ def check(model: str, revision: str = "") -> None:
 def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
     """Find a checkpoint's folder and the weights in it.
 
-    Parameters
-    ----------
-    half : bool
-        Prefer fp16 files if both kinds are present: half the bytes to read and hash.
-
-    Raises
-    ------
-    ModelError
-        The checkpoint is missing or incomplete, or not a Stable Diffusion 1 or 2 checkpoint in safetensors.
-    DependencyError
-        diffusers or transformers is not installed.
+    `half`: prefer fp16 files if both kinds are present: half the bytes to read and hash. Raises ModelError: the
+    checkpoint is missing or incomplete, or not a Stable Diffusion 1 or 2 checkpoint in safetensors. Raises
+    DependencyError: diffusers or transformers is not installed.
     """
     missing = [name for name in ("diffusers", "transformers") if importlib.util.find_spec(name) is None]
     if missing:

@@ -76,15 +76,8 @@ class _Multiply(torch.autograd.Function):
 def scaled_backward(encode: Callable[[Tensor], Tensor], image: Tensor) -> Tensor:
     """Encode a picture so that gradients inside the encoder are of order 1.
 
-    Parameters
-    ----------
-    encode : callable
-        Maps float32 pictures to float32 latents, computing in any precision.
-    image : (B, 3, S, S) float32
-
-    Returns
-    -------
-    The result of `encode`, unchanged.
+    `encode`: maps float32 pictures to float32 latents, computing in any precision; `image` is (B, 3, S, S) float32.
+    Returns the result of `encode`, unchanged.
     """
     scale = _Scale()
     encoded: Tensor = encode(_Multiply.apply(image, scale))  # type: ignore[no-untyped-call]

@@ -40,21 +40,11 @@ _PREDICTIONS = ("epsilon", "v_prediction")
 class StableDiffusionPrior:
     """A Stable Diffusion checkpoint.
 
-    Parameters
-    ----------
-    model : str
-        Folder in diffusers' layout, or hub id of a checkpoint in the local Hugging Face cache. Nothing is downloaded.
-    revision : str
-        Branch, tag or commit of a hub model.
-    dtype : "auto", "float32", "float16", "bfloat16" or "int8"
-        Precision of the networks. `auto` is float32 on the CPU, bfloat16 on a GPU that supports it, else float16.
-
-    Raises
-    ------
-    ModelError
-        The checkpoint is missing, incomplete or of another kind.
-    DependencyError
-        The extra `sd` is not installed.
+    `model`: folder in diffusers' layout, or hub id of a checkpoint in the local Hugging Face cache. Nothing is
+    downloaded. `revision`: branch, tag or commit of a hub model; `dtype`, "auto", "float32", "float16", "bfloat16" or
+    "int8": precision of the networks. `auto` is float32 on the CPU, bfloat16 on a GPU that supports it, else float16.
+    Raises ModelError: the checkpoint is missing, incomplete or of another kind. Raises DependencyError: the extra `sd`
+    is not installed.
     """
 
     def __init__(
@@ -146,10 +136,7 @@ class StableDiffusionPrior:
     def encode_texts(self, prompt: str, *others: str) -> Tensor:
         """Return text embeddings (1 + others, tokens, E) of the prompt and of each other text.
 
-        Raises
-        ------
-        PromptError
-            A text is too long for the text encoder.
+        Raises PromptError: a text is too long for the text encoder.
         """
         limit, texts = self._tokenizer.model_max_length, [prompt, *others]
         for text in texts:
@@ -166,12 +153,8 @@ class StableDiffusionPrior:
     def encode_image(self, image: Tensor) -> Tensor:
         """Encode pictures as latents (B, C, H, W) float32, differentiably and deterministically.
 
-        Pictures are resized to the model's size (bilinear, antialiased) if necessary.
-
-        Raises
-        ------
-        ShapeError
-            `image` is not (B, 3, S, S).
+        Pictures are resized to the model's size (bilinear, antialiased) if necessary. Raises ShapeError: `image` is not
+        (B, 3, S, S).
         """
         if image.ndim != 4 or image.shape[1] != 3:
             raise ShapeError(f"expected pictures (B, 3, S, S), got {tuple(image.shape)}")
@@ -196,14 +179,8 @@ class StableDiffusionPrior:
     ) -> tuple[Tensor, ...]:
         """Predict the noise in z_t for each text, all of them in one batch.
 
-        Parameters
-        ----------
-        z_t : (B, C, H, W) float32
-        timestep : (B,) int64
-        embedding : (N, tokens, E)
-            Rows of `encode_texts`.
-        cameras : Cameras
-            Unused.
+        `z_t` is (B, C, H, W) float32; `timestep` is (B,) int64; `embedding`, (N, tokens, E): rows of `encode_texts`;
+        `cameras`: unused.
         """
         noisy, count = z_t.to(self.device), len(embedding)
         steps = timestep.to(self.device)

@@ -66,19 +66,11 @@ _NOW = sa.type_coerce(_CLOCK, UtcDateTime)
 class Database:
     """Transactions, the clock, and the schema.
 
-    Parameters
-    ----------
-    url : str
-        An SQLAlchemy URL. `postgresql://` and `postgres://` use the driver pg8000; `?sslmode=` is supported.
-    connections : int
-        Maximum number of connections to PostgreSQL. Up to five stay open; with 0, none stays open after `let_go`.
-    upgrade_elsewhere : bool
-        Upgrade an older schema in a process of its own, which costs half a second once and saves 10 MB from then on.
-
-    Raises
-    ------
-    UnavailableError
-        The database does not answer, or a newer Meshdeform has taken away what this one needs.
+    `url`: an SQLAlchemy URL. `postgresql://` and `postgres://` use the driver pg8000; `?sslmode=` is supported.
+    `connections`: maximum number of connections to PostgreSQL. Up to five stay open; with 0, none stays open after
+    `let_go`. `upgrade_elsewhere`: upgrade an older schema in a process of its own, which costs half a second once and
+    saves 10 MB from then on. Raises UnavailableError: the database does not answer, or a newer Meshdeform has taken
+    away what this one needs.
     """
 
     def __init__(self, url: str, connections: int = MAX_CONNECTIONS, *, upgrade_elsewhere: bool = False) -> None:
@@ -191,12 +183,8 @@ class Database:
 def make_engine(url: str, connections: int = MAX_CONNECTIONS, *, patient: bool = False) -> sa.Engine:
     """Return the engine of a record, with its driver, time limits and TLS. Neither connects nor migrates.
 
-    If `patient`, there is no limit to how long a statement on PostgreSQL takes.
-
-    Raises
-    ------
-    DependencyError
-        The URL is invalid, names a database in memory, or its driver is not installed.
+    If `patient`, there is no limit to how long a statement on PostgreSQL takes. Raises DependencyError: the URL is
+    invalid, names a database in memory, or its driver is not installed.
     """
     try:
         parsed = sa.make_url(url)

@@ -200,10 +200,7 @@ class FileLedger:
     def pin(self, key: str) -> None:
         """Keep a file for a job that is about to be created. Waits while the file is being removed.
 
-        Raises
-        ------
-        UnavailableError
-            The removal takes too long: the object store is slow or does not answer.
+        Raises UnavailableError: the removal takes too long: the object store is slow or does not answer.
         """
         end = time.monotonic() + _WAIT_S
         while not self._pinned(key):

@@ -64,10 +64,7 @@ def encode_cursor(last_id: str) -> str:
 def decode_cursor(cursor: str, prefix: str = "job") -> str:
     """Return the id in a cursor of a list of ids with a prefix.
 
-    Raises
-    ------
-    ParameterError
-        The cursor was not made by `encode_cursor`.
+    Raises ParameterError: the cursor was not made by `encode_cursor`.
     """
     try:
         last_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode("ascii")

@@ -49,10 +49,7 @@ class ApiKey:
 class KeyRing:
     """The keys of a record.
 
-    Raises
-    ------
-    UnavailableError
-        In every method: the database does not answer.
+    Raises UnavailableError: in every method: the database does not answer.
     """
 
     def __init__(self, database: Database) -> None:
@@ -69,12 +66,8 @@ class KeyRing:
         """Create a key, and return it with the text that requests send, which cannot be retrieved again.
 
         The owner's id has at most 63 lower-case letters, digits, `-` and `_`, the first one a letter or a digit; the
-        name has at most 100 characters. Limits as of `ApiKey`; priorities are from -100 to 100.
-
-        Raises
-        ------
-        ParameterError
-            A value is invalid.
+        name has at most 100 characters. Limits as of `ApiKey`; priorities are from -100 to 100. Raises ParameterError:
+        a value is invalid.
         """
         if not _OWNER.fullmatch(owner_id):
             raise ParameterError(

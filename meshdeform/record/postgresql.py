@@ -24,11 +24,8 @@ DRIVER = "postgresql+meshdeform"
 class Dialect(PGDialect_pg8000):
     """A dialect that begins transactions itself and recognises lost connections.
 
-    Attributes
-    ----------
-    idle_s : float
-        Seconds after which the server ends a session that pauses within a transaction. A process that is stopped or cut
-        off there holds locks needed for the recovery of its job; our transactions never pause by themselves.
+    `idle_s`: seconds after which the server ends a session that pauses within a transaction. A process that is stopped
+    or cut off there holds locks needed for the recovery of its job; our transactions never pause by themselves.
     """
 
     supports_statement_cache = True

@@ -83,24 +83,12 @@ def _remove_prefix(record: JobRecord, store: ObjectStore, prefix: str) -> None:
 class Candidate:
     """One process in one election.
 
-    Parameters
-    ----------
-    name : str
-        The election: its candidates do the same work.
-    every_s : float
-        Seconds between two looks of the leader, and at least between two of a follower. A term lasts twice as long.
-    crowd : select, optional
-        A query for the number of candidates, sent by the leader only. Default: there are few.
-
-    Attributes
-    ----------
-    leads : bool
-        Whether the newest look found or made this process the leader.
-    took_over : bool
-        Whether that look made it the leader.
-    watched : tuple of datetime, optional
-        After taking over: the last look of the former leader, and since when both it and this process watched the
-        leases, its process by looking at the term. None if the former leader tells nothing about this process's life.
+    `name`: the election: its candidates do the same work. `every_s`: seconds between two looks of the leader, and at
+    least between two of a follower. A term lasts twice as long. `crowd`: a query for the number of candidates, sent by
+    the leader only. Default: there are few. `leads`: whether the newest look found or made this process the leader;
+    `took_over`: whether that look made it the leader. `watched`: after taking over: the last look of the former leader,
+    and since when both it and this process watched the leases, its process by looking at the term. None if the former
+    leader tells nothing about this process's life.
     """
 
     def __init__(
@@ -197,17 +185,10 @@ class Reconciler:
 
     Any number may run at once: every change is guarded by the state that it starts from, and a job announced twice is
     claimed once. As context managers they elect a leader, which does the work; the others only look whether it lives.
-
-    Parameters
-    ----------
-    max_attempts : int
-        Number of lost workers after which a job fails.
-    lease_s : float
-        Duration of a lease. A lease that ends much later was given before the clock was set back, and is shortened.
-    store : ObjectStore, optional
-        If given, expired jobs and requests are deleted, and unreachable objects are removed from it.
-    every_s : float
-        Seconds between two runs as a context manager. Default: 5, or a sixth of a shorter lease.
+    `max_attempts`: number of lost workers after which a job fails. `lease_s`: duration of a lease. A lease that ends
+    much later was given before the clock was set back, and is shortened. `store`: if given, expired jobs and requests
+    are deleted, and unreachable objects are removed from it. `every_s`: seconds between two runs as a context manager.
+    Default: 5, or a sixth of a shorter lease.
     """
 
     def __init__(

@@ -93,16 +93,9 @@ class JobRecord:
     def create(self, new: NewJob) -> Job:
         """Record a new queued job. Its files must already be stored; their pins, if any, become references.
 
-        Raises
-        ------
-        IdempotencyBusyError
-            Another request has taken over the key of `new.claim`.
-        TooManyJobsError
-            The owner has the maximum number of unfinished jobs.
-        TooMuchStoredError
-            The owner's jobs would keep more bytes than allowed.
-        ParameterError
-            The priority is higher than the key allows.
+        Raises IdempotencyBusyError: another request has taken over the key of `new.claim`. Raises TooManyJobsError: the
+        owner has the maximum number of unfinished jobs. Raises TooMuchStoredError: the owner's jobs would keep more
+        bytes than allowed. Raises ParameterError: the priority is higher than the key allows.
         """
         check_priority(new.request.priority, new.max_priority)
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
@@ -394,10 +387,8 @@ class IdempotencyLedger:
     def begin(self, owner_id: str, key: str, request_hash: str) -> Claim | dict[str, Any]:
         """Take a key: return the claim, to be completed or abandoned, or the answer to an earlier identical request.
 
-        Raises
-        ------
-        IdempotencyMismatchError, IdempotencyBusyError
-            The key was used for a different request, or an identical one is in progress.
+        Raises IdempotencyMismatchError, IdempotencyBusyError: the key was used for a different request, or an identical
+        one is in progress.
         """
         token = random_bytes.token_hex(16)
         now, until = self._database.now(), self._database.now(_HELD_S)
@@ -426,10 +417,8 @@ class IdempotencyLedger:
     def complete(self, claim: Claim, response: dict[str, Any], connection: sa.Connection) -> None:
         """Write the answer within the transaction of the request.
 
-        Raises
-        ------
-        IdempotencyBusyError
-            Another request has taken over the key; roll the transaction back, so that nothing is done twice.
+        Raises IdempotencyBusyError: another request has taken over the key; roll the transaction back, so that nothing
+        is done twice.
         """
         mine = sa.and_(_is(claim.owner_id, claim.key), idempotency.c.token == claim.token)
         done = sa.update(idempotency).where(mine).values(response=response).returning(idempotency.c.key)

@@ -202,14 +202,8 @@ class StrictModel(BaseModel):
 def of_preset(paper: float | StrEnum, description: str, *, form: Mapping[str, Any] | None = None, **bounds: Any) -> Any:
     """Declare a parameter whose default comes from the preset.
 
-    Parameters
-    ----------
-    paper : float or StrEnum
-        The paper's value, used by presets that do not override it.
-    form : mapping, optional
-        The value of `FORM`, for parameters shown in the form.
-    **bounds
-        Arguments of pydantic's `Field`; the default of `examples` is the paper's value.
+    `paper`: the paper's value, used by presets that do not override it; `form`: the value of `FORM`, for parameters
+    shown in the form. `**bounds`: arguments of pydantic's `Field`; the default of `examples` is the paper's value.
     """
     shown = f"`{paper}`" if isinstance(paper, StrEnum) else f"{paper:g}"
     extra: dict[str, Any] = {OF_PRESET: True, **({FORM: dict(form)} if form else {})}

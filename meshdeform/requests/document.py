@@ -109,12 +109,8 @@ def read_unbounded(model: type[M], document: Mapping[str, Any]) -> M:
     """Read a document that was within the bounds of the edition that accepted it.
 
     Only the bounds of numbers and lengths are left out. Unknown members and values, wrong types, and members that
-    contradict each other are refused as ever: nobody knows what they mean.
-
-    Parameters
-    ----------
-    document : mapping
-        Of JSON, or of members that are read already.
+    contradict each other are refused as ever: nobody knows what they mean. `document`: of JSON, or of members that are
+    read already.
     """
     read: M = _validator(model).validate_python(document)
     return read
@@ -382,10 +378,7 @@ def _family(model: str | None) -> str:
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
     """Read a stored request, without bounds, since another version may have had others.
 
-    Parameters
-    ----------
-    document : mapping
-        As stored in the record.
+    `document`: as stored in the record.
     """
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
     model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
@@ -406,12 +399,7 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
 def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> ResolvedParams:
     """Return every parameter: the user's value, else the preset's for this kind of guidance, else the paper's.
 
-    Parameters
-    ----------
-    params : DeformParams
-        What the user wrote.
-    default_model : str
-        The model if the user named none (the setting MESHDEFORM_MODEL).
+    `params`: what the user wrote; `default_model`: the model if the user named none (the setting MESHDEFORM_MODEL).
     """
     model = params.model or default_model
     family: Family = "builtin" if is_builtin(model) else "sd"

@@ -41,11 +41,8 @@ def elsewhere(place: Sequence[Any]) -> str | None:
 def grouped(params: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters with each in its group; what is in one already stays there.
 
-    Parameters
-    ----------
-    params : mapping
-        Parameters by their names alone, and `guidance` by its kind, as the command line takes them. Unknown names stay
-        where they are.
+    `params`: parameters by their names alone, and `guidance` by its kind, as the command line takes them. Unknown names
+    stay where they are.
     """
     kind = params.get("guidance")
     groups: dict[str, dict[str, Any]] = {"guidance": {}, "control": dict(params.get("control") or {})}

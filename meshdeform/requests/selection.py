@@ -245,16 +245,8 @@ List = Literal["rigid", "regions"] | tuple[str | int, ...]
 def find_parts(place: List, number: int, selection: Selection, parts: Sequence[Mapping[str, Any]]) -> list[int]:
     """Return the indices of what a selection names.
 
-    Parameters
-    ----------
-    place : str or tuple
-        Name of the list in `params`, or the path to it there.
-    number : int
-        Place of the selection in the list.
-    selection : Selection
-        One that names something.
-    parts : sequence of mappings
-        Everything of that kind in the asset, each with `index` and `name`.
+    `place`: name of the list in `params`, or the path to it there; `number`: place of the selection in the list;
+    `selection`: one that names something; `parts`: everything of that kind in the asset, each with `index` and `name`.
     """
     what, wanted = selection.named or selection.where
     found = _matching(wanted, parts)
@@ -266,10 +258,7 @@ def find_parts(place: List, number: int, selection: Selection, parts: Sequence[M
 def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any]]) -> list[int]:
     """Return the indices of the nodes that `params.control.exclude` names.
 
-    Parameters
-    ----------
-    nodes : sequence of mappings
-        All nodes, each with `index` and `name`.
+    `nodes`: all nodes, each with `index` and `name`.
     """
     found: list[int] = []
     for number, wanted in enumerate(exclude):
@@ -294,14 +283,8 @@ def check_selections(
 ) -> None:
     """Refuse selections of what the asset does not have; the geometry is looked at when the run starts.
 
-    Parameters
-    ----------
-    place : str or tuple
-        Name of the list in `params`, or the path to it there.
-    named : mapping
-        Lists of what can be named: `nodes`, `mesh_names`, `materials` and `joints`. A missing list is not checked.
-    triangles : int, optional
-        The asset's triangles, if known.
+    `place`: name of the list in `params`, or the path to it there. `named`: lists of what can be named: `nodes`,
+    `mesh_names`, `materials` and `joints`. A missing list is not checked. `triangles`: the asset's triangles, if known.
     """
     for number, selection in enumerate(selections):
         if selection.named is not None and (parts := named.get(_NAMED[selection.named[0]])) is not None:

@@ -58,10 +58,8 @@ class FamilyParameters:
     def checked(self, values: Mapping[str, object]) -> dict[str, Value]:
         """Return all parameters: those given, and the defaults of the others.
 
-        Raises
-        ------
-        ParameterError
-            A name is unknown, a number is out of its range or not finite, or a choice is none of its options.
+        Raises ParameterError: a name is unknown, a number is out of its range or not finite, or a choice is none of its
+        options.
         """
         known: dict[str, Number | Choice] = {each.name: each for each in self.numbers}
         known |= {each.name: each for each in self.choices}
@@ -181,10 +179,7 @@ SKETCH_FAMILIES: dict[str, FamilyParameters] = {each.name: each for each in _ALL
 def sketch_family(name: str) -> FamilyParameters:
     """Return the parameters of a family.
 
-    Raises
-    ------
-    ParameterError
-        There is none of that name.
+    Raises ParameterError: there is none of that name.
     """
     if name not in SKETCH_FAMILIES:
         raise ParameterError(f"There is no family {name!r}.", advice=f"The families: {', '.join(SKETCH_FAMILIES)}.")

@@ -49,12 +49,8 @@ def file_parts() -> tuple[str, ...]:
 def check_request(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
     """Refuse a request that no worker of this deployment could run; return the values of all its parameters.
 
-    Parameters
-    ----------
-    settings : Settings
-        Lists the models of this deployment.
-    files : collection of str
-        The names of the files sent with the request or named by it.
+    `settings`: lists the models of this deployment; `files`: the names of the files sent with the request or named by
+    it.
     """
     kind = kind_of(request.kind)
     for part in kind.reads:

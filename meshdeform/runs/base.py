@@ -216,18 +216,9 @@ def job_input(
 ) -> RunInput:
     """Return the input of a deformation whose files are at hand, as scripts and tests have them.
 
-    Parameters
-    ----------
-    asset, target : bytes
-        A GLB, OBJ, PLY, STL or ZIP.
-    prior : Prior, optional
-        Used whatever model the request names.
-    pictures : sequence of bytes
-        One PNG, JPEG or WebP for each of the guidance's `silhouettes`.
-    resolved : ResolvedParams, optional
-        The values of all parameters; default: resolved from the request.
-    **more
-        Further attributes of `RunInput`.
+    `asset` and `target`: a GLB, OBJ, PLY, STL or ZIP; `prior`: used whatever model the request names; `pictures`: one
+    PNG, JPEG or WebP for each of the guidance's `silhouettes`. `resolved`: the values of all parameters; default:
+    resolved from the request. `**more`: further attributes of `RunInput`.
     """
     files = {"asset": InputFile(asset, filename)}
     if target is not None:
@@ -251,14 +242,8 @@ class StepReport:
 class JobRun(ABC):
     """A run driven by its caller, which decides when to store, publish and stop.
 
-    Attributes
-    ----------
-    step : int
-        Number of steps done.
-    first_step : int
-        Number of steps done by earlier attempts.
-    log : RunLog
-        With the phases before the first step.
+    `step`: number of steps done; `first_step`: number of steps done by earlier attempts; `log`: with the phases before
+    the first step.
     """
 
     def __init__(self, total_steps: int, first_step: int = 0, log: RunLog | None = None) -> None:

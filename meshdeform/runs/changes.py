@@ -101,16 +101,10 @@ def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams,
 def parts_of(asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits) -> dict[str, Any]:
     """Return the parts of an asset that prompts can name, or those that a prompt names and what it makes of the asset.
 
-    Parameters
-    ----------
-    filename : str
-        Its name; the extension decides the format where the content does not.
-
-    Returns
-    -------
-    `parts`, each with its `name`, `found_by`, `faces` as regions have them, and `changes`: an `operation`, and words
-    for `more` and for `less` of it. `result` is a GLB in base64, or None if the prompt is no change, and `warnings`
-    say what of it is less than was asked for.
+    `filename`: its name; the extension decides the format where the content does not. Returns `parts`, each with its
+    `name`, `found_by`, `faces` as regions have them, and `changes`: an `operation`, and words for `more` and for `less`
+    of it. `result` is a GLB in base64, or None if the prompt is no change, and `warnings` say what of it is less than
+    was asked for.
     """
     asked_changes(prompt, params)  # what it refuses
     found = _ask(asset, filename, params, limits, prompt=prompt)

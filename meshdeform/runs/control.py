@@ -81,12 +81,8 @@ class SelectableSurface:
     def faces(self, place: List, number: int, selection: Selection) -> _Flags:
         """Return flags (F,) of the faces that a selection selects.
 
-        Parameters
-        ----------
-        place : str or tuple
-            Name of the list in `params`, or the path to it there, for errors.
-        number : int
-            Place of the selection in the list.
+        `place`: name of the list in `params`, or the path to it there, for errors; `number`: place of the selection in
+        the list.
         """
         what, wanted = selection.where
         if what == "component":
@@ -229,12 +225,7 @@ class Control:
 def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Frame, mesh: RestMesh) -> Control:
     """Return the constraints of a request.
 
-    Parameters
-    ----------
-    surface : SelectableSurface
-        In the file's units.
-    mesh : RestMesh
-        The welded mesh in the cameras' frame.
+    `surface`: in the file's units; `mesh`: the welded mesh in the cameras' frame.
     """
     verts = surface.mesh.verts.numpy()
     check_places(params, {"asset": (verts.min(0).tolist(), verts.max(0).tolist())})
@@ -354,10 +345,7 @@ def control_report(
 ) -> dict[str, Any]:
     """Return the members of the report about control that the request uses; lengths are shares of the diagonal.
 
-    Parameters
-    ----------
-    result : Asset
-        `result.glb`, read back.
+    `result`: `result.glb`, read back.
     """
     before, after = source.surface.positions, result.surface.positions
     diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))

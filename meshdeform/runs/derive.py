@@ -55,20 +55,10 @@ _SECONDS = 2.0
 class DerivedInput:
     """The files from which an artifact is made.
 
-    Parameters
-    ----------
-    source, result : Path
-        The asset and the `result.glb` of the same job. A name in `OF_RESULT` needs no asset: name the result twice.
-    filename : str
-        The name that the user gave the asset.
-    output : OutputOptions
-        Those of the job's request.
-    exclude : sequence of str or int
-        `params.control.exclude` of the run.
-    strength : float
-        Of `STRENGTH` only: 0 is the source, 1 the result.
-    outside : "refuse" or "rigid"
-        Of `ALIKE` only: of pieces that reach out of what the map deforms.
+    `source` and `result`: the asset and the `result.glb` of the same job. A name in `OF_RESULT` needs no asset: name
+    the result twice. `filename`: the name that the user gave the asset; `output`: those of the job's request;
+    `exclude`: `params.control.exclude` of the run; `strength`: of `STRENGTH` only: 0 is the source, 1 the result;
+    `outside`: of `ALIKE` only: of pieces that reach out of what the map deforms.
     """
 
     def __init__(
@@ -93,12 +83,8 @@ class DerivedInput:
 def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None = None) -> None:
     """Make an artifact in a child process.
 
-    Parameters
-    ----------
-    name : str
-        A key of `DERIVED`, `STRENGTH` or `ALIKE`.
-    target : Path
-        The file to write; its folder also takes the child's temporary files.
+    `name`: a key of `DERIVED`, `STRENGTH` or `ALIKE`. `target`: the file to write; its folder also takes the child's
+    temporary files.
     """
     limits = limits or Limits()
     seconds = _SECONDS * limits.max_check_s

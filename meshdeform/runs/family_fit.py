@@ -29,10 +29,7 @@ from meshdeform.runs.family_results import FamilyResults, labels_of
 def start(given: RunInput) -> FamilyFitRun:
     """Unpack the collection and prepare the run.
 
-    Raises
-    ------
-    AssetError, RequestError, CheckpointError
-        The input cannot be run; the error says what to do.
+    Raises AssetError, RequestError, CheckpointError: the input cannot be run; the error says what to do.
     """
     params = params_of(given.request)
     file = given.files["collection"]

@@ -21,10 +21,7 @@ READ_STEPS = 10
 def params_of(request: JobRequest) -> FamilyParams:
     """Return the parameters of a request of this kind.
 
-    Raises
-    ------
-    ParameterError
-        They are those of another kind, or the request asks for what this kind does not make.
+    Raises ParameterError: they are those of another kind, or the request asks for what this kind does not make.
     """
     params: Any = request.params
     if not isinstance(params, FamilyParams):

@@ -358,12 +358,8 @@ def packed_arrays(arrays: dict[str, NDArray[Any]]) -> ArtifactData:
 def labels_of(asset: Asset, name: str, labels: AssetLabels, parts: list[str]) -> NDArray[np.int64]:
     """Return the part of each triangle (F,); -1 where none is given.
 
-    Nodes come first, then materials, then single triangles, each over those before.
-
-    Raises
-    ------
-    AssetError
-        A node or a material does not exist, or there is not one label for each triangle.
+    Nodes come first, then materials, then single triangles, each over those before. Raises AssetError: a node or a
+    material does not exist, or there is not one label for each triangle.
     """
     numbers = {part: number for number, part in enumerate(parts)}
     count = len(asset.surface.triangles)
@@ -395,9 +391,7 @@ def labels_of(asset: Asset, name: str, labels: AssetLabels, parts: list[str]) ->
 def family_png(shapes: Sequence[Shown], parts: Sequence[str]) -> bytes:
     """Draw shapes in rows, with the names of the parts in their colours below.
 
-    Parameters
-    ----------
-    shapes : sequence of (positions (N, 3), triangles (F, 3), part of each triangle (F,))
+    `shapes` is sequence of (positions (N, 3), triangles (F, 3), part of each triangle (F,)).
     """
     columns = min(max(math.ceil(math.sqrt(len(shapes) * 1.5)), 3), len(shapes))
     rows = -(-len(shapes) // columns)
@@ -458,12 +452,8 @@ def wall(
 ) -> ArtifactData:
     """Return the artifact `wall.glb`.
 
-    Parameters
-    ----------
-    labels : (K,) int64
-        The part of each point.
-    count : int, optional
-        Number of shapes with those that are not shown. Default: all are shown.
+    `labels`, (K,) int64: the part of each point. `count`: number of shapes with those that are not shown. Default: all
+    are shown.
     """
     points = [int(label) for label in labels]
     about: dict[str, Any] = {"kind": "family_wall", "parts": list(parts), "points": points}
@@ -486,17 +476,9 @@ def wall_shape(
 ) -> WallShape:
     """Return one of `count` shapes of a wall, with few triangles.
 
-    Parameters
-    ----------
-    positions : (N, 3) float64
-        In the asset's units.
-    triangles : (F, 3) int64
-    parts : (F,) uint8
-    points : (K, 3) float64
-        In the family's frame: turned, around 0, with the diagonal as unit.
-    confidence : (K,) float32
-    centre, diagonal, turn
-        Lead from the asset's units to that frame.
+    `positions`, (N, 3) float64: in the asset's units; `triangles` is (F, 3) int64; `parts` is (F,) uint8; `points`, (K,
+    3) float64: in the family's frame: turned, around 0, with the diagonal as unit; `confidence` is (K,) float32;
+    `centre`, `diagonal` and `turn`: lead from the asset's units to that frame.
     """
     verts = turned((positions - centre) / diagonal, turn)
     share = min(_OF_ONE, _TRIANGLES // count) / max(len(triangles), 1)
@@ -681,14 +663,8 @@ def wall_glb(shapes: Sequence[WallShape], parts: Sequence[str], colours: Sequenc
     """Return a GLB with a node for each shape, in rows from the top left.
 
     The mesh of a node has a primitive for each part, whose material has the part's name and colour, and one of points
-    with the attribute `_CONFIDENCE`.
-
-    Parameters
-    ----------
-    colours : sequence of tuple
-        Linear RGBA, taken in turn.
-    extras : dict
-        JSON for `asset.extras.meshdeform`.
+    with the attribute `_CONFIDENCE`. `colours`: linear RGBA, taken in turn; `extras`: JSON for
+    `asset.extras.meshdeform`.
     """
     about: Json = {"version": "2.0", "generator": f"Meshdeform {__version__}", "extras": {"meshdeform": extras}}
     root: Json = {"asset": about, "scene": 0, "scenes": [{"nodes": list(range(len(shapes)))}]}

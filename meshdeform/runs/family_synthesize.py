@@ -44,10 +44,7 @@ def machine_of(family: FamilyFile) -> BetaMachine:
 def start(given: RunInput) -> FamilySynthesisRun:
     """Read the family, find its assets, and prepare the run.
 
-    Raises
-    ------
-    AssetError, RequestError, CheckpointError
-        The input cannot be run; the error says what to do.
+    Raises AssetError, RequestError, CheckpointError: the input cannot be run; the error says what to do.
     """
     params = params_of(given.request)
     limits = given.limits or Limits()

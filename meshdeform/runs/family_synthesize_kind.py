@@ -28,10 +28,7 @@ _MEMBERS = {
 def params_of(request: JobRequest) -> FamilySynthesisParams:
     """Return the parameters of a request of this kind.
 
-    Raises
-    ------
-    ParameterError
-        They are those of another kind, or do not fit the mode.
+    Raises ParameterError: they are those of another kind, or do not fit the mode.
     """
     params: Any = request.params
     if not isinstance(params, FamilySynthesisParams):

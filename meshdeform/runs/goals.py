@@ -139,12 +139,7 @@ def _prompted(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, pr
 class SilhouetteFit:
     """The pictures of a job.
 
-    Parameters
-    ----------
-    views : sequence of SilhouetteView
-        One for each of `params.guidance.silhouettes`.
-    sha256 : str
-        Of all pictures.
+    `views`: one for each of `params.guidance.silhouettes`; `sha256`: of all pictures.
     """
 
     def __init__(self, params: ResolvedParams, views: Sequence[SilhouetteView], sha256: str) -> None:
@@ -203,10 +198,7 @@ class TargetFit:
     def of(cls, params: ResolvedParams, asset: Asset, world: TriangleMesh, target: Asset) -> TargetFit:
         """Align the target with the asset.
 
-        Parameters
-        ----------
-        world : TriangleMesh
-            The asset's welded mesh in its world.
+        `world`: the asset's welded mesh in its world.
         """
         surface = target.surface
         goal = weld(surface.positions, surface.triangles).mesh

@@ -58,16 +58,8 @@ def orientation_of(
 ) -> dict[str, Any]:
     """Return the orientation that a job would have, as its report would describe it.
 
-    Parameters
-    ----------
-    filename : str
-        Its name; the extension decides the format where the content does not.
-    params : ResolvedParams
-        `check_searchable` accepts them.
-    subdivide : bool
-        `output.subdivide` of the job.
-    dtype : str
-        Precision of the model, as for `load_prior`.
+    `filename`: its name; the extension decides the format where the content does not. `params`: `check_searchable`
+    accepts them; `subdivide`: `output.subdivide` of the job; `dtype`: precision of the model, as for `load_prior`.
     """
     task = {
         "suffix": Path(filename).suffix[:16],

@@ -201,10 +201,7 @@ def _shape(file: MeshFile, request: TeachRequest, limits: Limits | None, warning
 class LessonRun(JobRun):
     """A lesson in progress, created by `start` or `start_lesson`.
 
-    Attributes
-    ----------
-    files : ExitStack
-        Closed when the lesson is finished: the weights to start from may be a temporary file.
+    `files`: closed when the lesson is finished: the weights to start from may be a temporary file.
     """
 
     def __init__(

@@ -58,12 +58,7 @@ def params_of(request: JobRequest) -> TeachParams:
 def lesson_of(params: TeachParams, known: Words, names: Sequence[str]) -> dict[str, MeshLabel]:
     """Return the label of each mesh, by its name in the ZIP.
 
-    Parameters
-    ----------
-    known : Words
-        Those of the weights to start from.
-    names : sequence of str
-        Of the meshes; none if they are not known yet.
+    `known`: those of the weights to start from. `names`: of the meshes; none if they are not known yet.
     """
     try:
         if params.noun is None:

@@ -53,16 +53,8 @@ def read_prompts(
 ) -> Prompts:
     """Return the prompts of a request.
 
-    Parameters
-    ----------
-    prompt : str
-        That of the request.
-    surface : SelectableSurface
-        In the file's units.
-    mesh : RestMesh
-        The welded mesh in the cameras' frame.
-    control : Control
-        With a symmetry, a region has its mirror image as well.
+    `prompt`: that of the request; `surface`: in the file's units; `mesh`: the welded mesh in the cameras' frame;
+    `control`: with a symmetry, a region has its mirror image as well.
     """
     given = active_prompts(prompt, params.prompts)
     # Their numbers in the request, for errors.

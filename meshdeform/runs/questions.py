@@ -32,12 +32,7 @@ class Question:
     def ask(self, arguments: list[str], folder: Path, timeout_s: float) -> Any:
         """Return the answer.
 
-        Parameters
-        ----------
-        arguments : list of str
-            The child's command line; paths must be absolute.
-        folder : Path
-            For its temporary files.
+        `arguments`: the child's command line; paths must be absolute. `folder`: for its temporary files.
         """
         try:
             child = run_child(self.module, arguments, timeout_s=timeout_s, temporary=folder)

@@ -26,10 +26,7 @@ _PROMPT = "a mushroom"
 def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
     """Deform a small sphere by two steps, and make no result.
 
-    Parameters
-    ----------
-    prior : Prior, optional
-        The builtin one. Without it a target pulls, which draws nothing during the steps.
+    `prior`: the builtin one. Without it a target pulls, which draws nothing during the steps.
     """
     sphere = _glb(1)
     if prior is None:

@@ -26,31 +26,12 @@ _QUESTION = Question(
 def guesses_of(drawing: Path, *, family: str = "", timeout_s: float) -> dict[str, Any]:
     """Return the families that a drawing may show.
 
-    Parameters
-    ----------
-    drawing : Path
-        A PNG, JPEG or WebP. The child's temporary files lie beside it.
-    family : str
-        The only family to consider. Default: all.
-
-    Returns
-    -------
-    dict
-        `guesses`, the likeliest first, each with `family`, `probability`, `values` and the `mesh` as a GLB in base64;
-        and whether the first one is `unsure`.
-
-    Raises
-    ------
-    ParameterError
-        There is no such family.
-    DrawingError
-        The picture is no line drawing.
-    ModelError
-        The package's weights are missing or damaged.
-    DependencyError
-        Numpy, Pillow or safetensors is not installed here.
-    UnavailableError
-        It took too long or too much memory, or no process can be started.
+    `drawing`: a PNG, JPEG or WebP. The child's temporary files lie beside it. `family`: the only family to consider.
+    Default: all. Returns dict: `guesses`, the likeliest first, each with `family`, `probability`, `values` and the
+    `mesh` as a GLB in base64; and whether the first one is `unsure`. Raises ParameterError: there is no such family.
+    Raises DrawingError: the picture is no line drawing. Raises ModelError: the package's weights are missing or
+    damaged. Raises DependencyError: Numpy, Pillow or safetensors is not installed here. Raises UnavailableError: it
+    took too long or too much memory, or no process can be started.
     """
     if family:
         sketch_family(family)
@@ -60,12 +41,8 @@ def guesses_of(drawing: Path, *, family: str = "", timeout_s: float) -> dict[str
 def shape_of(sketch: Sketch, folder: Path, *, timeout_s: float) -> bytes:
     """Return a shape of a family as a GLB; the child's temporary files lie in the folder.
 
-    Raises
-    ------
-    DependencyError
-        Numpy is not installed here.
-    UnavailableError
-        It took too long, or no process can be started.
+    Raises DependencyError: Numpy is not installed here. Raises UnavailableError: it took too long, or no process can be
+    started.
     """
     found = _asked(["shape", sketch.model_dump_json()], folder.absolute(), timeout_s)
     return base64.b64decode(found["mesh"])

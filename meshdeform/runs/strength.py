@@ -39,12 +39,8 @@ _Floats = NDArray[np.float64]
 class AssetPath:
     """The way of an asset's own vertices from the source to a result, in world space.
 
-    Parameters
-    ----------
-    positions : (N, 3) float64
-        Positions of the result; rows as in `source.surface`.
-    welded : WeldedMesh, optional
-        The welded source, if known.
+    `positions`, (N, 3) float64: positions of the result; rows as in `source.surface`; `welded`: the welded source, if
+    known.
     """
 
     def __init__(self, source: Asset, positions: _Floats, welded: WeldedMesh | None = None) -> None:
@@ -112,12 +108,7 @@ def check_same_asset(source: Asset, result: Asset, names: tuple[str, str] = ("Th
 def matched(source: Asset, result: Asset, exclude: Sequence[str | int], limits: Limits | None) -> tuple[Asset, Asset]:
     """Return the source as its run deformed it, subdivided if the result is, and the same nodes of the result.
 
-    Parameters
-    ----------
-    exclude : sequence of str or int
-        `params.control.exclude` of the run.
-    limits : Limits, optional
-        Those of the deployment that ran it.
+    `exclude`: `params.control.exclude` of the run; `limits`: those of the deployment that ran it.
     """
     source, result = (asset.without(find_excluded(exclude, asset.parts().nodes)) for asset in (source, result))
     if len(source.surface.triangles) < len(result.surface.triangles):
@@ -137,16 +128,8 @@ def with_strength(
 ) -> bytes:
     """Return the asset as a GLB with its shape at a share of the way to its result.
 
-    Parameters
-    ----------
-    result : bytes
-        The GLB that was made from it, returned itself for a strength of 1.
-    strength : float
-        From 0, the source, to `MAX_STRENGTH`.
-    exclude, limits
-        As for `matched`.
-    compact : bool
-        Drop the data that the new shape made unused.
+    `result`: the GLB that was made from it, returned itself for a strength of 1; `strength`: from 0, the source, to
+    `MAX_STRENGTH`; `exclude` and `limits`: as for `matched`; `compact`: drop the data that the new shape made unused.
     """
     if not 0 <= strength <= MAX_STRENGTH:
         raise ParameterError(f"The strength {strength:g} is not between 0 and {MAX_STRENGTH:g}.")

@@ -46,21 +46,11 @@ _IN_FRONT = 0.05
 def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor) -> _Floats:
     """Transform the source's normals to the deformed surface.
 
-    Parameters
-    ----------
-    normals : (N, 3) float64
-        Unit normals of the source vertices; NaN rows (no normal) stay NaN.
-    triangles : (F, 3) int64
-        Source vertices of the faces that have a Jacobian.
-    jacobians : (F, 3, 3) float64
-        Completed Jacobians.
-    areas : (F,) float64
-        Weights.
-
-    Returns
-    -------
-    (N, 3) float64 unit normals. A vertex whose faces all collapse, or that no face uses, keeps its normal. Where
-    nothing was deformed, the source's numbers are returned, including the float32 rounding of their length.
+    `normals`, (N, 3) float64: unit normals of the source vertices; NaN rows (no normal) stay NaN. `triangles`, (F, 3)
+    int64: source vertices of the faces that have a Jacobian; `jacobians`, (F, 3, 3) float64: completed Jacobians;
+    `areas`, (F,) float64: weights. Returns (N, 3) float64 unit normals. A vertex whose faces all collapse, or that no
+    face uses, keeps its normal. Where nothing was deformed, the source's numbers are returned, including the float32
+    rounding of their length.
     """
     a, b, c = jacobians.unbind(1)
     cofactors = torch.stack([torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)], 1)
@@ -72,18 +62,9 @@ def transform_tangents(
 ) -> _Floats:
     """Transform the source's tangents to the deformed surface, perpendicular to its normals.
 
-    Parameters
-    ----------
-    tangents : (N, 4) float64
-        Unit tangents and handedness; NaN rows stay NaN.
-    normals : (N, 3) float64
-        The *deformed* normals.
-    triangles, jacobians, areas
-        As for `transform_normals`.
-
-    Returns
-    -------
-    (N, 4) float64; the handedness is the source's.
+    `tangents`, (N, 4) float64: unit tangents and handedness; NaN rows stay NaN. `normals`, (N, 3) float64: the
+    *deformed* normals; `triangles`, `jacobians` and `areas`: as for `transform_normals`. Returns (N, 4) float64; the
+    handedness is the source's.
     """
     moved = _transform(tangents[:, :3], triangles, jacobians, areas)
     flat = moved - (moved * normals).sum(1, keepdims=True) * normals
@@ -99,19 +80,10 @@ def rebuild_turned_normals(
 ) -> tuple[_Floats, int]:
     """Replace transformed normals that have changed sides of one of their faces.
 
-    Parameters
-    ----------
-    normals, source_normals : (N, 3) float64
-        Unit normals after and before; NaN rows (no normal) stay NaN.
-    triangles : (F, 3) int64
-        Source vertices of the faces.
-    rest_faces, new_faces : (F, 3) float64
-        Area vectors of the faces before and after.
-
-    Returns
-    -------
-    (N, 3) float64 unit normals, and how many were replaced: by the mean of the deformed area vectors of their faces, on
-    the sides where the source's normal was.
+    `normals` and `source_normals`, (N, 3) float64: unit normals after and before; NaN rows (no normal) stay NaN.
+    `triangles`, (F, 3) int64: source vertices of the faces; `rest_faces` and `new_faces`, (F, 3) float64: area vectors
+    of the faces before and after. Returns (N, 3) float64 unit normals, and how many were replaced: by the mean of the
+    deformed area vectors of their faces, on the sides where the source's normal was.
     """
     corners = triangles.reshape(-1)
     before, after = (
@@ -160,12 +132,8 @@ def vertex_jacobians(welded: WeldedMesh, verts: Tensor) -> _Floats:
     """Return the linear map (N, 3, 3) of a deformation around each of the source's vertices, in world space.
 
     It is the mean of the completed Jacobians of the faces around the welded vertex, by their area; exactly the identity
-    where none of these faces moved, and at vertices that no face uses.
-
-    Parameters
-    ----------
-    verts : (V, 3) float64
-        Deformed welded vertices, in world space.
+    where none of these faces moved, and at vertices that no face uses. `verts`, (V, 3) float64: deformed welded
+    vertices, in world space.
     """
     rest = welded.mesh
     faces, areas = rest.faces.reshape(-1), torch.from_numpy(rest.areas)
@@ -214,12 +182,8 @@ class Shown:
     def of(cls, asset: Asset, written: Asset, welded: WeldedMesh, verts: Tensor) -> Shown:
         """Pose the source and the result, read back from its file.
 
-        Parameters
-        ----------
-        welded : WeldedMesh
-            The source in its bind pose.
-        verts : (V, 3) float64
-            Deformed positions of the welded vertices, in the bind pose.
+        `welded`: the source in its bind pose; `verts`, (V, 3) float64: deformed positions of the welded vertices, in
+        the bind pose.
         """
         if asset.rig().joints:
             before, after = asset.posed(), written.posed()

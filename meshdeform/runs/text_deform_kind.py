@@ -80,20 +80,10 @@ def check(
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
 
-    Parameters
-    ----------
-    default_model : str
-        The model used if the request names none; always allowed, like `builtin`.
-    allowed_models : sequence of str
-        Further models that a request may name.
-    revision : str
-        Revision of the default model.
-    has_target : bool
-        Whether the second mesh for `target` guidance is present.
-    pictures : collection of str
-        The names of the parts with pictures that are present.
-    has_weights : bool
-        Whether taught weights are among the files.
+    `default_model`: the model used if the request names none; always allowed, like `builtin`; `allowed_models`: further
+    models that a request may name; `revision`: revision of the default model; `has_target`: whether the second mesh for
+    `target` guidance is present; `pictures`: the names of the parts with pictures that are present; `has_weights`:
+    whether taught weights are among the files.
     """
     resolved = resolve(request.params, default_model=default_model)
     _check_pictures(resolved, request.prompt, pictures)
@@ -261,10 +251,7 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
 def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[float]]]) -> None:
     """Refuse points of handles and landmarks that are absurdly far from the file in whose world they are.
 
-    Parameters
-    ----------
-    bounds : mapping
-        The least and the greatest coordinates (2, 3) of the `asset` and the `target`, as far as they are known.
+    `bounds`: the least and the greatest coordinates (2, 3) of the `asset` and the `target`, as far as they are known.
     """
     for part, places in (("asset", _places_on_asset(params)), ("target", _places_on_target(params))):
         if not bounds.get(part):

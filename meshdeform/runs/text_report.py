@@ -123,12 +123,7 @@ def provenance(facts: AssetFacts, step: int) -> dict[str, Any]:
 def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, first_step: int, log: RunLog) -> bytes:
     """Return `report.json`.
 
-    Parameters
-    ----------
-    deformation : Deformation
-        After its last step.
-    first_step : int
-        Number of steps done by earlier attempts.
+    `deformation`: after its last step; `first_step`: number of steps done by earlier attempts.
     """
     params, asset = facts.params, facts.asset
     with log.phase("measure"):
@@ -179,12 +174,7 @@ def change_report(
 ) -> bytes:
     """Return `report.json` of a change in plain words.
 
-    Parameters
-    ----------
-    recognised : Recognition, optional
-        What the source was taken for, if it was asked.
-    follows : bool
-        Whether the rig followed.
+    `recognised`: what the source was taken for, if it was asked; `follows`: whether the rig followed.
     """
     with log.phase("measure"):
         measured = _measured(facts, outcome)
@@ -352,12 +342,7 @@ class Movement:
 def measure_movement(rest: RestMesh, verts: Tensor, held_share: float) -> Movement:
     """Compare a deformed mesh with its rest state.
 
-    Parameters
-    ----------
-    verts : (V, 3) float64
-        Deformed positions in the same unit.
-    held_share : float
-        As in `Outcome`.
+    `verts`, (V, 3) float64: deformed positions in the same unit; `held_share`: as in `Outcome`.
     """
     weights = rest.vertex_areas
     used = rest.verts.numpy()[np.unique(rest.faces.numpy())]

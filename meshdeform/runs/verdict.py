@@ -148,18 +148,9 @@ def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedPa
 def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any]) -> dict[str, Any]:
     """Measure how much a result kept of its source.
 
-    Parameters
-    ----------
-    source, result : TriangleMesh
-        With the same faces, +Y up.
-    quality : mapping
-        The fields of `meshdeform.geometry.quality.MeshQuality` for these two.
-
-    Returns
-    -------
-    dict
-        The fields of `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0 if not counted) and
-        `flipped_faces`.
+    `source` and `result`: with the same faces, +Y up; `quality`: the fields of
+    `meshdeform.geometry.quality.MeshQuality` for these two. Returns dict: the fields of
+    `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0 if not counted) and `flipped_faces`.
     """
     cuts = quality["self_intersections_added"] or 0
     shares = {"cut_share": cuts / len(source.faces), "flipped_faces": quality["flipped_faces"]}
@@ -174,18 +165,9 @@ def worse_than_source(before: int, after: int, structure: Mapping[str, Any]) -> 
 def verdict(prompt: str, likeness: Mapping[str, Any], structure: Mapping[str, Any]) -> dict[str, Any]:
     """Return the report's member `verdict`.
 
-    Parameters
-    ----------
-    likeness : mapping
-        That of the report, with its `before`.
-    structure : mapping
-        As `kept_structure` returns it.
-
-    Returns
-    -------
-    dict
-        `value`: `keep_result` or `keep_source`; its `reasons`, a list of sentences that is empty for `keep_result`;
-        and the `structure`.
+    `likeness`: that of the report, with its `before`; `structure`: as `kept_structure` returns it. Returns dict:
+    `value`: `keep_result` or `keep_source`; its `reasons`, a list of sentences that is empty for `keep_result`; and the
+    `structure`.
     """
     rank, was = likeness["rank"], likeness["before"]["rank"]
     attributes = parse(prompt).attributes
@@ -218,13 +200,9 @@ def prompt_reports(
 ) -> list[dict[str, Any]]:
     """Return the report's `prompts`: each with its weight, its region, and what became of it.
 
-    Parameters
-    ----------
-    rest, mesh : TriangleMesh
-        The welded source and result in their world.
-    compare : callable, optional
-        Compares a mesh with a prompt; a prompt with a region is compared with the region alone, of the source as well
-        (`before`), since what a piece of an asset looks like to the judge says little by itself.
+    `rest` and `mesh`: the welded source and result in their world. `compare`: compares a mesh with a prompt; a prompt
+    with a region is compared with the region alone, of the source as well (`before`), since what a piece of an asset
+    looks like to the judge says little by itself.
     """
     reports = []
     diagonal = float(np.linalg.norm(np.ptp(rest.verts.numpy(), axis=0)))
@@ -261,14 +239,8 @@ def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
 def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
     """Compare a mesh with the noun of a prompt of the builtin prior.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        +Y up, of any position and size.
-
-    Returns
-    -------
-    As in `summarize`, with the judge's identity; None if its weights are missing or damaged, which is logged.
+    `mesh`: +Y up, of any position and size. Returns as in `summarize`, with the judge's identity; None if its weights
+    are missing or damaged, which is logged.
     """
     try:
         judge = Judge()
@@ -283,14 +255,8 @@ def likeness_and_before(
 ) -> dict[str, Any] | None:
     """Compare a result and its source with the noun of a prompt.
 
-    Parameters
-    ----------
-    nouns : mapping of str to float
-        The probabilities of all nouns for the source; if it is empty, the judge is asked.
-
-    Returns
-    -------
-    The likeness of the result, with that of the source as `before`; None as in `likeness`.
+    `nouns`: the probabilities of all nouns for the source; if it is empty, the judge is asked. Returns the likeness of
+    the result, with that of the source as `before`; None as in `likeness`.
     """
     compared = likeness(result, prompt)
     if compared is not None:
@@ -301,11 +267,8 @@ def likeness_and_before(
 def summarize(probabilities: Mapping[str, float], noun: str) -> dict[str, Any]:
     """Summarize the probabilities of all nouns for a result that should be `noun`.
 
-    Returns
-    -------
-    dict
-        `noun`, its `probability` and `rank` from 1, the number of `nouns`, the most probable other one as `next`, and
-        `matches`: whether the rank is 1.
+    Returns dict: `noun`, its `probability` and `rank` from 1, the number of `nouns`, the most probable other one as
+    `next`, and `matches`: whether the rank is 1.
     """
     wanted = probabilities[noun]
     other = max((name for name in probabilities if name != noun), key=probabilities.__getitem__)

@@ -45,16 +45,9 @@ def python_command(module: str, *arguments: str) -> list[str]:
 class Child:
     """A program in its own process group, so that Ctrl-C at the terminal reaches only its parent.
 
-    Parameters
-    ----------
-    env : mapping, optional
-        Environment variables to add or change.
-    stdin : bytes
-        The content of its standard input.
-    pass_fds : iterable of int
-        File descriptors that it inherits, under the same numbers.
-    on_line : callable, optional
-        Called with each line that it prints, from a thread. Without it the child shares our output.
+    `env`: environment variables to add or change; `stdin`: the content of its standard input; `pass_fds`: file
+    descriptors that it inherits, under the same numbers. `on_line`: called with each line that it prints, from a
+    thread. Without it the child shares our output.
     """
 
     def __init__(

@@ -24,16 +24,9 @@ def sign_path(
 ) -> str:
     """Return a signed query, without a question mark, that permits `method` on `path`.
 
-    Parameters
-    ----------
-    path : str
-        As the server sees it: decoded, with the leading slash, without the query.
-    expires_at : int
-        Unix time in seconds from which the URL is refused.
-    secret : bytes
-        At least 16 bytes, the same for every process that verifies.
-    parameters : mapping, optional
-        More query parameters to sign. None may be named `expires` or `signature`.
+    `path`: as the server sees it: decoded, with the leading slash, without the query; `expires_at`: unix time in
+    seconds from which the URL is refused; `secret`: at least 16 bytes, the same for every process that verifies.
+    `parameters`: more query parameters to sign. None may be named `expires` or `signature`.
     """
     if parameters and {_EXPIRES, _SIGNATURE} & set(parameters):
         raise ValueError("parameters must not be named expires or signature")
@@ -44,12 +37,8 @@ def sign_path(
 def verify_path(method: str, path: str, query: str, secret: bytes, now: float | None = None) -> dict[str, str]:
     """Verify that a complete query, as received, was signed for this method and path and has not expired.
 
-    Returns the signed parameters, without `expires` and `signature`. `now` is a Unix time in seconds.
-
-    Raises
-    ------
-    ForbiddenError
-        The signature is wrong, or the URL has expired.
+    Returns the signed parameters, without `expires` and `signature`. `now` is a Unix time in seconds. Raises
+    ForbiddenError: the signature is wrong, or the URL has expired.
     """
     try:
         pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True, errors="strict", max_num_fields=32)

@@ -25,25 +25,13 @@ _SIGNED_S = 7 * 86_400
 class ObjectStore:
     """Bytes by key. Keys are slash-separated names of letters, digits, `.`, `_` and `-`.
 
-    Parameters
-    ----------
-    location : str or Path
-        A folder, or a URL: ``s3://BUCKET/PREFIX`` (credentials and endpoint from the usual ``AWS_*`` variables),
-        ``gs://``, ``az://``, ``memory://`` for tests.
-    patience_s : float
-        Seconds for which a bucket's connection may stall before the store counts as unavailable.
-    public_url : str
-        Base of signed URLs to an S3 store, if clients reach it at another address than this process.
-    create : bool
-        Whether a missing or empty folder becomes a new store. False if a record refers to objects: then the store is
-        away, for example not mounted. Buckets are never created.
-
-    Raises
-    ------
-    UnavailableError
-        The location cannot be used. Every method raises this while the store is away or does not answer.
-    NotFoundError
-        By every method that reads: there is no such object.
+    `location`: a folder, or a URL: ``s3://BUCKET/PREFIX`` (credentials and endpoint from the usual ``AWS_*``
+    variables), ``gs://``, ``az://``, ``memory://`` for tests; `patience_s`: seconds for which a bucket's connection may
+    stall before the store counts as unavailable; `public_url`: base of signed URLs to an S3 store, if clients reach it
+    at another address than this process. `create`: whether a missing or empty folder becomes a new store. False if a
+    record refers to objects: then the store is away, for example not mounted. Buckets are never created. Raises
+    UnavailableError: the location cannot be used. Every method raises this while the store is away or does not answer.
+    Raises NotFoundError: by every method that reads: there is no such object.
     """
 
     def __init__(
@@ -153,14 +141,8 @@ class ObjectStore:
     def fetch(self, key: str, path: Path, *, sha256: str | None = None) -> StoredObject:
         """Stream an object into a file, which appears complete or not at all (it is not synced to the disk).
 
-        The path is replaced if it exists; its folder must exist.
-
-        Raises
-        ------
-        StoredFileError
-            The object has another SHA-256 than the expected one.
-        UnavailableError
-            The local disk is full.
+        The path is replaced if it exists; its folder must exist. Raises StoredFileError: the object has another SHA-256
+        than the expected one. Raises UnavailableError: the local disk is full.
         """
         parts = self.stream(key)
         with file_errors():
@@ -229,25 +211,12 @@ class ObjectStore:
     def append(self, upload_id: str, offset: int, chunks: Iterable[bytes], max_bytes: int) -> int:
         """Append bytes to an upload durably; offset 0 begins one. Return the total bytes received for it.
 
-        Parameters
-        ----------
-        upload_id : str
-            A valid part of a key.
-        offset : int
-            Position of the bytes, which must be the current size of the upload.
-        chunks : iterable of bytes
-            If iterating raises, the bytes received so far are kept and the exception propagates.
-        max_bytes : int
-            Largest size of the whole upload.
-
-        Raises
-        ------
-        ConflictError
-            The upload has another size (`extra["offset"]`), or another request is writing to it.
-        NotFoundError
-            There is no such upload, and the offset is not 0.
-        AssetTooLargeError, UnavailableError
-            The upload would exceed `max_bytes`, or the disk is full or fails; the bytes of this call are discarded.
+        `upload_id`: a valid part of a key; `offset`: position of the bytes, which must be the current size of the
+        upload; `chunks`: if iterating raises, the bytes received so far are kept and the exception propagates;
+        `max_bytes`: largest size of the whole upload. Raises ConflictError: the upload has another size
+        (`extra["offset"]`), or another request is writing to it. Raises NotFoundError: there is no such upload, and the
+        offset is not 0. Raises AssetTooLargeError, UnavailableError: the upload would exceed `max_bytes`, or the disk
+        is full or fails; the bytes of this call are discarded.
         """
         return self._area().append(upload_id, offset, chunks, max_bytes)
 

@@ -83,12 +83,8 @@ def in_ranges(work: Callable[[int, int], T], count: int) -> list[T]:
     """Call ``work(begin, end)`` for consecutive ranges of ``range(count)``, side by side, and return what they return.
 
     Worth it for work of a tenth of a millisecond or more that releases the interpreter's lock. The calling thread takes
-    the first range. With one thread (`choose_threads`), or inside of such work, it takes everything.
-
-    Parameters
-    ----------
-    work : callable
-        Called with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
+    the first range. With one thread (`choose_threads`), or inside of such work, it takes everything. `work`: called
+    with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
     """
     parts = 1 if getattr(_sharing, "already", False) else max(1, min(usable_threads(), count))
     bounds = [count * part // parts for part in range(parts + 1)]

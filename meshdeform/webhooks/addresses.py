@@ -107,14 +107,8 @@ def system_lookup(host: str, port: int) -> list[str]:
 def find_destination(url: str, networks: Networks, lookup: Lookup = system_lookup) -> Destination:
     """Parse a webhook's URL, resolve its host, and check all its addresses.
 
-    Parameters
-    ----------
-    url : str
-        `https`, without credentials, at port 80, 443 or one above 1023.
-    networks : tuple of networks
-        Networks allowed besides the public internet; there `http` is allowed too.
-    lookup : callable
-        Resolves the host.
+    `url`: `https`, without credentials, at port 80, 443 or one above 1023. `networks`: networks allowed besides the
+    public internet; there `http` is allowed too; `lookup`: resolves the host.
     """
     read, host, port = _read(url)
     # One message for all cases, without the address: users must not learn which names exist in the server's network.

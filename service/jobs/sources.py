@@ -101,12 +101,8 @@ def fetch(
 ) -> ReceivedFile:
     """Copy the file that a reference names into the folder.
 
-    Parameters
-    ----------
-    owner_id : str
-        The owner of the uploads and jobs that may be named.
-    place : list of str
-        The member that holds the reference; its last name is also that of the file in the folder.
+    `owner_id`: the owner of the uploads and jobs that may be named. `place`: the member that holds the reference; its
+    last name is also that of the file in the folder.
     """
     path = folder / place[-1]
     if reference.upload_id is not None:

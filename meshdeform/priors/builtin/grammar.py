@@ -187,12 +187,7 @@ class Suggestions:
 def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = BUILTIN_WORDS) -> dict[str, str]:
     """Return the known word in place of each misspelt one.
 
-    Parameters
-    ----------
-    with_nouns : bool
-        Whether nouns count: a prompt that has one needs no second.
-    words : Words
-        The words that the model knows.
+    `with_nouns`: whether nouns count: a prompt that has one needs no second; `words`: the words that the model knows.
     """
     known = [*ADJECTIVES, *ADJECTIVE_SYNONYMS, *PARTS, *PART_SYNONYMS, *DEGREE_SYNONYMS]
     if with_nouns:
@@ -225,18 +220,8 @@ def suggest(
 ) -> Suggestions:
     """Return prompts in place of a refused one.
 
-    Parameters
-    ----------
-    nouns : sequence of str
-        Canonical nouns of the refused prompt.
-    whole : sequence of str
-        Adjectives of the whole.
-    parts : sequence of tuple
-        Canonical parts with their adjectives.
-    unknown : sequence of str
-        Words that were not understood.
-    words : Words
-        The words that the model knows.
+    `nouns`: canonical nouns of the refused prompt; `whole`: adjectives of the whole; `parts`: canonical parts with
+    their adjectives; `unknown`: words that were not understood; `words`: the words that the model knows.
     """
     corrections = correct(unknown, with_nouns=not nouns, words=words)
     corrected = list(corrections.values())
@@ -336,26 +321,12 @@ def _listed(items: Iterable[str], conjunction: str) -> str:
 def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
-    Parameters
-    ----------
-    prompt : str
-        For example "a tall, thin vase" or "a Giraffe with a long neck and short legs".
-    known : Words
-        The words of the file of weights; by default those in the package.
-
-    Returns
-    -------
-    ParsedPrompt
-        Canonical noun and attributes, equal for prompts with the same meaning.
-
-    Raises
-    ------
-    PromptError
-        The prompt is empty or has more than three attributes.
-    VocabularyError
-        A word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up to three
-        prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning, by
-        unknown word), `nouns` and `attributes`.
+    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `known`: the words of the
+    file of weights; by default those in the package. Returns ParsedPrompt: canonical noun and attributes, equal for
+    prompts with the same meaning. Raises PromptError: the prompt is empty or has more than three attributes. Raises
+    VocabularyError: a word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up
+    to three prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning,
+    by unknown word), `nouns` and `attributes`.
     """
     return _assemble(_read(prompt, known))
 
@@ -365,12 +336,8 @@ def variations(prompt: str, count: int, known: Words = BUILTIN_WORDS) -> list[st
 
     Another seed alone hardly changes a result, since few controls leave little to chance. One part grows, the next one
     shrinks, in turns with the proportions of the whole; what a prompt says already is not contradicted. Beyond the last
-    attribute the prompt itself is repeated, as is one with as many attributes as fit.
-
-    Raises
-    ------
-    PromptError, VocabularyError
-        As `parse`.
+    attribute the prompt itself is repeated, as is one with as many attributes as fit. Raises PromptError,
+    VocabularyError: as `parse`.
     """
     meant = parse(prompt, known)
     said = {attribute.part for attribute in meant.attributes}
@@ -397,21 +364,10 @@ def _ordered(attributes: Iterable[Attribute]) -> tuple[Attribute, ...]:
 def parse_negative(negative: str, prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
     """Parse a negative prompt of the builtin prior.
 
-    Parameters
-    ----------
-    negative : str
-        A prompt ("a chair"), or only attributes ("fat", "a long neck"), which apply to the prompt's noun.
-    prompt : str
-        The prompt that it accompanies.
-    known : Words
-        As in `parse`.
-
-    Raises
-    ------
-    PromptError
-        As `parse`; or the negative prompt means the same as the prompt.
-    VocabularyError
-        As `parse`, but without suggestions, which are for prompts.
+    `negative`: a prompt ("a chair"), or only attributes ("fat", "a long neck"), which apply to the prompt's noun;
+    `prompt`: the prompt that it accompanies; `known`: as in `parse`. Raises PromptError: as `parse`; or the negative
+    prompt means the same as the prompt. Raises VocabularyError: as `parse`, but without suggestions, which are for
+    prompts.
     """
     wanted = parse(prompt, known)
     try:
@@ -538,19 +494,9 @@ def is_noun(word: str) -> bool:
 def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
     """Return the nouns whose meaning is nearest to that of a word, nearest first.
 
-    Parameters
-    ----------
-    word : str
-        In small letters, singular.
-    nouns : iterable of str
-        The nouns to choose from. One that was taught counts as near if the two have two neighbours in common.
-    count : int
-        Maximum number of nouns.
-
-    Returns
-    -------
-    list of str
-        Empty if the word is not known, or near to none of the nouns.
+    `word`: in small letters, singular. `nouns`: the nouns to choose from. One that was taught counts as near if the two
+    have two neighbours in common. `count`: maximum number of nouns. Returns list of str: empty if the word is not
+    known, or near to none of the nouns.
     """
     table = _near()
     around = table.get(word, [])

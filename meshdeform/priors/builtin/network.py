@@ -61,17 +61,9 @@ def null_tokens(batch: int) -> Tensor:
 def camera_map(azimuth_deg: Tensor, single: Tensor | None, side: int) -> Tensor:
     """Return each pixel's position in its view and the azimuth of that view.
 
-    Parameters
-    ----------
-    azimuth_deg : (B,) float32
-        Azimuth of the first or only view, degrees.
-    single : (B,) bool, optional
-        Whether each picture is a single view; by default none is.
-
-    Returns
-    -------
-    (B, 8, side, side) float32: sin a, cos a, x, y, x sin a, x cos a, y sin a, y cos a; x to the right and y downward,
-    both from -1 to 1 across the view.
+    `azimuth_deg`, (B,) float32: azimuth of the first or only view, degrees. `single`, (B,) bool: whether each picture
+    is a single view; by default none is. Returns (B, 8, side, side) float32: sin a, cos a, x, y, x sin a, x cos a, y
+    sin a, y cos a; x to the right and y downward, both from -1 to 1 across the view.
     """
     device = azimuth_deg.device
     whole = (torch.arange(side, device=device) + 0.5) / side * 2 - 1
@@ -233,22 +225,10 @@ class PriorNetwork(nn.Module):
     ) -> Tensor:
         """Predict x0.
 
-        Parameters
-        ----------
-        x : (B, 3, 128, 128) float32
-            Noisy picture, [-1, 1] before noise.
-        timestep : (B,) int64
-            0 .. 999.
-        text : (B, embedding) float32
-            Output of `self.text`; encoded once per job, not once per step.
-        azimuth_deg : (B,) float32
-            Azimuth of the first or only view, degrees.
-        single : (B,) bool, optional
-            Whether each picture is a single view; by default none is.
-
-        Returns
-        -------
-        (B, 3, 128, 128) float32, whatever the layers compute in (`computing_in`).
+        `x`, (B, 3, 128, 128) float32: noisy picture, [-1, 1] before noise; `timestep`, (B,) int64: 0 .. 999. `text`,
+        (B, embedding) float32: output of `self.text`; encoded once per job, not once per step. `azimuth_deg`, (B,)
+        float32: azimuth of the first or only view, degrees. `single`, (B,) bool: whether each picture is a single view;
+        by default none is. Returns (B, 3, 128, 128) float32, whatever the layers compute in (`computing_in`).
         """
         return self.paint(x, self.condition(timestep, text, azimuth_deg, single), azimuth_deg, single)
 
@@ -326,12 +306,8 @@ def pack_weights(
 ) -> bytes:
     """Return a file of weights: floating-point tensors as float16, others as they are.
 
-    Parameters
-    ----------
-    provenance : mapping of str to str
-        Metadata about the training.
-    words : mapping of str to str, optional
-        The result of `taught.metadata_of`; by default the words are those of the package.
+    `provenance`: metadata about the training. `words`: the result of `taught.metadata_of`; by default the words are
+    those of the package.
     """
     words = words or {"words": " ".join(VOCABULARY)}
     metadata = {
@@ -368,11 +344,8 @@ def _halved(tensor: Tensor) -> Tensor:
 def read_network(path: Path = WEIGHTS) -> tuple[PriorNetwork, dict[str, str]]:
     """Read the network in float32 for inference, and the file's metadata, which names its words (`taught.words_of`).
 
-    Raises
-    ------
-    ModelError
-        The file is missing or too large, not safetensors, of another vocabulary, or its tensors are not those of the
-        network, or not finite.
+    Raises ModelError: the file is missing or too large, not safetensors, of another vocabulary, or its tensors are not
+    those of the network, or not finite.
     """
     state, metadata = read_tensors(path)
     check(path)
@@ -392,10 +365,7 @@ def read_network(path: Path = WEIGHTS) -> tuple[PriorNetwork, dict[str, str]]:
 def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
     """Read the tensors, floating-point ones in float32, and the metadata of a file of weights of any vocabulary.
 
-    Raises
-    ------
-    ModelError
-        The file is missing or not safetensors.
+    Raises ModelError: the file is missing or not safetensors.
     """
     if not path.is_file():
         raise ModelError(

@@ -98,18 +98,10 @@ def loss_weight(timestep: Tensor, alphas_cumprod: Tensor) -> Tensor:
 class BuiltinPrior:
     """The builtin demonstration prior.
 
-    Parameters
-    ----------
-    dtype : "auto", "float32", "float16", "bfloat16" or "int8"
-        What the network computes in. `auto` is int8 on a CPU with instructions for it (`is_fast_in_int8`), else
-        float32. float16, a precision of other models, is float32, and so is int8 without such instructions.
-    weights : pathlib.Path
-        A file written by `train.py` or by `meshdeform teach`; by default the one in the package.
-
-    Raises
-    ------
-    ModelError
-        The weights are missing, unreadable or of another vocabulary.
+    `dtype`, "auto", "float32", "float16", "bfloat16" or "int8": what the network computes in. `auto` is int8 on a CPU
+    with instructions for it (`is_fast_in_int8`), else float32. float16, a precision of other models, is float32, and so
+    is int8 without such instructions. `weights`: a file written by `train.py` or by `meshdeform teach`; by default the
+    one in the package. Raises ModelError: the weights are missing, unreadable or of another vocabulary.
     """
 
     style = STYLE
@@ -139,12 +131,8 @@ class BuiltinPrior:
         """Return text vectors (1 + others, E) float32 of the prompt and of each other text; empty ones are allowed.
 
         The network was trained with prompt dropout, so the empty text has its own vector. A negative prompt replaces
-        the empty text in the guidance.
-
-        Raises
-        ------
-        PromptError, VocabularyError
-            A text is outside this prior's grammar, or a negative prompt means the same as the prompt.
+        the empty text in the guidance. Raises PromptError, VocabularyError: a text is outside this prior's grammar, or
+        a negative prompt means the same as the prompt.
         """
         rows = [torch.tensor([tokenise(parse(prompt, self.words), self.words)])]
         for other in others:
@@ -161,24 +149,10 @@ class BuiltinPrior:
     def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: Tensor, cameras: Cameras) -> tuple[Tensor, ...]:
         """Predict the noise in z_t for each text.
 
-        Parameters
-        ----------
-        z_t : (B, 3, 128, 128) float32
-            One grid of four views, or B single views.
-        timestep : (B,) int64
-        embedding : (N, E) float32
-            Rows of `encode_texts`.
-        cameras : Cameras
-            Four for a grid, whose first azimuth is used, or one per picture, each with its own azimuth.
-
-        Returns
-        -------
-        N of (B, 3, 128, 128) float32.
-
-        Raises
-        ------
-        ShapeError
-            The input is neither a grid of four views nor single views with one camera each.
+        `z_t`, (B, 3, 128, 128) float32: one grid of four views, or B single views; `timestep` is (B,) int64;
+        `embedding`, (N, E) float32: rows of `encode_texts`; `cameras`: four for a grid, whose first azimuth is used, or
+        one per picture, each with its own azimuth. Returns n of (B, 3, 128, 128) float32. Raises ShapeError: the input
+        is neither a grid of four views nor single views with one camera each.
         """
         count, azimuths = z_t.shape[0], cameras.azimuths_deg
         grid = count == 1 and len(azimuths) == NUM_VIEWS

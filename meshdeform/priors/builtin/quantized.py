@@ -151,18 +151,10 @@ def quantize_normed(
 ) -> None:
     """Quantise ``silu(gain group_norm(x) + shift)``, or the same without SiLU.
 
-    Parameters
-    ----------
-    x : (B, H, W, C) float32
-    gain, shift : both (B, C), or both (1, C) for all pictures, float32
-    groups : int
-        Divisor of C.
-    border : int
-        Width of the border of `out`, in pixels, whose level means 0.
-    out : (B, H + 2 border, W + 2 border, C) uint8
-        Filled in.
-    levels : (B, 2) float32
-        Filled in for each picture: the step between two levels, and the level of 0.
+    `x` is (B, H, W, C) float32; `gain` and `shift` are both (B, C), or both (1, C) for all pictures, float32; `groups`:
+    divisor of C; `border`: width of the border of `out`, in pixels, whose level means 0; `out`, (B, H + 2 border, W + 2
+    border, C) uint8: filled in; `levels`, (B, 2) float32: filled in for each picture: the step between two levels, and
+    the level of 0.
     """
     batch, height, width, channels = x.shape
     total, squares = np.empty(channels, np.float32), np.empty(channels, np.float32)
@@ -213,16 +205,9 @@ def quantize(x: _Floats, border: int, out: _Bytes, levels: _Floats) -> None:
 def dequantize(x: _Floats, levels: _Floats, sums: _Floats, bias: _Floats, added: _Floats | None) -> None:
     """Turn the sums of a convolution over levels into those over the numbers that they mean, in place.
 
-    ``step_n (x - zero_n sums) + bias``, where a convolution of ones would give `sums`, plus `added`, if given.
-
-    Parameters
-    ----------
-    x : (B, H, W, C) float32
-        Changed.
-    levels : (B, 2) float32
-        From `quantize` or `quantize_normed`.
-    sums, bias : (C,) float32
-    added : (B, H, W, C) float32, optional
+    ``step_n (x - zero_n sums) + bias``, where a convolution of ones would give `sums`, plus `added`, if given. `x`, (B,
+    H, W, C) float32: changed; `levels`, (B, 2) float32: from `quantize` or `quantize_normed`; `sums` and `bias` are
+    (C,) float32; `added` is (B, H, W, C) float32.
     """
     batch, height, width, channels = x.shape
     shift = np.empty(channels, np.float32)
@@ -268,16 +253,8 @@ def round_weights(x: _Floats, largest: int) -> NDArray[np.int8]:
     """Round weights so that the errors of a kernel, and those of a whole filter, add up to at most half a step.
 
     A picture varies little from a pixel to its neighbours, and most of its channels are positive, so that errors which
-    add up to zero hardly change a convolution. Rounding each weight to the nearest step would let them add up.
-
-    Parameters
-    ----------
-    x : (O, I, K) float32
-        Weights in steps, from ``-largest`` to ``largest``; K are those of a kernel.
-
-    Returns
-    -------
-    (O, I, K) int8
+    add up to zero hardly change a convolution. Rounding each weight to the nearest step would let them add up. `x`, (O,
+    I, K) float32: weights in steps, from ``-largest`` to ``largest``; K are those of a kernel. Returns (O, I, K) int8.
     """
     outputs, inputs, size = x.shape
     rounded = np.empty((outputs, inputs * size), np.int8)

@@ -67,10 +67,7 @@ def metadata_of(words: Words, lessons: Sequence[Lesson]) -> dict[str, str]:
 def words_of(metadata: Mapping[str, str], path: Path) -> Words:
     """Return the words of a file.
 
-    Raises
-    ------
-    ModelError
-        The metadata is not of this format, or its parts contradict each other.
+    Raises ModelError: the metadata is not of this format, or its parts contradict each other.
     """
     if "words_format" not in metadata:
         if metadata.get("words", "").split() != list(BUILTIN_WORDS.tokens):
@@ -107,10 +104,7 @@ def words_of(metadata: Mapping[str, str], path: Path) -> Words:
 def lessons_of(metadata: Mapping[str, str], path: Path) -> tuple[Lesson, ...]:
     """Return the lessons of a file, in order; none for the weights in the package.
 
-    Raises
-    ------
-    ModelError
-        The metadata is not of this format.
+    Raises ModelError: the metadata is not of this format.
     """
     if "words_format" not in metadata:
         return ()
@@ -144,10 +138,7 @@ def _document(metadata: Mapping[str, str], path: Path) -> dict[str, Any]:
 def read_metadata(path: Path) -> dict[str, str]:
     """Read a file's metadata from its header, and check its size against the header's.
 
-    Raises
-    ------
-    ModelError
-        There is no file, it is too large, or it is not safetensors of this prior.
+    Raises ModelError: there is no file, it is too large, or it is not safetensors of this prior.
     """
     header = _header(path)
     rows = header.get(_ROWS)
@@ -173,10 +164,7 @@ def check(path: Path) -> Words:
 def check_numbers(path: Path) -> None:
     """Check that the tensors of a file that passed `check` are floats, and finite; reads all of it, with numpy.
 
-    Raises
-    ------
-    ModelError
-        They are not, or the file is damaged.
+    Raises ModelError: they are not, or the file is damaged.
     """
     import numpy as np
     from safetensors import SafetensorError, safe_open

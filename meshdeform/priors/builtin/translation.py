@@ -57,13 +57,8 @@ def _in_english(word: str, language: int) -> str | None:
 def translated(words: Sequence[str], is_kept: Callable[[str], bool], is_adjective: Callable[[str], bool]) -> list[str]:
     """Return the words of a prompt in English, or as they are if no language understands all of them.
 
-    Parameters
-    ----------
-    words : sequence of str
-        In lower case.
-    is_kept, is_adjective : callable
-        Whether an English word may stand in another language's sentence, such as a name; whether it is an adjective,
-        which Spanish puts after its noun.
+    `words`: in lower case. `is_kept` and `is_adjective`: whether an English word may stand in another language's
+    sentence, such as a name; whether it is an adjective, which Spanish puts after its noun.
     """
     for language in range(len(_ENDINGS)):
         found = [_in_english(word, language) or (word if is_kept(word) else "") for word in words]

@@ -210,11 +210,8 @@ def _agree(one: Attribute, other: Attribute) -> bool:
 def pictures(shape: Part, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
     """Render grids of four views of one mesh from random cameras.
 
-    Returns
-    -------
-    images : (count, 3, 128, 128) uint8
-    azimuth_deg : (count,) float32
-        Azimuth of each picture's first view.
+    Returns `images` (count, 3, 128, 128) uint8. Returns `azimuth_deg` (count,) float32: azimuth of each picture's first
+    view.
     """
     verts = torch.from_numpy(shape.verts)
     renderer = Renderer(torch.from_numpy(shape.faces), len(verts), STYLE)

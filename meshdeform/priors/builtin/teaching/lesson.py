@@ -48,21 +48,10 @@ class NewNoun:
 def new_noun(name: str, known: Words, *, synonyms: Sequence[str] = (), replace_known: bool = False) -> NewNoun:
     """Read the name of what is taught.
 
-    Parameters
-    ----------
-    name : str
-        For example "a gnome" or "teddy bear".
-    known : Words
-        The words of the weights that the training starts from.
-    synonyms : sequence of str
-        Other names of the same thing.
-    replace_known : bool
-        Whether a noun that the weights know may get a new meaning.
-
-    Raises
-    ------
-    ParameterError
-        The name is no noun that a prompt could name, or it is known and may not be replaced.
+    `name`: for example "a gnome" or "teddy bear"; `known`: the words of the weights that the training starts from;
+    `synonyms`: other names of the same thing; `replace_known`: whether a noun that the weights know may get a new
+    meaning. Raises ParameterError: the name is no noun that a prompt could name, or it is known and may not be
+    replaced.
     """
     noun = _canonical(name)
     others = tuple(dict.fromkeys(word for text in synonyms if (word := _canonical(text)) != noun))
@@ -104,17 +93,8 @@ def new_nouns(
 ) -> list[NewNoun]:
     """Read the names of all that a lesson teaches; the words of the last one are those of the new weights.
 
-    Parameters
-    ----------
-    labels : mapping of str to attributes
-        By name, what meshes are labelled with.
-    synonyms : sequence of str
-        Other names of the only noun.
-
-    Raises
-    ------
-    ParameterError
-        As `new_noun`, for all names at once.
+    `labels`: by name, what meshes are labelled with; `synonyms`: other names of the only noun. Raises ParameterError:
+    as `new_noun`, for all names at once.
     """
     made: list[NewNoun] = []
     refused: list[ParameterError] = []
@@ -159,12 +139,8 @@ def nouns_of_kit(names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Return the noun and the label of each file of a kit by its path: `barrels/tall/a.glb`, `TallBarrel_02.glb`.
 
     Folders around everything do not count. The first folder names the noun, those in it attributes; a file in no folder
-    is named by the noun, and adjectives in the name are its label. Numbers and single letters do not count.
-
-    Raises
-    ------
-    ParameterError
-        A name has no noun.
+    is named by the noun, and adjectives in the name are its label. Numbers and single letters do not count. Raises
+    ParameterError: a name has no noun.
     """
     folders = [name.split("/")[:-1] for name in names]
     around = 0
@@ -187,10 +163,7 @@ def nouns_of_kit(names: Sequence[str]) -> dict[str, tuple[str, str]]:
 def attributes_of_folder(name: str, new: NewNoun) -> tuple[Attribute, ...]:
     """Read the name of a folder of meshes as attributes: `tall`, `tall thin`, `long-neck`, `with_big_handle`.
 
-    Raises
-    ------
-    ParameterError
-        A word of the name is no attribute, or the attributes contradict each other.
+    Raises ParameterError: a word of the name is no attribute, or the attributes contradict each other.
     """
     text = " ".join(re.split(r"[\s_-]+", name.strip().lower()))
     every = replace(new.words, nouns={**new.words.nouns, new.noun: tuple(PARTS)})

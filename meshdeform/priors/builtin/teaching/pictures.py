@@ -100,14 +100,8 @@ def draw_lesson(
 ) -> LessonPictures:
     """Draw the pictures of a lesson; the same seed gives the same pictures.
 
-    Parameters
-    ----------
-    words : Words
-        Those of the new weights.
-    shapes : mapping of str to sequence of Shape
-        By noun, at least one of each.
-    replayed : mapping of str to PictureSet
-        Pictures of nouns that were taught before.
+    `words`: those of the new weights; `shapes`: by noun, at least one of each; `replayed`: pictures of nouns that were
+    taught before.
     """
     several = len(shapes) > 1
     if several:
@@ -208,10 +202,7 @@ class Rehearsal:
 def shipped_pictures(words: Words, path: Path = REHEARSAL) -> dict[str, Rehearsal]:
     """Return the pictures of the builtin nouns that ship with the weights and that `words` knows.
 
-    Raises
-    ------
-    ModelError
-        The file is missing or unreadable.
+    Raises ModelError: the file is missing or unreadable.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -242,10 +233,7 @@ def _rehearsal(picture: bytes, labels: Sequence[_Label], words: Words) -> Rehear
 def read_replay(path: Path) -> dict[str, PictureSet]:
     """Read the pictures of nouns that a file of weights was taught, by noun; nothing for the weights in the package.
 
-    Raises
-    ------
-    ModelError
-        The file is unreadable, or its pictures do not have the shapes of a `PictureSet`.
+    Raises ModelError: the file is unreadable, or its pictures do not have the shapes of a `PictureSet`.
     """
     state, metadata = read_tensors(path)
     words = words_of(metadata, path)
@@ -309,17 +297,9 @@ class Shape:
 def shape_of(mesh: TriangleMesh, name: str, *, front_deg: float = 0.0, attributes: Sequence[Attribute] = ()) -> Shape:
     """Prepare a welded mesh (+Y up), and check that something of it can be seen.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        World space, any size; it may be open or have many parts.
-    front_deg : float
-        Azimuth of its front, as in `params.guidance.orientation`: 0 is +Z, 90 is +X.
-
-    Raises
-    ------
-    AssetEmptyError
-        It has fewer than 4 faces, or is so thin that it vanishes from some side.
+    `mesh`: world space, any size; it may be open or have many parts. `front_deg`: azimuth of its front, as in
+    `params.guidance.orientation`: 0 is +Z, 90 is +X. Raises AssetEmptyError: it has fewer than 4 faces, or is so thin
+    that it vanishes from some side.
     """
     if len(mesh.faces) < MIN_FACES:
         raise AssetEmptyError(

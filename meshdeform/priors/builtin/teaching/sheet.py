@@ -39,20 +39,9 @@ def sample(
 ) -> Tensor:
     """Sample pictures of prompts.
 
-    Parameters
-    ----------
-    azimuth_deg : (B,) float32
-        Azimuth of the first or only view.
-    steps : int
-        Number of evenly spaced evaluations of the network.
-    single : bool
-        Sample single views instead of grids.
-    eta : float
-        Share of the noise that is drawn anew after every step: 0 is deterministic, 1 is ancestral sampling.
-
-    Returns
-    -------
-    (B, 3, 128, 128) float32 in [0, 1].
+    `azimuth_deg`, (B,) float32: azimuth of the first or only view; `steps`: number of evenly spaced evaluations of the
+    network; `single`: sample single views instead of grids; `eta`: share of the noise that is drawn anew after every
+    step: 0 is deterministic, 1 is ancestral sampling. Returns (B, 3, 128, 128) float32 in [0, 1].
     """
     count = len(prompts)
     numbers = [tokenise(parse(prompt, words), words) for prompt in prompts]
@@ -95,14 +84,8 @@ def contact_sheet(rows: Sequence[Tensor], labels: Sequence[str], columns: int = 
 def learned_sheet(network: PriorNetwork, words: Words, seen: Mapping[str, PictureSet], *, seed: int = 0) -> Image.Image:
     """Draw the nouns that a network has learned, with pictures of the training.
 
-    Of one noun: rows of grids, single views, and single views with an attribute. Of several: a row of each.
-
-    Parameters
-    ----------
-    network : PriorNetwork
-        On the CPU.
-    seen : mapping of str to PictureSet
-        By noun, pictures of the training, of which the first single views are shown.
+    Of one noun: rows of grids, single views, and single views with an attribute. Of several: a row of each. `network`:
+    on the CPU; `seen`: by noun, pictures of the training, of which the first single views are shown.
     """
     if len(seen) > 1:
         return _sheet_of_kit(network, words, seen, seed)

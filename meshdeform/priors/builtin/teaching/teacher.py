@@ -223,13 +223,7 @@ def new_rows(peers: Tensor, count: int, generator: torch.Generator) -> Tensor:
 class Teacher:
     """The training of a lesson.
 
-    Parameters
-    ----------
-    network : PriorNetwork
-        The result of `extended`.
-    precision : "fp32" or "bf16"
-    identity : str
-        Names the lesson; a state of another one is refused.
+    `network`: the result of `extended`. `identity`: names the lesson; a state of another one is refused.
     """
 
     def __init__(
@@ -317,10 +311,7 @@ class Teacher:
     def restore(self, document: dict[str, Any]) -> None:
         """Go on from what `read_state` returned for this lesson.
 
-        Raises
-        ------
-        CheckpointError
-            It does not fit.
+        Raises CheckpointError: it does not fit.
         """
         try:
             self._trainer.load_state(document["trainer"])
@@ -333,10 +324,7 @@ class Teacher:
 def read_state(data: bytes, identity: str, device: str) -> dict[str, Any]:
     """Read a saved state.
 
-    Raises
-    ------
-    CheckpointError
-        It is unreadable, or of another lesson.
+    Raises CheckpointError: it is unreadable, or of another lesson.
     """
     try:
         content = io.BytesIO(data.removeprefix(STATE_MAGIC))
@@ -388,10 +376,7 @@ def retrieved(
 ) -> list[str]:
     """Return the noun that the network takes each picture for.
 
-    Parameters
-    ----------
-    pictures : PictureSet
-        Their labels are not used, except the azimuths.
+    `pictures`: their labels are not used, except the azimuths.
     """
     device = network.place.device
     levels = cosine_alphas_cumprod().to(device)
