@@ -29,7 +29,6 @@ from meshdeform.cli.results import animate, apply, convert
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
-from meshdeform.cli.variants import variants
 from meshdeform.support.memory import quick_end
 from meshdeform.support.threads import limit_spinning
 
@@ -118,7 +117,7 @@ def _options(
 
 for _panel, _commands in {
     _MACHINE: (
-        *(run, batch, apply, convert, variants, family_fit, family_synthesize, inspect, animate, surface_fit),
+        *(run, batch, apply, convert, family_fit, family_synthesize, inspect, animate, surface_fit),
         *(unfold, sketch, teach, models, doctor, version),
     ),
     _CLIENT: (watch, wait, fetch, cancel, retry, branch, delete, jobs, mcp),

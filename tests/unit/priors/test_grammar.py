@@ -17,7 +17,6 @@ from meshdeform.priors.builtin.grammar import (
     parse,
     parse_negative,
     tokenise,
-    variations,
 )
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.cases import each_case
@@ -243,21 +242,6 @@ def test_a_negative_prompt_is_a_prompt_or_attributes_of_the_prompts_noun(negativ
 def test_a_negative_prompt_that_is_the_prompt_is_refused(negative: str) -> None:
     with pytest.raises(PromptError, match="means the same"):
         parse_negative(negative, "a thin vase")
-
-
-def test_variations_are_different_members_of_what_a_prompt_allows() -> None:
-    assert variations("a giraffe", 4) == [
-        "a giraffe", "a giraffe with a big head", "a wide giraffe", "a giraffe with short legs",
-    ]  # fmt: skip
-    bridled = variations("a thin Giraffe with a long neck", 4)
-    assert bridled[0] == "a thin Giraffe with a long neck"
-    assert [parse(each).attributes[0] for each in bridled] == [Attribute("whole", "thin")] * 4
-    assert all("neck" in each for each in bridled)
-    full = "a tall thin giraffe with a long neck"
-    assert variations(full, 3) == [full] * 3
-    for noun in NOUNS:
-        for each in variations(str(ParsedPrompt(noun)), 20):
-            assert parse(each).noun == noun
 
 
 @pytest.mark.training
