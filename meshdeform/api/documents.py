@@ -210,40 +210,21 @@ class FileLimits(Document):
     formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl", "zip"]])
     max_bytes: int = Field(description="Bytes of a request's body, and of an upload.", examples=[104857600])
     max_json_bytes: int = Field(description="Bytes of a GLB's JSON chunk.", examples=[16777216])
-    max_json_values: int = Field(description="Values in that JSON.", examples=[500000])
-    max_json_depth: int = Field(description="Nesting depth of that JSON.", examples=[128])
     max_accessor_elements: int = Field(description="Elements of one accessor.", examples=[20000000])
     max_triangles: int = Field(description="Triangles to deform, counting every instance.", examples=[1000000])
-    max_vertices: int = Field(description="Vertices to deform, counting every instance.", examples=[2000000])
-    max_primitives: int = Field(description="Primitives and morph targets, counting every instance.", examples=[50000])
-    max_check_bytes: int = Field(
-        description="Bytes of memory for checking the largest file; less for smaller files.", examples=[2214592512]
-    )
-    max_check_s: float = Field(description="Seconds for checking a file.", examples=[60.0])
 
 
 class JobLimits(Document):
     """Limits on a job."""
 
-    max_document_bytes: int = Field(description="Bytes of the JSON document.", examples=[262144])
     max_steps: int = Field(description="Optimiser steps.", examples=[50000])
-    max_prompt_characters: int = Field(description="Characters of the prompt.", examples=[1000])
-    max_filename_characters: int = Field(
-        description="Characters of a file name; only the end of a longer one is kept.", examples=[200]
-    )
-    max_metadata_entries: int = Field(description="Number of labels.", examples=[32])
-    max_metadata_name_characters: int = Field(description="Characters of a label's name.", examples=[64])
-    max_metadata_value_characters: int = Field(description="Characters of a label's value.", examples=[500])
-    min_priority: int = Field(description="Lowest priority.", examples=[-100])
     max_priority: int = Field(description="Highest priority.", examples=[100])
-    max_deadline_s: float = Field(description="Longest `deadline_s`.", examples=[2678400])
     max_run_s: float | None = Field(
         description="Seconds for which a job may run, and largest `max_run_s`; null: unlimited.", examples=[86400]
     )
     max_running_jobs: int | None = Field(
         description="Jobs of one owner that run at the same time; null: unlimited.", examples=[4]
     )
-    max_retention_s: float = Field(description="Longest `retention_s`.", examples=[316224000])
     max_stored_bytes: int | None = Field(
         description="Bytes of files, checkpoints and artifacts that the jobs of one owner keep; null: unlimited.",
         examples=[107374182400],
@@ -261,20 +242,6 @@ class RequestLimits(Document):
     )
     max_active_jobs: int | None = Field(
         description="Unfinished jobs of this API key; null: unlimited.", examples=[1000]
-    )
-    max_page: int = Field(description="Entries on a page of a list.", examples=[200])
-    max_wait_s: int = Field(description="Longest `Prefer: wait`, in seconds.", examples=[60])
-    max_idempotency_key_characters: int = Field(description="Characters of an `Idempotency-Key`.", examples=[255])
-    idempotency_kept_s: float = Field(description="Seconds for which such a key is remembered.", examples=[86400])
-    max_bodies_at_once: int = Field(
-        description="Bodies with files that one server process receives at the same time.", examples=[16]
-    )
-    max_own_bodies_at_once: int = Field(description="How many of these may be one owner's.", examples=[8])
-    max_body_idle_s: float = Field(
-        description="Seconds without data after which a request's body is abandoned.", examples=[60]
-    )
-    min_body_rate: int = Field(
-        description="Bytes per second at which a body must arrive on average, after that time.", examples=[32768]
     )
 
 
@@ -392,7 +359,6 @@ class VocabularyView(Document):
     parts: dict[str, list[str]] = Field(
         description="The parts of each noun's object.", examples=[{"giraffe": ["head", "legs", "neck"]}]
     )
-    max_attributes: int = Field(ge=0, description="Attributes allowed in one prompt.", examples=[3])
     examples: list[str] = Field(
         description="Examples of prompts.", examples=[["a giraffe with a long neck", "a tall vase"]]
     )

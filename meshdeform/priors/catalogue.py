@@ -10,7 +10,7 @@ from pathlib import Path
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model, hidden_folders, public_names
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, Attribute, ParsedPrompt, Words
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt, Words
 from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
 from meshdeform.priors.builtin.taught import check as check_taught
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
@@ -40,7 +40,6 @@ class Vocabulary:
     nouns: tuple[str, ...]  # the things that the model can make; a prompt names one
     attributes: tuple[str, ...]  # attributes of things and of their parts: `tall`, `long neck`
     parts: dict[str, tuple[str, ...]]  # by noun, the parts that attributes may name
-    max_attributes: int  # maximum number of attributes in one prompt
     examples: tuple[str, ...]  # prompts that the model accepts
     groups: dict[str, tuple[str, ...]]  # the nouns by kind: animals, vehicles, furniture
 
@@ -132,7 +131,7 @@ def _vocabulary(nouns: Mapping[str, tuple[str, ...]], examples: Sequence[str]) -
     own = tuple(sorted(set(nouns).difference(*NOUN_GROUPS.values())))
     groups = {name: group for name, group in {"taught": own, **grouped}.items() if group}
     attributes = tuple(map(str, ATTRIBUTES))
-    return Vocabulary(tuple(sorted(nouns)), attributes, dict(nouns), MAX_ATTRIBUTES, tuple(examples), groups)
+    return Vocabulary(tuple(sorted(nouns)), attributes, dict(nouns), tuple(examples), groups)
 
 
 def _examples(words: Words, lessons: Sequence[Lesson]) -> list[str]:

@@ -28,7 +28,6 @@ def test_a_server_says_what_it_allows(small: Api, openapi: dict[str, Any]) -> No
     assert found["jobs"]["max_steps"] == 1000
     assert (found["jobs"]["max_run_s"], found["jobs"]["max_running_jobs"]) == (60, None)
     assert found["jobs"]["default_retention_s"] == 3600
-    assert found["requests"]["max_wait_s"] == 60
 
 
 def test_more_steps_than_allowed_are_refused_also_where_the_preset_says_so(small: Api, sphere: bytes) -> None:
