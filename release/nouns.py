@@ -62,13 +62,12 @@ _OTHER_SENSES = {
 """The lexicographer file of the sense of the prior's nouns, unless it is that of the first sense."""
 _LOOKS_LIKE = {
     "airplane": "glider drone", "apple": "fruit orange peach cherry", "armchair": "throne", "bird": "dove hawk",
-    "boat": "canoe kayak", "bottle": "jar", "bowl": "mug", "bucket": "basket pot", "cat": "fox",
-    "church": "temple mosque", "crocodile": "lizard", "dog": "wolf", "dragon": "monster", "fish": "salmon",
-    "flower": "plant", "goblet": "glass trophy", "horse": "donkey zebra unicorn", "house": "barn", "lamp": "lantern",
-    "lion": "tiger leopard panther", "mouse": "squirrel hamster", "octopus": "squid jellyfish",
-    "person": "wizard knight soldier", "rabbit": "kangaroo", "rocket": "ufo satellite", "sheep": "goat",
-    "skyscraper": "building", "snowman": "gnome", "teapot": "teacup", "tree": "bush", "truck": "van",
-    "vase": "jug pitcher", "whale": "seal",
+    "boat": "canoe kayak", "bucket": "basket pot", "church": "temple mosque", "crocodile": "lizard",
+    "dragon": "monster", "fish": "salmon", "flower": "plant", "goblet": "glass trophy",
+    "horse": "donkey zebra unicorn", "house": "barn", "lamp": "lantern", "lion": "tiger leopard panther",
+    "mouse": "squirrel hamster", "octopus": "squid jellyfish", "person": "wizard knight soldier",
+    "rabbit": "kangaroo", "rocket": "ufo satellite", "sheep": "goat", "skyscraper": "building", "snowman": "gnome",
+    "teapot": "teacup", "tree": "bush", "vase": "jug pitcher", "whale": "seal",
 }  # fmt: skip
 """Words by the noun that looks most like what they name."""
 
