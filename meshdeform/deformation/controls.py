@@ -126,9 +126,18 @@ def is_level(mesh: RestMesh) -> bool:
 
     A block is none: it is to be shaped, and has no wall or shelf that must stay one.
     """
+    return _along_axes(mesh) and not _is_convex(mesh)
+
+
+def is_block(mesh: RestMesh) -> bool:
+    """Return whether a mesh is a convex block along the axes, whatever it is taken for: clay to be shaped."""
+    return _along_axes(mesh) and _is_convex(mesh)
+
+
+def _along_axes(mesh: RestMesh) -> bool:
     along = np.abs(mesh.normals.numpy()) > _ALONG
     upright, level = (mesh.areas[faces].sum() / mesh.areas.sum() for faces in (along[:, ::2].any(1), along[:, 1]))
-    return bool(upright + level > _BUILT and min(upright, level) > _EACH) and not _is_convex(mesh)
+    return bool(upright + level > _BUILT and min(upright, level) > _EACH)
 
 
 def _is_convex(mesh: RestMesh) -> bool:

@@ -31,7 +31,7 @@ from torch import Tensor
 
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
-from meshdeform.deformation.controls import Structure, is_level, mirror_planes, plane_of
+from meshdeform.deformation.controls import Structure, is_block, is_level, mirror_planes, plane_of
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.orientation import Front, Grader, Orientation, OrientationSource, find_orientation
 from meshdeform.deformation.regularizers import Pulls, Regularizers
@@ -165,7 +165,7 @@ class Deformation:
         if few and params.keep_structure and not (front is not None and front.crooked):
             # Splines alone cannot keep collinear faces from cutting their neighbours.
             turned = front is not None and front.turned and len(planes) == 2 and bool(drawn.areas.min() > 0)
-            built = is_level(drawn) or (front is not None and front.built and not turned)
+            built = is_level(drawn) or (front is not None and front.built and not turned and not is_block(drawn))
             # A building can only become an animal if it bends, which the parts of an asset would not survive.
             if front is not None and front.grown:
                 kind = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies))

@@ -247,15 +247,17 @@ def test_a_resumed_run_equals_an_uninterrupted_one_to_the_bit() -> None:
     assert np.abs((whole.verts() - mesh.verts).numpy()).max() > 0.02
 
 
-@each_case("mesh, level", [(sled(), True), (box(6), False)])
-def test_a_block_may_bend_into_an_animal_and_what_has_parts_may_not(mesh: TriangleMesh, level: bool) -> None:
+@each_case("mesh, level, as_animal", [(sled(), True, True), (icosphere(3), True, False), (box(6), False, False)])
+def test_one_part_may_bend_into_an_animal_and_a_block_into_anything(
+    mesh: TriangleMesh, level: bool, as_animal: bool
+) -> None:
     params = resolve(DeformParams.model_validate({"preset": "preview", "guidance": {"orientation": "keep"}}))
     prompted = Deformation(mesh, TargetGuidance(mesh), params, front=Front(None, built=True))
     assert prompted.structure is not None
-    assert prompted.structure.level
+    assert prompted.structure.level is level
     grown = Deformation(mesh, TargetGuidance(mesh), params, front=Front(None, built=True, grown=True))
     assert grown.structure is not None
-    assert grown.structure.level is level
+    assert grown.structure.level is as_animal
 
 
 @each_case("turned, planes", [(True, (0, 2)), (False, (0,))])
