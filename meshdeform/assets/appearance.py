@@ -8,7 +8,6 @@ Sources: glTF 2.0 specification, section 3.9 (Materials); KHR_texture_transform;
 
 from __future__ import annotations
 
-import dataclasses
 import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -134,7 +133,7 @@ class _Reader:
     def read(self, blocks: Sequence[Block]) -> Appearance:
         materials = [_material(p) for block in blocks for p in self._primitives(block)]
         self._materials = {at: self._material(at) for at in set(materials) if at is not None}
-        self._pictures.plan([m.textures["base_color"].image for m in self._materials.values() if m.textures])
+        self._pictures.plan([m.texture.image for m in self._materials.values() if m.texture])
         parts = [part for block in blocks for part in self._block(block)]
         starts = np.cumsum([0, *(len(part.rows) for part in parts)])
         return Appearance(
@@ -152,14 +151,11 @@ class _Reader:
         return [primitives[p] for p in block.primitives]
 
     def _material(self, at: int) -> Material:
-        """Read a material with at most its base colour texture."""
         try:
-            found = read_material(self._document, at)
+            return read_material(self._document, at)
         except AssetError:
             self._leave_out("invalid material")
-            found = Material()
-        base = found.textures.get("base_color")
-        return dataclasses.replace(found, textures={} if base is None else {"base_color": base})
+            return Material()
 
     def _block(self, block: Block) -> list[_Part]:
         flip = np.linalg.det(block.placement[:3, :3]) < 0.0
@@ -201,7 +197,7 @@ class _Reader:
         key = (at, colored)
         if key not in self._numbers:
             material = Material(double_sided=True) if at is None else self._materials[at]
-            use = material.textures.get("base_color")
+            use = material.texture
             texture = None
             if use is not None:
                 opaque = material.alpha_mode == "OPAQUE"

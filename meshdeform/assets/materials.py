@@ -1,14 +1,13 @@
-"""Read an asset's materials, textures and images, for writing them in another format.
+"""Read what an asset's materials, textures and images show, for pictures.
 
 Source: glTF 2.0 specification, section 3.9 (Materials) and 5.29 (Texture sampler); the KHR extensions named below.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from meshdeform.assets.container import Json, extension, index, integer, member, numbers, objects, text
 from meshdeform.assets.document import Document, decode_data_uri
@@ -20,7 +19,6 @@ _MAX_PIXELS = 2**26
 _PORTABLE = ("BMP", "DDS", "GIF", "TGA", "TIFF", "WEBP")
 """Formats that Pillow may decode: some of its others start programs."""
 _IMAGE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
-_KNOWN_EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_unlit"}
 
 
 @dataclass(frozen=True)
@@ -47,22 +45,14 @@ class TextureUse:
 
 @dataclass(frozen=True)
 class Material:
-    """A metallic-roughness material. The defaults are those of a primitive without a material."""
+    """What the base colour of a material shows. The defaults are those of a primitive without a material."""
 
-    name: str = ""
     base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)  # linear RGBA
-    metallic: float = 1.0
-    roughness: float = 1.0
-    emissive: tuple[float, ...] = (0.0, 0.0, 0.0)
-    """Linear RGB, multiplied by the strength from KHR_materials_emissive_strength."""
-    ior: float = 1.5
+    texture: TextureUse | None = None
     unlit: bool = False
     alpha_mode: str = "OPAQUE"  # `OPAQUE`, `MASK` or `BLEND`
     alpha_cutoff: float = 0.5
     double_sided: bool = False
-    textures: dict[str, TextureUse] = field(default_factory=dict)
-    """Keys: `base_color`, `metallic_roughness`, `normal`, `occlusion`, `emissive`."""
-    extensions: tuple[str, ...] = ()  # extensions of the material that this class does not represent
 
 
 def read_material(document: Document, at: int) -> Material:
@@ -71,41 +61,19 @@ def read_material(document: Document, at: int) -> Material:
     items = objects(root, "materials")
     if not 0 <= at < len(items):
         raise AssetError(f"There is no {where}.")
-    found = _material(root, items[at], where)
-    older = extension(items[at], "KHR_materials_pbrSpecularGlossiness", where)
-    if older is None or "pbrMetallicRoughness" in items[at]:
-        return found
-    texture = _texture(root, older, "diffuseTexture", where)
-    return dataclasses.replace(
-        found,
-        base_color=tuple(numbers(older, "diffuseFactor", 4, where) or (1.0,) * 4),
-        textures={**found.textures, **({} if texture is None else {"base_color": texture})},
-    )
-
-
-def _material(root: Json, item: Json, where: str) -> Material:
-    shading = member(item, "pbrMetallicRoughness", where)
-    strength = _number(extension(item, "KHR_materials_emissive_strength", where) or {}, "emissiveStrength", 1.0, where)
-    found = {
-        "base_color": _texture(root, shading, "baseColorTexture", where),
-        "metallic_roughness": _texture(root, shading, "metallicRoughnessTexture", where),
-        "normal": _texture(root, item, "normalTexture", where),
-        "occlusion": _texture(root, item, "occlusionTexture", where),
-        "emissive": _texture(root, item, "emissiveTexture", where),
-    }
+    item = items[at]
+    older = extension(item, "KHR_materials_pbrSpecularGlossiness", where)
+    if older is None or "pbrMetallicRoughness" in item:
+        shading, names = member(item, "pbrMetallicRoughness", where), ("baseColorFactor", "baseColorTexture")
+    else:
+        shading, names = older, ("diffuseFactor", "diffuseTexture")
     return Material(
-        name=text(item, "name", where) or "",
-        base_color=tuple(numbers(shading, "baseColorFactor", 4, where) or (1.0,) * 4),
-        metallic=_number(shading, "metallicFactor", 1.0, where),
-        roughness=_number(shading, "roughnessFactor", 1.0, where),
-        emissive=tuple(strength * value for value in numbers(item, "emissiveFactor", 3, where) or (0.0,) * 3),
-        ior=_number(extension(item, "KHR_materials_ior", where) or {}, "ior", 1.5, where),
+        base_color=tuple(numbers(shading, names[0], 4, where) or (1.0,) * 4),
+        texture=_texture(root, shading, names[1], where),
         unlit=extension(item, "KHR_materials_unlit", where) is not None,
         alpha_mode=text(item, "alphaMode", where) or "OPAQUE",
         alpha_cutoff=_number(item, "alphaCutoff", 0.5, where),
         double_sided=item.get("doubleSided") is True,
-        textures={slot: use for slot, use in found.items() if use is not None},
-        extensions=tuple(sorted(member(item, "extensions", where).keys() - _KNOWN_EXTENSIONS)),
     )
 
 

@@ -24,6 +24,7 @@ def test_a_new_job_comes_back_as_it_was_written(record: JobRecord) -> None:
     found = record.get(made.id)
     assert found == made
     assert (found.state, found.attempt, found.version) == (JobState.QUEUED, 0, 1)
+    assert (found.oom_attempts, found.ran_s, found.event_seq, found.progress) == (0, 0.0, 1, Progress())
     assert found.request == request
     assert found.request.params.model_fields_set == {"steps"}
     assert found.files["target"] == stored_file("b", "target.obj")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -81,10 +83,21 @@ def test_what_has_no_silhouette_is_refused_with_its_reason(data: bytes, message:
 
 
 def test_a_picture_of_too_many_pixels_is_refused_before_it_is_decoded() -> None:
-    data = bytearray(encoded(np.zeros((8, 8))))
-    data[16:24] = (60_000).to_bytes(4, "big") * 2
-    with pytest.raises((AssetTooLargeError, SilhouetteError), match=r"60000 x 60000|cannot be read"):
-        read_silhouette(bytes(data))
+    def stating(width: int, height: int) -> bytes:
+        head = b"IHDR" + struct.pack(">2I", width, height) + bytes([1, 0, 0, 0, 0])
+        return (
+            b"\x89PNG\r\n\x1a\n"
+            + struct.pack(">I", 13)
+            + head
+            + struct.pack(">I", zlib.crc32(head))
+            + bytes(4)
+            + b"IDAT"
+        )
+
+    with pytest.raises(AssetTooLargeError, match="8192 x 8193"):
+        read_silhouette(stating(8192, 8193))
+    with pytest.raises(SilhouetteError, match="damaged"):
+        read_silhouette(stating(8192, 8192))
 
 
 def test_the_child_process_checks_a_picture(tmp_path) -> None:  # type: ignore[no-untyped-def]

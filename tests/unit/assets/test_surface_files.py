@@ -14,7 +14,7 @@ import pytest
 from safetensors.numpy import save
 
 from meshdeform.assets.scalar_files import read_scalar_file
-from meshdeform.assets.surface_files import read_surface_file
+from meshdeform.assets.surface_files import OrientedPoints, read_surface_file
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -24,6 +24,7 @@ from meshdeform.errors import (
     AssetTruncatedError,
 )
 from meshdeform.geometry.shapes import icosphere
+from tests.cases import each_case
 
 BALL = icosphere(2).verts.numpy()
 BOUNDS = "[-2,-2,-2,2,2,2]"
@@ -34,6 +35,12 @@ def xyz(points: np.ndarray, normals: np.ndarray = BALL) -> bytes:
     file = io.BytesIO()
     np.savetxt(file, np.concatenate([points, normals], 1))
     return file.getvalue()
+
+
+def ply(*names: str) -> bytes:
+    head = f"ply\nformat ascii 1.0\nelement vertex {len(BALL)}\n"
+    head += "".join(f"property float {name}\n" for name in names) + "end_header\n"
+    return head.encode() + xyz(2 * BALL)
 
 
 def npz(**arrays: object) -> bytes:
@@ -95,6 +102,10 @@ REFUSED: dict[str, list[tuple[Callable[[], bytes], type[AssetError], str]]] = {
         (lambda: xyz(one(BALL, np.nan)), AssetNotFiniteError, "not finite"),
         (lambda: xyz(BALL * 1e200), AssetNotFiniteError, "32-bit"),
     ],
+    "cloud.ply": [
+        (lambda: ply("x", "y", "z", "nx", "ny", "w"), AssetError, "no 'nz': a cloud"),
+        (lambda: b"ply\nformat ascii 1.0\nend_header\n", AssetError, "no 'x'"),
+    ],
     "grid.npz": [
         (lambda: b"", AssetFormatError, "cannot be read"),
         (lambda: npz()[:-90], AssetFormatError, "cannot be read"),
@@ -129,6 +140,14 @@ REFUSED: dict[str, list[tuple[Callable[[], bytes], type[AssetError], str]]] = {
         (lambda: network(omega="nan"), AssetError, "not a box"),
     ],
 }
+
+
+@each_case(("data", "name"), [(xyz(2 * BALL), "a.xyz"), (ply("x", "y", "z", "nx", "ny", "nz"), "a.ply")])
+def test_points_and_normals_come_as_they_are_written(data: bytes, name: str) -> None:
+    found = read_surface_file(data, name)
+    assert isinstance(found, OrientedPoints)
+    np.testing.assert_allclose(found.points, 2 * BALL, rtol=1e-6)
+    np.testing.assert_allclose(found.normals, BALL, atol=1e-6)
 
 
 def test_what_cannot_be_used_is_refused_with_what_to_do() -> None:

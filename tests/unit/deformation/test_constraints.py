@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.deformation.constraints import Constraints, Handle, Mirror, find_partners, freedom_around
+from meshdeform.deformation.constraints import Constraints, Handle, Mirror, Placement, find_partners, freedom_around
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.stand_in import StandIn
@@ -84,6 +84,10 @@ def test_kept_vertices_keep_their_bits_and_the_surface_joins_them_smoothly(carri
     near, far = (distance > 0) & (distance < 0.15), distance > 0.5
     # The slope is continuous: it begins at zero. Without a fall-off it would be about the same everywhere.
     assert 0 < slope[near].max() < 0.25 * slope[far].max()
+    # Halfway a vertex goes half its way, and a quarter of the way 3/16 - 1/32 of it: Hermite's smooth step.
+    share = torch.full((len(POINTS), 3), 5 / 32, dtype=torch.float64)
+    quarter = Placement(BALL, Constraints(np.full(len(POINTS), 0.25))).place(BALL.verts + 1) - BALL.verts
+    torch.testing.assert_close(quarter, share)
     assert (shaken(carried, 0.3)[torch.from_numpy(CAP)] == BALL.verts[torch.from_numpy(CAP)]).all()
 
 

@@ -131,17 +131,17 @@ def test_a_target_has_no_front() -> None:
 class _Grades:
     """Grades with a known best azimuth, or equal ones."""
 
-    def __init__(self, best_deg: float | None) -> None:
-        self.best = best_deg
+    def __init__(self, best_deg: float | None, gain: float = 0.3, noise: float = 0.01) -> None:
+        self.best, self.gain, self.noise = best_deg, gain, noise
         self.calls = 0
 
     def grades(self, image: Tensor, poses: list[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
         self.calls += len(poses)
         if self.best is None:
             return torch.ones(len(poses), dtype=torch.float64)
-        noise = 0.01 * torch.randn(len(poses), generator=generator, dtype=torch.float64)
+        noise = self.noise * torch.randn(len(poses), generator=generator, dtype=torch.float64)
         off = [math.radians(float(image) - self.best - pose.azimuth_deg) for pose in poses]
-        return 1 - 0.3 * torch.tensor([math.cos(angle) for angle in off], dtype=torch.float64) + noise
+        return 1 - self.gain * torch.tensor([math.cos(angle) for angle in off], dtype=torch.float64) + noise
 
 
 def _draw(azimuth_deg: float, generator: torch.Generator) -> tuple[Tensor, Cameras]:
@@ -156,6 +156,13 @@ def test_the_best_angle_is_found_within_the_finer_step(best: float) -> None:
     assert found == find_orientation(_draw, _Grades(best), 3)
     assert Orientation.from_tensor(found.to_tensor()) == found
     assert guidance.calls <= 48
+
+
+@each_case(("gain", "noise", "found"), [(0.014, 0.0, False), (0.016, 0.0, True), (0.016, 0.05, False)])
+def test_a_side_is_the_front_from_three_per_cent_and_three_errors_on(gain: float, noise: float, found: bool) -> None:
+    """The grade of the back is `1 + gain`, that of the front `1 - gain`."""
+    source = find_orientation(_draw, _Grades(180.0, gain, noise), 3).source
+    assert (source is OrientationSource.FOUND) is found
 
 
 def test_a_model_without_azimuth_is_asked_twice_only() -> None:
