@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
 from meshdeform.errors import PromptError, StoredFileError, UnavailableError
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import Job, JobError, JobState, NewJob, OriginMode, StoredFile
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
@@ -185,6 +187,9 @@ def test_a_branch_may_have_a_target_of_its_own(api: Api, sphere: bytes) -> None:
     api.record.leases.set_checkpoint(job.id, 1, f"jobs/{job.id}/1/checkpoint-000010", 10, made.sha256)
     path = f"/v1/jobs/{job.id}/checkpoints/10/branch"
     assert made_of(api, api.http.post(path, json=guided)).files == job.files
+    egg = build_glb(icosphere(1).verts.numpy() * [1, 2, 1], icosphere(1).faces.numpy())
+    again = api.http.post(path, json={**guided, "target": {"job_id": finished_job(api, egg)}})
+    assert api.store.get(made_of(api, again).files["target"].key) == egg
     assert made_of(api, api.http.post(path, json=BRANCH)).files == {"asset": job.files["asset"]}
 
 

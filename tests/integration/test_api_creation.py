@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 import socket
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -60,11 +59,8 @@ def test_the_request_may_be_a_file_part_and_a_target_may_come_along(api: Api, sp
     assert (asset.filename, target.filename) == ("a.glb", "t.glb")
 
 
-BARE = {"asset": {"version": "2.0"}}
-
-
 HUGE = {
-    **BARE,
+    "asset": {"version": "2.0"},
     "scenes": [{"nodes": [0]}],
     "nodes": [{"mesh": 0}],
     "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
@@ -72,30 +68,14 @@ HUGE = {
 }
 
 
-NAN = {
-    **HUGE,
-    "accessors": [{"componentType": 5126, "count": 3, "type": "VEC3", "bufferView": 0}],
-    "bufferViews": [{"buffer": 0, "byteLength": 36}],
-    "buffers": [{"byteLength": 36}],
-}
-
-
-EXTERNAL = {**NAN, "buffers": [{"byteLength": 36, "uri": "file:///etc/passwd"}]}
-
-
 @each_case(
     ("asset", "status", "code"),
     [
         (b"", 422, "asset_truncated"),
         (b"PK\x03\x04 no mesh at all", 422, "asset_truncated"),
-        (glb(BARE)[:-4], 422, "asset_truncated"),
         (glb(HUGE), 413, "asset_too_large"),
-        (glb(EXTERNAL), 422, "asset_external_uri"),
-        (glb(NAN, struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, float("nan"), 0)), 422, "asset_not_finite"),
-        (glb(BARE), 422, "asset_no_triangles"),
-        (glb(NAN, struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0.5, 1e-6, 0)), 422, "asset_no_triangles"),
     ],
-    ids=["empty", "zip", "truncated", "huge", "external", "nan", "no triangles", "needles"],
+    ids=["empty", "zip", "huge"],
 )
 def test_a_bad_asset_is_a_clear_problem_and_leaves_nothing(api: Api, asset: bytes, status: int, code: str) -> None:
     before = api.record.list_jobs().jobs

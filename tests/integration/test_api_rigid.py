@@ -10,7 +10,6 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.groups import grouped
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
-from tests.unit.geometry.test_structure import STATUE
 from tests.unit.runs.test_pictures import GLB, ellipse
 
 
@@ -94,13 +93,6 @@ def test_a_point_that_is_absurdly_far_is_refused_where_it_stands(api: Api) -> No
     files = {"asset": ("a.glb", asset), "target": ("b.glb", asset), "request": (None, request)}
     problem = check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "parameter_invalid")
     assert problem["errors"][0]["loc"] == ["params", "guidance", "landmarks", 0, "target"]
-
-
-def test_an_asset_with_z_up_is_valid_and_comes_with_a_warning(api: Api) -> None:
-    points = STATUE.verts.numpy()[:, [0, 2, 1]] * [1, -1, 1]
-    found = validate(api, build_glb(points, STATUE.faces.numpy()))
-    assert found.status_code == 200, found.text
-    assert any("Z up" in text for text in found.json()["asset"]["warnings"])
 
 
 # Pictures as targets over HTTP: what is found in them, and what is refused before a job exists.

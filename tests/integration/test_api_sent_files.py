@@ -66,14 +66,6 @@ def test_a_target_comes_back_and_a_job_without_one_says_so(api: Api, sphere: byt
 
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-PLY = (
-    b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    b"element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-)
-STL = (
-    b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
-    b"endloop\nendfacet\nendsolid a\n"
-)
 
 
 def _zip(name: str, content: bytes) -> bytes:
@@ -89,10 +81,7 @@ ZIP = _zip("triangle.obj", OBJ)
 @each_case(
     ("name", "content", "expected"),
     [
-        ("triangle.obj", OBJ, "model/obj"),
         ("triangle.OBJ", OBJ, "model/obj"),
-        ("triangle.ply", PLY, "application/octet-stream"),
-        ("triangle.stl", STL, "model/stl"),
         ("triangle.zip", ZIP, "application/zip"),
         ("sphere", None, "model/gltf-binary"),
         ("page.html", None, "model/gltf-binary"),

@@ -30,13 +30,6 @@ def test_a_result_is_the_asset_of_another_job(api: Api, sphere: bytes, openapi: 
     assert api.store.get(api.record.get(answer.json()["id"]).files["asset"].key) == sphere
 
 
-def test_a_form_may_name_its_target(api: Api, sphere: bytes) -> None:
-    target = {"job_id": finished_job(api, sphere), "artifact": "result.glb"}
-    answer = post(api, sphere, {"params": {"guidance": {"kind": "target"}}, "target": target})
-    assert answer.status_code == 202, answer.text
-    assert answer.json()["target"]["filename"] == "result.glb"
-
-
 @each_case(
     ("asset", "loc"),
     [

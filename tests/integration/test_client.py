@@ -102,12 +102,6 @@ def test_from_a_file_to_a_file(api: Api, client: Client, sphere: Path, tmp_path:
         client.get(job.id)
 
 
-def test_a_target_is_sent_along(client: Client, sphere: Path) -> None:
-    job = client.submit(sphere, params={"guidance": {"kind": "target"}}, target=sphere)
-    assert job.target is not None
-    assert job.target.sha256 == job.asset.sha256 == hashlib.sha256(sphere.read_bytes()).hexdigest()
-
-
 def test_jobs_are_listed_through_all_pages(api: Api, client: Client) -> None:
     made = [new_job(api.record).id for _ in range(5)]
     listed = [job.id for job in client.jobs(limit=2)]

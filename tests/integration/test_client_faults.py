@@ -154,9 +154,6 @@ def test_a_stream_that_is_left_gives_its_connection_back(cluster: Cluster, clien
     assert client.get(job_id).state is JobState.QUEUED
 
 
-# Many at a time
-
-
 # Files
 
 

@@ -237,6 +237,15 @@ def test_a_job_is_handed_over_once_to_one_that_has_waited(record: JobRecord) -> 
 
 
 @pytest.mark.both_databases
+def test_room_is_made_for_an_owner_who_runs_less(record: JobRecord) -> None:
+    more, less = [claimed(record, posted(record, owner)) for owner in "aab"][1:]
+    for owner in "ab":
+        set_to(record, posted(record, owner), created_at=record.database.now(-2 * TURN_S))
+    assert not record.leases.hand_over(less, TURNS)
+    assert record.leases.hand_over(more, TURNS)
+
+
+@pytest.mark.both_databases
 def test_an_attempt_that_is_over_hands_nothing_over(record: JobRecord) -> None:
     lost = claimed(record, posted(record, "a"), OVER)
     set_to(record, posted(record, "b"), created_at=record.database.now(-2 * TURN_S))

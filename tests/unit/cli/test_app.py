@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-import meshdeform
 from meshdeform import errors
 from meshdeform.cli.app import app
 from meshdeform.cli.exits import ExitCode, exit_code
@@ -62,35 +61,6 @@ def test_help_loads_neither_torch_nor_numpy_nor_pydantic() -> None:
     )
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert loaded.stdout.strip() == "[]"
-
-
-def test_every_command_has_help() -> None:
-    for command in ([], ["run"], ["serve"], ["api"], ["worker"], ["version"]):
-        result = CliRunner().invoke(app, [*command, "--help"])
-        assert result.exit_code == 0
-        assert "Usage" in result.output
-        assert "bool" not in result.output or not command, "flags take no value"
-
-
-def test_version() -> None:
-    assert CliRunner().invoke(app, ["version"]).output.strip() == meshdeform.__version__
-    assert CliRunner().invoke(app, ["--version"]).output.strip() == meshdeform.__version__
-
-
-@each_case(
-    ("error", "code"),
-    [
-        (errors.AssetTruncatedError("x"), 3),
-        (errors.VocabularyError("x"), 3),
-        (errors.CheckpointError("x"), 3),
-        (errors.ModelError("x"), 4),
-        (errors.DependencyError("x"), 4),
-        (errors.UnavailableError("x"), 4),
-        (errors.NumericalError("x"), 1),
-    ],
-)
-def test_exit_codes(error: errors.MeshdeformError, code: int) -> None:
-    assert exit_code(error) == code
 
 
 @each_case(
@@ -141,14 +111,6 @@ def test_a_run_says_what_it_damaged_and_that_the_asset_was_better(sphere: Path, 
     assert result.output.count("Damaged faces") == 1
 
 
-def test_a_run_is_compact_and_says_where_it_comes_from(sphere: Path, egg: Path, tmp_path: Path) -> None:
-    common = ["run", sphere, "--target", egg, "--steps", 1, "-q", "--compact", "--provenance", "-o", "egg.glb"]
-    assert run_here(*common, cwd=tmp_path).exit_code == 0
-    written = (tmp_path / "egg.glb").read_bytes()
-    assert len(written) < sphere.stat().st_size + 500
-    assert b'"meshdeform":{"version":' in written
-
-
 def test_a_run_overwrites_only_what_a_run_wrote(sphere: Path, egg: Path, tmp_path: Path) -> None:
     common = ["run", sphere, "--target", egg, "--steps", 1, "-o", "egg.glb"]
 
@@ -195,13 +157,6 @@ def test_json_is_one_document_and_a_resumed_run_is_the_same_run(sphere: Path, eg
     resumed = run_here(*common, "-o", "resumed.glb", "--resume", "state", cwd=tmp_path)
     assert json.loads(resumed.stdout)["resumed_from"] == 4
     assert (tmp_path / "whole.glb").read_bytes() == (tmp_path / "resumed.glb").read_bytes()
-
-
-def test_a_checkpoint_of_another_run_is_refused(sphere: Path, egg: Path, tmp_path: Path) -> None:
-    (tmp_path / "state").write_bytes(b"torn")
-    result = run_here("run", sphere, "--target", egg, "--steps", 3, "--resume", "state", cwd=tmp_path)
-    assert result.exit_code == ExitCode.BAD_INPUT
-    assert "checkpoint" in result.stderr
 
 
 def test_a_file_that_is_no_mesh_is_one_line_and_advice(tmp_path: Path) -> None:

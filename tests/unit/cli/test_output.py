@@ -122,9 +122,15 @@ def test_a_failed_job_says_why() -> None:
         (errors.NotFoundError("x"), 3),
         (errors.ConflictError("x"), 3),
         (errors.RequestTimeoutError("x"), 4),
+        (errors.ModelError("x"), 4),
+        (errors.DependencyError("x"), 4),
+        (errors.UnavailableError("x"), 4),
+        (errors.AssetTruncatedError("x"), 3),
+        (errors.CheckpointError("x"), 3),
+        (errors.NumericalError("x"), 1),
     ],
 )
-def test_exit_codes_of_what_a_service_answers(error: errors.MeshdeformError, code: int) -> None:
+def test_exit_codes(error: errors.MeshdeformError, code: int) -> None:
     assert exit_code(error) == code
 
 

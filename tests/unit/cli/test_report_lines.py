@@ -1,25 +1,15 @@
-"""The line that `meshdeform run` prints about the texture."""
+"""The lines that `meshdeform run` prints."""
 
 from __future__ import annotations
 
 import pytest
 import typer
 
-from meshdeform.cli.report_lines import _shape_lines, orientation_line, prompt_lines, source_line, stretch_line
+from meshdeform.cli.report_lines import _shape_lines, orientation_line, prompt_lines, source_line
 from meshdeform.cli.request import read_prompt
 from meshdeform.deformation.orientation import Orientation, OrientationSource
 from meshdeform.requests.document import DeformParams
 from tests.cases import each_case
-
-
-def test_the_line_names_median_percentile_and_share() -> None:
-    found = {"p50": 1.034, "p95": 2.5, "above_2": 0.094, "scale": 1.2, "measured": 1.0}
-    assert stretch_line(found) == (
-        "Texture stretch: 1.03 at the median, 2.50 at the 95th percentile; 9% of the textured surface above 2"
-    )
-
-
-# The line that `meshdeform run` prints about the front.
 
 
 def test_a_front_that_was_searched_is_named_and_one_that_was_given_is_not() -> None:

@@ -110,13 +110,6 @@ def test_the_report_names_the_source_of_a_result(ran: Path) -> None:
     assert Path("out-100.glb").read_bytes() == ran.read_bytes()
 
 
-def test_a_morph_of_any_pair(ran: Path) -> None:
-    Path("tall.glb").write_bytes(glb(1, 3, 1))
-    found = apply("tall.glb", "--source", "ball.glb", "--morph", "--frames", "3", "-o", "way.glb")
-    assert found.exit_code == 0, found.output
-    assert b"deform 2/3" in Path("way.glb").read_bytes()
-
-
 def test_other_files_are_deformed_alike_by_a_result_or_its_map(ran: Path) -> None:
     Path("lod.glb").write_bytes(build_glb(icosphere(0).verts.numpy(), icosphere(0).faces.numpy()))
     Path("hat.glb").write_bytes(glb(0.5, 0.5, 0.5))

@@ -7,12 +7,10 @@ import math
 import pytest
 import torch
 
-from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_areas
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
-from tests.close import assert_close
-from training.shapes import box, cylinder, grid, lathe, torus, uv_sphere
+from training.shapes import box, cylinder, lathe, torus, uv_sphere
 
 
 def volume(mesh: TriangleMesh) -> float:
@@ -40,32 +38,3 @@ def test_closed_shapes_enclose_their_volume_outward(mesh: TriangleMesh, expected
     assert bool(edges.consistent.all())
     assert float(face_areas(mesh.verts, mesh.faces).min()) > 0
     assert volume(mesh) == pytest.approx(expected, rel=5e-3)
-
-
-@each_case(("mesh", "borders"), [(grid(5), 20), (cylinder(n=12, capped=False), 24)])
-def test_open_shapes_have_their_borders(mesh: TriangleMesh, borders: int) -> None:
-    edges = edges_of(mesh.faces)
-    assert int((edges.counts == 1).sum()) == borders
-    assert bool(edges.consistent[edges.counts == 2].all())
-
-
-@each_case("level", [0, 1, 2, 3])
-def test_an_icosphere_has_twenty_times_four_to_the_level_faces(level: int) -> None:
-    mesh = icosphere(level)
-    assert mesh.faces.shape[0] == 20 * 4**level
-    assert mesh.verts.shape[0] == 10 * 4**level + 2
-    assert_close(mesh.verts.norm(dim=1), torch.ones(len(mesh.verts), dtype=torch.float64))
-
-
-def test_the_grid_faces_forward() -> None:
-    mesh = grid(2, size=3.0)
-    a, b, c = mesh.verts[mesh.faces].unbind(1)
-    normals = torch.linalg.cross(b - a, c - a)
-    assert bool((normals[:, 2] > 0).all())
-    assert float(face_areas(mesh.verts, mesh.faces).sum()) == pytest.approx(9.0)
-
-
-@each_case("profile", [[(1.0, 0.0)], [(1.0, 0.0), (-1.0, 1.0)], [(1.0, 0.0), (0.0, 1.0), (1.0, 2.0)]])
-def test_a_lathe_refuses_what_it_cannot_turn(profile: list[tuple[float, float]]) -> None:
-    with pytest.raises(ShapeError):
-        lathe(profile)

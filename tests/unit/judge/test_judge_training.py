@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.judge.scoring import JudgeNetwork, encoded, read_judge
+from meshdeform.judge.scoring import JudgeNetwork, encoded
 from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, parse
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge.augment import augmented
@@ -21,14 +21,11 @@ from training.judge.members import (
     ViewSet,
     counts_of,
     draw_member,
-    draw_nothing,
     draw_other,
-    faceted,
-    roughened,
     seeded,
 )
 from training.judge.shapes.solids import ball, block, carved, drum, rod, surfaced
-from training.judge.train import TrainConfig, Trainer, _unknown, calibrate, write_judge
+from training.judge.train import TrainConfig, Trainer, _unknown, calibrate
 from training.prior.families import Part
 
 pytestmark = pytest.mark.training
@@ -117,28 +114,6 @@ def test_a_set_comes_back_from_its_cache_and_only_what_is_missing_is_drawn(tmp_p
     assert again["nothing.safetensors"] != written["nothing.safetensors"]
 
 
-def test_roughening_keeps_the_shape() -> None:
-    for number in range(5):
-        _, shape = draw_member("vase", seeded(HELD_OUT, "vase", number))
-        rough = roughened(shape, seeded(HELD_OUT, "rough", number))
-        assert np.array_equal(rough.faces, shape.faces)
-        moved = np.linalg.norm(rough.verts - shape.verts, axis=1)
-        assert 0.0 < moved.mean() < 0.15
-
-
-def test_facets_are_the_same_surface() -> None:
-    _, shape = draw_member("vase", seeded(HELD_OUT, "vase", 0))
-    flat = faceted(shape)
-    assert np.array_equal(flat.verts[flat.faces], shape.verts[shape.faces])
-    assert len(np.unique(flat.faces)) == flat.faces.size
-
-
-def test_nothing_is_drawn_within_the_unit_sphere() -> None:
-    for number in range(10):
-        verts = draw_nothing(seeded(HELD_OUT, NOTHING, number)).verts
-        assert np.linalg.norm(verts, axis=1).max() == pytest.approx(1.0)
-
-
 def test_augmentation_is_seeded_and_leaves_the_background_white() -> None:
     blank = torch.ones(16, 1, 64, 64)
     changed = augmented(blank, torch.Generator().manual_seed(1))
@@ -189,19 +164,6 @@ def test_members_of_other_code_are_compared_with_other_nouns_alone(small: ViewSe
     expected = [prompt.noun == "rabbit" and prompt != own for prompt in map(parse, texts)]
     hidden = _unknown(small, rows, encoded(prompts)) > 0
     assert hidden.tolist() == [[False] * 4, expected, [False] * 4, [False] * 4]
-
-
-def test_weights_come_back(tmp_path: Path) -> None:
-    torch.manual_seed(0)
-    network = JudgeNetwork().eval()
-    network.prompt_sharpness.fill_(2.5)
-    write_judge(tmp_path / "judge", network, {"steps": "7"})
-    again, metadata = read_judge(tmp_path / "judge")
-    images = torch.rand(2, 1, 64, 64)
-    with torch.no_grad():
-        assert torch.allclose(again.encode_views(images)[0], network.encode_views(images)[0], atol=1e-2)
-    assert float(again.prompt_sharpness) == 2.5
-    assert metadata["steps"] == "7"
 
 
 def test_the_variants_of_a_noun_are_its_own() -> None:

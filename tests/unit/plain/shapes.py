@@ -46,7 +46,7 @@ def plain_glb(mesh: TriangleMesh, name: str = "", **more: object) -> bytes:
 
 
 def rigged_dog(*, turned: bool = False) -> bytes:
-    """The dog with a joint in each part, below hips at the root, and a walk; `turned`: in its bind pose it lies."""
+    """The dog with a joint in each part, below hips at the root, and a walk; `turned`: bound lying, its tail down."""
     builder, parts = Builder(), dog()
     verts, faces, owner, start = [], [], [], 0
     for number, mesh in enumerate(parts.values()):
@@ -67,6 +67,8 @@ def rigged_dog(*, turned: bool = False) -> bytes:
         for name in parts
         if name != "trunk"
     ]
+    if turned:  # the pose that viewers show is another one
+        builder.root["nodes"][children[-1]] |= {"rotation": [-0.38268343, 0, 0, 0.92387953]}
     root = builder.node(name="Hips", translation=list(at["trunk"]), children=children)
     binds = np.stack([_bind(np.array(at[name]), turn) for name in parts])
     builder.root["skins"] = [{"joints": [root, *children], "inverseBindMatrices": builder.accessor(binds)}]

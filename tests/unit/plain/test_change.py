@@ -203,6 +203,25 @@ def test_several_changes_in_one_sentence_are_made_in_order() -> None:
 
 
 @each_case("turned", [False, True])
+def test_joints_go_with_what_grows_around_them_in_the_pose_that_is_shown(turned: bool) -> None:
+    glb = rigged_dog(turned=turned)
+    before, after = Player(glb), Player(run(glb, "taller")[0])
+    joints = before.root["skins"][0]["joints"]
+    places, verts = (
+        [np.c_[rows, np.ones(len(rows))] for rows in each]
+        for each in (
+            [np.array(player.worlds(None))[joints, :3, 3] for player in (before, after)],
+            [player.at(None, 0).verts for player in (before, after)],
+        )
+    )
+    start = 0
+    for number, part in enumerate(dog().values()):
+        rows = slice(start, start := start + len(part.verts))
+        change = np.linalg.lstsq(verts[0][rows], verts[1][rows])[0]
+        np.testing.assert_allclose(places[1][number], places[0][number] @ change, atol=0.03)
+
+
+@each_case("turned", [False, True])
 def test_the_animation_of_a_rigged_file_plays_as_before_at_the_new_height(turned: bool) -> None:
     glb = rigged_dog(turned=turned)
     result, report = run(glb, "longer legs")
