@@ -331,14 +331,6 @@ def test_the_page_is_dark_where_the_system_is(page: Page) -> None:
     until("the page is light", lambda: background(page) > 0.7)
     page.emulate_media(color_scheme="dark", reduced_motion="reduce")
     until("the page is dark", lambda: background(page) < 0.3)
-    page.emulate_media(color_scheme="light", reduced_motion="reduce")
-    page.get_by_role("button", name="Theme: as the system").click()
-    page.get_by_role("button", name="Theme: light").click()
-    page.get_by_role("button", name="Theme: dark").wait_for()
-    until("the page is dark", lambda: background(page) < 0.3)
-    page.reload()
-    page.get_by_role("button", name="Theme: dark").wait_for()
-    until("the page is dark", lambda: background(page) < 0.3)
 
 
 def background(page: Page) -> float:

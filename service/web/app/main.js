@@ -7,11 +7,9 @@ import { forgetDrafts } from "./drafts.js";
 import { currentKey, currentLink, forgetKey, holdLink } from "./key.js";
 import { parseRoute, permalinkHash } from "./router.js";
 import { Scope } from "./scope.js";
-import { themeSwitch } from "./theme.js";
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
 const tools = /** @type {HTMLElement} */ (document.getElementById("tools"));
-const theme = themeSwitch();
 let scope = new Scope();
 let first = true;
 let turn = 0;
@@ -94,10 +92,9 @@ async function show() {
 }
 
 function showTools() {
-  const key = currentKey() && !currentLink()
+  fill(tools, currentKey() && !currentLink()
     ? button("Forget the API key", () => (forgetKey(), void forgetDrafts(), toast("API key and drafts removed from this browser")), { icon: "key", quiet: true, class: "button-quiet" })
-    : null;
-  fill(tools, key, theme);
+    : null);
 }
 
 mountAnnouncer(document.body);

@@ -80,10 +80,6 @@ export class Surface {
     };
     theme();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", theme, { signal });
-    this.mutations = new MutationObserver(theme);
-    for (const element of [document.documentElement, document.body]) {
-      this.mutations.observe(element, { attributes: true, attributeFilter: ["class", "style", "data-theme"] });
-    }
     // The wheel scrolls the page until someone has chosen the viewer.
     this.container.addEventListener("pointerdown", () => this.container.focus({ preventScroll: true }), { signal });
     const wheel = (/** @type {WheelEvent} */ event) => {
@@ -152,7 +148,6 @@ export class Surface {
     this.stop.abort();
     this.resizing?.disconnect();
     this.intersecting?.disconnect();
-    this.mutations?.disconnect();
     this.canvas.remove();
     this.help.remove();
     for (const name of ["role", "aria-roledescription", "aria-label", "aria-describedby"]) {

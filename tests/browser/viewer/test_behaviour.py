@@ -195,24 +195,26 @@ def test_a_snapshot_is_a_png_of_the_size_asked_for(page: Page) -> None:
 def test_a_viewer_follows_its_size_and_the_theme(page: Page) -> None:
     found = page.evaluate(
         """async () => {
-          const viewer = await show("source.glb");
+          const viewer = (window.themed = await show("source.glb"));
           const { container, canvas } = viewer.surface;
-          const light = [viewer.surface.dark, getComputedStyle(container).backgroundColor];
           container.style.width = "200px";
           container.style.height = "300px";
           for (let i = 0; i < 5; i++) await drawn();
-          const size = [canvas.width, canvas.height, viewer.rig.camera.aspect, covered(pixels(viewer))];
-          document.documentElement.dataset.theme = "dark";
-          await drawn();
-          const dark = [viewer.surface.dark, getComputedStyle(container).backgroundColor];
-          delete document.documentElement.dataset.theme;
-          return { light, size, dark };
+          return [canvas.width, canvas.height, viewer.rig.camera.aspect, covered(pixels(viewer))];
         }"""
     )
-    assert found["size"][:3] == [200, 300, pytest.approx(2 / 3)]
-    assert found["size"][3] > 2000
-    assert (found["light"][0], found["dark"][0]) == (False, True)
-    assert found["light"][1] != found["dark"][1]
+    assert found[:3] == [200, 300, pytest.approx(2 / 3)]
+    assert found[3] > 2000
+    ground = """() => [themed.surface.dark, getComputedStyle(themed.surface.container).backgroundColor,
+        themed.stage.ground.material.opacity]"""
+    light = page.evaluate(ground)
+    page.emulate_media(color_scheme="dark")
+    page.evaluate("drawn()")
+    dark = page.evaluate(ground)
+    page.emulate_media(color_scheme="light")
+    assert (light[0], dark[0]) == (False, True)
+    assert light[1] != dark[1]
+    assert light[2] < dark[2]
 
 
 def test_less_motion_means_no_swinging_on(page: Page) -> None:
