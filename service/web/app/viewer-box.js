@@ -152,20 +152,6 @@ export class ViewerBox {
   turntable() {
     return this.viewer.turntable({ background: getComputedStyle(this.canvas).backgroundColor, signal: this.scope.signal });
   }
-
-  /**
-   * The shape between the source and a result, as a file.
-   * @param {ArrayBuffer} source
-   * @param {string} format
-   * @param {ArrayBuffer} shape
-   * @param {number} share 0 is the source, 1 the shape.
-   * @returns {Promise<ArrayBuffer>} A GLB.
-   */
-  async blended(source, format, shape, share) {
-    const { blendGlb, verticesOf } = await import("../viewer/blend-glb.js");
-    const before = format === "glb" ? verticesOf(source) : this.viewer?.sourceVertices;
-    return blendGlb(shape, before ?? [], share);
-  }
 }
 
 /** @param {ViewerBox} a @param {ViewerBox} b */

@@ -27,9 +27,8 @@ import { weld } from "./weld.js";
 /** A mesh that can be moved between the two. The source's geometry is kept aside and comes back with `dispose`. */
 class Blend {
   /** @param {Pair} pair */
-  constructor({ mesh, after, normals, tangents, order }) {
+  constructor({ mesh, after, normals, tangents }) {
     this.mesh = mesh;
-    this.order = order;
     this.original = mesh.geometry;
     this.geometry = shareGeometry(this.original);
     /** @type {{ name: string, attribute: BufferAttribute, before: Float32Array, knots: import("./waypoints.js").Knot[] }[]} */
@@ -90,13 +89,6 @@ class Blend {
   /** @returns {ArrayLike<number>} (3F) vertex of each corner */
   get corners() {
     return this.original.index?.array ?? Uint32Array.from({ length: this.before.length / 3 }, (_, i) => i);
-  }
-
-  /** @returns {import("./blend-glb.js").Vertices} of the source, in the result's order */
-  get source() {
-    const track = (/** @type {string} */ name) => this.tracks.find(({ attribute }) => attribute === this.geometry.attributes[name]);
-    const normal = track("normal");
-    return { POSITION: inOrder(this.before, this.order), ...(normal ? { NORMAL: inOrder(normal.before, this.order) } : {}) };
   }
 
   dispose() {
@@ -200,20 +192,6 @@ function texelsOf(blend) {
     out[2 * i] = place.x * map.image.width;
     out[2 * i + 1] = place.y * map.image.height;
   }
-  return out;
-}
-
-/**
- * @param {Float32Array} values (3V) by the source's vertices
- * @param {ArrayLike<number> | null} order the result's vertex of each
- * @returns {Float32Array} (3V') by the result's vertices
- */
-function inOrder(values, order) {
-  if (!order) return values;
-  let count = 0;
-  for (let i = 0; i < order.length; i++) count = Math.max(count, order[i] + 1);
-  const out = new Float32Array(3 * count);
-  for (let i = 0; i < order.length; i++) out.set(values.subarray(3 * i, 3 * i + 3), 3 * order[i]);
   return out;
 }
 

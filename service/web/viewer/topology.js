@@ -12,7 +12,6 @@ import { tornApart } from "./weld.js";
  * @property {Float32Array} after (3V) the result's positions in the mesh's own space, in the source's order
  * @property {Float32Array | null} normals (3V)
  * @property {Float32Array | null} tangents (4V)
- * @property {ArrayLike<number> | null} order the result's vertex of each of the source's; null: vertex i is vertex i
  */
 
 /** The result is not the source with other positions; `code` is "topology". */
@@ -63,7 +62,7 @@ function pair(mesh, other, converted, name) {
     source.attributes[attribute] && result.attributes[attribute]
       ? floats(result.attributes[attribute], size, order)
       : null;
-  return { mesh, after, normals: optional("normal", 3), tangents: optional("tangent", 4), order };
+  return { mesh, after, normals: optional("normal", 3), tangents: optional("tangent", 4) };
 }
 
 /**

@@ -233,11 +233,6 @@ export class MeshViewer extends EventTarget {
     context.clearRect(0, 0, canvas.width, canvas.height);
   }
 
-  /** @returns {import("./blend-glb.js").Vertices[] | null} the source's vertices in the result's order, a mesh each */
-  get sourceVertices() {
-    return this.#deformation?.blends.map((blend) => blend.source) ?? null;
-  }
-
   /** Forget the result; the source is shown as it was loaded. */
   clearDeformed() {
     this.#heatmap?.dispose();

@@ -12,10 +12,6 @@ import { client } from "../client.js";
 import { count } from "../format.js";
 
 const CACHE_BYTES = 96 << 20;
-const LARGE = 1 << 20; // bytes of a source, some 50,000 triangles: below, one request for all is as quick
-
-/** The server does not send parts of a file. */
-class PartError extends Error {}
 
 /** Whether a job deforms an asset: jobs of other kinds have files, but no result that stands for the asset. @param {any} job */
 export function isDeformation(job) {
@@ -53,39 +49,6 @@ export class ShapeCache {
   /** @param {string} path @returns {Promise<ArrayBuffer>} Not to be changed: others read it too. */
   async get(path) {
     return this.known.get(path) ?? this._keep(path, await client.bytes(path, { signal: this.scope.signal }));
-  }
-
-  /**
-   * A shape to be shown: of a large one only its vertices are fetched.
-   * @param {string} path Of a file, not of a shape that the server makes for each request.
-   * @param {ArrayBuffer} source What the shape was made of.
-   * @returns {Promise<ArrayBuffer>} Not to be changed: others read it too. It has the materials of the source.
-   */
-  async view(path, source) {
-    const known = this.known.get(path) ?? this.known.get(`${path} view`);
-    if (known) return known;
-    const moved = source.byteLength < LARGE ? null : await this._moved(path, source);
-    return moved ? this._keep(`${path} view`, moved) : this.get(path);
-  }
-
-  /** @param {string} path @param {ArrayBuffer} source @returns {Promise<ArrayBuffer | null>} */
-  async _moved(path, source) {
-    let tag = "";
-    const { movedGlb } = await import("../../viewer/moved.js");
-    const part = async (/** @type {{ start: number, end: number }} */ { start, end }) => {
-      const headers = { Range: `bytes=${start}-${end - 1}`, ...(tag ? { "If-Range": tag } : {}) };
-      const response = await client.request(path, { headers, signal: this.scope.signal });
-      const size = Number(/\/(\d+)$/.exec(response.headers.get("Content-Range") ?? "")?.[1]);
-      if (response.status !== 206 || !size) throw new PartError();
-      tag = response.headers.get("ETag") ?? "";
-      return { bytes: new Uint8Array(await response.arrayBuffer()), size };
-    };
-    try {
-      return await movedGlb(source, part);
-    } catch (error) {
-      if (error instanceof PartError) return null;
-      throw error;
-    }
   }
 
   /** @param {string} path @param {ArrayBuffer} mesh */

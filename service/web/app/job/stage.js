@@ -130,6 +130,9 @@ export class JobStage extends PairStage {
     const parts = shape ? ["After", shape.label === "Result" ? "" : shape.label.toLowerCase(), share === 100 ? "" : `${this.way?.on ? "strength" : "morph"} ${share}%`] : [none];
     fill(this.after.tag, parts.filter(Boolean).join(" · "));
     this.keep.hidden = !shape || this.flat;
+    // The server makes strengths of results alone.
+    this.save.disabled = this.comparable && share !== 100 && !this.way?.on;
+    this.save.title = this.save.disabled ? "Set Morph to 100% first" : "";
   }
 
   _scrub() {
@@ -194,7 +197,7 @@ export class JobStage extends PairStage {
   /** @param {Shape} shape */
   async _show(shape) {
     try {
-      const mesh = await this.cache.view(shape.path, this.source);
+      const mesh = await this.cache.get(shape.path);
       if (this.scope.over) return;
       this.comparable = await this.after.deform(mesh.slice(0));
       if (this.scope.over) return;
@@ -260,9 +263,8 @@ export class JobStage extends PairStage {
     if (!shape) return;
     const share = this.comparable ? this._share() : 100;
     await orToast("Not downloaded", async () => {
-      const mesh = await this.cache.get(shape.path);
-      const straight = () => this.after.blended(this.source, this.format, mesh, share / 100);
-      const bytes = share === 100 ? mesh : ((await this.way?.reach(share)) ?? (await straight()));
+      const bytes = share === 100 ? await this.cache.get(shape.path) : await this.way?.reach(share);
+      if (!bytes) throw new Error("The server has not made this strength.");
       saveBytes(new Blob([bytes], { type: "model/gltf-binary" }), shapeName(this.job, shape.name, share));
     });
   }

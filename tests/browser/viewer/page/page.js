@@ -1,6 +1,5 @@
 // Opens viewers for the tests, which drive them through `window`.
 import { acquireRenderer, contextCount, releaseRenderer, SharedRenderer } from "/web/viewer/renderer.js";
-import { blendGlb, verticesOf } from "/web/viewer/blend-glb.js";
 import { ControlTools } from "/web/viewer/control/tools.js";
 import { numberedSurface } from "/web/viewer/control/surface.js";
 import { linkCameras, MeshViewer, snapshotAsset } from "/web/viewer/viewer.js";
@@ -93,6 +92,6 @@ async function failure(promise) {
 }
 
 Object.assign(window, {
-  acquireRenderer, blendGlb, ControlTools, verticesOf, closeAll, failure, meshOf, releaseRenderer, SharedRenderer, show,
+  acquireRenderer, ControlTools, closeAll, failure, meshOf, releaseRenderer, SharedRenderer, show,
   contextCount, covered, difference, drawn, fetchBytes, linkCameras, numberedSurface, open, pixels, snapshotAsset, ready: true,
 });
