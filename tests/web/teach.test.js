@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { lessonFindings } from "../../service/web/app/job/results.js";
 import { parseRoute, routeHash } from "../../service/web/app/router.js";
 import { crc32, namesInZip, packMeshes } from "../../service/web/client/meshes.js";
-import { unpacked } from "../../service/web/viewer/zip.js";
+import { assetIn } from "../../service/web/viewer/zip.js";
 
 test("the checksum is that of the ZIP format", () => {
   assert.equal(crc32(new TextEncoder().encode("123456789")), 0xcbf43926);
@@ -15,7 +15,7 @@ test("what is packed is found again, and the same files are the same ZIP", async
   const files = [{ file: new File([bytes], "can.obj"), label: "tall" }, new File([new Uint8Array([1])], "notes – é.txt")];
   const zip = await (await packMeshes(files)).arrayBuffer();
   assert.deepEqual(zip, await (await packMeshes(files)).arrayBuffer());
-  const found = await unpacked(zip, "zip");
+  const found = assetIn(zip);
   assert.equal(found.format, "obj");
   assert.deepEqual(new Uint8Array(found.buffer), bytes);
 });

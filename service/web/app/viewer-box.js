@@ -8,7 +8,6 @@
  */
 import { isAbort } from "./client.js";
 import { fill, h, icon } from "./dom.js";
-import { unpacked } from "../viewer/zip.js";
 
 /** @type {Promise<any> | null} */
 let module_ = null;
@@ -71,9 +70,7 @@ export class ViewerBox {
     await this.ready;
     if (!this.viewer) return null;
     if (!this.note.classList.contains("viewer-cover")) this.say("");
-    const packed = format === "zip";
     try {
-      ({ buffer, format } = await unpacked(buffer, format));
       return await this.viewer.load(buffer, { format, keepCamera });
     } catch (error) {
       // Another file took its place meanwhile: that one is shown.
@@ -84,7 +81,7 @@ export class ViewerBox {
         this.say("This file has no triangles", "Points and lines can't be deformed. Fit a surface to points first.", "warn");
         return null;
       }
-      const reason = packed && error instanceof Error ? error.message : "It may be empty, cut off or damaged.";
+      const reason = format === "zip" && error instanceof Error ? error.message : "It may be empty, cut off or damaged.";
       this.say("This file can't be shown", reason, "warn");
       return null;
     }

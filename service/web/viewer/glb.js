@@ -56,14 +56,6 @@ function joined(json, rest) {
   return out.buffer;
 }
 
-/** @param {ArrayBuffer} glb @returns {Uint8Array | null} the binary chunk; null if there is none */
-export function binaryChunk(glb) {
-  const view = new DataView(glb);
-  const at = 20 + view.getUint32(12, true);
-  if (at + 8 > glb.byteLength || view.getUint32(at + 4, true) !== BINARY_CHUNK) return null;
-  return new Uint8Array(glb, at + 8, Math.min(view.getUint32(at, true), glb.byteLength - at - 8));
-}
-
 /** @param {Record<string, any>} json @param {Uint8Array[]} parts of the binary chunk, each as long as a multiple of four bytes @returns {ArrayBuffer} a GLB */
 export function writeGlb(json, parts) {
   const length = parts.reduce((sum, part) => sum + part.length, 0);

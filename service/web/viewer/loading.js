@@ -9,12 +9,17 @@ import {
 import { GLTFLoader } from "../vendor/three/addons/loaders/GLTFLoader.js";
 import { isGlb, readJson } from "./glb.js";
 
-/** @typedef {"glb" | "gltf" | "obj" | "ply" | "stl"} Format */
+/** @typedef {"glb" | "gltf" | "obj" | "ply" | "stl" | "zip"} Format */
 
 /**
  * What is needed of a file to number its faces as the service does: of a glTF its JSON and the nodes of its objects.
- * @typedef {{ format: Format, buffer?: ArrayBuffer, json?: Record<string, any>, nodes?: Map<object, number> }} Origin
+ * @typedef {{ format: Exclude<Format, "zip">, buffer?: ArrayBuffer, json?: Record<string, any>, nodes?: Map<object, number> }} Origin
  */
+
+/** @typedef {(uri: string) => Uint8Array<ArrayBuffer> | undefined} Linked finds a file to which another refers */
+
+/** A picture of one white pixel. */
+const WHITE = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg==";
 
 /** @type {WeakMap<import("three").Object3D, Origin>} */
 const origins = new WeakMap();
@@ -39,8 +44,13 @@ let ktx2;
  */
 export async function parseAsset(buffer, format, renderer) {
   if (buffer.byteLength === 0) throw new Error("The file is empty.");
-  const kind = isGlb(buffer) ? "glb" : format;
-  if (kind === "glb" || kind === "gltf") return parseGltf(buffer, renderer);
+  const packed = format === "zip" ? (await import("./zip.js")).assetIn(buffer) : { buffer, format, linked: () => undefined };
+  return parseFile(packed.buffer, isGlb(packed.buffer) ? "glb" : /** @type {Exclude<Format, "zip">} */ (packed.format), packed.linked, renderer);
+}
+
+/** @param {ArrayBuffer} buffer @param {Exclude<Format, "zip">} kind @param {Linked} linked @param {import("three").WebGLRenderer} renderer */
+async function parseFile(buffer, kind, linked, renderer) {
+  if (kind === "glb" || kind === "gltf") return parseGltf(buffer, linked, renderer);
   /** @type {import("three").Object3D} */
   let root;
   try {
@@ -53,15 +63,16 @@ export async function parseAsset(buffer, format, renderer) {
   return root;
 }
 
-/** @param {ArrayBuffer} buffer @param {import("three").WebGLRenderer} renderer @returns {Promise<import("three").Object3D>} */
-async function parseGltf(buffer, renderer) {
+/** @param {ArrayBuffer} buffer @param {Linked} linked @param {import("three").WebGLRenderer} renderer @returns {Promise<import("three").Object3D>} */
+async function parseGltf(buffer, linked, renderer) {
   const json = readJson(buffer);
   const used = new Set(json.extensionsUsed ?? []);
-  const external = [...(json.buffers ?? []), ...(json.images ?? [])].find(({ uri }) => uri && !/^data:/i.test(uri));
-  if (external) {
-    throw new Error(`The file refers to another file (${external.uri}), which is not there. Export it as one .glb, or put all files into a ZIP.`);
+  const missing = (json.buffers ?? []).find((/** @type {any} */ { uri }) => uri && !/^data:/i.test(uri) && !linked(uri));
+  if (missing) {
+    throw new Error(`The file refers to another file (${missing.uri}), which is not there. Export it as one .glb, or put all files into a ZIP.`);
   }
-  const loader = new GLTFLoader(localManager());
+  const manager = localManager(linked);
+  const loader = new GLTFLoader(manager);
   if (used.has("EXT_meshopt_compression") || used.has("KHR_meshopt_compression")) {
     const { MeshoptDecoder } = await import("../vendor/three/addons/libs/meshopt_decoder.module.js");
     await MeshoptDecoder.ready;
@@ -88,6 +99,8 @@ async function parseGltf(buffer, renderer) {
     gltf = await loader.parseAsync(buffer, "");
   } catch (error) {
     throw new Error(`The glTF file cannot be shown: ${reason(error)}`, { cause: error });
+  } finally {
+    manager.forget();
   }
   const root = gltf.scene ?? gltf.scenes[0];
   if (!root) throw new Error("The glTF file has no scene.");
@@ -137,14 +150,17 @@ async function parsePlain(buffer, kind) {
   return group;
 }
 
-/** Files come with everything in them; nothing is ever fetched for one. */
-function localManager() {
+/** Nothing is ever fetched for a file: what it refers to came with it, or is an image, which is white then. @param {Linked} linked */
+function localManager(linked = () => undefined) {
+  /** @type {string[]} */
+  const urls = [];
   const manager = new LoadingManager();
   manager.setURLModifier((url) => {
     if (/^(blob:|data:)/i.test(url) || url.startsWith(new URL("../vendor/", import.meta.url).href)) return url;
-    throw new Error(`the file refers to another file (${url})`);
+    const data = linked(url);
+    return data ? urls[urls.push(URL.createObjectURL(new Blob([data]))) - 1] : WHITE;
   });
-  return manager;
+  return Object.assign(manager, { forget: () => urls.forEach((url) => URL.revokeObjectURL(url)) });
 }
 
 /** What a mesh without a material looks like. @param {import("three").BufferGeometry} geometry */

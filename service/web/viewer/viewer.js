@@ -17,7 +17,7 @@ import { FrontArrow } from "./front-arrow.js";
 import { withoutMaterials } from "./glb.js";
 import { Heatmap } from "./heatmap.js";
 import { INSTRUCTIONS, listenToKeys } from "./keyboard.js";
-import { disposeAsset, meshesOf, parseAsset, triangleCount } from "./loading.js";
+import { disposeAsset, meshesOf, originOf, parseAsset, triangleCount } from "./loading.js";
 import { acquireRenderer, releaseRenderer } from "./renderer.js";
 import { drawSnapshot, snapshotAsset } from "./snapshot.js";
 import { boundsOf, dress, Stage } from "./stage.js";
@@ -93,7 +93,7 @@ export class MeshViewer extends EventTarget {
     this.#clear();
     dress(root, renderer.gl);
     this.#root = root;
-    this.#converted = meshesOf(root).length > 0 && !["glb", "gltf"].includes(format);
+    this.#converted = meshesOf(root).length > 0 && originOf(root)?.format !== "glb";
     this.stage.scene.environment = renderer.environment.texture;
     this.stage.scene.add(root);
     this.#wireframe?.attach(root);

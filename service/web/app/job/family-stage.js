@@ -1,12 +1,10 @@
 // @ts-check
 /** The result of a job about a family: its wall; and where shapes were made, one of them as its file describes it. */
-import { client, isAbort } from "../client.js";
+import { client } from "../client.js";
 import { button, fill, h } from "../dom.js";
 import { percent } from "../format.js";
 import { stemOf } from "../names.js";
-import { orToast } from "../problem-box.js";
 import { shapeWords } from "../quality.js";
-import { filesOf } from "../../viewer/zip.js";
 import { ViewerBox } from "../viewer-box.js";
 import { handOnButtons, saveBytes } from "./files.js";
 import { PictureStage } from "./picture-stage.js";
@@ -20,7 +18,7 @@ export class FamilyStage extends PictureStage {
     this.flat = false; // nothing can be drawn here
     /** Called with the name of a shape that was clicked. @type {(name: string) => void} */
     this.onChoose = () => {};
-    /** @type {Map<string, () => Promise<ArrayBuffer>>} */
+    /** @type {Map<string, Uint8Array<ArrayBuffer>>} */
     this.files = new Map();
     /** @type {string[] | null} */
     this.framed = null;
@@ -30,7 +28,7 @@ export class FamilyStage extends PictureStage {
     else this.wall.box.say("No wall yet", "It comes with the result.", "info");
     this.shape = this.makes ? new ViewerBox("Shape", scope) : null;
     this.pick = slider("family-shape", "Shape", 0, () => this._show(Number(this.pick.input.value)));
-    this.save = h("div", { class: "row", hidden: true }, button("Download this shape", () => this._download(), { icon: "download" }), handOnButtons(() => this._mesh()));
+    this.save = h("div", { class: "row", hidden: true }, button("Download this shape", () => this._download(), { icon: "download" }), handOnButtons(async () => this._mesh()));
     this.frame = h("div", { class: "stage pair-stage" }, this.wall.box.element, this.shape?.element);
     this.element = h("section", { class: this.shape ? "job-stage" : "job-stage wall-only", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.controls);
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
@@ -47,7 +45,7 @@ export class FamilyStage extends PictureStage {
     await this.wall.show(wall);
     if (this.framed) this.choose(this.framed);
     if (!shapes || !this.shape) return;
-    this.files = filesOf(shapes);
+    this.files = (await import("../../viewer/zip.js")).filesOf(shapes);
     this.pick.input.max = String(this.files.size - 1);
     this.pick.row.hidden = this.files.size < 2;
     this.save.hidden = false;
@@ -68,7 +66,7 @@ export class FamilyStage extends PictureStage {
 
   /** @param {number} number */
   async _show(number) {
-    const [name, read] = [...this.files][number];
+    const [name, bytes] = [...this.files][number];
     this.name = name;
     this.pick.input.value = String(number);
     const label = this._label(number);
@@ -77,12 +75,7 @@ export class FamilyStage extends PictureStage {
     this.wall.choose([number]);
     if (!this.shape) return;
     fill(this.shape.tag, `${name} · ${label}`);
-    try {
-      const bytes = await read();
-      if (this.name === name) await this.shape.load(bytes.slice(0), "glb", true);
-    } catch (error) {
-      if (!isAbort(error)) this.shape.say("This shape can't be shown", error instanceof Error ? error.message : "", "warn", true);
-    }
+    await this.shape.load(bytes.slice().buffer, "glb", true);
   }
 
   /** What a shape is: how far it is from one member to the other, or how plausible. @param {number} number */
@@ -93,15 +86,13 @@ export class FamilyStage extends PictureStage {
   }
 
   /** The shape that is shown. */
-  async _mesh() {
-    const read = this.files.get(this.name ?? "");
-    return read ? { bytes: await read(), name: `${stemOf(this.job)}-${this.name}` } : null;
+  _mesh() {
+    const bytes = this.files.get(this.name ?? "");
+    return bytes ? { bytes: bytes.buffer, name: `${stemOf(this.job)}-${this.name}` } : null;
   }
 
   _download() {
-    return orToast("Not downloaded", async () => {
-      const mesh = await this._mesh();
-      if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
-    });
+    const mesh = this._mesh();
+    if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
   }
 }

@@ -7,7 +7,6 @@ import { button, fill, h, icon } from "../dom.js";
 import { percent } from "../format.js";
 import { isTerminal } from "../history.js";
 import { shapeName } from "../names.js";
-import { unpacked } from "../../viewer/zip.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
 import { orToast } from "../problem-box.js";
 import { askedToggle } from "./asked.js";
@@ -29,8 +28,6 @@ export class JobStage extends PairStage {
     this.before = this.views[0];
     this.after = this.views[1];
     this.cache = new ShapeCache(scope);
-    this.source = new ArrayBuffer(0);
-    this.format = formatOf(job.asset.filename) || "glb"; // a file without a known ending is a GLB
     /** @type {Shape[]} */
     this.shapes = [];
     this.following = true; // the newest shape is shown as it comes
@@ -66,12 +63,10 @@ export class JobStage extends PairStage {
 
   async _load() {
     try {
-      this.source = await client.bytes(`v1/jobs/${this.job.id}/asset`, { signal: this.scope.signal });
-      // Where it cannot be unpacked, the views say so.
-      const asReceived = { buffer: this.source, format: this.format };
-      ({ buffer: this.source, format: this.format } = await unpacked(this.source, this.format).catch(() => asReceived));
+      const source = await client.bytes(`v1/jobs/${this.job.id}/asset`, { signal: this.scope.signal });
+      const format = formatOf(this.job.asset.filename) || "glb"; // a file without a known ending is a GLB
       // Each viewer has a copy: what it reads it may keep.
-      const [found] = await Promise.all(this.views.map((view) => view.load(this.source.slice(0), this.format)));
+      const [found] = await Promise.all(this.views.map((view) => view.load(source.slice(0), format)));
       this.flat = found === null;
       this.element.classList.toggle("flat", this.flat);
       this.loaded = true;
