@@ -121,10 +121,9 @@ def test_a_result_that_is_slow_to_come_is_never_the_source(
     page.goto(f"/#/jobs/{done}")
     after = page.locator(".viewer").nth(1)
     expect(after.locator(".viewer-cover")).to_contain_text("This shape could not be loaded")
-    expect(page.locator(".waiting")).to_contain_text("Rate limit reached. Trying again by itself in")
+    expect(page.locator(".toast").first).to_contain_text("Rate limit reached. Trying again by itself in 2 s.")
     expect(after.locator(".viewer-note")).to_be_hidden()
     expect(after.locator(".viewer-tag")).to_have_text("After")
-    expect(page.locator(".waiting")).to_be_hidden()
     until("the result differs", lambda: difference(picture(page.locator(".viewer").nth(0)), picture(after)) > 0.005)
     assert len(asked) == 3
 

@@ -6,8 +6,8 @@ let seq = 0;
 const event = (type, data = {}, attempt = 1) => ({
   seq: (seq += 1), job_id: "job_1", type, at: `2026-01-31T12:00:${String(seq).padStart(2, "0")}Z`, attempt, data,
 });
-const progress = (step, guidance, attempt = 1) =>
-  event("progress", { step, total_steps: 80, fraction: step / 80, phase: "optimizing", losses: { guidance }, eta_s: 4, attempt }, attempt);
+const progress = (step, loss, attempt = 1) =>
+  event("progress", { step, total_steps: 80, fraction: step / 80, phase: "optimizing", losses: { total: loss }, eta_s: 4, attempt }, attempt);
 const told = (events) => events.reduce(withEvent, emptyHistory());
 
 test("a job from its beginning to its end", () => {
@@ -16,7 +16,7 @@ test("a job from its beginning to its end", () => {
   const half = told(events);
   assert.equal(half.state, "running");
   assert.deepEqual(half.progress, { step: 20, total: 80, fraction: 0.25, phase: "optimizing", eta: 4 });
-  assert.deepEqual(half.points, [{ step: 10, losses: { guidance: 3 } }, { step: 20, losses: { guidance: 2 } }]);
+  assert.deepEqual(half.points, [{ step: 10, loss: 3 }, { step: 20, loss: 2 }]);
   assert.deepEqual(half.checkpoints, [8]);
   const over = withEvent(half, event("succeeded", { artifacts: ["result.glb"] }));
   assert.equal(over.state, "succeeded");
@@ -39,7 +39,7 @@ test("a later attempt's steps take the place of the earlier one's", () => {
   const lost = told([event("queued"), event("started"), progress(10, 3), progress(20, 2), progress(30, 1), event("recovered", { reason: "handed_back" })]);
   assert.equal(lost.state, "queued");
   const again = [event("started", {}, 2), progress(15, 9, 2), progress(25, 8, 2)].reduce(withEvent, lost);
-  assert.deepEqual(again.points.map((point) => [point.step, point.losses.guidance]), [[10, 3], [15, 9], [25, 8]]);
+  assert.deepEqual(again.points.map((point) => [point.step, point.loss]), [[10, 3], [15, 9], [25, 8]]);
   assert.match(again.lines.at(-1).text, /Started again/);
 });
 

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { findings, shapeWords, skipped } from "../../service/web/app/quality.js";
-import { allPoints, curveWords, reportPoints, seriesNames, smoothed } from "../../service/web/app/series.js";
+import { allPoints, curveWords, smoothed } from "../../service/web/app/chart.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
 import { adjectives, catalogue, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
@@ -116,17 +116,15 @@ test("smoothing keeps a constant, and the first value", () => {
   assert.ok(Math.abs(found[1] - 1 / 3) < 1e-12);
 });
 
-test("a curve for those who do not see it, and its series in order", () => {
-  assert.equal(curveWords("Total", [1, 5], [4, 2], String), "Total, smoothed: 4 at step 1, 2 at step 5, lowest 2 at step 5");
-  assert.deepEqual(seriesNames([{ losses: { timestep: 3, normal: 1, zebra: 1, total: 2 } }]), ["total", "normal", "zebra"]);
-  assert.deepEqual(reportPoints({ losses: [{ step: 1, total: 2 }] }), [{ step: 1, losses: { total: 2 } }]);
+test("a curve for those who do not see it", () => {
+  assert.equal(curveWords([1, 5], [4, 2]), "4 at step 1, 2 at step 5, lowest 2 at step 5");
 });
 
 test("a report that begins in the middle is completed by the events", () => {
-  const point = (step, total) => ({ step, losses: { total } });
-  const found = allPoints([point(5, 1), point(10, 2), point(20, 3)], [point(9, 7), point(20, 8)]);
+  const point = (step, loss) => ({ step, loss });
+  const found = allPoints([point(5, 1), point(10, 2), point(20, 3)], { losses: [{ step: 9, total: 7, normal: 1 }, { step: 20, total: 8 }] });
   assert.deepEqual(found, [point(5, 1), point(9, 7), point(20, 8)]);
-  assert.deepEqual(allPoints([point(5, 1)], []), [point(5, 1)]);
+  assert.deepEqual(allPoints([point(5, 1)], null), [point(5, 1)]);
 });
 
 test("prompts are put together from what a prior knows", () => {

@@ -4,7 +4,7 @@
  *
  * @typedef {{seq: number, job_id: string, type: string, at: string, attempt: number, data: Record<string, any>}} JobEvent
  * @typedef {{step: number, total: number, fraction: number, phase: string, eta: number | null}} Progress
- * @typedef {{step: number, losses: Record<string, number>}} Point
+ * @typedef {{step: number, loss: number}} Point
  * @typedef {{at: string, text: string}} Line
  * @typedef {{reason: string, step: number}} Interruption Why the last attempt ended, and at which step.
  * @typedef {object} History
@@ -117,10 +117,10 @@ function readProgress(data) {
  */
 function withPoint(points, data) {
   const step = Number(data.step) || 0;
-  if (!step || !data.losses || !Object.keys(data.losses).length) return points;
+  if (!step || !Number.isFinite(data.losses?.total)) return points;
   const last = points.length ? points[points.length - 1].step : 0;
   const kept = step > last ? points : points.filter((point) => point.step < step);
-  return [...kept, { step, losses: data.losses }];
+  return [...kept, { step, loss: data.losses.total }];
 }
 
 const REASONS = /** @type {Record<string, string>} */ ({

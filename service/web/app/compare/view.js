@@ -2,7 +2,6 @@
 /** Two jobs side by side: their results in 3D, what was asked of each, and their figures. */
 import { announce } from "../announce.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
-import { CHANGED, isDeleted } from "../deletions.js";
 import { button, fill, h, icon, panel } from "../dom.js";
 import { ago, jobTitle } from "../format.js";
 import { isTerminal } from "../history.js";
@@ -28,8 +27,6 @@ export class CompareView {
     this.heads = h("div", { class: "compare-heads" });
     fill(root, this._header(), this.heads, this.body);
     document.title = "Comparison · Meshdeform";
-    // Nobody compares what is about to be deleted, nor goes without it when that is undone.
-    scope.listen(document, CHANGED, () => this._run());
     this._run();
   }
 
@@ -51,31 +48,28 @@ export class CompareView {
   }
 
   async _run() {
-    const turn = (this.turn = (this.turn ?? 0) + 1);
-    const over = () => this.scope.over || turn !== this.turn;
     if (this.ids[0] === this.ids[1]) {
       return this._say("These are the same job", "Choose two different jobs in the list.");
     }
     for (;;) {
       try {
         this.jobs = await Promise.all(this.ids.map((id) => this._job(id)));
-        if (over()) return;
+        if (this.scope.over) return;
         this._showHeads();
-        if (this.jobs.every((job) => job && !obstacle(job))) return await this._compare(over);
+        if (this.jobs.every((job) => job && !obstacle(job))) return await this._compare();
         if (!this.jobs.some((job) => job && !isTerminal(job.state))) return this._say("These jobs cannot be compared", "Both must have a result. Choose two others in the list.");
         this._say("Waiting for a result", "", true);
       } catch (error) {
-        if (over() || isAbort(error)) return;
+        if (this.scope.over || isAbort(error)) return;
         fill(this.body, problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
-        if (!(isOffline(error)) && !(error instanceof MeshdeformError && error.status >= 500)) return;
+        if (!isOffline(error) && !(error instanceof MeshdeformError && error.status >= 500)) return;
       }
-      if (!(await this.scope.sleep(POLL_MS)) || over()) return;
+      if (!(await this.scope.sleep(POLL_MS))) return;
     }
   }
 
   /** @param {string} id @returns {Promise<any>} null where there is no such job, or none that this key may see */
   async _job(id) {
-    if (isDeleted(id)) return null;
     try {
       return await client.get(id, this.scope.signal);
     } catch (error) {
@@ -113,8 +107,7 @@ export class CompareView {
     );
   }
 
-  /** @param {() => boolean} over */
-  async _compare(over) {
+  async _compare() {
     const [a, b] = this.jobs;
     const report = async (/** @type {any} */ job) => {
       try {
@@ -129,7 +122,7 @@ export class CompareView {
       Promise.all(this.jobs.map((job) => client.bytes(`v1/jobs/${job.id}/artifacts/result.glb`, { signal: this.scope.signal }))),
       Promise.all(this.jobs.map(report)),
     ]);
-    if (over()) return;
+    if (this.scope.over) return;
     const stage = new PairStage(this.scope, {
       label: "Both results",
       tags: [`A · ${jobTitle(a)}`, `B · ${jobTitle(b)}`],
@@ -144,7 +137,7 @@ export class CompareView {
       h("div", { class: "compare-tables" }, table("Asked", askedRows(/** @type {any} */ (this.jobs), /** @type {any} */ (reports))), table("Result", figureRows(/** @type {any} */ (reports)))),
     );
     const comparable = await stage.show(shapes[0], shapes[1], { apart: a.asset.sha256 !== b.asset.sha256 });
-    if (over()) return;
+    if (this.scope.over) return;
     if (stage.flat) note.textContent = "Nothing can be drawn here; the figures are below.";
     else note.textContent = comparable ? "“Displacement” colours B by how far each point lies from where A has it." : "The results have different triangles, so how far apart they are cannot be shown as colours.";
     announce("Both results are shown");

@@ -51,23 +51,9 @@ export class SettingsPanel {
         "div",
         { class: "pair" },
         labelled("seed", "Variation", h("div", { class: "joined" }, this.seed.input, random), this.seed.problem),
-        labelled("variations", "How many", this._stepper(), this.variations.problem),
+        labelled("variations", "How many", this.variations.input, this.variations.problem),
       ),
       this.fields.advanced,
-    );
-  }
-
-  _stepper() {
-    const by = (/** @type {number} */ change) => () => {
-      this.variations.input.value = String(Math.min(MAX_VARIATIONS, Math.max(1, this.variationCount + change)));
-      this.onChange();
-    };
-    return h(
-      "div",
-      { class: "joined stepper" },
-      h("button", { type: "button", class: "button", "aria-label": "Fewer variations", on: { click: by(-1) } }, "−"),
-      this.variations.input,
-      h("button", { type: "button", class: "button", "aria-label": "More variations", on: { click: by(1) } }, "+"),
     );
   }
 

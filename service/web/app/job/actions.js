@@ -2,9 +2,7 @@
 /** What can be done with a job. */
 import { Asset } from "../assets.js";
 import { client } from "../client.js";
-import { compareWith } from "../compare/choose.js";
 import { resultOrigin } from "../create/origins.js";
-import { deleteJobs } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
@@ -66,7 +64,6 @@ export class JobActions {
       checkpoints.length && deforms ? button("New version", () => this._branch(), { icon: "branch", title: "Start another job from one of these steps" }) : null,
       state === "succeeded" && deforms ? button("Continue from it", () => this._continue(), { icon: "edit", title: "Start another job on this result" }) : null,
       over && formOf(this.job) ? button("Edit and run again", () => this._edit(), { icon: "edit" }) : null,
-      state === "succeeded" && deforms ? button("Compare with…", () => compareWith(this.job, this.scope), { icon: "grid" }) : null,
       button("Share", () => copyLink(`v1/jobs/${this.job.id}`, this.scope, "shows this job with its files, also the asset as you sent it, "), {
         icon: "share", quiet: true, class: "button-quiet", title: "Copy a link that shows this job without a key",
       }),
@@ -137,7 +134,7 @@ export class JobActions {
         action: "Delete",
         danger: true,
         act: async () => {
-          deleteJobs([this.job.id]);
+          await client.delete(this.job.id);
           location.hash = routeHash({ name: "jobs", state: null });
         },
       },

@@ -83,14 +83,6 @@ function save(url, name) {
   link.remove();
 }
 
-/** @param {string} path @param {string} name */
-export function copyCurl(path, name) {
-  // A shell reads nothing in single quotes; the key stays where it is.
-  const quoted = (/** @type {string} */ text) => `'${text.replaceAll("'", "'\\''")}'`;
-  const key = currentKey() ? '-H "Authorization: Bearer $MESHDEFORM_API_KEY" ' : "";
-  return copyText(`curl ${key}-o ${quoted(name)} ${quoted(client.url(path))}`, "Command copied");
-}
-
 /** @param {string} text @param {string} done */
 export async function copyText(text, done) {
   try {

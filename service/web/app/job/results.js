@@ -9,7 +9,7 @@ import { findings, skipped } from "../quality.js";
 import { routeHash } from "../router.js";
 import { withArticle } from "../vocabulary.js";
 import { fileInput } from "../picking.js";
-import { copyCurl, copyLink, deformAlike, download, downloadMade } from "./files.js";
+import { copyLink, deformAlike, download, downloadMade } from "./files.js";
 import { isDeformation } from "./shapes.js";
 
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
@@ -71,7 +71,6 @@ export function filesPanel(job, artifacts, scope) {
         "div",
         { class: "row" },
         signed && !shared ? button(`Copy a link to ${name}`, () => copyLink(path, scope), { icon: "link", quiet: true, class: "button-quiet" }) : null,
-        shared ? null : button(`Copy curl for ${name}`, () => copyCurl(path, saved), { icon: "copy", quiet: true, class: "button-quiet" }),
         button(`Download ${name}`, () => download(path, saved, size, signed, scope), { icon: "download", quiet: true }),
       ),
     );

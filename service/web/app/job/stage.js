@@ -9,7 +9,6 @@ import { isTerminal } from "../history.js";
 import { shapeName } from "../names.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
 import { orToast } from "../problem-box.js";
-import { askedToggle } from "./asked.js";
 import { saveBytes } from "./files.js";
 import { ShapeCache, shapesOf } from "./shapes.js";
 import { showLegend, slider } from "./stage-controls.js";
@@ -51,8 +50,6 @@ export class JobStage extends PairStage {
     this.picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
     this.turntable = button("Save turntable", () => this._turntable(), { icon: "turn", class: "button-quiet" });
     this.keep = h("div", { class: "row stage-keep", hidden: true }, this.save, this.picture, this.turntable);
-    const asked = askedToggle(job, this.before, scope);
-    if (asked) this.both?.before(asked);
     this.element.append(this.step.row, this.morph.row, this.keep);
     // Until its own shape is there, the source must not pass for it.
     if (job.state === "succeeded" || job.origin?.step) this.after.say("Loading the shape…", "", "", true);

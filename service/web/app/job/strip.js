@@ -1,7 +1,6 @@
 // @ts-check
 /** The variations that a job is one of, as a strip to choose from. */
 import { client, isAbort } from "../client.js";
-import { isDeleted } from "../deletions.js";
 import { fill, h } from "../dom.js";
 import { jobTitle } from "../format.js";
 import { JobCard } from "../jobs/card.js";
@@ -14,7 +13,7 @@ export async function showVariations(job, element, scope) {
   if (!group) return;
   try {
     const { jobs } = await client.jobPage({ metadata: { group }, limit: MOST, signal: scope.signal });
-    const variations = [...jobs].reverse().filter(({ id }) => !isDeleted(id));
+    const variations = [...jobs].reverse();
     if (scope.over || variations.length < 2) return;
     const cards = variations.map((each) => {
       const { element: card, title } = new JobCard(each, scope, { level: "h3", heading: jobTitle(each) });

@@ -1,7 +1,6 @@
 // @ts-check
 /** The versions of an asset as a thread: the jobs that went on from a job's result, from one of its steps, or from its settings. */
 import { client, isAbort } from "../client.js";
-import { isDeleted } from "../deletions.js";
 import { button, fill, h, panel } from "../dom.js";
 import { ago, goalWords, jobTitle } from "../format.js";
 import { routeHash } from "../router.js";
@@ -34,7 +33,7 @@ async function load(job, element, list, scope) {
   const thread = threadOf(job);
   const { jobs } = await client.jobPage({ metadata: { thread }, limit: LISTED, signal: scope.signal });
   const first = jobs.some((found) => found.id === thread) ? null : await client.get(thread, scope.signal).catch(() => null);
-  const versions = [...(first ? [first] : []), ...[...jobs].reverse()].filter((found) => !isDeleted(found.id));
+  const versions = [...(first ? [first] : []), ...[...jobs].reverse()];
   if (versions.length < 2) return;
   const previous = before(job, versions);
   fill(

@@ -1,7 +1,7 @@
 // @ts-check
 /** One job: live while it runs, and the same after a reload, since everything comes from its events. */
 import { announce } from "../announce.js";
-import { LossChart } from "../chart.js";
+import { allPoints, LossChart } from "../chart.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { DEMO } from "../demo.js";
 import { fill, h, icon } from "../dom.js";
@@ -13,7 +13,6 @@ import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
-import { allPoints, reportPoints } from "../series.js";
 import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
 import { FamilyStage } from "./family-stage.js";
@@ -64,7 +63,7 @@ export class JobView {
     this.badge = h("span", { class: "badge-slot" });
     this.error = h("div", { class: "problem-slot" });
     this.progress = new ProgressPanel(scope);
-    this.chart = new LossChart(scope);
+    this.chart = new LossChart();
     this.stage = stageOf(job, scope);
     this.actions = new JobActions(job, scope, () => this._refresh(), () => this.stage?.chosenStep ?? null);
     this.results = h("div", { class: "results" });
@@ -141,7 +140,6 @@ export class JobView {
     }
     this.progress?.show({ ...history, state }, job);
     if (!this.report) this.chart?.show(history.points, history.progress.total);
-    if (!this.report && this.chart) this.chart.element.hidden = isTerminal(state) && history.points.length < 2;
     this.actions?.show(state, this.kept);
     this.log?.show(history.lines);
     if (this.error && history.error) fill(this.error, problemBox(history.error));
@@ -187,7 +185,7 @@ export class JobView {
       if (this.stage?.flat && names.includes("preview.png")) {
         this.stage.showPicture(await client.download(this.id, "preview.png", { signal: this.scope.signal }));
       }
-      if (this.report) this.chart?.show(allPoints(this.history.points, reportPoints(this.report)), 0);
+      if (this.report) this.chart?.show(allPoints(this.history.points, this.report), 0);
     } catch (error) {
       if (isAbort(error) || this.scope.over) return;
       if (this.error && succeeded) fill(this.error, problemBox(linkProblem(error)));

@@ -2,7 +2,6 @@
 /** All jobs, newest first, in pages, with a search; and those of one group as a contact sheet. */
 import { announce } from "../announce.js";
 import { client, isAbort } from "../client.js";
-import { CHANGED, deleteJobs, isDeleted } from "../deletions.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
 import { counted, STATE_WORDS } from "../format.js";
@@ -48,7 +47,6 @@ export class ListView {
     const head = h("div", { class: "section-head" }, this.title, tools);
     this.sheet = new SheetPanel(scope, () => (group ? this._succeeded() : []));
     fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more, this.sheet.element);
-    scope.listen(document, CHANGED, () => this._deletionsChanged());
     this._run();
   }
 
@@ -70,7 +68,7 @@ export class ListView {
 
   /** @returns {any[]} in the order of the cards */
   _succeeded() {
-    return [...this.jobs.values()].filter((job) => job.state === "succeeded" && !isDeleted(job.id)).sort((a, b) => (a.id < b.id ? -1 : 1));
+    return [...this.jobs.values()].filter((job) => job.state === "succeeded").sort((a, b) => (a.id < b.id ? -1 : 1));
   }
 
   _active() {
@@ -89,7 +87,7 @@ export class ListView {
     if (first) this.cursor = page.next_cursor;
     this._drop(page.jobs);
     this._take(page.jobs, true);
-    this._words(!this._shown().length);
+    this._words();
   }
 
   async _older() {
@@ -100,7 +98,7 @@ export class ListView {
       if (filter !== this.shown) return;
       this.cursor = page.next_cursor;
       this._take(page.jobs, false);
-      this._words(false);
+      this._words();
       this.cards.get(page.jobs[0]?.id)?.title.focus();
       announce(`${counted(page.jobs.length, "older job")} shown`);
     } catch (error) {
@@ -122,20 +120,9 @@ export class ListView {
     }
   }
 
-  _deletionsChanged() {
-    for (const card of this.cards.values()) card.element.hidden = isDeleted(card.id);
-    this._selection();
-    this._words(!this._shown().length);
-  }
-
-  /** @returns {JobCard[]} */
-  _shown() {
-    return [...this.cards.values()].filter((card) => !card.element.hidden);
-  }
-
   _searchWords() {
     if (!this.filter.search) return "";
-    const found = counted(this._shown().length, "job");
+    const found = counted(this.cards.size, "job");
     return this.cursor ? `The newest ${found} that match.` : `${found} found.`;
   }
 
@@ -151,14 +138,14 @@ export class ListView {
 
   /** @returns {JobCard[]} */
   _selected() {
-    return this._shown().filter((card) => card.box.checked && !card.box.disabled);
+    return [...this.cards.values()].filter(({ box }) => box.checked && !box.disabled);
   }
 
   _selection() {
     if (!this.selecting) return;
     const chosen = this._selected();
     const all = button("Select all finished", () => {
-      for (const card of this._shown()) card.box.checked = !card.box.disabled;
+      for (const { box } of this.cards.values()) box.checked = !box.disabled;
       this._selection();
     }, {});
     const remove = button(`Delete ${counted(chosen.length, "job")}`, () => this._deleteSelected(), { icon: "trash", class: "button-danger" });
@@ -185,8 +172,12 @@ export class ListView {
         action: "Delete",
         danger: true,
         act: async () => {
-          deleteJobs(chosen.map((card) => card.id));
+          for (const { id } of chosen) {
+            await client.delete(id);
+            this._forget(id);
+          }
           this._selectMode(false);
+          this._words();
         },
       },
       this.scope,
@@ -226,20 +217,18 @@ export class ListView {
       }
       const heading = this.group ? `Variation ${job.params?.seed ?? 0}` : undefined;
       const card = new JobCard(job, this.scope, { heading, onSelect: () => this._selection() });
-      card.element.hidden = isDeleted(job.id);
       this.cards.set(job.id, card);
       if (this.group || (atFront && this.grid.childElementCount)) this.grid.prepend(card.element);
       else this.grid.append(card.element);
     }
   }
 
-  /** @param {boolean} none */
-  _words(none) {
+  _words() {
     this.more.hidden = !this.cursor;
-    const jobs = [...this.jobs.values()].filter((job) => !isDeleted(job.id));
+    const jobs = [...this.jobs.values()];
     this.select.hidden = !jobs.length;
-    if (none && !jobs.length && this.filter.search) return void fill(this.summary, this._searchWords());
-    if (none && !jobs.length) {
+    if (!jobs.length && this.filter.search) return void fill(this.summary, this._searchWords());
+    if (!jobs.length) {
       fill(this.summary, this.filter.state ? "No jobs in this state." : "No jobs yet. ", this.filter.state ? null : h("a", { href: "#/" }, "Create the first one"));
       return;
     }
