@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from tests.browser.conftest import Watch
 
 _KEPT_FILES = """() => new Promise((resolve) => {
-  const opening = indexedDB.open("meshdeform", 1);
+  const opening = indexedDB.open("meshdeform", 2);
   opening.onsuccess = () => {
-    const read = opening.result.transaction("drafts").objectStore("drafts").getAll();
+    const read = opening.result.transaction("files").objectStore("files").getAll();
     read.onsuccess = () => {
       opening.result.close();
-      resolve(read.result.flatMap(({ name, files }) => [name, ...Object.values(files).map((file) => file.name)]));
+      resolve(read.result.flatMap((files) => Object.values(files).map(({ name }) => name)));
     };
   };
 })"""

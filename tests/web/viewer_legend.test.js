@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { COLORMAPS, colorAt, colorRow, formatValue, linearTicks, positionOf, ticks } from "../../service/web/viewer/colormaps.js";
+import { COLORMAPS, colorAt, colorRow, formatValue, positionOf, ticks } from "../../service/web/viewer/colormaps.js";
 import { Box3, Vector3 } from "../../service/web/vendor/three/three.module.js";
 import { defaultDirection, frameBox, makeCamera } from "../../service/web/viewer/cameras.js";
 import { isGlb, readJson, withJson, withoutMaterials } from "../../service/web/viewer/glb.js";
@@ -28,29 +28,16 @@ test("the maps grow lighter all the way, so that they can be read without colour
   }
 });
 
-test("ticks are round, rising and on the legend", () => {
-  const linear = ticks({ range: [0, 0.37], scale: "linear" });
-  assert.deepEqual(linear.map(({ text }) => text), ["0", "0.1", "0.2", "0.3"]);
-  assert.ok(Math.abs(linear[1].at - 0.1 / 0.37) < 1e-12);
-  const log = ticks({ range: [1, 100], scale: "log" });
-  assert.deepEqual(log.map(({ value }) => value), [1, 3, 10, 30, 100]);
-  assert.ok(Math.abs(log[2].at - 0.5) < 1e-12);
-  assert.deepEqual(ticks({ range: [0, 0], scale: "linear" }), [{ value: 0, text: "0", at: 0 }]);
-  for (const high of [1.05, 1.3, 3, 4.5, 17, 2e4]) {
-    const values = ticks({ range: [1, high], scale: "log" });
-    assert.ok(values.length >= 2 && values.length <= 8, `${high}: ${values.length}`);
-    for (const { at } of values) assert.ok(at >= 0 && at <= 1 + 1e-9);
-  }
+test("a legend names its ends and its middle", () => {
+  const said = (range, scale) => ticks({ range, scale }).map(({ text, at }) => [text, at]);
+  assert.deepEqual(said([0, 0.37], "linear"), [["0", 0], ["0.185", 0.5], ["0.37", 1]]);
+  assert.deepEqual(said([1, 100], "log"), [["1", 0], ["10", 0.5], ["100", 1]]);
+  assert.deepEqual(said([0, 0], "linear"), [["0", 0]]);
 });
 
 test("a logarithmic legend has factors at equal distances", () => {
   const legend = { range: [1, 16], scale: "log" };
   assert.deepEqual([1, 2, 4, 8, 16].map((value) => positionOf(value, legend)), [0, 0.25, 0.5, 0.75, 1]);
-});
-
-test("round values are within the bounds, and none is -0", () => {
-  assert.deepEqual(linearTicks(0, 80, 5), [0, 20, 40, 60, 80]);
-  assert.deepEqual(linearTicks(0, 0.7, 3), [0, 0.5]);
 });
 
 test("values are written without noise", () =>

@@ -11,7 +11,7 @@ import { problemBox } from "./problem-box.js";
  * @param {boolean} [asked.danger]
  * @param {() => Promise<void>} asked.act What it does; where that fails, the dialog stays and says why.
  * @param {(error: unknown, place: HTMLElement) => boolean} [asked.explain] Says an error in its own way; false: it does not.
- * @param {import("./scope.js").Scope} scope
+ * @param {import("./scope.js").Scope} [scope] Of the view that goes with it.
  */
 export function ask({ title, body, action, danger = false, act, explain }, scope) {
   const id = `dialog-${title.replace(/\W+/g, "-").toLowerCase()}`;
@@ -19,7 +19,7 @@ export function ask({ title, body, action, danger = false, act, explain }, scope
   const confirm = h("button", { type: "submit", class: `button ${danger ? "button-danger" : "button-primary"}` }, action);
   const form = h(
     "form",
-    { class: "dialog-body", novalidate: true },
+    { class: "dialog-body" },
     h("h2", { id }, title),
     ...body,
     problem,
@@ -45,7 +45,8 @@ export function ask({ title, body, action, danger = false, act, explain }, scope
     }
   });
   dialog.addEventListener("close", () => dialog.remove());
-  scope.add(() => dialog.remove());
+  scope?.add(() => dialog.remove());
   document.body.append(dialog);
   dialog.showModal();
+  return dialog;
 }

@@ -1,5 +1,6 @@
 // @ts-check
 /** The API key: asked for when the server wants one, kept for this tab, or in this browser where the user says so. */
+import { ask } from "./dialogs.js";
 import { h } from "./dom.js";
 
 const NAME = "meshdeform.key";
@@ -50,66 +51,34 @@ export function askForKey(refused, signal) {
   if (signal?.aborted) return Promise.resolve(false);
   // Another request's question was answered while this one was under way.
   if (currentKey() !== refused) return Promise.resolve(true);
-  asking ??= ask(refused !== "").finally(() => (asking = null));
+  asking ??= askUser(refused !== "").finally(() => (asking = null));
   return asking;
 }
 
 /** @param {boolean} wrong @returns {Promise<boolean>} */
-function ask(wrong) {
-  return new Promise((resolve) => {
-    const field = h("input", {
-      id: "api-key", type: "password", autocomplete: "off", spellcheck: "false", required: true, maxlength: 500,
-      "aria-describedby": "api-key-note",
-    });
-    const remember = h("input", { type: "checkbox", id: "api-key-remember" });
-    let answer = false;
-    const form = h(
-      "form",
-      {
-        class: "dialog-body",
-        on: {
-          submit: (/** @type {Event} */ event) => {
-            event.preventDefault();
-            const key = field.value.trim();
-            if (!/^[\x21-\x7e]+$/.test(key)) {
-              field.setCustomValidity("A key has no spaces and only plain characters.");
-              field.reportValidity();
-              return;
-            }
-            keep(key, remember.checked);
-            answer = true;
-            dialog.close();
-          },
-        },
-      },
-      h("h2", { id: "api-key-title" }, "API key"),
-      h(
-        "p",
-        { id: "api-key-note", class: wrong ? "note-warn" : "muted" },
-        wrong
-          ? "The server did not accept this key. Enter another one."
-          : "This server requires an API key. Enter the one you were given.",
-      ),
+function askUser(wrong) {
+  const note = wrong ? "The server did not accept this key. Enter another one." : "This server requires an API key. Enter the one you were given.";
+  const field = h("input", {
+    id: "api-key", type: "password", autocomplete: "off", spellcheck: "false", required: true, maxlength: 500, pattern: "\\s*[\\x21-\\x7e]+\\s*",
+    title: "A key has no spaces and only plain characters.", "aria-describedby": "api-key-note", autofocus: true,
+  });
+  const remember = h("input", { type: "checkbox" });
+  let answer = false;
+  const dialog = ask({
+    title: "API key",
+    body: [
+      h("p", { id: "api-key-note", class: wrong ? "note-warn" : "muted" }, note),
       h("label", { class: "field-label", for: "api-key" }, "Key"),
       field,
       h("label", { class: "check" }, remember, "Remember in this browser"),
-      h(
-        "div",
-        { class: "dialog-actions" },
-        h("button", { type: "button", class: "button", on: { click: () => dialog.close() } }, "Cancel"),
-        h("button", { type: "submit", class: "button button-primary" }, "Use key"),
-      ),
-    );
-    field.addEventListener("input", () => field.setCustomValidity(""));
-    const dialog = h("dialog", { class: "dialog", "aria-labelledby": "api-key-title" }, form);
-    dialog.addEventListener("close", () => {
-      dialog.remove();
-      resolve(answer);
-    });
-    document.body.append(dialog);
-    dialog.showModal();
-    field.focus();
+    ],
+    action: "Use key",
+    act: async () => {
+      keep(field.value.trim(), remember.checked);
+      answer = true;
+    },
   });
+  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(answer)));
 }
 
 // The link by which somebody without a key looks at one job takes the place of a key while its view is open.

@@ -4,7 +4,6 @@ import {
   Box3,
   MathUtils,
   PerspectiveCamera,
-  Spherical,
   Vector3,
 } from "../vendor/three/three.module.js";
 import { OrbitControls } from "../vendor/three/addons/controls/OrbitControls.js";
@@ -63,6 +62,7 @@ export function defaultDirection() {
 export class CameraRig {
   /** @param {HTMLElement} surface takes the pointer @param {() => void} changed the picture is old */
   constructor(surface, changed) {
+    this.surface = surface;
     this.camera = makeCamera();
     this.box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
     /** From where a reset looks: a unit vector from the target. */
@@ -137,39 +137,32 @@ export class CameraRig {
 
   /** @param {number} azimuth @param {number} elevation radians */
   rotate(azimuth, elevation) {
-    this.#stop();
-    const offset = this.camera.position.clone().sub(this.controls.target);
-    const spherical = new Spherical().setFromVector3(offset);
-    spherical.theta -= azimuth;
-    spherical.phi = MathUtils.clamp(spherical.phi + elevation, 0.01, Math.PI - 0.01);
-    this.#move(offset.setFromSpherical(spherical));
+    this.#step(() => {
+      this.controls.rotateLeft(azimuth);
+      this.controls.rotateUp(-elevation);
+    });
   }
 
   /** @param {number} factor */
   zoom(factor) {
-    this.#stop();
-    const offset = this.camera.position.clone().sub(this.controls.target);
-    const { minDistance, maxDistance } = this.controls;
-    offset.setLength(MathUtils.clamp(offset.length() * factor, minDistance, maxDistance));
-    this.#move(offset);
+    this.#step(() => this.controls.dollyIn(factor));
   }
 
   /** @param {number} x @param {number} y share of the picture's height */
   pan(x, y) {
-    this.#stop();
-    const offset = this.camera.position.clone().sub(this.controls.target);
-    const height = 2 * offset.length() * Math.tan(MathUtils.degToRad(this.camera.fov) / 2);
-    const right = new Vector3().setFromMatrixColumn(this.camera.matrix, 0).multiplyScalar(-x * height);
-    const up = new Vector3().setFromMatrixColumn(this.camera.matrix, 1).multiplyScalar(-y * height);
-    this.controls.target.add(right).add(up);
-    this.#move(offset);
+    const { clientHeight } = this.surface;
+    this.#step(() => this.controls.pan(x * clientHeight, -y * clientHeight));
   }
 
-  /** @param {Vector3} offset from the target */
-  #move(offset) {
+  /** Steer without swinging on. @param {() => void} act */
+  #step(act) {
     this.touched = true;
-    this.camera.position.copy(this.controls.target).add(offset);
-    this.#settle(this.controls.target.clone());
+    this.#stop();
+    const damping = this.controls.enableDamping;
+    this.controls.enableDamping = false;
+    act();
+    this.controls.enableDamping = damping;
+    this.changed();
   }
 
   dispose() {

@@ -67,41 +67,14 @@ export function positionOf(value, { range: [low, high], scale }) {
 }
 
 /**
- * Round values for the legend, between its ends.
+ * The ends and the middle of a legend.
  * @param {{ range: [number, number], scale: "linear" | "log" }} legend
- * @param {number} wanted about how many
- * @returns {{ value: number, text: string, at: number }[]} rising; `at` is 0..1
+ * @returns {{ text: string, at: number }[]} rising; `at` is 0..1
  */
-export function ticks(legend, wanted = 5) {
-  const [low, high] = legend.range;
-  if (!(high > low)) return [{ value: low, text: formatValue(low), at: 0 }];
-  const values = legend.scale === "log" && high / low > 4 ? logTicks(low, high, wanted) : linearTicks(low, high, wanted);
-  return values.map((value) => ({ value, text: formatValue(value), at: positionOf(value, legend) }));
-}
-
-/** Round values from `low`, or from the first above it, to `high`. @param {number} low @param {number} high @param {number} wanted about how many */
-export function linearTicks(low, high, wanted) {
-  const rough = (high - low) / wanted;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = power * ([1, 2, 5, 10].find((factor) => factor * power >= rough) ?? 10);
-  const values = [];
-  for (let i = Math.ceil(low / step - 1e-9); i * step <= high * (1 + 1e-9); i++) values.push(i * step + 0); // never -0
-  return values;
-}
-
-/** @param {number} low @param {number} high @param {number} wanted */
-function logTicks(low, high, wanted) {
-  for (const factors of [[1, 2, 5], [1, 3], [1]]) {
-    const values = [];
-    for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high) + 1e-9; power++) {
-      for (const factor of factors) {
-        const value = factor * 10 ** power;
-        if (value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9)) values.push(value);
-      }
-    }
-    if (values.length <= wanted + 1 || factors.length === 1) return values;
-  }
-  return [];
+export function ticks({ range: [low, high], scale }) {
+  if (!(high > low)) return [{ text: formatValue(low), at: 0 }];
+  const middle = scale === "log" ? Math.sqrt(low * high) : (low + high) / 2;
+  return [low, middle, high].map((value, i) => ({ text: formatValue(value), at: i / 2 }));
 }
 
 /** @param {number} value @returns {string} three significant digits, no noise */

@@ -108,8 +108,7 @@ export class FieldView {
    * @returns {import("../app/viewer-box.js").Scale}
    */
   scale(label, { least, most }, unit = "") {
-    const range = /** @type {[number, number]} */ ([least, most]);
-    const marks = ticks({ range, scale: "linear" }, 4);
+    const marks = ticks({ range: [least, most], scale: "linear" });
     return { min: least, max: most, p99: most, unit, label, gradient: cssGradient("viridis"), ticks: marks, problem: "" };
   }
 
@@ -118,7 +117,7 @@ export class FieldView {
     const count = labels.length;
     const stops = pieceColors(count).map((color, i) => `rgb(${color}) ${(100 * i) / count}% ${(100 * (i + 1)) / count}%`);
     const every = Math.ceil(count / 8);
-    const marks = labels.map((value, i) => ({ value, text: String(value), at: (i + 0.5) / count })).filter((_, i) => i % every === 0);
+    const marks = labels.map((value, i) => ({ text: String(value), at: (i + 0.5) / count })).filter((_, i) => i % every === 0);
     const [min, max] = [labels[0], labels[count - 1]];
     return { min, max, p99: max, unit: "", label, gradient: `linear-gradient(to right, ${stops})`, ticks: marks, problem: "" };
   }

@@ -24,7 +24,7 @@ import { colorRow, cssGradient, pieceColors, positionOf, ticks } from "./colorma
  * @property {"linear" | "log"} scale
  * @property {[number, number]} range values at the ends of the colours; what is above has the last one
  * @property {string} gradient the colours as a CSS image, from left to right
- * @property {{ value: number, text: string, at: number }[]} ticks `at` is 0..1 from the left
+ * @property {{ text: string, at: number }[]} ticks `at` is 0..1 from the left
  */
 
 /** @type {Record<Measure, { map: import("./colormaps.js").ColormapName, label: string, unit: string, scale: "linear" | "log" }>} */

@@ -23,13 +23,12 @@ const known = new WeakMap();
  * @param {Uint32Array} corners Of the base, three for each place.
  * @param {Float32Array} weights
  * @param {number} output Of scalars; pieces have one answer: the place of the greatest output in `labels`.
- * @param {boolean} [simd] False: without WebAssembly.
  * @returns {Float32Array}
  */
-export function scalarsAt(scalars, corners, weights, output, simd = true) {
+export function scalarsAt(scalars, corners, weights, output) {
   const { widths, offset, scale, labels, features } = scalars;
-  const network = (simd && known.get(scalars)) || makeNetwork(widths, scalars.layers, simd);
-  if (simd) known.set(scalars, network);
+  const network = known.get(scalars) ?? makeNetwork(widths, scalars.layers);
+  known.set(scalars, network);
   const { values, run } = network;
   const [d, outputs] = [widths[0], widths[widths.length - 1]];
   const found = new Float32Array(corners.length / 3);

@@ -18,13 +18,12 @@ const known = new WeakMap();
  * The mesh of a level: every edge of the base in 2^level parts.
  * @param {NeuralField} field
  * @param {number} level
- * @param {boolean} [simd] False: without WebAssembly.
  * @returns {Unfolded}
  */
-export function unfold(field, level, simd = true) {
+export function unfold(field, level) {
   const { corners, weights, indices } = divide(field, 2 ** level);
-  const evaluate = (simd && known.get(field)) || evaluator(field, simd);
-  if (simd) known.set(field, evaluate);
+  const evaluate = known.get(field) ?? evaluator(field);
+  known.set(field, evaluate);
   return { positions: evaluate(corners, weights), indices, corners, weights };
 }
 
@@ -110,10 +109,10 @@ function patternOf(parts) {
   return Uint32Array.from(found);
 }
 
-/** A function from corners and weights to points (3V) of the surface, in the world. @param {NeuralField} field @param {boolean} simd */
-function evaluator({ header, verts, features, layers }, simd) {
+/** A function from corners and weights to points (3V) of the surface, in the world. @param {NeuralField} field */
+function evaluator({ header, verts, features, layers }) {
   const { features: d, octaves, widths, centre, scale } = header;
-  const { values, run } = makeNetwork(widths, layers, simd);
+  const { values, run } = makeNetwork(widths, layers);
   const places = new Float64Array(3 * BLOCK);
 
   /** @param {Uint32Array} corners @param {Float32Array} weights */

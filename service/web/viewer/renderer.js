@@ -4,8 +4,8 @@
  * than that. Each viewer has a plain 2D canvas; the shared one draws its scene and the picture is copied over, on
  * demand only.
  */
-import { NeutralToneMapping, PCFShadowMap, WebGLRenderer } from "../vendor/three/three.module.js";
-import { makeEnvironment } from "./environment.js";
+import { NeutralToneMapping, PCFShadowMap, PMREMGenerator, WebGLRenderer } from "../vendor/three/three.module.js";
+import { RoomEnvironment } from "../vendor/three/addons/environments/RoomEnvironment.js";
 
 export const NO_WEBGL =
   "This browser cannot draw 3D: WebGL 2 is switched off or missing. Update the browser, or allow hardware acceleration.";
@@ -122,4 +122,14 @@ export class SharedRenderer extends EventTarget {
     this.gl.dispose();
     this.gl.forceContextLoss();
   }
+}
+
+/** Light from all around: soft boxes in a room, as a prefiltered cube map. @param {WebGLRenderer} gl */
+function makeEnvironment(gl) {
+  const generator = new PMREMGenerator(gl);
+  const room = new RoomEnvironment();
+  const target = generator.fromScene(room, 0.04);
+  room.dispose();
+  generator.dispose();
+  return target;
 }

@@ -35,21 +35,18 @@ console.log(JSON.stringify(said));
 MODULE = Path(__file__).parents[4] / "service" / "web" / "viewer" / "ndf.js"
 SCRIPT = """
 const { readField, scalarsAt, unfold } = await import(process.argv[1]);
-const apart = (a, b) => Math.max(...a.map((value, i) => Math.abs(value - b[i])));
 const { readFileSync } = await import("node:fs");
 const data = new Uint8Array(readFileSync(process.argv[2]));
 const field = await readField(data);
 const { positions, indices, corners: of, weights } = unfold(field, 2);
 const scalars = [[0, 0], [0, 1], [1, 0]]
   .map(([i, output]) => Array.from(scalarsAt(field.scalars[i], of, weights, output)));
-const simple = apart(scalars[1], scalarsAt(field.scalars[0], of, weights, 1, false));
-const plain = apart(positions, unfold(field, 2, false).positions);
 data[data.length - 20] ^= 1;
 const refused = await readField(data).then(() => "", (error) => error.message);
 const [faces, places, corners] = [field.faces, positions, indices].map((list) => Array.from(list));
 const [at, shares] = [of, weights].map((list) => Array.from(list));
 const named = field.scalars.map(({ name, labels }) => [name, labels]);
-console.log(JSON.stringify({ faces, places, corners, plain, refused, scalars, simple, named, at, shares }));
+console.log(JSON.stringify({ faces, places, corners, refused, scalars, named, at, shares }));
 """
 
 
@@ -84,7 +81,6 @@ def test_it_unfolds_what_the_reader_in_python_does(tmp_path: Path) -> None:
         return middle[np.lexsort(middle.round(4).T)]
 
     assert np.abs(centres(places, corners) - centres(wanted_verts, wanted_faces)).max() < 1e-4
-    assert found["plain"] < 1e-5, "with WebAssembly and without"
     assert "checksum" in found["refused"]
 
     of, shares = (np.reshape(found[name], (-1, 3)) for name in ("at", "shares"))
@@ -94,7 +90,6 @@ def test_it_unfolds_what_the_reader_in_python_does(tmp_path: Path) -> None:
     wanted = pieces.pieces(of, shares)
     assert len(np.unique(wanted)) > 2
     assert (np.array(found["scalars"][2]) == wanted).mean() > 0.999
-    assert found["simple"] < 1e-4
 
 
 def sealed(data: bytes, header: bytes, sections: bytes | None = None) -> bytes:
