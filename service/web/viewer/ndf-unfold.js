@@ -14,12 +14,7 @@ import { BLOCK, makeNetwork } from "./ndf-network.js";
 /** @type {WeakMap<NeuralField, ReturnType<typeof evaluator>>} */
 const known = new WeakMap();
 
-/**
- * The mesh of a level: every edge of the base in 2^level parts.
- * @param {NeuralField} field
- * @param {number} level
- * @returns {Unfolded}
- */
+/** The mesh of a level: every edge of the base in 2^level parts. @param {NeuralField} field @param {number} level @returns {Unfolded} */
 export function unfold(field, level) {
   const { corners, weights, indices } = divide(field, 2 ** level);
   const evaluate = known.get(field) ?? evaluator(field);

@@ -15,7 +15,7 @@ import { clay, meshesOf } from "./loading.js";
 export class Stage {
   constructor() {
     this.scene = new Scene();
-    this.scene.environmentIntensity = 0.62;
+    this.scene.environmentIntensity = 0.5;
     this.key = new DirectionalLight(0xfffaf2, 1.55);
     this.key.castShadow = true;
     this.key.shadow.mapSize.set(1024, 1024);
