@@ -6,12 +6,11 @@
  * @typedef {{ faces: number, vertices: number, bytes: number, readMs: number, levels: number, scalars: Named[] }} Opened
  * @typedef {{ name: string, outputs: number, labels: number[] }} Named Scalars of the field, or pieces with their numbers.
  * @typedef {{ level: number, glb: ArrayBuffer, faces: number, vertices: number, ms: number }} Level
- * @typedef {{ values: Float32Array, source: number[], farthest: number, place: number[], ms: number, flips: number }} Heat
+ * @typedef {{ values: Float32Array, source: number[], farthest: number, place: number[], ms: number }} Heat
  * @typedef {{ values: Float32Array, least: number, most: number, ms: number }} Learned `values` of pieces are places in their labels
  */
+import { distancesFrom } from "./distances.js";
 import { writeGlb } from "./glb.js";
-import { HeatGeodesics } from "./heat.js";
-import { delaunay } from "./intrinsic.js";
 import { readField, scalarsAt, unfold } from "./ndf.js";
 
 const MOST_FACES = 600_000;
@@ -21,15 +20,13 @@ const MOST_LEVELS = 6;
 let field = null;
 /** @type {({ level: number } & import("./ndf-unfold.js").Unfolded) | null} The mesh of the last level. */
 let mesh = null;
-/** @type {{ level: number, solver: HeatGeodesics, flips: number } | null} */
-let geodesics = null;
 
 const tasks = {
   /** @param {{ bytes: ArrayBuffer }} given @returns {Promise<Opened>} */
   async open({ bytes }) {
     const begin = performance.now();
     field = await readField(new Uint8Array(bytes));
-    mesh = geodesics = null;
+    mesh = null;
     const faces = field.faces.length / 3;
     let levels = 0;
     while (levels < MOST_LEVELS && faces * 4 ** (levels + 1) <= MOST_FACES) levels++;
@@ -49,22 +46,14 @@ const tasks = {
   /** Distances from a place on the surface, or from the vertex that is farthest from it. @param {{ level: number, place: number[] }} given @returns {Heat} */
   heat({ level, place }) {
     const { positions, indices } = meshOf(level);
-    const { solver, flips } = solverOf(level, positions, indices);
-    const ready = performance.now();
+    const begin = performance.now();
     const source = nearest(positions, place);
-    const distances = solver.distances(source);
-    const done = performance.now();
+    const distances = distancesFrom(positions, indices, source);
+    const ms = performance.now() - begin;
     let far = source;
     for (let v = 0; v < distances.length; v++) if (Number.isFinite(distances[v]) && distances[v] > distances[far]) far = v;
     const values = Float32Array.from(distances);
-    return {
-      values,
-      source: placeOf(positions, source),
-      farthest: values[far],
-      place: placeOf(positions, far),
-      ms: done - ready,
-      flips,
-    };
+    return { values, source: placeOf(positions, source), farthest: values[far], place: placeOf(positions, far), ms };
   },
 
   /** What the field holds beside its surface, by its place among them. @param {{ level: number, scalars: number, output: number }} given @returns {Learned} */
@@ -81,15 +70,6 @@ function rangeOf(values) {
   let [least, most] = [Infinity, -Infinity];
   for (const value of values) [least, most] = [Math.min(least, value), Math.max(most, value)];
   return { least, most };
-}
-
-/** @param {number} level @param {Float32Array} positions @param {Uint32Array} indices */
-function solverOf(level, positions, indices) {
-  if (geodesics?.level !== level) {
-    const found = delaunay(positions, indices);
-    geodesics = { level, solver: new HeatGeodesics(found), flips: found.flips };
-  }
-  return geodesics;
 }
 
 /** @param {number} level */

@@ -267,7 +267,7 @@ export class FieldStage extends PictureStage {
     const parts = [
       `${bytes(opened.bytes)} loaded and read in ${ms(opened.readMs)}; this level unfolded in ${ms(shown.ms)}.`,
       `As a GLB it has ${bytes(this.glb.byteLength)}.`,
-      this.source && heat ? `Distances in ${ms(heat.ms)}, after ${count(heat.flips)} flips; the farthest point is ${figure(heat.farthest)} away.` : "Click the surface for distances from there.",
+      this.source && heat ? `Distances in ${ms(heat.ms)}; the farthest point is ${figure(heat.farthest)} away.` : "Click the surface for distances from there.",
       this.said,
     ];
     this.facts.textContent = parts.filter(Boolean).join(" ");

@@ -17,7 +17,6 @@ import pytest
 
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.kinds.surface_fit.container import encode_base, write_field
-from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, delaunay
 from meshdeform.kinds.surface_fit.network import FieldNetwork
 from meshdeform.kinds.surface_fit.reader import read_field
 from meshdeform.kinds.surface_fit.scalar_fields import learn_scalars
@@ -177,57 +176,3 @@ def test_both_readers_refuse_a_file_that_lies_below_a_good_checksum(tmp_path: Pa
     assert last == "read"
     for name, words in zip(files, said, strict=True):
         assert any(part in words for part in ("contradicts itself", "impossible counts", "another size")), (name, words)
-
-
-# Flips and geodesic distances in JavaScript: those of the counterparts in Python, on a mesh that needs both.
-
-
-VIEWER = Path(__file__).parents[4] / "service" / "web" / "viewer"
-GEODESICS = """
-const [folder, file] = process.argv.slice(1);
-const { readFileSync } = await import("node:fs");
-const { delaunay } = await import(`${folder}/intrinsic.js`);
-const { HeatGeodesics } = await import(`${folder}/heat.js`);
-const { positions, indices, sources } = JSON.parse(readFileSync(file));
-const mesh = delaunay(Float32Array.from(positions), Uint32Array.from(indices));
-const solver = new HeatGeodesics(mesh);
-const distances = sources.map((source) => Array.from(solver.distances(source), (d) => (Number.isFinite(d) ? d : null)));
-console.log(JSON.stringify({ flips: mesh.flips, lengths: Array.from(mesh.lengths).sort((a, b) => a - b), distances }));
-"""
-
-
-def computed(folder: Path, verts: np.ndarray, faces: np.ndarray, sources: list[int]) -> dict[str, list[float]]:
-    """What JavaScript makes of a mesh."""
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("node is not installed")
-    file = folder / "mesh.json"
-    given = {"positions": verts.ravel().tolist(), "indices": faces.ravel().tolist(), "sources": sources}
-    file.write_text(json.dumps(given))
-    run = [node, "--input-type=module", "-e", GEODESICS, VIEWER.as_uri(), str(file)]
-    found: dict[str, list[float]] = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=120).stdout)
-    return found
-
-
-def test_flips_and_distances_are_those_of_python(tmp_path: Path) -> None:
-    # A long thin torus, a grid with a border, and a sphere: obtuse triangles, borders, parts without a source.
-    mesh = join(torus(n=60, m=24), grid(6), icosphere(2))
-    verts = mesh.verts.numpy().copy()
-    verts[: 60 * 24, 0] *= 4
-    verts = verts.astype(np.float32).astype(np.float64)
-    faces = mesh.faces.numpy()
-    sources = [0, 700, len(verts) - 1]
-    found = computed(tmp_path, verts, faces, sources)
-    wanted = delaunay(verts, faces)
-    assert wanted.flips > 50
-    assert wanted.certified
-    # Where four points lie on a circle either diagonal will do; the lengths that occur are the same.
-    assert found["flips"] == pytest.approx(wanted.flips, rel=0.1)
-    assert np.abs(np.array(found["lengths"]) - np.sort(wanted.lengths.ravel())).max() < 1e-5
-    solver = HeatGeodesics(wanted)
-    for source, each in zip(sources, found["distances"], strict=True):
-        ours = np.array([np.inf if d is None else d for d in each])
-        exact = solver.distances([source])
-        assert (np.isfinite(ours) == np.isfinite(exact)).all()
-        reached = np.isfinite(exact)
-        assert np.abs(ours[reached] - exact[reached]).max() < 2e-3 * exact[reached].max()
