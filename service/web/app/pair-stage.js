@@ -29,11 +29,6 @@ export class PairStage {
     this.colours.hidden = true;
     /** Nothing can be drawn here. */
     this.flat = false;
-    /** Whether the second file may have other materials than the first. */
-    this.apart = false;
-    /** @type {ArrayBuffer[]} */
-    this.files = [];
-    this.work = Promise.resolve();
     this.element = this._build(label, always);
     linkViews(this.views[0], this.views[1]);
   }
@@ -59,25 +54,23 @@ export class PairStage {
    * Show a GLB, and another one, which may be the first in another shape.
    * @param {ArrayBuffer} first
    * @param {ArrayBuffer} second
-   * @param {{apart?: boolean}} [options] `apart`: the second may have other materials than the first.
-   * @returns {Promise<boolean>} Whether the second has the triangles of the first; otherwise it is shown as it is.
+   * @param {boolean} [apart] Whether they are of different assets: each is shown as it is then.
+   * @returns {Promise<boolean>} Whether the second has the triangles of the first.
    */
-  async show(first, second, { apart = false } = {}) {
-    this.files = [first, second];
+  async show(first, second, apart = false) {
     const [one, other] = this.views;
     // Each viewer has a copy: what it reads it may keep.
-    const found = await Promise.all([one.load(first.slice(0), "glb"), other.load(first.slice(0), "glb")]);
+    const found = await Promise.all([one.load(first.slice(0), "glb"), other.load((apart ? second : first).slice(0), "glb")]);
     this.flat = found.includes(null);
     this.element.classList.toggle("flat", this.flat);
-    this.comparable = found.every(Boolean) && (await other.deform(second.slice(0)));
+    this.comparable = !apart && found.every(Boolean) && (await other.deform(second.slice(0)));
     if (this.scope.over) return false;
     this.colours.hidden = !this.comparable;
-    if (!this.comparable) return false;
-    other.viewer?.setMorph(1);
-    this.apart = apart;
-    if (apart) await other.load(second.slice(0), "glb", true);
-    await this.colour(this.kind);
-    return true;
+    if (this.comparable) {
+      other.viewer?.setMorph(1);
+      this.colour(this.kind);
+    }
+    return this.comparable;
   }
 
   /** Show the picture that a job made, where nothing can be drawn. @param {Blob} picture */
@@ -87,24 +80,7 @@ export class PairStage {
 
   /** @param {Colour} kind */
   colour(kind) {
-    const before = this.kind;
     this.kind = kind;
-    // One after the other, as they were chosen.
-    this.work = this.work.then(() => this._colour(before, kind)).catch((error) => console.warn(error));
-    return this.work;
-  }
-
-  /** @param {Colour} before @param {Colour} kind */
-  async _colour(before, kind) {
-    if (!this.comparable || this.scope.over) return;
-    const [, other] = this.views;
-    // Materials are those of the second file, colours those of the first one's way into it.
-    if (this.apart && kind === "none" && before !== "none") await other.load(this.files[1].slice(0), "glb", true);
-    if (this.apart && kind !== "none" && before === "none") {
-      await other.load(this.files[0].slice(0), "glb", true);
-      await other.deform(this.files[1].slice(0));
-      other.viewer?.setMorph(1);
-    }
-    showLegend(this.legend, other.heatmap(kind));
+    showLegend(this.legend, this.comparable || kind === "none" ? this.views[1].heatmap(kind) : null);
   }
 }

@@ -57,6 +57,7 @@ export function withAdjective(prompt, adjective, known) {
  * @param {Vocabulary | null} known
  */
 export function variationPrompts(prompt, count, known) {
+  /** @type {string[]} */
   const words = prompt.toLowerCase().match(/[a-z]+/g) ?? [];
   const noun = words.find((word) => known?.nouns.includes(word));
   if (!known || !noun) return Array(count).fill(prompt);

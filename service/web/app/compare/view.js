@@ -136,10 +136,10 @@ export class CompareView {
       note,
       h("div", { class: "compare-tables" }, table("Asked", askedRows(/** @type {any} */ (this.jobs), /** @type {any} */ (reports))), table("Result", figureRows(/** @type {any} */ (reports)))),
     );
-    const comparable = await stage.show(shapes[0], shapes[1], { apart: a.asset.sha256 !== b.asset.sha256 });
+    const comparable = await stage.show(shapes[0], shapes[1], a.asset.sha256 !== b.asset.sha256);
     if (this.scope.over) return;
     if (stage.flat) note.textContent = "Nothing can be drawn here; the figures are below.";
-    else note.textContent = comparable ? "“Displacement” colours B by how far each point lies from where A has it." : "The results have different triangles, so how far apart they are cannot be shown as colours.";
+    else note.textContent = comparable ? "“Displacement” colours B by how far each point lies from where A has it." : "These are not two shapes of one asset, so how far apart they are cannot be shown as colours.";
     announce("Both results are shown");
   }
 }

@@ -18,8 +18,6 @@ export class PictureStage {
   /** Shapes on the way are not shown. @param {...any} _ @returns {any} */
   offer(..._) {}
 
-  front() {}
-
   /** @param {Blob} picture */
   showPicture(picture) {
     fill(this.frame, drawnPicture(this.scope, picture, "The result, as the job drew it"));

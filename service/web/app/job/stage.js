@@ -11,7 +11,7 @@ import { COLOURS, PairStage } from "../pair-stage.js";
 import { orToast } from "../problem-box.js";
 import { saveBytes } from "./files.js";
 import { ShapeCache, shapesOf } from "./shapes.js";
-import { showLegend, slider } from "./stage-controls.js";
+import { slider } from "./stage-controls.js";
 import { Way } from "./way.js";
 
 /** @typedef {import("./shapes.js").Shape} Shape */
@@ -91,14 +91,6 @@ export class JobStage extends PairStage {
     this._position();
     this._tag();
     this._next();
-  }
-
-  /** Show which side of the asset was its front, if it was chosen. @param {any} orientation As the report has it. */
-  async front(orientation) {
-    const turn = orientation?.turn_deg;
-    if (typeof turn !== "number" || !["found", "given", "continued"].includes(orientation.source)) return;
-    await this.before.ready;
-    this.before.viewer?.setFront(turn);
   }
 
   /** The step that the slider is at; null at the source and at the result. */
@@ -200,7 +192,7 @@ export class JobStage extends PairStage {
       this.morph.row.hidden = !this.comparable;
       this.colours.hidden = !this.comparable;
       this._morph();
-      this._legend();
+      this.colour(this.kind);
     } catch (error) {
       if (!isAbort(error)) await this._missing(shape, error);
     }
@@ -237,16 +229,6 @@ export class JobStage extends PairStage {
     this.morph.input.setAttribute("aria-valuetext", `${share} percent`);
     if (this.shown) this.after.viewer?.setMorph(share / 100);
     this._tag();
-  }
-
-  /** @param {import("../pair-stage.js").Colour} kind */
-  async colour(kind) {
-    this.kind = kind;
-    this._legend();
-  }
-
-  _legend() {
-    showLegend(this.legend, this.comparable || this.kind === "none" ? this.after.heatmap(this.kind) : null);
   }
 
   /** Save the shape that is on the screen. */

@@ -178,7 +178,6 @@ export class JobView {
       if (this.results) {
         fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
-      this.stage?.front(this.report?.orientation);
       if (this.report && this.stage instanceof FamilyStage) await this._family(this.stage, names);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
       await this.stage?.ready;

@@ -10,7 +10,7 @@ import { problemBox } from "../problem-box.js";
 import { MAX_SEARCH, routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { JobCard } from "./card.js";
-import { SheetPanel } from "./sheet.js";
+import { saveSheet } from "./sheet.js";
 
 const PAGE = 24;
 const POLL_MS = 1500;
@@ -36,17 +36,20 @@ export class ListView {
     this.search = h("input", { type: "search", id: "job-search", placeholder: "Prompt, file or label", "aria-label": "Search jobs", maxlength: MAX_SEARCH, value: search });
     const find = debounced(() => this._search(state), 250, scope);
     this.search.addEventListener("input", find);
+    /** The filter whose jobs are shown. @type {any} */
+    this.shown = null;
     this.selecting = false;
     this.select = button("Select", () => this._selectMode(!this.selecting), {});
     this.chosen = h("div", { class: "row select-bar", hidden: true });
     this.cancelAll = button("Cancel all", () => this._cancelAll(), { icon: "stop" });
     this.cancelAll.hidden = true;
+    this.sheet = button("Contact sheet", () => this._saveSheet(), { icon: "download", title: "A picture of all variations at 50, 100 and 130%" });
+    this.sheet.hidden = true;
     const tools = group
-      ? h("div", { class: "row" }, this.cancelAll, this.select, h("a", { href: "#/jobs" }, "All jobs"))
+      ? h("div", { class: "row" }, this.cancelAll, this.sheet, this.select, h("a", { href: "#/jobs" }, "All jobs"))
       : h("div", { class: "row" }, this.search, filter(state, () => this.search.value.trim()), this.select);
     const head = h("div", { class: "section-head" }, this.title, tools);
-    this.sheet = new SheetPanel(scope, () => (group ? this._succeeded() : []));
-    fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more, this.sheet.element);
+    fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more);
     this._run();
   }
 
@@ -69,6 +72,13 @@ export class ListView {
   /** @returns {any[]} in the order of the cards */
   _succeeded() {
     return [...this.jobs.values()].filter((job) => job.state === "succeeded").sort((a, b) => (a.id < b.id ? -1 : 1));
+  }
+
+  async _saveSheet() {
+    if (!this.sheet) return;
+    this.sheet.disabled = true;
+    await saveSheet(this._succeeded(), this.scope);
+    this.sheet.disabled = false;
   }
 
   _active() {
@@ -234,7 +244,7 @@ export class ListView {
     }
     if (!this.group) return void fill(this.summary, this._searchWords());
     this.cancelAll.hidden = !this._active();
-    this.sheet?.show();
+    if (this.sheet) this.sheet.hidden = !this._succeeded().length;
     const prompt = jobs[0]?.prompt ?? "";
     fill(this.title, `“${prompt}”`);
     this.title.className = "prompt-title";

@@ -1,99 +1,43 @@
 // @ts-check
-/** The contact sheet of a group: a row for each finished variation, a column for each strength. */
+/** The contact sheet of a group, a PNG: a row for each finished variation, a column for each strength. */
 import { announce } from "../announce.js";
-import { client, isAbort, MeshdeformError } from "../client.js";
-import { button, fill, h, invalid, labelled, say } from "../dom.js";
+import { client } from "../client.js";
+import { h } from "../dom.js";
 import { saveBytes } from "../job/files.js";
 import { stemOf } from "../names.js";
-import { described } from "../problem-box.js";
+import { orToast } from "../problem-box.js";
 
-const MOST_STRENGTHS = 6;
+const STRENGTHS = [50, 100, 130];
+const CELL = 320; // pixels
+const EDGE = 36; // for the words beside the cells
 
-/** Strengths in percent from what was typed; null where it is no list of them. @param {string} text Such as "50, 100, 130". */
-export function strengthsOf(text) {
-  const values = text.split(/[\s,]+/).filter(Boolean).map((item) => (/^\d+%?$/.test(item) ? parseInt(item, 10) : NaN));
-  const good = values.length > 0 && values.length <= MOST_STRENGTHS && values.every((value) => value >= 0 && value <= 150);
-  return good ? [...new Set(values)] : null;
-}
-
-export class SheetPanel {
-  /** @param {import("../scope.js").Scope} scope @param {() => any[]} jobs The finished ones, in order. */
-  constructor(scope, jobs) {
-    this.scope = scope;
-    this.jobs = jobs;
-    this.input = h("input", { type: "text", id: "sheet-strengths", value: "50, 100, 130", autocomplete: "off", "aria-describedby": "sheet-help" });
-    this.make = button("Make the sheet", () => this._make(), { icon: "grid" });
-    this.problem = h("p", { class: "field-problem", role: "alert", hidden: true });
-    this.progress = h("p", { class: "small muted", role: "status" });
-    this.result = h("div", { class: "sheet-result" });
-    this.element = h(
-      "details",
-      { class: "panel panel-fold sheet", hidden: true },
-      h("summary", null, h("h2", null, "Contact sheet")),
-      h(
-        "div",
-        { class: "row sheet-form" },
-        labelled("sheet-strengths", "Strengths in percent", this.input, h("p", { class: "small muted", id: "sheet-help" }, "100 is the result, 0 the asset, up to 150.")),
-        this.make,
-      ),
-      this.problem,
-      this.progress,
-      this.result,
-    );
-  }
-
-  /** Offer it, or no more. */
-  show() {
-    this.element.hidden = !this.jobs().length;
-  }
-
-  async _make() {
-    const strengths = strengthsOf(this.input.value);
-    this._refuse(strengths ? "" : `Enter one to ${MOST_STRENGTHS} whole numbers from 0 to 150, such as 50, 100, 130.`);
-    if (!strengths || this.make.disabled) return;
-    this.make.disabled = true;
-    fill(this.result);
-    try {
-      await this._draw(strengths);
-    } catch (error) {
-      if (this.scope.over || isAbort(error)) return;
-      const away = error instanceof MeshdeformError && error.code === "dependency_missing";
-      this._refuse(away ? "This server makes no other strengths: only 100 can be drawn." : described(error).detail || (error instanceof Error ? error.message : "The sheet could not be made."));
-    } finally {
-      this.make.disabled = false;
-      this.progress.textContent = "";
-    }
-  }
-
-  /** @param {number[]} strengths */
-  async _draw(strengths) {
-    const { drawSheet } = await import("../../viewer/sheet.js");
-    const jobs = this.jobs();
-    const rows = [];
-    for (const job of jobs) {
-      const shapes = [];
-      for (const strength of strengths) {
-        this.progress.textContent = `Shape ${rows.length * strengths.length + shapes.length + 1} of ${jobs.length * strengths.length}…`;
+/** @param {any[]} jobs Finished ones, in order. @param {import("../scope.js").Scope} scope */
+export function saveSheet(jobs, scope) {
+  announce("Making the contact sheet");
+  return orToast("No contact sheet", async () => {
+    const { snapshotAsset } = await import("../../viewer/snapshot.js");
+    const canvas = h("canvas", { width: EDGE + STRENGTHS.length * CELL, height: EDGE + jobs.length * CELL });
+    const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+    const style = getComputedStyle(document.body);
+    pen.fillStyle = style.backgroundColor;
+    pen.fillRect(0, 0, canvas.width, canvas.height);
+    Object.assign(pen, { fillStyle: style.color, font: style.font, textAlign: "center", textBaseline: "middle" });
+    const words = (/** @type {string} */ text, /** @type {number} */ x, /** @type {number} */ y, turn = 0) => {
+      pen.setTransform(new DOMMatrix().translate(x, y).rotate(turn));
+      pen.fillText(text, 0, 0, CELL);
+      pen.resetTransform();
+    };
+    STRENGTHS.forEach((strength, x) => words(`${strength}%`, EDGE + (x + 0.5) * CELL, EDGE / 2));
+    for (const [y, job] of jobs.entries()) {
+      words(`Variation ${job.params?.seed ?? 0}`, EDGE / 2, EDGE + (y + 0.5) * CELL, -90);
+      for (const [x, strength] of STRENGTHS.entries()) {
         const query = strength === 100 ? "" : `?strength=${strength / 100}`;
-        shapes.push(await client.bytes(`v1/jobs/${job.id}/artifacts/result.glb${query}`, { signal: this.scope.signal }));
+        const shape = await client.bytes(`v1/jobs/${job.id}/artifacts/result.glb${query}`, { signal: scope.signal });
+        const picture = await createImageBitmap(await snapshotAsset(shape, { width: CELL, height: CELL }));
+        pen.drawImage(picture, EDGE + x * CELL, EDGE + y * CELL);
       }
-      rows.push({ label: `Variation ${job.params?.seed ?? 0}`, shapes });
     }
-    this.progress.textContent = "Drawing…";
-    const style = getComputedStyle(document.documentElement);
-    const [background, ink, font] = ["--surface", "--ink", "--sans"].map((name) => style.getPropertyValue(name).trim());
-    const dark = style.colorScheme === "dark";
-    const sheet = await drawSheet(strengths.map((strength) => `${strength}%`), rows, { background, ink, font, dark, signal: this.scope.signal });
-    if (this.scope.over) return;
-    const name = `${stemOf(jobs[0]).replace(/-seed\d+$/, "")}-variants.png`;
-    const words = `${jobs.length} variations, each at ${strengths.map((strength) => `${strength}%`).join(", ")}`;
-    fill(this.result, h("img", { src: this.scope.url(sheet), alt: words }), button("Save the sheet", () => saveBytes(sheet, name), { icon: "download" }));
-    announce("The sheet is there");
-  }
-
-  /** @param {string} text */
-  _refuse(text) {
-    say(this.problem, text);
-    invalid(this.input, text !== "");
-  }
+    const sheet = await new Promise((resolve) => canvas.toBlob(resolve));
+    saveBytes(sheet, `${stemOf(jobs[0]).replace(/-seed\d+$/, "")}-variants.png`);
+  });
 }
