@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl, promptWords } from "../../service/web/app/create/control/model.js";
 import { documents, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
-import { carriedFlags, keptFaces, Neighbours, pulledFaces, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
+import { keptFaces, Neighbours, pulledFaces, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
 
 const FORM = { fields: [], groups: { control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} } } };
 const ASKED = {
@@ -139,7 +139,6 @@ test("what is kept: each keep, and what lies outside of every only", () => {
   // One `only` that the page does not know may hold anything.
   assert.deepEqual([...keptFaces([{ action: "only", flags: flags(0) }, { action: "only", flags: null }], 4)], [0, 0, 0, 0]);
   assert.deepEqual(rangesOf(flags(0, 2, 3)), [0, [2, 3]]);
-  assert.deepEqual([...carriedFlags(flags(3), STRIP, { count: 1, parts: [{ node: 2, first: 0, count: 1 }] })], [1]);
 });
 
 test("a brush stays on the surface and within its radius", () => {

@@ -60,7 +60,7 @@ export class FamilyView {
   async _again(id) {
     const job = await client.get(id, this.scope.signal);
     if (job.kind !== KIND) return null;
-    this.zone.meshes.add([new File([await client.file(id, "collection", this.scope.signal)], job.files.collection.filename)]);
+    this.zone.add([new File([await client.file(id, "collection", this.scope.signal)], job.files.collection.filename)]);
     return job;
   }
 
@@ -75,7 +75,7 @@ export class FamilyView {
   async _send() {
     // The assets with their parts are what new shapes are made of.
     const params = { ...this.numbers.values(), turn: this.turn.checked, embed_labels: true };
-    const job = await client.submit(null, { kind: KIND, params }, { files: { collection: await this.zone.meshes.packed("collection.zip", false) } });
+    const job = await client.submit(null, { kind: KIND, params }, { files: { collection: await this.zone.packed("collection.zip", false) } });
     return routeHash({ name: "job", id: job.id });
   }
 

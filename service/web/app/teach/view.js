@@ -61,7 +61,7 @@ export class TeachView {
     fill(this.model, taught.map((model) => h("option", { value: model.id }, model.id === "builtin" ? "the built-in model" : model.title)));
     if (builtin) this.model.value = "builtin";
     this.modelRow.hidden = taught.length < 2;
-    if (builtin?.vocabulary) this.zone.meshes.offer(adjectives(builtin.vocabulary));
+    if (builtin?.vocabulary) this.zone.offer(adjectives(builtin.vocabulary));
   }
 
   _ready() {
@@ -88,7 +88,7 @@ export class TeachView {
       model: this.model.value || "builtin",
       steps: Number(steps),
     };
-    const job = await client.teach(noun, await this.zone.meshes.packed("meshes.zip"), { params });
+    const job = await client.teach(noun, await this.zone.packed("meshes.zip"), { params });
     return routeHash({ name: "job", id: job.id });
   }
 

@@ -101,23 +101,6 @@ export function rangesOf(flags) {
   return found;
 }
 
-/**
- * The same faces on a surface of which other nodes take part.
- * @param {Uint8Array} flags (F)
- * @param {Pick<Surface, "parts">} from
- * @param {Pick<Surface, "parts" | "count">} to
- * @returns {Uint8Array} (F') by the numbers of `to`
- */
-export function carriedFlags(flags, from, to) {
-  const found = new Uint8Array(to.count);
-  const partsOf = (/** @type {Pick<Surface, "parts">} */ surface, /** @type {number | null} */ node) => surface.parts.filter((part) => part.node === node);
-  for (const part of to.parts) {
-    const old = partsOf(from, part.node)[partsOf(to, part.node).indexOf(part)];
-    if (old) found.set(flags.subarray(old.first, old.first + old.count), part.first);
-  }
-  return found;
-}
-
 /** Who touches whom on a surface, for a brush that stays on it. */
 export class Neighbours {
   /** @param {Pick<Surface, "corners" | "groups" | "shown">} surface */

@@ -115,18 +115,13 @@ export class ControlView {
     this.tools.use(this.pointing ? "point" : this.panel.tool);
   }
 
-  /** Number the faces without the nodes that stay out of the run; what was painted stays where it is. @param {(string | number)[]} nodes */
+  /** Number the faces without the nodes that stay out of the run; what was painted had other numbers. @param {(string | number)[]} nodes */
   exclude(nodes) {
     if (JSON.stringify(nodes) === JSON.stringify(this.excluded)) return;
     this.excluded = nodes;
-    const before = this.surface;
-    if (!before) return;
+    if (!this.surface) return;
+    for (const region of this.panel.control.regions) if (region.faces) region.faces = [];
     this._loaded();
-    const { surface } = this;
-    for (const region of this.panel.control.regions) {
-      if (region.faces && surface) region.faces = this.library.rangesOf(this.library.carriedFlags(this.library.selectedFaces(region, before, this.named), before, surface));
-    }
-    this.panel.refresh();
   }
 
   _wanted() {
