@@ -49,9 +49,9 @@ _BORDER_BATCH = 512
 _WARM_STEPS = 20
 _BORDER = 0.3
 """Weight of the distance between borders, beside that of the surfaces."""
-_FOLDED, _LEFT, _UNFOLD = 0.02, 0.005, 300
-"""Share of reversed triangles of a step from which on a fit is folded; the share that may be left, and how much more
-normals count at twice that: a base of another shape unfolds only so, and others would be fitted less closely."""
+_FOLDED, _STEPS, _LEFT, _UNFOLD = 0.02, 10, 0.005, 300
+"""A fit is folded with such a share of triangles reversed in so many steps after each other; the share that may stay,
+and how much more normals count at twice that. A base of another shape unfolds only so; others are fitted less well."""
 _LAST_RATE = 0.01
 """Learning rate of the last step, as a share of the highest."""
 
@@ -138,7 +138,7 @@ class FieldFit:
         self.field = self._learned
         self.rounding: list[int] | None = None
         self._random = torch.Generator().manual_seed(o.seed)
-        self.step, self._folded = 0, False
+        self.step, self._folded = 0, 0
         weights, small = patch(_PARTS)
         self._weights, self._small = torch.from_numpy(weights).float(), torch.from_numpy(small)
         corners = torch.from_numpy(verts[faces]).float()
@@ -241,8 +241,8 @@ class FieldFit:
         mean = functional.normalize(wanted.reshape(chosen.shape[0], -1, 3)[:, self._small].sum(2), dim=-1)
         facing = (normals * mean).sum(-1)
         turned = float((facing < 0).float().mean())
-        self._folded = self._folded or turned > _FOLDED
-        more = _UNFOLD * min(max(turned / _LEFT - 1, 0), 1) if self._folded else 0
+        self._folded = self._folded + 1 if turned > _FOLDED or self._folded >= _STEPS else 0
+        more = _UNFOLD * min(max(turned / _LEFT - 1, 0), 1) if self._folded >= _STEPS else 0
         return (moved - target).square().sum(1).mean(), (1 + more) * (1 - facing).mean()
 
     def _backwards(self) -> Tensor:
@@ -322,7 +322,7 @@ class FieldFit:
         self._take(tensors)
         try:
             self._random.set_state(tensors["random"])
-            self._folded = bool(tensors.get("folded", False))
+            self._folded = int(tensors.get("folded", 0))
             for i, tensor in enumerate(self._learned.tensors):
                 if f"adam.{i}.step" in tensors:
                     self._optimizer.state[tensor] = {
