@@ -16,9 +16,9 @@ export class OwnField {
     const input = fileInput("field-file", "Field file", ".ndf", ([file]) => this._show(file));
     const element = h(
       "section",
-      { class: "teach-meshes", "aria-label": "Field" },
+      { class: "asset-panel", "aria-label": "Field" },
       h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop it here")),
-      h("div", { class: "row" }, button("Choose a .ndf", () => input.click(), { icon: "upload" }), input, h("p", { class: "small muted with-mouse" }, "Or drop one anywhere on this page. It stays on this computer.")),
+      h("div", { class: "row" }, button("Choose a .ndf", () => input.click(), { icon: "upload" }), input, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, "Or drop one anywhere on this page. "), "It stays on this computer.")),
       this.refused,
       this.place,
     );
