@@ -63,7 +63,7 @@ class Example:
 
 EXAMPLES = (
     Example("lamp", "vase.glb", "Painted vase", "a lamp", 0),
-    Example("giraffe", "animal.glb", "Painted animal", "a giraffe", 0, {"orientation": "keep"}),
+    Example("giraffe", "animal.glb", "Painted animal", "a giraffe", 0),
     Example("chair", "cube.glb", "Cube", "a chair", 4),
     Example("mushroom", "sphere.glb", "Sphere", "a mushroom with a big cap", 0),
     Example("house", "cube.glb", "Cube", "a house", 0),

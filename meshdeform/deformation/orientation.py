@@ -66,7 +66,7 @@ _FOUND, _UNDECIDED = OrientationSource.FOUND, OrientationSource.UNDECIDED
 _NOTICES = {
     OrientationSource.UNDECIDED: "No side of the asset is clearly its front. Set params.guidance.orientation to the "
     "azimuth of another side if the result faces the wrong way.",
-    OrientationSource.UNRECOGNISED: "The asset was not recognised, so +Z counts as its front. Set "
+    OrientationSource.UNRECOGNISED: "The asset was not recognised for certain, so +Z counts as its front. Set "
     "params.guidance.source_noun to what it is, or params.guidance.orientation to the azimuth of its front.",
     OrientationSource.UNCONDITIONED: "The model is not conditioned on the azimuth: it sees four sides at once with one "
     "text, so no side is the front, and params.guidance.orientation changes nothing about it.",
@@ -100,7 +100,7 @@ class Orientation:
     turn_deg: float = 0.0
     """Azimuth of the source that the guidance sees as the front, in -180 (exclusive) .. 180."""
     source: OrientationSource = OrientationSource.KEPT
-    """`undecided`: no turn is clearly better than the first. `unrecognised`: nobody knows what the source is.
+    """`undecided`: no turn is clearly better than the first. `unrecognised`: nobody knows for certain what the source is.
     `unconditioned`: the grades do not depend on the azimuth."""
     margin: float = 0.0  # relative gain of the best turn that the search found over none; 0 without a search
     grades: tuple[float, ...] = ()

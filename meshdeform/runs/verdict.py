@@ -37,7 +37,8 @@ from meshdeform.runs.goals import score_distillation
 from meshdeform.runs.prompts import Prompts
 
 _log = logging.getLogger(__name__)
-_SURE = 0.5
+_SURE, _CERTAIN = 0.5, 0.8
+"""Probabilities from which a source counts as recognised, and from which its front is searched."""
 
 CROOKED = frozenset({"twisted", "leaning", "bent"})
 """Words of prompts that cost symmetry and flatness."""
@@ -135,7 +136,9 @@ def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedPa
     """Return who finds the front of a source: the prior, asked for what the source is."""
     if source is None or prior is None:
         return None
-    grader = score_distillation(prior, f"a {source.noun}", params) if source.sure else None
+    # What is hardly a bear would be turned to where a bear fits it best; most assets face +Z anyway.
+    certain = source.probability >= _CERTAIN
+    grader = score_distillation(prior, f"a {source.noun}", params) if certain else None
     try:
         asked = parse(prompt)
     except (PromptError, VocabularyError):  # there is none, or it has taught words

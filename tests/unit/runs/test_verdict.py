@@ -217,12 +217,12 @@ def test_what_people_build_is_known_by_its_noun(noun: str, probability: float, b
 
 def test_nobody_is_asked_for_the_front_of_what_is_not_recognised() -> None:
     prior, params = load_prior("builtin", device="cpu"), resolve(DeformParams())
-    unsure = front_of(Recognition("dog", 0.3), prior, params, "a giraffe")
+    unsure = front_of(Recognition("dog", 0.7), prior, params, "a giraffe")
     assert unsure is not None
     assert unsure.grader is None
     assert unsure.grown
     assert not unsure.turned
-    sure = front_of(Recognition("dog", 0.7), prior, params, "")
+    sure = front_of(Recognition("dog", 0.8), prior, params, "")
     assert sure is not None
     assert sure.grader is not None
     assert not sure.grown
