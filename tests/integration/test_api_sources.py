@@ -77,7 +77,7 @@ def test_a_job_is_tried_out_and_nothing_is_left(api: Api, sphere: bytes, openapi
     check_document(found, "Validation", openapi)
     assert found["valid"] is True
     assert (found["asset"]["format"], found["asset"]["triangles"]) == ("glb", 5120)
-    assert (found["params"]["steps"], found["params"]["seed"]) == (80, 3)
+    assert (found["params"]["steps"], found["params"]["seed"]) == (60, 3)
     assert found["target"] is None
     assert api.record.list_jobs(limit=1).jobs == before
     assert set(api.store.list()) == keys

@@ -68,7 +68,7 @@ def test_a_job_runs_its_steps_and_the_rest_at_the_median_of_those_before_it(reco
     found = estimated(record)
     assert (found.run_s, found.queue_s) == (pytest.approx(2.0 + 3.0), None)
     assert found.basis == "3 jobs of this kind and model; no worker is alive"
-    assert estimated(record, params={"preset": "preview"}).run_s == pytest.approx(80 * 0.2 + 3.0)
+    assert estimated(record, params={"preset": "preview"}).run_s == pytest.approx(60 * 0.2 + 3.0)
 
 
 def test_ten_times_the_faces_take_as_much_longer_as_they_cost(record: JobRecord) -> None:

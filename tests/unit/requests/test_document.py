@@ -77,7 +77,7 @@ def test_only_stable_diffusion_sees_colours() -> None:
 
 
 def test_the_preview_has_the_steps_that_it_promises() -> None:
-    assert resolve(DeformParams(preset=Preset.PREVIEW)).steps == 80
+    assert resolve(DeformParams(preset=Preset.PREVIEW)).steps == 60
 
 
 @each_case(
