@@ -46,6 +46,8 @@ _KEPT = 4
 _MIN_MARGIN = 0.03
 _MIN_ERRORS = 3.0
 """Least gain of the best turn over none: relative to the grade, and in standard errors of the paired difference."""
+_MIN_BACK = 0.12
+"""Least gain of the back over the front, of two sides: most assets face +Z."""
 
 Draw = Callable[[float, torch.Generator], tuple[Tensor, Cameras]]
 
@@ -66,7 +68,7 @@ _FOUND, _UNDECIDED = OrientationSource.FOUND, OrientationSource.UNDECIDED
 _NOTICES = {
     OrientationSource.UNDECIDED: "No side of the asset is clearly its front. Set params.guidance.orientation to the "
     "azimuth of another side if the result faces the wrong way.",
-    OrientationSource.UNRECOGNISED: "The asset was not recognised for certain, so +Z counts as its front. Set "
+    OrientationSource.UNRECOGNISED: "The asset was not recognised, so +Z counts as its front. Set "
     "params.guidance.source_noun to what it is, or params.guidance.orientation to the azimuth of its front.",
     OrientationSource.UNCONDITIONED: "The model is not conditioned on the azimuth: it sees four sides at once with one "
     "text, so no side is the front, and params.guidance.orientation changes nothing about it.",
@@ -79,6 +81,21 @@ class Grader(Protocol):
 
     def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
         """Return the grade (P,) of each of P azimuths of the same picture; the smallest is the best."""
+
+
+class Mixture:
+    """The mean of several graders by their weights, for a source that may be several things. Implements `Grader`."""
+
+    def __init__(self, graders: Sequence[tuple[Grader, float]]) -> None:
+        self._graders = graders
+
+    def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
+        """Return the mean grades (P,) of P azimuths; all graders see the same noise."""
+        state, total = generator.get_state(), torch.zeros(len(poses), dtype=torch.float64)
+        for grader, weight in self._graders:
+            generator.set_state(state)
+            total += weight * grader.grades(image, poses, fraction, generator)
+        return total
 
 
 @dataclass(frozen=True)
@@ -100,7 +117,7 @@ class Orientation:
     turn_deg: float = 0.0
     """Azimuth of the source that the guidance sees as the front, in -180 (exclusive) .. 180."""
     source: OrientationSource = OrientationSource.KEPT
-    """`undecided`: no turn is clearly better than the first. `unrecognised`: nobody knows for certain what the source is.
+    """`undecided`: no turn is clearly better than the first. `unrecognised`: nobody knows what the source may be.
     `unconditioned`: the grades do not depend on the azimuth."""
     margin: float = 0.0  # relative gain of the best turn that the search found over none; 0 without a search
     grades: tuple[float, ...] = ()
@@ -178,7 +195,7 @@ def _of_two(search: _Search, sides: tuple[float, float]) -> Orientation:
     grades = search.grades(_EIGHT_DEG, sides)
     gain = (grades[:, 0] - grades[:, 1]) / grades.mean()
     margin, error = float(gain.mean()), float(gain.std()) / math.sqrt(len(gain))
-    if abs(margin) < _MIN_ERRORS * error:
+    if abs(margin) < _MIN_ERRORS * error or (sides[0] == 0.0 and 0 < margin < _MIN_BACK):
         return Orientation(sides[0], OrientationSource.UNDECIDED, margin)
     return Orientation(sides[int(margin > 0)], OrientationSource.FOUND, abs(margin))
 

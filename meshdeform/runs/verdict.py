@@ -22,7 +22,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.deformation.orientation import Front
+from meshdeform.deformation.orientation import Front, Mixture
 from meshdeform.errors import ModelError, PromptError, VocabularyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure_structure
@@ -37,8 +37,9 @@ from meshdeform.runs.goals import score_distillation
 from meshdeform.runs.prompts import Prompts
 
 _log = logging.getLogger(__name__)
-_SURE, _CERTAIN = 0.5, 0.8
-"""Probabilities from which a source counts as recognised, and from which its front is searched."""
+_SURE, _CERTAIN, _MOST = 0.5, 0.8, 3
+"""Probabilities from which a source counts as recognised, and from which its noun alone says where the front is; number
+of nouns that say it otherwise."""
 
 CROOKED = frozenset({"twisted", "leaning", "bent"})
 """Words of prompts that cost symmetry and flatness."""
@@ -90,6 +91,14 @@ class Recognition:
         """Whether it was recognised as something that people build, which stands upright."""
         return self.sure and any(self.noun in NOUN_GROUPS[group] for group in _BUILT)
 
+    def likely(self) -> dict[str, float]:
+        """Return the nouns that it most likely is, with their weights; none if too little is known."""
+        if self.probability >= _CERTAIN:
+            return {self.noun: 1.0}
+        first = dict(sorted(self.nouns.items(), key=lambda item: -item[1])[:_MOST])
+        total = sum(first.values())
+        return {noun: probability / total for noun, probability in first.items()} if total >= _SURE else {}
+
     def to_dict(self) -> dict[str, Any]:
         """Return the member `source_noun` of the report."""
         return {"noun": self.noun, "probability": round(self.probability, 4), "recognised": self.sure}
@@ -136,9 +145,8 @@ def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedPa
     """Return who finds the front of a source: the prior, asked for what the source is."""
     if source is None or prior is None:
         return None
-    # What is hardly a bear would be turned to where a bear fits it best; most assets face +Z anyway.
-    certain = source.probability >= _CERTAIN
-    grader = score_distillation(prior, f"a {source.noun}", params) if certain else None
+    likely = [(score_distillation(prior, f"a {noun}", params), weight) for noun, weight in source.likely().items()]
+    grader = Mixture(likely) if likely else None
     try:
         asked = parse(prompt)
     except (PromptError, VocabularyError):  # there is none, or it has taught words

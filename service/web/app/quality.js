@@ -26,7 +26,7 @@ function front(orientation) {
   if (turn === null) return [];
   if (orientation.source === "given") return [plain(`Front: the side at ${figure(turn)}°`, "As you set it. 0° is +Z, 90° is +X.")];
   if (orientation.source === "undecided") return [plain(`Front: the side at ${figure(orientation.turn_deg)}°`, "0° is +Z, 90° is +X. No side is clearly the front.")];
-  if (orientation.source === "unrecognised") return [plain("Front: +Z", "The asset was not recognised for certain, so that nothing said where its front is.")];
+  if (orientation.source === "unrecognised") return [plain("Front: +Z", "The asset was not recognised, so that nothing said where its front is.")];
   if (orientation.source !== "found" || margin === null) return [];
   return [plain(`Front: the side at ${figure(turn)}°`, `0° is +Z, 90° is +X. It fits what the asset is ${percent(margin)} better than the next one.`)];
 }

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from meshdeform.deformation.checkpoint import dump_checkpoint, load_checkpoint
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.orientation import Orientation, OrientationSource, find_orientation
+from meshdeform.deformation.orientation import Mixture, Orientation, OrientationSource, find_orientation
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.guidance.target import TargetGuidance
@@ -169,3 +169,18 @@ def test_a_model_without_azimuth_is_asked_twice_only() -> None:
     guidance = _Grades(None)
     found = find_orientation(_draw, guidance, 0)
     assert (found.turn_deg, found.source, guidance.calls) == (0.0, OrientationSource.UNCONDITIONED, 2)
+
+
+@each_case(("contrast", "turn"), [(0.03, 0.0), (0.1, 180.0)])
+def test_the_back_must_be_much_better_than_the_front(contrast: float, turn: float) -> None:
+    found = find_orientation(_draw, _Grades(180.0, contrast), 0, planes=(0,))
+    assert found.turn_deg == turn
+    assert found.margin == pytest.approx(2 * contrast, abs=0.02)
+
+
+def test_several_nouns_are_asked_with_one_noise_and_count_by_their_weights() -> None:
+    poses = [fixed_cameras(azimuth, 0.0) for azimuth in (0.0, 90.0)]
+    image, generator = torch.tensor(0.0), torch.Generator().manual_seed(4)
+    mixed = Mixture([(_Grades(0.0), 0.75), (_Grades(180.0), 0.25)]).grades(image, poses, 0.94, generator)
+    alone = _Grades(0.0, 0.15).grades(image, poses, 0.94, torch.Generator().manual_seed(4))
+    assert mixed == pytest.approx(alone)

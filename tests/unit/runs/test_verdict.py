@@ -215,6 +215,23 @@ def test_what_people_build_is_known_by_its_noun(noun: str, probability: float, b
     assert Recognition(noun, probability).built is built
 
 
+@each_case(
+    ("source", "nouns"),
+    [
+        (Recognition("dog", 1.0), {"dog": 1.0}),
+        (Recognition("dog", 0.8, {"dog": 0.8, "cat": 0.2}), {"dog": 1.0}),
+        (
+            Recognition("pig", 0.3, {"cow": 0.1, "pig": 0.3, "bus": 0.05, "dog": 0.2}),
+            {"pig": 0.5, "dog": 1 / 3, "cow": 1 / 6},
+        ),
+        (Recognition("pig", 0.2, {"pig": 0.2, "dog": 0.1, "cow": 0.1, "bus": 0.09}), {}),
+        (Recognition("", 0.0), {}),
+    ],
+)
+def test_a_source_may_be_several_things_by_their_probabilities(source: Recognition, nouns: dict[str, float]) -> None:
+    assert source.likely() == pytest.approx(nouns)
+
+
 def test_nobody_is_asked_for_the_front_of_what_is_not_recognised() -> None:
     prior, params = load_prior("builtin", device="cpu"), resolve(DeformParams())
     unsure = front_of(Recognition("dog", 0.7), prior, params, "a giraffe")
