@@ -40,10 +40,7 @@ _Floats = NDArray[np.float64]
 class Binding:
     """Binding of the vertices of a mesh to a simplified one.
 
-    Parameters
-    ----------
-    closely : bool
-        Average only where the whole mesh is much finer: closer to the deformation, and less smooth.
+    `closely`: average only where the whole mesh is much finer: closer to the deformation, and less smooth.
     """
 
     def __init__(self, simple: RestMesh, whole: RestMesh, *, closely: bool = False) -> None:

@@ -83,15 +83,8 @@ class Bridges:
 class Placement:
     """Translations of components that fit the bridges best.
 
-    Parameters
-    ----------
-    count : int
-        Number of components. Those without a bridge, and one of each connected group, do not move.
-
-    Attributes
-    ----------
-    groups : (C,) int64
-        The group of components, connected by bridges, to which each belongs.
+    `count`: number of components. Those without a bridge, and one of each connected group, do not move. `groups`, (C,)
+    int64: the group of components, connected by bridges, to which each belongs.
     """
 
     def __init__(self, bridges: Bridges, count: int) -> None:

@@ -116,10 +116,7 @@ def freedom_around(mesh: RestMesh, kept: _Flags, falloff: float) -> _Floats:
 class Placement:
     """Places the vertices of one mesh.
 
-    Parameters
-    ----------
-    constraints : Constraints
-        Of this mesh; handles are not applied here, because they belong to the solve.
+    `constraints`: of this mesh; handles are not applied here, because they belong to the solve.
     """
 
     def __init__(self, mesh: RestMesh, constraints: Constraints) -> None:

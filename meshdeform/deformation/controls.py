@@ -176,10 +176,7 @@ class Controls(Protocol):
 class OwnJacobians:
     """One Jacobian per element, as in the paper. Implements `Controls`.
 
-    Parameters
-    ----------
-    name : str
-        Name of the tensor in checkpoints.
+    `name`: name of the tensor in checkpoints.
     """
 
     def __init__(self, name: str, count: int) -> None:
@@ -283,18 +280,9 @@ _LEVEL = torch.tensor([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 1.0]], dtype
 class Hierarchy:
     """A hierarchy of controls. Implements `Controls`.
 
-    Parameters
-    ----------
-    name : str
-        Of the elements, with which the names of the tensors in checkpoints begin.
-    centres : (E, 3) float64
-        Of the elements, in object units.
-    normals : (E, 3) float64, optional
-        Unit normals of elements that are faces.
-    box : pair of (3,) float64
-        The lowest and the highest corner of the mesh's box.
-    structure : Structure
-        What the map keeps.
+    `name`: of the elements, with which the names of the tensors in checkpoints begin; `centres`, (E, 3) float64: of the
+    elements, in object units; `normals`, (E, 3) float64: unit normals of elements that are faces; `box`, pair of (3,)
+    float64: the lowest and the highest corner of the mesh's box; `structure`: what the map keeps.
     """
 
     def __init__(

@@ -171,17 +171,9 @@ def _affordable(mesh: RestMesh, resolution: int) -> int:
 class LatticeSystem:
     """Factored system that gives the nodes for the Jacobians of the cells.
 
-    Parameters
-    ----------
-    weights : (N,) float64
-        Weights, summing to 1, of the mean of the nodes that a solve keeps at its place at rest.
-    pinned : (N,) bool, optional
-        Nodes that stay exactly where they are at rest; if there are any, they determine the place instead of the mean.
-
-    Raises
-    ------
-    NumericalError
-        The matrix could not be factored.
+    `weights`, (N,) float64: weights, summing to 1, of the mean of the nodes that a solve keeps at its place at rest.
+    `pinned`, (N,) bool: nodes that stay exactly where they are at rest; if there are any, they determine the place
+    instead of the mean. Raises NumericalError: the matrix could not be factored.
     """
 
     def __init__(self, lattice: Lattice, weights: _Floats, pinned: _Flags | None = None) -> None:

@@ -60,23 +60,10 @@ _Index = NDArray[np.int64]
 class LatticeField(ControlledMap):
     """One Jacobian per cell of a lattice around the mesh. Implements `deformation.variables.Variables`.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        At rest.
-    whole : TriangleMesh, optional
-        Another mesh that the lattice encloses as well, to be moved with it.
-    bodies : sequence of Body
-        Vertices that keep their shape; they follow the nodes by the motion that fits best.
-    constraints : Constraints
-        Of `mesh`: all nodes that a kept vertex follows are pinned in the solve, and handles are part of it.
-    structure : Structure, optional
-        What a hierarchy of controls keeps. None: every cell has a Jacobian of its own.
-
-    Raises
-    ------
-    ParameterError
-        All nodes that move anything are pinned.
+    `mesh`: at rest; `whole`: another mesh that the lattice encloses as well, to be moved with it. `bodies`: vertices
+    that keep their shape; they follow the nodes by the motion that fits best. `constraints`: of `mesh`: all nodes that
+    a kept vertex follows are pinned in the solve, and handles are part of it. `structure`: what a hierarchy of controls
+    keeps. None: every cell has a Jacobian of its own. Raises ParameterError: all nodes that move anything are pinned.
     """
 
     def __init__(
@@ -173,11 +160,7 @@ class LatticeField(ControlledMap):
 def cells_dirichlet_penalty(nodes: _Floats, cells: _Index, spacing: float, gradient: _Floats | None) -> float:
     """Return the mean logarithm of the cells' symmetric Dirichlet energy; add its gradient (N, 3).
 
-    Parameters
-    ----------
-    nodes : (N, 3) float64
-    cells : (C, 8) int64
-        Corners of each cell, as of `Lattice.cell_nodes`.
+    `nodes` is (N, 3) float64; `cells`, (C, 8) int64: corners of each cell, as of `Lattice.cell_nodes`.
     """
     total, unit = 0.0, 1 / (4 * spacing)
     f, cross, by = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))

@@ -439,14 +439,8 @@ _Floats = NDArray[np.float64]
 class RegionalGradients:
     """Gradients of several losses, of which each reaches a part of the surface.
 
-    Parameters
-    ----------
-    shares : sequence of (F,) float64
-        One for each loss: the share of its gradient that each face of the mesh gets.
-    mesh : RestMesh
-        The whole mesh, at rest.
-    variables : Variables
-        Of this mesh or of its stand-in.
+    `shares`, sequence of (F,) float64: one for each loss: the share of its gradient that each face of the mesh gets;
+    `mesh`: the whole mesh, at rest; `variables`: of this mesh or of its stand-in.
     """
 
     def __init__(self, shares: Sequence[_Floats], mesh: RestMesh, variables: Variables) -> None:

@@ -150,22 +150,11 @@ class Orientation:
 def find_orientation(draw: Draw, guidance: Grader, seed: int, planes: Sequence[int] = ()) -> Orientation:
     """Search the best turn of a source.
 
-    Parameters
-    ----------
-    draw : callable
-        Renders the source for the guidance from cameras at this azimuth, with a background and light from the
-        generator. Returns the picture and its cameras.
-    guidance : Grader
-        Asked for what the source is: the front of a dog is found by "a dog", not by what it should become.
-    seed : int
-        Seed of the search's own generator.
-    planes : sequence of int
-        Axes to which the source's mirror planes are perpendicular. With one, the front is one of two sides in it.
-
-    Returns
-    -------
-    Orientation
-        `found`; or, with turn 0, `undecided`, for example for a symmetric source, or `unconditioned`.
+    `draw`: renders the source for the guidance from cameras at this azimuth, with a background and light from the
+    generator. Returns the picture and its cameras. `guidance`: asked for what the source is: the front of a dog is
+    found by "a dog", not by what it should become; `seed`: seed of the search's own generator. `planes`: axes to which
+    the source's mirror planes are perpendicular. With one, the front is one of two sides in it. Returns Orientation:
+    `found`; or, with turn 0, `undecided`, for example for a symmetric source, or `unconditioned`.
     """
     search = _Search(draw, guidance, torch.Generator().manual_seed(seed))
     front, side = search.grades((0.0,), (0.0, 90.0))[0].tolist()

@@ -174,11 +174,8 @@ class LinearSystem(Protocol):
 def solve_linear(system: LinearSystem, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
     """Return the system's positions (N, 3) float64, differentiable once in the Jacobians.
 
-    Parameters
-    ----------
-    jacobians : (E, 3, 3) float64
-    known : (N, 3) float64, optional
-        The positions, if they have already been computed; then only the gradient is computed.
+    `jacobians` is (E, 3, 3) float64. `known`, (N, 3) float64: the positions, if they have already been computed; then
+    only the gradient is computed.
     """
     result: Tensor = _Solve.apply(system, jacobians, known)  # type: ignore[no-untyped-call]
     return result

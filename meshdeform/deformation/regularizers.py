@@ -198,14 +198,8 @@ def normal_penalty(
 ) -> float:
     """Return the bending beyond rest; add its gradient (V, 3).
 
-    Parameters
-    ----------
-    verts, faces, pairs, ends, sign
-        As in `bends`.
-    rest_sine, rest_energy : (E,) float64
-        Sine of each angle at rest, and g of it.
-    weights, scale : (E,) float64
-        Share of the area and r^2 of each edge.
+    `verts`, `faces`, `pairs`, `ends` and `sign`: as in `bends`; `rest_sine` and `rest_energy`, (E,) float64: sine of
+    each angle at rest, and g of it; `weights` and `scale`, (E,) float64: share of the area and r^2 of each edge.
     """
     normals, inverse = _unit_normals(verts, faces)
     d_normals = np.zeros((len(faces), 3))
@@ -383,10 +377,7 @@ def _in_plane(corners: Tensor) -> Tensor:
 class Pulls:
     """Sums of the pulls of the terms of a loss.
 
-    Attributes
-    ----------
-    sums : (5,) float64
-        In the order of `TERMS`, over the measured steps.
+    `sums`, (5,) float64: in the order of `TERMS`, over the measured steps.
     """
 
     def __init__(self) -> None:

@@ -44,15 +44,7 @@ class Body:
 class RigidBodies:
     """The bodies of one mesh.
 
-    Parameters
-    ----------
-    bodies : sequence of Body
-        No two share a vertex.
-
-    Attributes
-    ----------
-    members : (V,) bool
-        Vertices of any body.
+    `bodies`: no two share a vertex; `members`, (V,) bool: vertices of any body.
     """
 
     def __init__(self, rest: RestMesh, bodies: Sequence[Body]) -> None:

@@ -47,13 +47,9 @@ def rotation_matrices(vectors: _Floats) -> _Floats:
 def rotation_vectors(jacobians: _Floats, known: _Flags, pairs: sparse.csr_matrix) -> _Floats:
     """Return rotation vectors (F, 3), in radians, of which neighbours agree; their lengths may exceed pi.
 
-    Parameters
-    ----------
-    jacobians : (F, 3, 3) float64
-    known : (F,) bool
-        False where the Jacobian means nothing; such an element turns like a neighbour.
-    pairs : sparse (F, F)
-        Nonzero for neighbours. Pairs with larger values are used only where smaller ones do not connect the elements.
+    `jacobians` is (F, 3, 3) float64. `known`, (F,) bool: false where the Jacobian means nothing; such an element turns
+    like a neighbour. `pairs`, sparse (F, F): nonzero for neighbours. Pairs with larger values are used only where
+    smaller ones do not connect the elements.
     """
     rotations, determined = polar_rotations(jacobians)
     known = known & determined

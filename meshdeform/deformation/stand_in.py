@@ -106,17 +106,8 @@ _LEAST_AREA = 0.5
 class StandIn:
     """The mesh that a run deforms, and how the whole mesh follows it.
 
-    Parameters
-    ----------
-    simplify : bool
-        False: the whole mesh itself is deformed, however large it is.
-    constraints : Constraints
-        Of the whole mesh; handles need `simplify` False.
-
-    Attributes
-    ----------
-    mesh : RestMesh
-        The simplified mesh; the whole mesh itself if that has at most `MAX_FACES` faces.
+    `simplify`: false: the whole mesh itself is deformed, however large it is. `constraints`: of the whole mesh; handles
+    need `simplify` False. `mesh`: the simplified mesh; the whole mesh itself if that has at most `MAX_FACES` faces.
     """
 
     def __init__(self, whole: TriangleMesh, *, simplify: bool = True, constraints: Constraints = UNCONSTRAINED) -> None:

@@ -246,10 +246,7 @@ def placed(variables: Variables) -> Tensor:
 def copy_into(variables: Variables, state: Mapping[str, Tensor]) -> None:
     """Copy the tensors of a checkpoint into the variables.
 
-    Raises
-    ------
-    CheckpointError
-        The tensors belong to another mesh, or to a run that optimises other variables.
+    Raises CheckpointError: the tensors belong to another mesh, or to a run that optimises other variables.
     """
     with torch.no_grad():
         for name, parameter in variables.tensors.items():

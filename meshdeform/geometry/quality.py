@@ -364,12 +364,8 @@ def texel_corners(appearance: Appearance) -> _Floats:
 def face_stretch(texels: _Floats, before: _Floats, after: _Floats) -> tuple[_Floats, float]:
     """Return the stretch (T,) of triangles, NaN where it is not defined, and s.
 
-    Parameters
-    ----------
-    texels : (T, 3, 2)
-        Corners in the texture; NaN for triangles without one.
-    before, after : (T, 3, 3)
-        Corners on the source and on the result.
+    `texels`, (T, 3, 2): corners in the texture; NaN for triangles without one. `before` and `after`, (T, 3, 3): corners
+    on the source and on the result.
     """
     old, new = _largest(texels, before), _largest(texels, after)
     valid = (old > 0) & np.isfinite(old) & np.isfinite(new)

@@ -58,14 +58,8 @@ class _Pairs:
 class PointTerm:
     """The distances between a mesh and its target in both directions.
 
-    Parameters
-    ----------
-    target : TriangleMesh
-        In the frame of the deformed mesh.
-    seed : int
-        Of the samples.
-    samples : int, optional
-        On each of the two surfaces. Default: `SAMPLES`.
+    `target`: in the frame of the deformed mesh; `seed`: of the samples. `samples`: on each of the two surfaces.
+    Default: `SAMPLES`.
     """
 
     def __init__(self, target: TriangleMesh, *, seed: int = 0, samples: int | None = None) -> None:
@@ -159,13 +153,8 @@ def diagonal_of(mesh: TriangleMesh) -> float:
 def on_border(border: _Flags, corners: _Index, weights: _Floats) -> _Flags:
     """Return flags (P,) of the places on an open border.
 
-    Parameters
-    ----------
-    border : (V,) bool
-        The vertices on borders.
-    corners : (P, 3) int64
-    weights : (P, 3) float64
-        Barycentric coordinates.
+    `border`, (V,) bool: the vertices on borders; `corners` is (P, 3) int64; `weights`, (P, 3) float64: barycentric
+    coordinates.
     """
     reached = weights > _INSIDE
     return np.asarray((border[corners] | ~reached).all(1) & ~reached.all(1))

@@ -202,10 +202,7 @@ class SilhouetteTerm:
 def picture_scales(views: Sequence[SilhouetteView]) -> _Floats:
     """Return lengths (K,) of a pixel of each picture, relative to one another.
 
-    Raises
-    ------
-    SilhouetteError
-        The widths and heights of the masks contradict their directions.
+    Raises SilhouetteError: the widths and heights of the masks contradict their directions.
     """
     # Unknown: the three squared half axes, then the squared scales. The first scale is 1.
     count = len(views)

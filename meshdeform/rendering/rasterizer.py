@@ -78,9 +78,7 @@ def rasterize_spans(
 ) -> tuple[Tensor, Tensor]:
     """Rasterise on `clip`'s device; see `meshdeform.rendering.rasterizer.rasterize`.
 
-    Returns
-    -------
-    (B, H, W) int64 face indices and (B, H, W) float32 depths.
+    Returns (B, H, W) int64 face indices and (B, H, W) float32 depths.
     """
     views, n_faces = clip.shape[0], faces.shape[0]
     w = clip[..., 3].double()
@@ -268,9 +266,7 @@ def rasterize_compiled(
 ) -> tuple[Tensor, Tensor]:
     """Rasterise on the CPU; see `meshdeform.rendering.rasterizer.rasterize`.
 
-    Returns
-    -------
-    (B, H, W) int64 face indices and (B, H, W) float32 depths.
+    Returns (B, H, W) int64 face indices and (B, H, W) float32 depths.
     """
     face_ids = torch.full((clip.shape[0], height, width), -1, dtype=torch.int64)
     depth = torch.full((clip.shape[0], height, width), EMPTY_DEPTH, dtype=torch.float32)

@@ -306,25 +306,11 @@ def colour_by_normals(
 ) -> Tensor:
     """Colour every pixel by the normal of the face that it shows.
 
-    Parameters
-    ----------
-    verts : (V, 3) floating
-        Positions in the world.
-    clip : (B, V, 4) floating
-        The same positions in the views' clip space.
-    faces : (F, 3) int64
-    eye : (B, 3) floating
-        Positions of the cameras.
-    axes : (B, 3, 3) floating
-        Rotations to the cameras' frames.
-    face_ids : (B, H, W) int64
-        The visible face at each pixel, -1 where there is none.
-    backdrop : (B * H * W, 3) floating
-        Colours where there is no face.
-
-    Returns
-    -------
-    (B, H, W, 3) of the backdrop's type, differentiable once in `verts` (colours) and `clip` (their motion).
+    `verts`, (V, 3) floating: positions in the world; `clip`, (B, V, 4) floating: the same positions in the views' clip
+    space; `faces` is (F, 3) int64; `eye`, (B, 3) floating: positions of the cameras; `axes`, (B, 3, 3) floating:
+    rotations to the cameras' frames; `face_ids`, (B, H, W) int64: the visible face at each pixel, -1 where there is
+    none; `backdrop`, (B * H * W, 3) floating: colours where there is no face. Returns (B, H, W, 3) of the backdrop's
+    type, differentiable once in `verts` (colours) and `clip` (their motion).
     """
     result: Tensor = _Colour.apply(verts, clip, faces, eye, axes, face_ids, backdrop)  # type: ignore[no-untyped-call]
     return result
