@@ -46,9 +46,6 @@ def batch(
         bool,
         flag("--as-morph-targets", "Also write the results of each asset as named morph targets of one file.", _WHAT),
     ] = False,
-    flat: Annotated[
-        bool, flag("--flat", "Put all results into one folder: duck-a-tall-vase-seed7.glb.", _WHAT)
-    ] = False,
     settings: SetOption = None,
     parallel: Annotated[
         int | None, option("Rows at the same time; default: 1 locally, 8 on a service.", _HOW, min=1)
@@ -81,7 +78,7 @@ def batch(
     entries = _entries(source, prompt or [], prompts_file)
     defaults = merge_params(ctx, settings)
     first = int(defaults.get("seed", 0))
-    with Ledger(output, flat=flat) as ledger:
+    with Ledger(output) as ledger:
         session = Session(ledger, as_json=printed.as_json, quiet=printed.quiet)
         rows, repeated = make_rows(
             entries,
@@ -89,8 +86,6 @@ def batch(
             seeds=range(first, first + seeds) if seeds else (),
             output=written(ctx, "output"),
             known_names=ledger.known_names(),
-            flat=flat,
-            occupied=(path.name for path in output.iterdir()),
             check=(lambda _request, _has_target: None) if place.url else _checker(),
         )
         if repeated:

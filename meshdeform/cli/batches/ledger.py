@@ -24,8 +24,7 @@ class Ledger:
 
     ::
 
-        {"ledger": 1, "batch": ID, "created_at": ..., "flat": false}
-        {"event": "named", "key": KEY, "name": NAME}
+        {"ledger": 1, "batch": ID, "created_at": ...}
         {"event": "submitted", "key": KEY, "name": NAME, "job_id": ..., "try": 0}
         {"event": "done", "key": KEY, "name": NAME, "seconds": ..., "files": {...}}
         {"event": "failed", "key": KEY, "name": NAME, "error": {...}}
@@ -34,9 +33,8 @@ class Ledger:
     process that was killed, is removed. The file is locked: one process at a time. Thread-safe; a context manager.
     """
 
-    def __init__(self, folder: Path, *, flat: bool = False) -> None:
+    def __init__(self, folder: Path) -> None:
         self.path = folder / _NAME
-        self.flat = flat
         self.last: dict[str, dict[str, Any]] = {}
         self.tries: dict[str, int] = {}
         self.batch_id = ""
@@ -91,7 +89,7 @@ class Ledger:
                     advice="Remove the line, or choose another folder with -o.",
                 ) from error
         if not self.batch_id:
-            self._write({"ledger": _VERSION, "batch": uuid.uuid4().hex, "created_at": _now(), "flat": self.flat})
+            self._write({"ledger": _VERSION, "batch": uuid.uuid4().hex, "created_at": _now()})
             _sync_folder(self.path.parent)
 
     def _note(self, document: dict[str, Any]) -> None:
@@ -99,12 +97,6 @@ class Ledger:
             if document["ledger"] != _VERSION:
                 raise ValueError(document["ledger"])
             self.batch_id = str(document["batch"])
-            started = bool(document.get("flat", False))
-            if started != self.flat:
-                raise ParameterError(
-                    f"The batch in {self.path.parent} was started {'with' if started else 'without'} --flat.",
-                    advice=f"{'Add' if started else 'Leave out'} --flat, or choose another folder with -o.",
-                )
             return
         key = document["key"]
         self.last[key] = document

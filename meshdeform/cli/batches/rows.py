@@ -7,7 +7,7 @@ import functools
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.cli.form import overlaid
 from meshdeform.cli.request import make_request
 from meshdeform.errors import MeshdeformError, ParameterError
-from meshdeform.support.files import artifact_name, slug
+from meshdeform.support.files import slug
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import DeformParams, JobRequest
@@ -163,7 +163,7 @@ class Row:
     """One deformation.
 
     `key` is a digest of everything that decides the result: the bytes of the files, the prompt, the parameters. `name`
-    is unique: its folder in the folder of the batch, or if `flat` the beginning of its file names there.
+    is unique: its folder in the folder of the batch.
     """
 
     key: str
@@ -172,11 +172,10 @@ class Row:
     asset: Path
     request: JobRequest
     target: Path | None = None
-    flat: bool = False
 
     def path(self, folder: Path, artifact: str) -> Path:
         """Return the path of an artifact in the folder of the batch."""
-        return folder / artifact_name(artifact, self.name) if self.flat else folder / self.name / artifact
+        return folder / self.name / artifact
 
 
 def make_rows(
@@ -186,15 +185,13 @@ def make_rows(
     seeds: Sequence[int] = (),
     output: Mapping[str, bool] | None = None,
     known_names: Mapping[str, str] | None = None,
-    flat: bool = False,
-    occupied: Iterable[str] = (),
     check: Callable[[JobRequest, bool], None] = lambda _request, _has_target: None,
 ) -> tuple[list[Row], list[str]]:
     """Validate every row before the first one begins; return the rows, and the places of repeated ones, left out.
 
     A row without a seed is done once for each of `seeds`. `known_names` are those by key from an earlier run of the
-    batch, which are kept; `occupied` are files in the folder of the batch, whose names are not taken. `check` is called
-    with each request and whether it has a target, and raises if it is invalid. A ParameterError lists invalid rows.
+    batch, which are kept. `check` is called with each request and whether it has a target, and raises if it is invalid.
+    A ParameterError lists invalid rows.
     """
     digest, wrong = functools.cache(_digest), list[dict[str, str]]()
     found: dict[str, tuple[Entry, JobRequest]] = {}
@@ -215,10 +212,9 @@ def make_rows(
                 found[key] = (entry, request)
     if wrong:
         raise _refusal(wrong, len(entries))
-    names = _names(found, known_names or {}, with_seed=len(seeds) > 1, flat=flat, occupied=occupied)
+    names = _names(found, known_names or {}, with_seed=len(seeds) > 1)
     rows = [
-        Row(key, names[key], entry.place, entry.asset, request, entry.target, flat)
-        for key, (entry, request) in found.items()
+        Row(key, names[key], entry.place, entry.asset, request, entry.target) for key, (entry, request) in found.items()
     ]
     return rows, repeated
 
@@ -282,32 +278,20 @@ def _chosen(params: DeformParams) -> dict[str, Any]:
 
 
 def _names(
-    found: Mapping[str, tuple[Entry, JobRequest]],
-    known: Mapping[str, str],
-    *,
-    with_seed: bool,
-    flat: bool,
-    occupied: Iterable[str],
+    chosen: Mapping[str, tuple[Entry, JobRequest]], known: Mapping[str, str], *, with_seed: bool
 ) -> dict[str, str]:
-    names = {key: known[key] for key in found if key in known}
-    taken = {place for name in known.values() for place in _places(name, flat=flat)}
-    taken |= {name.casefold() for name in occupied if flat}
-    for key, (entry, request) in found.items():
+    names = {key: known[key] for key in chosen if key in known}
+    taken = {name.casefold() for name in known.values()}  # some file systems ignore the case
+    for key, (entry, request) in chosen.items():
         if key in names:
             continue
         base = entry.name or "-".join(slug(text) or "x" for text in (entry.asset.stem, _goal(entry, request)))
-        if (flat and not entry.name) or (with_seed and "seed" not in entry.params):
+        if with_seed and "seed" not in entry.params:
             base += f"-seed{request.params.seed}"
         # With its digest, the name does not depend on rows added later.
-        name = f"{base}-{key[:8]}" if taken & _places(base, flat=flat) else base
-        names[key] = name
-        taken |= _places(name, flat=flat)
+        names[key] = f"{base}-{key[:8]}" if base.casefold() in taken else base
+        taken.add(names[key].casefold())
     return names
-
-
-def _places(name: str, *, flat: bool) -> set[str]:
-    """Return the folder and files a row of this name may write, in lower case, since some file systems ignore it."""
-    return {name.casefold(), *(artifact_name(artifact, name).casefold() for artifact in ARTIFACTS if flat)}
 
 
 def _goal(entry: Entry, request: JobRequest) -> str:

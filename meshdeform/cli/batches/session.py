@@ -19,16 +19,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.cli.batches.ledger import Ledger
-from meshdeform.cli.batches.rows import ARTIFACTS, Row
+from meshdeform.cli.batches.rows import Row
 from meshdeform.cli.batches.runners import RowOutcome, Runner
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.local import read_asset, writing
 from meshdeform.cli.output import BatchView, ProgressView, duration, emit, note, show_batch
-from meshdeform.errors import UnavailableError
 from meshdeform.support.files import write_files
 
 if TYPE_CHECKING:
-    from PIL import Image, ImageDraw
+    from PIL import Image
 
     from meshdeform.assets import Asset, Limits
     from meshdeform.settings import Settings
@@ -64,10 +63,6 @@ class Session:
         the service or the disk is unavailable.
         """
         todo = [row for row in rows if self._is_left(row, retry_failed=retry_failed)]
-        for row in todo:
-            if row.flat and row.key not in self.ledger.last:
-                # So that a file of an interrupted run does not look like somebody else's.
-                self.ledger.append("named", row.key, row.name)
         if len(todo) < len(rows):
             note(f"{len(rows) - len(todo)} of {len(rows)} rows are finished already.", quiet=self._quiet)
         try:
@@ -144,26 +139,11 @@ class Session:
             return retry_failed
         return line.get("event") != "done" or not row.path(self.folder, "result.glb").exists()
 
-    def _flatten(self, row: Row) -> None:
-        """Move the files of a row out of the folder in which they were written."""
-        folder = self.folder / row.name
-        try:
-            for artifact in ARTIFACTS:
-                if (folder / artifact).exists():
-                    (folder / artifact).replace(row.path(self.folder, artifact))
-            folder.rmdir()
-        except OSError as error:
-            raise UnavailableError(
-                f"The results in {folder} cannot be moved: {error}.", advice="Run the same command again."
-            ) from error
-
     def _end(self, row: Row, outcome: RowOutcome, view: BatchView) -> None:
         more: dict[str, Any] = {"state": outcome.state, "seconds": outcome.seconds, "losses": outcome.losses}
         if outcome.job_id is not None:
             more["job_id"] = outcome.job_id
         succeeded = outcome.state == "succeeded"
-        if succeeded and row.flat:
-            self._flatten(row)
         ending = {"files": outcome.files} if succeeded else {"error": outcome.error}
         self.ledger.append("done" if succeeded else "failed", row.key, row.name, **ending, **more)
         reason = f": {outcome.error['detail']}" if outcome.error else ""
@@ -243,76 +223,51 @@ def _report(path: Path) -> dict[str, Any]:
 
 
 _WIDTH, _HEIGHT, _CAPTION, _GAP = 288, 144, 30, 8
-_MAX_TILES = 600
+_MAX_TILES, _LETTERS = 600, 48
 _RED, _GREY, _INK = (198, 40, 40), (205, 205, 205), (30, 30, 30)
 
 
 def contact_sheet(records: Sequence[Mapping[str, Any]], pictures: Sequence[Path]) -> bytes | None:
     """Return a PNG with the first 600 rows, by their records and pictures; None if no row succeeded."""
-    from PIL import Image
+    from PIL import Image, ImageDraw, ImageFont
 
     if not any(record["state"] == "succeeded" for record in records):
         return None
     shown = records[:_MAX_TILES]
     columns = max(1, round(math.sqrt(len(shown) / 1.5)))
-    lines = math.ceil(len(shown) / columns)
-    size = (_GAP + columns * (_WIDTH + _GAP), _GAP + lines * (_HEIGHT + _CAPTION + _GAP))
-    sheet = Image.new("RGB", size, "white")
-    for index, (record, path) in enumerate(zip(shown, pictures, strict=False)):
-        row, column = divmod(index, columns)
-        _tile(sheet, (_GAP + column * (_WIDTH + _GAP), _GAP + row * (_HEIGHT + _CAPTION + _GAP)), path, record)
+    width, height = _WIDTH + _GAP, _HEIGHT + _CAPTION + _GAP
+    sheet = Image.new("RGB", (_GAP + columns * width, _GAP + math.ceil(len(shown) / columns) * height), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(11)
+    for number, (record, path) in enumerate(zip(shown, pictures, strict=False)):
+        x, y = _GAP + number % columns * width, _GAP + number // columns * height
+        succeeded = record["state"] == "succeeded"
+        pair = _before_and_after(path) if succeeded else None
+        if pair is not None:
+            sheet.paste(pair, (x, y))
+        colour = _GREY if succeeded or record["state"] == "pending" else _RED
+        draw.rectangle((x - 1, y - 1, x + _WIDTH, y + _HEIGHT), outline=colour)
+        why = record["prompt"] if succeeded else record["error_code"] or record["state"]
+        draw.text((x, y + _HEIGHT + 2), str(record["name"])[:_LETTERS], fill=_INK, font=font)
+        draw.text((x, y + _HEIGHT + 15), str(why)[:_LETTERS], fill=_INK if succeeded else colour, font=font)
     out = io.BytesIO()
     sheet.save(out, "PNG", optimize=True)
     return out.getvalue()
 
 
-def _tile(sheet: Image.Image, at: tuple[int, int], path: Path, record: Mapping[str, Any]) -> None:
-    from PIL import ImageDraw
-
-    draw, (x, y) = ImageDraw.Draw(sheet), at
-    picture = _picture(path) if record["state"] == "succeeded" else None
-    if picture is not None:
-        sheet.paste(picture, (x + (_WIDTH - picture.width) // 2, y + (_HEIGHT - picture.height) // 2))
-    colour = _GREY if record["state"] in ("succeeded", "pending") else _RED
-    draw.rectangle((x - 1, y - 1, x + _WIDTH, y + _HEIGHT), outline=colour)
-    if colour is _RED:
-        draw.line((x, y, x + _WIDTH, y + _HEIGHT), fill=_RED)
-        draw.line((x, y + _HEIGHT, x + _WIDTH, y), fill=_RED)
-    second = record["prompt"] if record["state"] == "succeeded" else record["error_code"] or record["state"]
-    _write(draw, (x, y + _HEIGHT + 2), str(record["name"]), _INK)
-    _write(draw, (x, y + _HEIGHT + 15), str(second), _INK if picture is not None else colour)
-
-
-def _picture(path: Path) -> Image.Image | None:
+def _before_and_after(path: Path) -> Image.Image | None:
+    """Return the first view of a preview's two rows side by side; None if it cannot be read."""
     from PIL import Image
 
     try:
-        with Image.open(path) as found:
-            return _pair(found.convert("RGB"))
+        with Image.open(path) as preview:
+            rows = preview.convert("RGB")
     except (OSError, ValueError, Image.DecompressionBombError):
         return None
-
-
-def _pair(preview: Image.Image) -> Image.Image:
-    """Return the first view of a preview's two rows side by side: before and after."""
-    from PIL import Image
-
-    side = preview.height // 2
-    pair = Image.new("RGB", (_WIDTH, _HEIGHT), "white")
-    for k in range(2):
-        view = preview.crop((0, k * side, side, (k + 1) * side))
-        pair.paste(view.resize((_HEIGHT, _HEIGHT), Image.Resampling.LANCZOS), (k * _WIDTH // 2, 0))
+    side, pair = rows.height // 2, Image.new("RGB", (_WIDTH, _HEIGHT), "white")
+    for row in range(2):
+        view = rows.crop((0, row * side, side, (row + 1) * side))
+        pair.paste(view.resize((_HEIGHT, _HEIGHT), Image.Resampling.LANCZOS), (row * _WIDTH // 2, 0))
     return pair
-
-
-def _write(draw: ImageDraw.ImageDraw, at: tuple[int, int], text: str, colour: Any) -> None:
-    """Write one line, truncated at the edge of the tile."""
-    from PIL import ImageFont
-
-    font = ImageFont.load_default(11)
-    while text and draw.textlength(text, font=font) > _WIDTH:
-        text = text[:-2].rstrip(".") + "." if len(text) > 2 else ""
-    draw.text(at, text, fill=colour, font=font)
 
 
 def write_target_sets(folder: Path, rows: Sequence[Row], settings: Settings) -> dict[str, str]:

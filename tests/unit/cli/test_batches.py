@@ -228,9 +228,6 @@ def test_the_results_of_an_asset_are_the_targets_of_one_file(tmp_path: Path, mon
         np.testing.assert_allclose(moved, ball * [0, height - 1, 0], atol=1e-6)
 
 
-# `batch --flat`: results in one folder, under names that say what they are.
-
-
 class NamingRunner:
     """Writes the name of a row as its results; fails on the rows that it was given."""
 
@@ -257,70 +254,21 @@ def duck(tmp_path: Path) -> Path:
     return path
 
 
-def flat_rows(session: Session, *entries: Entry, seeds: tuple[int, ...] = ()) -> list[Row]:
-    occupied = [path.name for path in session.folder.iterdir()]
-    known = session.ledger.known_names()
-    return make_rows(entries, defaults={}, seeds=seeds, flat=True, occupied=occupied, known_names=known)[0]
-
-
-def files(out: Path) -> set[str]:
-    return {path.name for path in out.iterdir() if path.suffix in {".glb", ".json", ".png"}} - {
-        "summary.json",
-        "sheet.png",
-    }
-
-
-def test_names_say_what_the_files_are_and_never_meet(duck: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "mine.morph.glb").write_text("kept")
-    vase = Entry("1", duck, "a tall vase", params={"seed": 7})
-    entries = [
-        vase,
-        Entry("2", duck, "A tall vase", params={"seed": 7, "steps": 9}),
-        Entry("3", duck, "a dog", name="mine"),
-        Entry("4", duck, "a dog", name="other"),
-        Entry("5", duck, "a dog", name="other.report"),
-    ]
-    with Ledger(out, flat=True) as ledger:
-        session = Session(ledger, as_json=False, quiet=True)
-        rows = flat_rows(session, *entries)
-        session.run(rows, NamingRunner(out), 1, retry_failed=False)
-        session.finish(rows)
-    names = [row.name for row in rows]
-    assert names[0] == "duck-a-tall-vase-seed7"
-    assert names[1] == f"duck-A-tall-vase-seed7-{rows[1].key[:8]}"
-    assert names[2] == f"mine-{rows[2].key[:8]}"
-    assert (out / "mine.morph.glb").read_text() == "kept"
-    assert files(out) == {"mine.morph.glb"} | {
-        f"{n}{e}" for n in names for e in (".glb", ".report.json", ".preview.png")
-    }
-    assert all((out / f"{name}.glb").read_text() == name for name in names)
-    assert not any(path.is_dir() for path in out.iterdir())
-    assert str(out / "duck-a-tall-vase-seed7.glb") in (out / "summary.csv").read_text()
-
-
 def test_an_interrupted_batch_resumes_under_the_same_names(duck: Path, tmp_path: Path) -> None:
     out, entry = tmp_path / "out", Entry("1", duck, "a vase")
     seeds = (3, 4, 5)
-    with Ledger(out, flat=True) as ledger:
+    with Ledger(out) as ledger:
         session = Session(ledger, as_json=False, quiet=True)
-        rows = flat_rows(session, entry, seeds=seeds)
+        rows = make_rows([entry], defaults={}, seeds=seeds)[0]
         with pytest.raises(UnavailableError):
             session.run(rows, NamingRunner(out, "duck-a-vase-seed4"), 1, retry_failed=False)
-    # As if it had died while it moved the files of the second row.
-    (out / "duck-a-vase-seed4" / "report.json").replace(out / "duck-a-vase-seed4.report.json")
-    with Ledger(out, flat=True) as ledger:
+    with Ledger(out) as ledger:
         session = Session(ledger, as_json=False, quiet=True)
-        again, runner = flat_rows(session, entry, seeds=seeds), NamingRunner(out)
+        again, runner = (
+            make_rows([entry], defaults={}, seeds=seeds, known_names=ledger.known_names())[0],
+            NamingRunner(out),
+        )
         session.run(again, runner, 1, retry_failed=False)
     assert [row.name for row in again] == [f"duck-a-vase-seed{n}" for n in seeds]
     assert runner.done == ["duck-a-vase-seed4", "duck-a-vase-seed5"]
-    assert files(out) == {f"duck-a-vase-seed{n}{e}" for n in seeds for e in (".glb", ".report.json", ".preview.png")}
-
-
-def test_the_layout_of_a_batch_does_not_change(tmp_path: Path) -> None:
-    with Ledger(tmp_path):
-        pass
-    with pytest.raises(ParameterError, match="without --flat"):
-        Ledger(tmp_path, flat=True)
+    assert all((out / row.name / "result.glb").exists() for row in again)
