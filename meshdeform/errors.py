@@ -282,9 +282,6 @@ class AlignmentError(RequestError):
     code = "alignment_failed"
     advice = "Turn and move the target onto the asset, and set params.guidance.align to none."
 
-    picture: bytes | None = None
-    """A PNG of both meshes, as they were placed."""
-
 
 class PromptError(RequestError):
     """The prompt is empty or too long."""

@@ -9,11 +9,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import shlex
 import signal
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -27,7 +25,7 @@ import typer
 from meshdeform.cli.environment import load_settings
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.output import ProgressView, show_progress
-from meshdeform.errors import AlignmentError, ParameterError, UnavailableError
+from meshdeform.errors import ParameterError, UnavailableError
 from meshdeform.support.memory import collection_paused
 
 if TYPE_CHECKING:
@@ -38,9 +36,6 @@ if TYPE_CHECKING:
     from meshdeform.runs.base import InputFile, JobRun
     from meshdeform.settings import Settings
 
-_GRACE_S = 2.0
-"""Seconds that the second Ctrl-C has to end the work by an exception."""
-_OVER = b"\0"
 _FORCE = "Choose another name with -o, or overwrite it with --force."
 _ELSEWHERE = "Choose another path with -o."
 _REPORT = "report.json"
@@ -97,8 +92,7 @@ class LocalJob:
         A Ctrl-C is an OutcomeError (`interrupted`); the checkpoint is written if requested.
         """
         try:
-            with second_ctrl_c_ends():
-                return self._run(progress)
+            return self._run(progress)
         except KeyboardInterrupt:
             raise self._interruption() from None
 
@@ -128,7 +122,7 @@ class LocalJob:
             limits=limits,
             device=device,
         )
-        with self._alignment_picture(), collection_paused():  # compiled kernels are loaded, and a library for them
+        with collection_paused():  # compiled kernels are loaded, and a library for them
             return start_run(job_input)
 
     def _prior(self, model: str, device: str) -> Prior:
@@ -171,23 +165,6 @@ class LocalJob:
                     self._saved_step = report.step
                 if stop:
                     raise KeyboardInterrupt
-
-    @property
-    def _main(self) -> Path:
-        return next(iter(self.outputs.values()))
-
-    @contextmanager
-    def _alignment_picture(self) -> Iterator[None]:
-        """Write the picture of a failed alignment beside the result, and name it in the error."""
-        try:
-            yield
-        except AlignmentError as error:
-            path = self._main.with_suffix(".alignment.png")
-            if error.picture is not None:
-                with writing("The picture of the alignment"):
-                    _write({path: error.picture})
-                error.advice_text += f" {path} shows the asset in blue and the target in orange."
-            raise
 
     def _interruption(self) -> OutcomeError:
         where = "before the first step" if self._step is None else "at step {} of {}".format(*self._step)
@@ -383,41 +360,8 @@ def ctrl_c_between_steps() -> Iterator[Any]:
             raise KeyboardInterrupt
         interrupted = True
 
-    with second_ctrl_c_ends():
-        previous = signal.signal(signal.SIGINT, handle)
-        try:
-            yield lambda: interrupted
-        finally:
-            signal.signal(signal.SIGINT, previous)
-
-
-@contextmanager
-def second_ctrl_c_ends() -> Iterator[None]:
-    """End the process if a second Ctrl-C does not end the block: Python's handlers wait until compiled code returns.
-
-    The interpreter writes the number of each signal to a pipe at once, and a thread reads it.
-    """
-    read, write = os.pipe()
-    os.set_blocking(write, False)
-    over = threading.Event()
-
-    def watch() -> None:
-        count = 0
-        while (number := os.read(read, 1)) != _OVER:
-            count += number[0] == signal.SIGINT
-            if count > 1 and not over.wait(_GRACE_S):
-                os.write(2, b"Interrupted.\n")
-                os._exit(ExitCode.INTERRUPTED)
-
-    watcher = threading.Thread(target=watch, name="Ctrl-C", daemon=True)
-    watcher.start()
-    previous = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    previous = signal.signal(signal.SIGINT, handle)
     try:
-        yield
+        yield lambda: interrupted
     finally:
-        signal.set_wakeup_fd(previous)
-        over.set()
-        os.write(write, _OVER)
-        watcher.join()
-        os.close(read)
-        os.close(write)
+        signal.signal(signal.SIGINT, previous)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -11,13 +10,12 @@ from typing import Any, Self
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from PIL import Image
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.silhouette import read_silhouette
 from meshdeform.deformation.stand_in import stand_in_of
-from meshdeform.errors import AlignmentError, ParameterError, PromptError
+from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.weld import weld
@@ -50,7 +48,6 @@ _STYLE = RenderStyle(view_size=160, supersample=1)
 _COVERED = 0.25
 """Least blue of a covered pixel: normals as colours have at least a half, and the background none."""
 
-_COLOURS = ((255, 255, 255), (222, 143, 5), (1, 115, 178), (110, 110, 110))
 """Neither, the target alone, the asset alone, both."""
 
 _Floats = NDArray[np.float64]
@@ -218,11 +215,7 @@ class TargetFit:
             advice = "Set params.guidance.align to auto, or move the target to the asset."
         frame = Frame.around(world.verts)
         placed = frame.place(alignment.place_mesh(goal))
-        try:
-            require_overlap(alignment, advice)
-        except AlignmentError as error:
-            error.picture = _overlay_png(frame.place(world), placed)
-            raise
+        require_overlap(alignment, advice)
         moved = (
             Landmark(_entered(frame, each.source), _entered(frame, alignment.place(each.target[None])[0]))
             for each in landmarks
@@ -260,18 +253,6 @@ class TargetFit:
             reached = _landmark_distances(rest, verts, self.landmarks) / diagonal_of(self.target)
             found["landmarks"] = {"count": len(reached), "mean": float(reached.mean()), "max": float(reached.max())}
         return found
-
-
-def _overlay_png(source: TriangleMesh, target: TriangleMesh) -> bytes:
-    """Draw the silhouettes of an asset (blue) and a target (orange) over each other, from four sides."""
-    both = torch.cat([source.verts, target.verts])
-    middle = (both.amin(0) + both.amax(0)) / 2
-    scale = 0.9 / float((both - middle).norm(dim=1).max())
-    masks = [_masks(TriangleMesh((mesh.verts - middle) * scale, mesh.faces)) for mesh in (source, target)]
-    rows = np.concatenate(list((2 * masks[0].astype(int) + masks[1])[:4]), 1)
-    buffer = io.BytesIO()
-    Image.fromarray(np.array(_COLOURS, np.uint8)[rows]).save(buffer, "PNG")
-    return buffer.getvalue()
 
 
 def _silhouette_overlap(mesh: TriangleMesh, target: TriangleMesh) -> float:

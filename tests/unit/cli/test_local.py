@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
-from meshdeform.cli.exits import ExitCode
-from meshdeform.cli.local import LocalJob, ctrl_c_between_steps, second_ctrl_c_ends
+from meshdeform.cli.local import LocalJob, ctrl_c_between_steps
 from meshdeform.errors import ModelError
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
@@ -106,47 +101,11 @@ def test_a_job_of_a_service_needs_its_address(
     assert said in result.output
 
 
-# Ctrl-C in a call of compiled code that does not return, which Python's own handlers wait for.
-
-
-IN_COMPILED_CODE = """
-import hashlib, signal
-from meshdeform.cli.local import second_ctrl_c_ends
-signal.signal(signal.SIGINT, lambda *_: print("heard", flush=True))
-with second_ctrl_c_ends():
-    print("begins", flush=True)
-    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
-"""
-
-
-def test_the_second_one_ends_the_process() -> None:
-    with subprocess.Popen([sys.executable, "-c", IN_COMPILED_CODE], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "begins\n"
-        deadline = time.monotonic() + 60.0
-        try:
-            # Signals that come close together are one.
-            while process.poll() is None and time.monotonic() < deadline:
-                process.send_signal(signal.SIGINT)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(0.5)
-            assert process.returncode == ExitCode.INTERRUPTED
-        finally:
-            process.kill()
-
-
-def test_what_ends_by_itself_is_left_alone() -> None:
-    """Both handlers are as before, one within the other too."""
-    handler, descriptor = signal.getsignal(signal.SIGINT), signal.set_wakeup_fd(-1)
-    with second_ctrl_c_ends():
-        try:
-            with ctrl_c_between_steps() as interrupted:
-                assert not interrupted()
-                signal.raise_signal(signal.SIGINT)
-                assert interrupted()
-                signal.raise_signal(signal.SIGINT)
-        except KeyboardInterrupt:
-            interrupted = None
-    assert interrupted is None
+def test_the_first_ctrl_c_waits_for_the_step_and_the_second_does_not() -> None:
+    handler = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), ctrl_c_between_steps() as interrupted:
+        assert not interrupted()
+        signal.raise_signal(signal.SIGINT)
+        assert interrupted()
+        signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is handler
-    assert signal.set_wakeup_fd(descriptor) == -1

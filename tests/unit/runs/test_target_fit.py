@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import json
 
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.report_lines import fit_line
@@ -64,12 +62,9 @@ def test_without_alignment_the_result_is_where_the_target_is() -> None:
     assert report["fit"]["alignment"]["turn_deg"] is None
 
 
-def test_a_target_far_away_is_refused_with_a_picture() -> None:
+def test_a_target_far_away_is_refused() -> None:
     with pytest.raises(AlignmentError, match="Only 0%") as refused:
         finished(glb(), glb(offset=20.0), align="none")
-    assert refused.value.picture is not None
-    drawn = np.array(Image.open(io.BytesIO(refused.value.picture)))
-    assert {(222, 143, 5), (1, 115, 178)} < {tuple(colour) for colour in drawn.reshape(-1, 3).tolist()}
     assert "params.guidance.align" in refused.value.advice_text
 
 
