@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
-from typing import Any
 
 import sqlalchemy as sa
 
@@ -57,52 +55,15 @@ def read_counters(database: Database) -> dict[tuple[str, str], float]:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Current numbers of the record; `oldest_queued_s` is 0 if no job is queued."""
+    """Current numbers of the record: unfinished jobs by state; `oldest_queued_s` is 0 if no job is queued."""
 
     jobs: dict[JobState, int]
     oldest_queued_s: float
     pending_deliveries: int
 
 
-_SHARE = 1000.0
-_SHORT_S = 0.05
-"""A count that takes less is made each time."""
-
-
-class EndedJobs:
-    """The numbers of jobs that have ended, remembered so that not every look at the metrics counts them all.
-
-    What ends in the meantime is known from the record's sums. What is deleted is missing at the next count, and where
-    counting takes long, that comes so late that it takes a thousandth of the time.
-    """
-
-    def __init__(self) -> None:
-        self._deleted: dict[str, float] = {}
-        self._due = 0.0
-
-    def read(self, connection: sa.Connection) -> dict[JobState, int]:
-        """Return the number of jobs in each terminal state."""
-        began = time.monotonic()
-        counts = began >= self._due
-        query: Any = sa.select(sa.literal(0).label("source"), tallies.c.label, tallies.c.value)
-        query = query.where(tallies.c.name == "jobs_ended")
-        if counts:  # in one statement, so that both are of the same moment
-            number = sa.cast(sa.func.count(), tallies.c.value.type)
-            over = jobs.c.state.in_(sorted(TERMINAL_STATES))
-            query = query.union_all(sa.select(sa.literal(1), jobs.c.state, number).where(over).group_by(jobs.c.state))
-        ended: dict[str, float] = {}
-        there: dict[str, float] = {}
-        for source, state, value in connection.execute(query):
-            (there if source else ended)[state] = value
-        if counts:
-            now = time.monotonic()
-            self._deleted = {state: ended.get(state, 0.0) - there.get(state, 0.0) for state in TERMINAL_STATES}
-            self._due = now + _SHARE * (now - began) if now - began > _SHORT_S else now
-        return {state: round(ended.get(state, 0.0) - self._deleted[state]) for state in TERMINAL_STATES}
-
-
-def statistics(database: Database, ended: EndedJobs | None = None) -> Statistics:
-    """Return the current numbers; every query uses an index. `ended` remembers the jobs that are over between calls."""
+def statistics(database: Database) -> Statistics:
+    """Return the current numbers; every query uses an index, and none counts the jobs that have ended."""
     unfinished = [state for state in JobState if state not in TERMINAL_STATES]
     going = sa.select(jobs.c.state, sa.func.count()).where(jobs.c.state.in_(unfinished))
     # Ids sort by time.
@@ -110,11 +71,10 @@ def statistics(database: Database, ended: EndedJobs | None = None) -> Statistics
     pending = sa.select(sa.func.count()).select_from(deliveries).where(deliveries.c.state == "pending")
     with database.read() as connection:
         counts = {JobState(state): count for state, count in connection.execute(going.group_by(jobs.c.state)).all()}
-        counts |= (ended or EndedJobs()).read(connection)
         created = connection.execute(oldest).scalar()
         waiting = connection.execute(pending).scalar_one()
     age = (datetime.now(UTC) - created).total_seconds() if created else 0.0
-    return Statistics({state: counts.get(state, 0) for state in JobState}, max(0.0, age), waiting)
+    return Statistics({state: counts.get(state, 0) for state in unfinished}, max(0.0, age), waiting)
 
 
 assert all(low < high for bounds in BUCKETS_S.values() for low, high in pairwise(bounds))

@@ -16,7 +16,7 @@ from prometheus_client.registry import Collector
 from starlette.routing import Match
 
 from meshdeform.errors import UnavailableError
-from meshdeform.record.counters import BUCKETS_S, EndedJobs, statistics
+from meshdeform.record.counters import BUCKETS_S, statistics
 from meshdeform.record.models import TERMINAL_STATES, JobState
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class _RecordCollector(Collector):
     """Read the record on each scrape. While it is unavailable, only `meshdeform_record_up` is exported."""
 
     def __init__(self, record: JobRecord, queue: str) -> None:
-        self._record, self._queue, self._ended = record, queue, EndedJobs()
+        self._record, self._queue = record, queue
 
     def describe(self) -> Iterable[Metric]:
         """Return nothing, so that registration does not read the record."""
@@ -57,8 +57,8 @@ class _RecordCollector(Collector):
         yield from found
 
     def _gauges(self) -> Iterator[Metric]:
-        seen = statistics(self._record.database, self._ended)
-        by_state = GaugeMetricFamily("meshdeform_jobs", "Jobs by state.", labels=["state"])
+        seen = statistics(self._record.database)
+        by_state = GaugeMetricFamily("meshdeform_jobs", "Unfinished jobs by state.", labels=["state"])
         for state, count in seen.jobs.items():
             by_state.add_metric([state.value], count)
         yield by_state

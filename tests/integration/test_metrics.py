@@ -6,8 +6,6 @@ import pytest
 import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
 
-from meshdeform.record import counters
-from meshdeform.record.counters import EndedJobs, statistics
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState
 from meshdeform.record.schema import metadata
@@ -17,8 +15,7 @@ Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
 
 
 @pytest.fixture(autouse=True)
-def _empty(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(counters, "_SHARE", 0.0)  # count each time, however busy the machine is
+def _empty(api: Api) -> None:
     with api.record.database.write() as connection:
         for table in reversed(metadata.sorted_tables):
             connection.execute(sa.delete(table))
@@ -76,22 +73,9 @@ def failed_job(api: Api) -> str:
     return job.id
 
 
-@pytest.mark.both_databases(long=True)
-def test_jobs_that_are_over_are_not_counted_each_time(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(counters, "_SHARE", 1e9)
-    monkeypatch.setattr(counters, "_SHORT_S", -1.0)
-    first, remembers, seen = failed_job(api), EndedJobs(), []
-    for change in (lambda: None, lambda: failed_job(api), lambda: api.record.delete(first)):
-        change()
-        seen.append(statistics(api.record.database, remembers).jobs[JobState.FAILED])
-    assert seen == [1, 2, 2]  # the deletion is missing until the next count
-    assert statistics(api.record.database).jobs[JobState.FAILED] == 1
-
-
 def test_sums_outlive_the_jobs_that_made_them(api: Api) -> None:
     api.record.delete(failed_job(api))
     samples = scraped(api)
-    assert value(samples, "jobs", state="failed") == 0
     assert value(samples, "jobs_ended_total", state="failed") == 1
 
 
