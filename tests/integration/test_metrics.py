@@ -50,7 +50,6 @@ def test_the_record_is_counted(api: Api) -> None:
     samples = scraped(api)
     assert value(samples, "record_up") == 1
     assert value(samples, "jobs", state="queued") == 2
-    assert value(samples, "jobs", state="succeeded") == 1
     assert value(samples, "jobs_ended_total", state="succeeded") == 1
     assert value(samples, "jobs_ended_total", state="canceled") == 1
     assert value(samples, "queue_depth") == 2
