@@ -48,10 +48,7 @@ def dump_checkpoint(checkpoint: Checkpoint, run: str, asset: str = "") -> bytes:
 def load_checkpoint(data: bytes, run: str) -> Checkpoint:
     """Load a checkpoint of the run with fingerprint `run`.
 
-    Raises
-    ------
-    CheckpointError
-        The bytes are incomplete or damaged, or belong to another run.
+    Raises CheckpointError: the bytes are incomplete or damaged, or belong to another run.
     """
     checkpoint, metadata = _read(data)
     if metadata.get("run") != run:
@@ -62,10 +59,7 @@ def load_checkpoint(data: bytes, run: str) -> Checkpoint:
 def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
     """Load the tensors of a checkpoint of any run that deformed the mesh with this id: the SHA-256 of its asset.
 
-    Raises
-    ------
-    CheckpointError
-        The bytes are incomplete or damaged, or belong to another asset.
+    Raises CheckpointError: the bytes are incomplete or damaged, or belong to another asset.
     """
     checkpoint, metadata = _read(data)
     if metadata.get("asset") != asset:

@@ -409,14 +409,8 @@ def completed_jacobians(mesh: TriangleMesh, verts: Tensor) -> Tensor:
 
     ``J = J_tangential + sqrt(area_new / area_old) * n_new n_old^T``: the thickness follows the in-plane scale, so a
     uniform scaling by s gives exactly ``s I`` and a rotation exactly the rotation. A face that is collapsed at rest
-    gets the identity; one that has lost its area gets no normal part.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        At rest. Of a `RestMesh`, the operators are computed once however often this is called.
-    verts : (V, 3) float64
-        Deformed positions.
+    gets the identity; one that has lost its area gets no normal part. `mesh`: at rest. Of a `RestMesh`, the operators
+    are computed once however often this is called. `verts`, (V, 3) float64: deformed positions.
     """
     rest = RestMesh.of(mesh)
     tangential = jacobians_from_verts(rest.gradient, verts)

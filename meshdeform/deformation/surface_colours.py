@@ -56,19 +56,10 @@ def baked_appearance(
 ) -> Appearance:
     """Return the look of a stand-in, baked from that of the whole mesh.
 
-    Parameters
-    ----------
-    appearance : Appearance
-        Of the whole mesh: `rows` are its vertices.
-    whole, simple : RestMesh
-        The whole mesh and its stand-in, at rest.
-    detail : float
-        Length of a texel as a share of the diagonal.
-    most : int
-        Texels, if all tiles can be as small; tiles have two by two at least.
-    curved : callable, optional
-        Returns the points (P, 3) of faces (P,) at shares (P, 2) of the way from their first corner to the other two,
-        where the stand-in stands for something that is not flat.
+    `appearance`: of the whole mesh: `rows` are its vertices; `whole` and `simple`: the whole mesh and its stand-in, at
+    rest; `detail`: length of a texel as a share of the diagonal. `most`: texels, if all tiles can be as small; tiles
+    have two by two at least. `curved`: returns the points (P, 3) of faces (P,) at shares (P, 2) of the way from their
+    first corner to the other two, where the stand-in stands for something that is not flat.
     """
     corners = simple.verts.numpy()[simple.faces.numpy()]
     sides = _tile_sides(corners, detail, most)

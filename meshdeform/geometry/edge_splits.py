@@ -26,17 +26,10 @@ def unique_edges(triangles: _Index) -> tuple[_Index, _Index]:
 def split_triangles(triangles: _Index, middles: _Index, positions: NDArray[np.float64]) -> tuple[_Index, _Index]:
     """Replace each triangle by one more triangle than it has split sides, with the same winding.
 
-    Parameters
-    ----------
-    triangles : (T, 3) int64
-    middles : (T, 3) int64
-        The new vertex on each side (see `unique_edges`), or -1.
-    positions : (V, 3) float64
-        Positions of all vertices. Where two sides are split, the shorter diagonal of the rest is taken.
-
-    Returns
-    -------
-    The triangles (M, 3), those of one source triangle together and in its place, and the source triangle (M,) of each.
+    `triangles` is (T, 3) int64; `middles`, (T, 3) int64: the new vertex on each side (see `unique_edges`), or -1.
+    `positions`, (V, 3) float64: positions of all vertices. Where two sides are split, the shorter diagonal of the rest
+    is taken. Returns the triangles (M, 3), those of one source triangle together and in its place, and the source
+    triangle (M,) of each.
     """
     split = middles >= 0
     count = split.sum(axis=1)
@@ -63,13 +56,9 @@ def split_triangles(triangles: _Index, middles: _Index, positions: NDArray[np.fl
 def longest_together(edges: _Index, places: _Index, lengths: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return, for each of `count` edges, the length of the longest that must be split with it; 0 if it has no copy.
 
-    Parameters
-    ----------
-    edges, places : (C,) int64
-        The edge that each copy is of (a mesh may be shown several times), and a number of the place where it lies.
-        Copies of one edge are split together, and so are copies at one place.
-    lengths : (C,) float64
-        Length of each copy.
+    `edges` and `places`, (C,) int64: the edge that each copy is of (a mesh may be shown several times), and a number of
+    the place where it lies. Copies of one edge are split together, and so are copies at one place. `lengths`, (C,)
+    float64: length of each copy.
     """
     nodes = count + int(places.max(initial=-1)) + 1
     graph = sparse.coo_matrix((np.ones(len(edges), np.int8), (edges, count + places)), shape=(nodes, nodes))

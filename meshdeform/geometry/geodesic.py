@@ -22,11 +22,8 @@ _Index = NDArray[np.int64]
 def surface_distances(mesh: RestMesh, sources: NDArray[np.bool_], *, limit: float = np.inf) -> _Floats:
     """Return the distances (V,) of the vertices from the nearest source along the surface.
 
-    Parameters
-    ----------
-    sources : (V,) bool
-    limit : float
-        Greater distances count as infinite, which saves time. Other components are infinitely far.
+    `sources` is (V,) bool. `limit`: greater distances count as infinite, which saves time. Other components are
+    infinitely far.
     """
     count = len(sources)
     out = np.full(count, np.inf)

@@ -360,22 +360,9 @@ def intersecting_faces(verts: _Floats, faces: _Index) -> _Flags:
 def cutting_pairs(verts: _Floats, faces: _Index) -> _Index:
     """Find the pairs of faces that cut through each other.
 
-    Parameters
-    ----------
-    verts : (V, 3) float64
-    faces : (F, 3) int64
+    `verts` is (V, 3) float64; `faces` is (F, 3) int64. Returns (P, 2) int64: each pair once, smaller index first, in
+    ascending order; the faces are those of `intersecting_faces`. Raises TooManyPairsError.
 
-    Returns
-    -------
-    (P, 2) int64
-        Each pair once, smaller index first, in ascending order; the faces are those of `intersecting_faces`.
-
-    Raises
-    ------
-    TooManyPairsError
-
-    Notes
-    -----
     `intersecting_faces` runs first: it is fast on faces that cut none, and usually leaves few faces to pair.
     """
     cutting = np.flatnonzero(intersecting_faces(verts, faces))
@@ -385,21 +372,9 @@ def cutting_pairs(verts: _Floats, faces: _Index) -> _Index:
 def touching_pairs(verts: _Floats, faces: _Index, reach: _Floats) -> _Index:
     """Find the pairs of faces that cut each other or come close to it.
 
-    Parameters
-    ----------
-    verts : (V, 3) float64
-    faces : (F, 3) int64
-    reach : (F,) float64
-        Distance in object units up to which a face touches another; of a pair, the smaller one applies.
-
-    Returns
-    -------
-    (P, 2) int64
-        Each pair once, smaller index first, in ascending order. Faces with a common edge never touch; of faces with one
-        common vertex, the opposite edges count.
-
-    Raises
-    ------
-    TooManyPairsError
+    `verts` is (V, 3) float64; `faces` is (F, 3) int64. `reach`, (F,) float64: distance in object units up to which a
+    face touches another; of a pair, the smaller one applies. Returns (P, 2) int64: each pair once, smaller index first,
+    in ascending order. Faces with a common edge never touch; of faces with one common vertex, the opposite edges count.
+    Raises TooManyPairsError.
     """
     return _pairs(verts, faces, reach)

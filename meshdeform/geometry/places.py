@@ -138,11 +138,7 @@ def blue_samples(verts: _Floats, faces: _Index, count: int, seed: int) -> tuple[
 def blend_matrix(corners: _Index, weights: _Floats, count: int) -> sparse.csr_matrix:
     """Return the matrix (P, V) that interpolates values of `count` vertices at places on faces.
 
-    Parameters
-    ----------
-    corners : (P, 3) int64
-    weights : (P, 3) float64
-        Barycentric coordinates.
+    `corners` is (P, 3) int64; `weights`, (P, 3) float64: barycentric coordinates.
     """
     rows = np.arange(len(corners) + 1) * 3
     return sparse.csr_matrix((weights.ravel(), corners.ravel(), rows), shape=(len(corners), count))
@@ -269,22 +265,10 @@ def nearest_larger_faces(
 ) -> tuple[_Index, _Floats, _Floats]:
     """Find for each point the nearest face that is larger than it, of another component that its own one touches.
 
-    Parameters
-    ----------
-    points : (P, 3) float64
-    sizes : (P,) float64
-        The area that a face must exceed.
-    components : (P,) int64
-    faces : LargeFaces
-        Few: all points are compared with all.
-    contact : float
-        A component touches another one if one of its points is at most this far from one of the faces.
-    reach : float
-        Greatest distance of a point from its face.
-
-    Returns
-    -------
-    (P,) int64, -1 where there is none; the barycentric coordinates (P, 3) of the nearest places; their distances (P,).
+    `points` is (P, 3) float64; `sizes`, (P,) float64: the area that a face must exceed; `components` is (P,) int64;
+    `faces`: few: all points are compared with all; `contact`: a component touches another one if one of its points is
+    at most this far from one of the faces; `reach`: greatest distance of a point from its face. Returns (P,) int64, -1
+    where there is none; the barycentric coordinates (P, 3) of the nearest places; their distances (P,).
     """
     count = 1 + max(int(components.max(initial=0)), int(faces.components.max(initial=0)))
 

@@ -281,13 +281,8 @@ class FaceNeighbours:
 
     Neighbours are two faces at an edge of no other face. Faces of the same three vertices count as one face, whatever
     their winding, and neighbours may have inconsistent winding: folds do not depend on orientation, so a Moebius strip,
-    a double-sided sheet and inconsistent winding have none at rest.
-
-    Parameters
-    ----------
-    faces : (F, 3) int64
-    rest : (V, 3) float64, optional
-        The shape whose creases are no folds; without it, a surface that is smooth there.
+    a double-sided sheet and inconsistent winding have none at rest. `faces` is (F, 3) int64. `rest`, (V, 3) float64:
+    the shape whose creases are no folds; without it, a surface that is smooth there.
     """
 
     def __init__(self, faces: _Faces, rest: _Floats | None = None) -> None:

@@ -34,11 +34,8 @@ def one_torch_thread() -> Iterator[None]:
 def share_work(work: Callable[[int, int], T], count: int) -> list[T]:
     """Call ``work(begin, end)`` as `in_ranges` does, on threads that do not share torch's operations with others.
 
-    Parameters
-    ----------
-    work : callable
-        Called with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
-        Gradients are recorded or not as each thread decides: `torch.no_grad` outside does not reach it.
+    `work`: called with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
+    Gradients are recorded or not as each thread decides: `torch.no_grad` outside does not reach it.
     """
 
     def alone(begin: int, end: int) -> T:

@@ -33,17 +33,8 @@ class WeldedMesh:
         """Move every source vertex by the displacement of its welded vertex; unused vertices do not move.
 
         Vertices that were a rounding error apart therefore stay so, and a deformation that moves nothing returns the
-        source's numbers exactly.
-
-        Parameters
-        ----------
-        verts : (V, 3) float64
-            Deformed positions of the welded vertices.
-        source_positions : (N, 3) float64
-
-        Returns
-        -------
-        (N, 3) float64
+        source's numbers exactly. `verts`, (V, 3) float64: deformed positions of the welded vertices; `source_positions`
+        is (N, 3) float64. Returns (N, 3) float64.
         """
         moved = (verts.detach() - self.mesh.verts).numpy()
         out = source_positions.copy()

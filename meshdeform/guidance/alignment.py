@@ -99,10 +99,7 @@ def shared_coordinates(target: TriangleMesh, source: TriangleMesh) -> Alignment:
 def require_overlap(alignment: Alignment, advice: str) -> None:
     """Refuse an alignment in which the surfaces are too far apart to be fitted.
 
-    Raises
-    ------
-    AlignmentError
-        The overlap is less than `LEAST_OVERLAP`.
+    Raises AlignmentError: the overlap is less than `LEAST_OVERLAP`.
     """
     if alignment.overlap < LEAST_OVERLAP:
         raise AlignmentError(

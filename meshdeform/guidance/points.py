@@ -186,12 +186,7 @@ class Landmark:
 class LandmarkTerm:
     """Ten times the mean over the landmarks of ``2 (sqrt(1 + |d|^2 / u^2) - 1)``, with u a hundredth of the diagonal.
 
-    Parameters
-    ----------
-    landmarks : sequence of Landmark
-        At least one.
-    diagonal : float
-        Of the target.
+    `landmarks`: at least one; `diagonal`: of the target.
     """
 
     def __init__(self, landmarks: Sequence[Landmark], diagonal: float) -> None:

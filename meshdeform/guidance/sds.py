@@ -63,23 +63,10 @@ class WeightedPrompt:
 class Texts:
     """The encoded texts of a job.
 
-    Parameters
-    ----------
-    prompts : sequence of WeightedPrompt
-        At least one.
-
-    Attributes
-    ----------
-    rows : (N, ...)
-        Rows for `Prior.predict_noise`: what guidance points away from, then the prompts.
-    pairs : list of (int, int)
-        For each prompt, its row of the first kind and its own. The builtin model reads attributes alone, such as
-        "fat", as those of the prompt's object, so that two prompts may point away from different texts.
-
-    Raises
-    ------
-    PromptError, ParameterError
-        The prior cannot use one of the texts.
+    `prompts`: at least one; `rows`, (N, ...): rows for `Prior.predict_noise`: what guidance points away from, then the
+    prompts. `pairs`, list of (int, int): for each prompt, its row of the first kind and its own. The builtin model
+    reads attributes alone, such as "fat", as those of the prompt's object, so that two prompts may point away from
+    different texts. Raises PromptError, ParameterError: the prior cannot use one of the texts.
     """
 
     def __init__(self, prior: Prior, prompts: Sequence[WeightedPrompt], negative_prompt: str) -> None:

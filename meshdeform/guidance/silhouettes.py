@@ -322,12 +322,8 @@ class SilhouetteGuidance:
 class BesideSilhouettes(SilhouetteGuidance):
     """Guides by pictures of the steps, and by silhouettes.
 
-    Parameters
-    ----------
-    guidance : Guidance
-        One that can grade orientations (`deformation.orientation.Grader`).
-    weight : float
-        Of the silhouettes, relative to the guidance.
+    `guidance`: one that can grade orientations (`deformation.orientation.Grader`); `weight`: of the silhouettes,
+    relative to the guidance.
     """
 
     def __init__(self, guidance: Guidance, term: SilhouetteTerm, weight: float, identity: dict[str, str]) -> None:

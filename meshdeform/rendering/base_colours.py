@@ -152,17 +152,9 @@ _SEEN = 0.5
 class Layers:
     """Layers of B views of `side` pixels.
 
-    Parameters
-    ----------
-    like : Tensor
-        Of the dtype and device of the picture.
-
-    Attributes
-    ----------
-    behind : (B, side, side) float32 or None
-        Depth up to which triangles belong to earlier layers, for `rasterize`.
-    depth, removed : (B, side, side) float32
-        For `antialias`: depth of the surface that is seen, and of the farthest one in front of it that is cut out.
+    `like`: of the dtype and device of the picture; `behind`, (B, side, side) float32 or None: depth up to which
+    triangles belong to earlier layers, for `rasterize`; `depth` and `removed`, (B, side, side) float32: for
+    `antialias`: depth of the surface that is seen, and of the farthest one in front of it that is cut out.
     """
 
     def __init__(self, views: int, side: int, like: Tensor) -> None:
@@ -219,17 +211,9 @@ _STEEP = 1e-3
 class BaseColours:
     """Base colours of an asset's surface.
 
-    Attributes
-    ----------
-    rows : (M,) int64
-        Vertex of the drawn mesh of each vertex of the appearance.
-    faces : (F, 3) int64
-        With the numbers of `rows`.
-    paint : (F,) int64
-    values : (M, 6) float32
-        Texture coordinates and vertex colours, to interpolate.
-    layers : int
-        Surfaces behind each other that have to be drawn at most.
+    `rows`, (M,) int64: vertex of the drawn mesh of each vertex of the appearance; `faces`, (F, 3) int64: with the
+    numbers of `rows`; `paint` is (F,) int64; `values`, (M, 6) float32: texture coordinates and vertex colours, to
+    interpolate; `layers`: surfaces behind each other that have to be drawn at most.
     """
 
     def __init__(self, appearance: Appearance, device: torch.device | str = "cpu") -> None:

@@ -139,16 +139,9 @@ def sample_orthogonal_cameras(
 ) -> Cameras:
     """Draw the four cameras of one step: azimuth a + {0, 90, 180, 270} with a ~ U(-180, 180).
 
-    Each elevation and the shared field of view are uniform in `bounds`.
-
-    Parameters
-    ----------
-    generator : torch.Generator on the CPU
-        The job's only source of randomness.
-    fitting_radius : float
-        Radius of the sphere around the origin that just fits the view.
-    turn_deg : float
-        As in `fixed_cameras`.
+    Each elevation and the shared field of view are uniform in `bounds`. `generator`: the job's only source of
+    randomness; `fitting_radius`: radius of the sphere around the origin that just fits the view; `turn_deg`: as in
+    `fixed_cameras`.
     """
     u = torch.rand(2 + NUM_VIEWS, generator=generator, dtype=torch.float64).tolist()
     azimuth = -180 + 360 * u[0]

@@ -625,20 +625,10 @@ def antialias(
 ) -> Tensor:
     """Blend pixel pairs across silhouettes, differentiably in `clip` and `image`.
 
-    Parameters
-    ----------
-    image : (B, H, W, C) floating
-    clip : (B, V, 4) floating
-        The rasterised vertices.
-    depth : (B, H, W) float32
-        From `rasterize`: of the surface that is seen.
-    removed : (B, H, W) float32, optional
-        Depth of the farthest surface in front of it that is cut out there, -inf where there is none: the edges of
-        that surface separate nothing.
-
-    Returns
-    -------
-    (B, H, W, C), the antialiased image.
+    `image` is (B, H, W, C) floating; `clip`, (B, V, 4) floating: the rasterised vertices; `depth`, (B, H, W) float32:
+    from `rasterize`: of the surface that is seen; `removed`, (B, H, W) float32: depth of the farthest surface in front
+    of it that is cut out there, -inf where there is none: the edges of that surface separate nothing. Returns (B, H, W,
+    C), the antialiased image.
     """
     if is_compiled(clip):
         return antialias_compiled(image, clip, edges.verts, edges.opposite, depth, removed)

@@ -384,14 +384,7 @@ class Scene:
 def sample_scene(views: int, side: int, generator: torch.Generator, device: torch.device | str = "cpu") -> Scene:
     """Draw the backgrounds and lights of one step.
 
-    Parameters
-    ----------
-    views : int
-        Number of views, B.
-    side : int
-        Side of a view, S, in pixels.
-    generator : torch.Generator on the CPU
-        The job's only source of randomness.
+    `views`: number of views, B; `side`: side of a view, S, in pixels; `generator`: the job's only source of randomness.
     """
     backgrounds = torch.stack([_background(side, generator) for _ in range(views)])
     u = torch.rand(views, 2, generator=generator, dtype=torch.float64)
