@@ -16,7 +16,7 @@ from meshdeform.settings import Settings
 from meshdeform.support.memory import return_freed_memory
 from meshdeform.support.telemetry import start_tracing, stop_tracing
 from meshdeform.webhooks.delivery import WebhookDelivery
-from service.documentation.openapi import describe
+from service.documentation.responses import describe
 from service.downloads import routes as download_routes
 from service.events import routes as event_routes
 from service.events.waiting import on_termination

@@ -15,14 +15,13 @@ from meshdeform.assets.archive import Archive, open_archive
 from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC
-from meshdeform.assets.corners import corner_colors, corner_weights, joint_shares
 from meshdeform.assets.document import Document, Usage, read_floats
 from meshdeform.assets.inspect import AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
 from meshdeform.assets.repair import rebuild_directions
-from meshdeform.assets.rig import pose_maps, posed_surface
+from meshdeform.assets.rig import corner_colors, corner_weights, joint_shares, pose_maps, posed_surface
 from meshdeform.assets.surface import (
     Block,
     Parts,

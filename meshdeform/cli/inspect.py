@@ -43,7 +43,7 @@ def inspect(
     """
     require("torch", "deform")
     from meshdeform.assets import Limits
-    from meshdeform.runs.inspection import inspect_parts
+    from meshdeform.runs.control import inspect_parts
 
     found = inspect_parts(read_asset(asset, Limits.from_settings(load_settings())))
     prompted = bool(prompt or written(ctx).get("guidance", {}).get("prompts"))

@@ -452,7 +452,7 @@ def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] |
 
     Those that can still be made are made if they are named; a NotFoundError tells of others that the job does not have.
     """
-    from meshdeform.client.downloads import AFTERWARDS
+    from meshdeform.client.documents import AFTERWARDS
 
     known = {artifact.name: artifact for artifact in client.artifacts(job_id)}
     missing = [name for name in names or [] if name not in known]

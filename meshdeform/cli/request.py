@@ -104,7 +104,7 @@ def make_request(
     from pydantic import ValidationError
 
     from meshdeform.requests.document import JobRequest
-    from meshdeform.requests.unknown import in_plain_words
+    from meshdeform.requests.groups import in_plain_words
 
     document = {
         "prompt": prompt,

@@ -30,9 +30,8 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from torch import Tensor
 
-from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints, Handles
 from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians, Structure
-from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.poisson import PoissonSystem, jacobians_from_verts
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.errors import CheckpointError

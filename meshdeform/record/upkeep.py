@@ -13,10 +13,9 @@ from meshdeform.errors import WorkerLostError
 from meshdeform.record import rows
 from meshdeform.record.changes import Change, Row, changing
 from meshdeform.record.database import Database
-from meshdeform.record.leases import released
+from meshdeform.record.leases import may_start, released
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
 from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads, webhooks
-from meshdeform.record.turns import may_start
 
 _BATCH = 100
 _UNBLAMED_FACTOR = 10

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from meshdeform.deformation.constraints import surface_distances
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.geodesic import surface_distances
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.guidance.sds import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams

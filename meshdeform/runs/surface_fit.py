@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -9,9 +10,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from PIL import Image
 
 from meshdeform.assets import Asset, load_asset
+from meshdeform.assets.build import Primitive, build_glb
 from meshdeform.assets.scalar_files import SampledScalars, read_scalar_file
 from meshdeform.assets.surface_files import (
     DistanceGrid,
@@ -21,15 +25,20 @@ from meshdeform.assets.surface_files import (
     warnings_about,
 )
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
+from meshdeform.deformation.surface_colours import baked_appearance, welded_appearance
 from meshdeform.errors import AssetError, AssetTooLargeError, ParameterError
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.quality import texel_corners
+from meshdeform.geometry.weld import weld
 from meshdeform.kinds.surface_fit.base_mesh import base_of
+from meshdeform.kinds.surface_fit.base_places import within_base
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
 from meshdeform.kinds.surface_fit.container import EncodedBase, encode_base, write_field
 from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
 from meshdeform.kinds.surface_fit.gluing import glue, topology
 from meshdeform.kinds.surface_fit.intrinsic import IntrinsicMesh, delaunay
 from meshdeform.kinds.surface_fit.learned_scalars import check_places, learned_scalars
-from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb
+from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb, smooth_normals
 from meshdeform.kinds.surface_fit.measures import Reference, distances
 from meshdeform.kinds.surface_fit.patches import divided, level_of
 from meshdeform.kinds.surface_fit.reader import NeuralField, read_field
@@ -38,7 +47,6 @@ from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, sha256_hex, versions
 from meshdeform.runs.surface_fit_kind import params_of
-from meshdeform.runs.surface_texture import coloured_level
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -314,3 +322,45 @@ class SurfaceFitRun(JobRun):
             "seconds": {name: round(value, 3) for name, value in self.log.seconds.items()},
             "versions": versions(),
         }
+
+
+_MOST_TEXELS = 1_500_000
+
+
+def coloured_level(asset: Asset, field: NeuralField, level: int) -> bytes | None:
+    """Return a GLB of a level with the colours of an asset; None if the asset has one colour.
+
+    Each face of the base has a tile, so that reduced copies of the picture mix what is near on the surface.
+    """
+    welded = weld(asset.surface.positions, asset.surface.triangles)
+    look = welded_appearance(asset.appearance(), welded)
+    if look is None:
+        return None
+    divided = level_of(field.faces, len(field.verts), level)
+    verts, faces = field.evaluate(divided.corners, divided.weights), divided.faces
+    base = RestMesh.of(TriangleMesh(torch.from_numpy(verts[: len(field.verts)]), torch.from_numpy(field.faces)))
+    texels = texel_corners(look)
+    ab, ac = (texels[:, k] - texels[:, 0] for k in (1, 2))
+    count = float(np.nansum(np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])) / 2) or 4.0 * len(texels)
+    detail = float(np.sqrt(welded.mesh.areas.sum() / count) / np.linalg.norm(np.ptp(verts, axis=0)))
+
+    def curved(face: _Index, along: _Floats) -> _Floats:
+        inside = along - np.maximum(along.sum(1, keepdims=True) - 1, 0) / 2  # beyond the third side: on it
+        return field.evaluate(field.faces[face], np.column_stack([1 - inside.sum(1), inside]))
+
+    baked = baked_appearance(look, welded.mesh, base, detail, _MOST_TEXELS, curved)
+    texture, out = baked.paints[0].texture, io.BytesIO()
+    assert texture is not None
+    Image.fromarray(texture.pixels).convert("RGB").save(out, "PNG")
+    found = np.repeat(np.arange(len(faces)), 3)
+    _, weights = within_base(field.faces, divided, found, np.tile(np.eye(3), (len(faces), 1)))
+    tiles = baked.texcoords.reshape(-1, 3, 2)[found // 4**level]
+    primitive = Primitive(
+        verts[faces].reshape(-1, 3),
+        np.arange(3 * len(faces)).reshape(-1, 3),
+        smooth_normals(verts, faces)[faces].reshape(-1, 3),
+        np.einsum("pk,pkc->pc", weights, tiles),
+        material="surface",
+        texture=out.getvalue(),
+    )
+    return build_glb([primitive])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import Path
+from fastapi import FastAPI, Path
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
 
 from meshdeform.errors import (
     AssetEmptyError,
@@ -35,7 +37,12 @@ from meshdeform.errors import (
     WebhookAddressError,
 )
 from meshdeform.record.ids import JOB_ID_PATTERN
+from meshdeform.requests.document import PARAMS_OF_KIND, JobKind
+from meshdeform.requests.sketches import Sketch
+from meshdeform.serving import DEFAULT_URL
 from service.http.idempotency import REPLAYED
+from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
+from service.schemas import Problem
 
 JobId = Annotated[
     str,
@@ -86,3 +93,80 @@ def json_body(model: str, example: dict[str, Any]) -> dict[str, Any]:
     """Return the OpenAPI description of a body that is a JSON document."""
     content = {"schema": {"$ref": f"#/components/schemas/{model}"}, "example": example}
     return {"requestBody": {"required": True, "content": {"application/json": content}}}
+
+
+# Documents missing from the routes' signatures: bodies that are streamed, and problems.
+_MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, Sketch, Problem)
+_REFERENCE = "#/components/schemas/{model}"
+_DESCRIPTION = (
+    "Post an asset and a prompt as a job, follow it, and download its results. Every error is a problem document "
+    "(RFC 9457) with a stable code and advice. The guide is docs/http.md."
+)
+_SERVERS = [
+    {"url": "/", "description": "The server of this document."},
+    {"url": DEFAULT_URL, "description": "A server started with `meshdeform serve`."},
+]
+_TAGS = [
+    {"name": "jobs", "description": "A job deforms one asset: post it, follow it, cancel it, delete it."},
+    {"name": "uploads", "description": "Files uploaded before their jobs, in pieces if needed."},
+    {"name": "sketches", "description": "What a drawing shows, before it is the target of a job: docs/sketch.md."},
+    {"name": "events", "description": "The events of a job as they happen: docs/http.md#events."},
+    {"name": "checkpoints", "description": "The steps from which a job can continue, and its mesh at each."},
+    {"name": "artifacts", "description": "The results of a job."},
+    {"name": "webhooks", "description": "Receive events as signed messages: docs/webhooks.md."},
+    {"name": "models", "description": "The models that jobs may use in `params.guidance.model`."},
+    {"name": "limits", "description": "The limits of this server."},
+    {"name": "health", "description": "Liveness, readiness and metrics, for the operator."},
+]
+
+
+def describe(app: FastAPI) -> None:
+    """Make `app.openapi()` return the complete document."""
+    found = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            document = found()
+            others = [model for kind, model in PARAMS_OF_KIND.items() if kind != JobKind.TEXT_DEFORM]
+            models: list[type[BaseModel]] = [*_MODELS, *others]
+            _, more = models_json_schema([(model, "validation") for model in models], ref_template=_REFERENCE)
+            schemas = document.setdefault("components", {}).setdefault("schemas", {})
+            # FastAPI adds its own error schemas to every route with parameters; no response uses them.
+            for name in ("HTTPValidationError", "ValidationError"):
+                schemas.pop(name, None)
+            schemas.update(more["$defs"])
+            _allow_params(schemas, [model.__name__ for model in others])
+            document["components"]["schemas"] = dict(sorted(schemas.items()))
+            document["servers"] = _SERVERS
+            document["tags"] = _TAGS
+            _remove_null(document)
+            document["info"]["description"] = _DESCRIPTION
+            document["info"]["license"] = {"name": "Apache-2.0", "identifier": "Apache-2.0"}
+            app.openapi_schema = document
+        return app.openapi_schema
+
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _allow_params(schemas: dict[str, Any], models: list[str]) -> None:
+    """Let `params` be those of any kind of job: by their types in Python they would be those of `text_deform`."""
+    deform = {_REFERENCE.format(model=name) for name in ("DeformParams", "ResolvedParams")}
+    further = [{"$ref": _REFERENCE.format(model=name)} for name in models]
+    for schema in schemas.values():
+        params = schema.get("properties", {}).get("params", {})
+        if params.get("$ref") in deform:
+            params["anyOf"] = [{"$ref": params.pop("$ref")}, *further]
+
+
+def _remove_null(document: dict[str, Any]) -> None:
+    """Remove `null` from the schemas of parameters: it is Python's default, and cannot be sent."""
+    for methods in document["paths"].values():
+        for operation in methods.values():
+            for parameter in operation.get("parameters", []):
+                schema = parameter["schema"]
+                kinds = [kind for kind in schema.get("anyOf", []) if kind != {"type": "null"}]
+                if len(kinds) == 1 and "$ref" not in kinds[0]:
+                    parameter["schema"] = {**{k: v for k, v in schema.items() if k != "anyOf"}, **kinds[0]}
+                elif kinds:
+                    # Some readers ignore the siblings of a reference.
+                    schema["anyOf"] = kinds

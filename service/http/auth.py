@@ -1,7 +1,7 @@
 """Authenticate requests by API key, or by a link to one job, and enforce the rate limits of keys.
 
 A link is a bearer token, so it is in no address that a server sees, in no log and in no `Referer`: the page keeps it
-behind the `#` of its own address. It is signed for the path of its job by `meshdeform.storage.signing`, ends by itself,
+behind the `#` of its own address. It is signed for the path of its job by `meshdeform.storage.store`, ends by itself,
 and ends with the key that made it or with the job.
 """
 

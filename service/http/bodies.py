@@ -29,7 +29,7 @@ from meshdeform.errors import (
     readable_size,
 )
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
-from meshdeform.requests.unknown import in_plain_words
+from meshdeform.requests.groups import in_plain_words
 from meshdeform.runs import file_parts
 from service.http.errors import parameter_error
 

@@ -28,7 +28,7 @@ from meshdeform.errors import (
     UnauthorizedError,
     UnavailableError,
 )
-from meshdeform.requests.unknown import did_you_mean
+from meshdeform.requests.groups import did_you_mean
 from service.http.middleware import request_id
 
 PROBLEM_TYPE = "application/problem+json"

@@ -18,7 +18,7 @@ from meshdeform.record.schema import jobs as jobs_table
 from meshdeform.runs.base import StepReport
 from tests.integration.conftest import new_job
 from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, ids, posted
-from worker.watch import JobWatch
+from worker.attempt import JobWatch
 
 pytestmark = pytest.mark.both_databases
 

@@ -10,10 +10,9 @@ from typing import Any
 
 import pytest
 
-from meshdeform.record.leases import Leases
+from meshdeform.record.leases import Leases, Turns
 from meshdeform.record.models import EventType, Job, JobState
 from meshdeform.record.repository import JobRecord
-from meshdeform.record.turns import Turns
 from tests.integration.record_calls import LEASE_S, OVER, claimed, ids, posted, set_to
 
 TURN_S, BEAT_S, SHORT_S = 60.0, 5, 4

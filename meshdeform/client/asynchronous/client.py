@@ -30,8 +30,19 @@ from meshdeform.api.jobs import (
 from meshdeform.api.states import JobState
 from meshdeform.client.asynchronous.connection import AsyncConnection, pause, shielded, tell, work
 from meshdeform.client.asynchronous.transfers import followed, loaded, prepared, saved, uploaded
-from meshdeform.client.documents import GLB, PREVIEW, REPORT, JobList, JobView, Validation, html_of, label, read
-from meshdeform.client.downloads import AFTERWARDS, is_same
+from meshdeform.client.documents import (
+    AFTERWARDS,
+    GLB,
+    PREVIEW,
+    REPORT,
+    JobList,
+    JobView,
+    Validation,
+    html_of,
+    is_same,
+    label,
+    read,
+)
 from meshdeform.client.orders import (
     AssetLike,
     Files,

@@ -29,8 +29,20 @@ from meshdeform.api.jobs import (
     SignedUrl,
 )
 from meshdeform.api.states import JobState
-from meshdeform.client.documents import GLB, PREVIEW, REPORT, JobList, JobView, Validation, html_of, label, read, shown
-from meshdeform.client.downloads import AFTERWARDS, is_same
+from meshdeform.client.documents import (
+    AFTERWARDS,
+    GLB,
+    PREVIEW,
+    REPORT,
+    JobList,
+    JobView,
+    Validation,
+    html_of,
+    is_same,
+    label,
+    read,
+    shown,
+)
 from meshdeform.client.orders import (
     AssetLike,
     Files,

@@ -17,8 +17,7 @@ import httpx
 from meshdeform.api.documents import UploadView
 from meshdeform.api.jobs import EventView
 from meshdeform.api.states import MAX_FILENAME
-from meshdeform.client.documents import read
-from meshdeform.client.downloads import PartialFile, to_disk
+from meshdeform.client.documents import PartialFile, read, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call
 from meshdeform.client.orders import Files, LocalFile, Order, open_source, refer
 from meshdeform.client.problems import error_of

@@ -8,13 +8,20 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.deformation.constraints import Constraints, Handle, Mirror, Placement, find_partners, freedom_around
+from meshdeform.deformation.constraints import (
+    Constraints,
+    Handle,
+    Mirror,
+    Placement,
+    find_partners,
+    freedom_around,
+    surface_distances,
+)
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.stand_in import StandIn
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.geodesic import surface_distances
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.choices import Carrier

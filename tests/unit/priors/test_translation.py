@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from meshdeform.errors import VocabularyError
-from meshdeform.priors.builtin import translation
+from meshdeform.priors.builtin import grammar
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
 from tests.cases import each_case
@@ -47,7 +47,7 @@ def test_what_no_language_understands_is_refused_as_it_was_written() -> None:
 
 
 def test_every_noun_adjective_and_part_has_a_translation() -> None:
-    german, spanish = translation._languages()
+    german, spanish = grammar._languages()
     own = {*NOUNS, *ADJECTIVES, *PARTS} - {"gun"}
     assert own <= {*german.values()}
     assert own <= {*spanish.values()}

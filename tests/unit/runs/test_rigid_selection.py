@@ -19,8 +19,7 @@ from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import RigidSelector
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.control import SelectableSurface, select_bodies
-from meshdeform.runs.inspection import inspect_parts
+from meshdeform.runs.control import SelectableSurface, inspect_parts, select_bodies
 from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
 from training.shapes import box, torus

@@ -15,9 +15,9 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import CheckpointError, ModelError, NumericalError, StoredFileError
+from meshdeform.record.leases import Turns
 from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.schema import jobs
-from meshdeform.record.turns import Turns
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
@@ -560,8 +560,8 @@ def test_an_outage_costs_no_attempt(world: World, monkeypatch: pytest.MonkeyPatc
 def test_a_checkpoint_that_cannot_be_stored_is_stored_a_little_later(
     world: World, monkeypatch: pytest.MonkeyPatch, part: str, method: str
 ) -> None:
-    monkeypatch.setattr("worker.outputs._PAUSE_S", 0.0)
-    monkeypatch.setattr("worker.outputs._PAUSE_PER_S", 0.0)
+    monkeypatch.setattr("worker.attempt._PAUSE_S", 0.0)
+    monkeypatch.setattr("worker.attempt._PAUSE_PER_S", 0.0)
     job = world.create()
     fail_for_a_while(monkeypatch, _part(world, part), method, times=3)
     done = world.run(job)
