@@ -12,14 +12,15 @@ import sqlalchemy as sa
 from meshdeform.api.webhooks import WebhookEvent
 from meshdeform.errors import ConflictError
 from meshdeform.record.deliveries import RETRY_AFTER_S
-from meshdeform.record.models import EventType
+from meshdeform.record.models import EventType, NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 from meshdeform.record.webhooks import Webhook
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
-from meshdeform.webhooks.delivery import WebhookDelivery
-from tests.integration.conftest import DEADLINE_S, WEBHOOK_SETTINGS, new_job
-from tests.unit.webhooks.receiver import Message, Receiver
+from meshdeform.webhooks.delivery import AT_ONCE, WebhookDelivery
+from tests.integration.conftest import DEADLINE_S, WEBHOOK_SETTINGS, new_job, stored_file
+from tests.unit.webhooks.receiver import Message, Receiver, receiving
 from tests.waiting import until
 
 
@@ -325,3 +326,24 @@ def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRe
 def test_webhooks_can_hear_of_everything_but_progress_and_checkpoints() -> None:
     many = {EventType.PROGRESS, EventType.CHECKPOINT}
     assert {event.value for event in WebhookEvent} == {f"job.{event}" for event in set(EventType) - many}
+
+
+def test_receivers_that_hang_do_not_hold_up_another_ones_messages(record: JobRecord) -> None:
+    quick_was_told = threading.Event()
+
+    def hang(message: Message) -> int:
+        return 204 if quick_was_told.wait(DEADLINE_S) else 500
+
+    def answer(message: Message) -> int:
+        quick_was_told.set()
+        return 204
+
+    with receiving() as slow, receiving() as quick:
+        slow.answer, quick.answer = hang, answer
+        webhook, _ = record.webhooks.create("slow", slow.url, ["job.queued"])
+        record.webhooks.create("quick", quick.url, ["job.queued"])
+        for owner in ["slow"] * 2 * AT_ONCE + ["quick"]:
+            record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner))
+        assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 2 * AT_ONCE + 1
+    sent = record.webhooks.deliveries(webhook.id, "slow").deliveries
+    assert [(each.state, each.attempts) for each in sent] == [("delivered", 1)] * 2 * AT_ONCE
