@@ -12,8 +12,8 @@ import socket
 from collections.abc import Sequence
 
 from meshdeform.settings import Settings
-from meshdeform.support.memory import collection_paused, limit_heaps
 from meshdeform.support.telemetry import ACCESS_LOG, configure_logging
+from meshdeform.support.threads import collection_paused, limit_heaps
 
 _GRACE_S = 10
 

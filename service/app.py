@@ -13,8 +13,8 @@ from meshdeform import __version__
 from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.settings import Settings
-from meshdeform.support.memory import return_freed_memory
 from meshdeform.support.telemetry import start_tracing, stop_tracing
+from meshdeform.support.threads import return_freed_memory
 from meshdeform.webhooks.delivery import WebhookDelivery
 from service.documentation.responses import describe
 from service.downloads import routes as download_routes

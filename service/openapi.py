@@ -1,4 +1,4 @@
-"""Write the OpenAPI document of the service, which `documentation.openapi` builds.
+"""Write the OpenAPI document of the service, which `documentation.responses` builds.
 
 python -m service.openapi            write openapi/openapi.json
 python -m service.openapi --check    fail if the committed document is outdated

@@ -17,7 +17,7 @@ from types import ModuleType
 import pytest
 
 from meshdeform.assets import check
-from meshdeform.assets.isolation import ChildOutcome
+from meshdeform.assets.limits import ChildOutcome
 from meshdeform.runs import derive, questions
 
 __all__ = ["children_in_process"]

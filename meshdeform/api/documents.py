@@ -200,7 +200,7 @@ class FoundParts(Document):
 
     @property
     def glb(self) -> bytes | None:
-        """What the prompt makes of the asset."""
+        """The asset as the prompt makes it."""
         return None if self.result is None else base64.b64decode(self.result)
 
 
@@ -368,7 +368,7 @@ class VocabularyView(Document):
 
 
 class LessonView(Document):
-    """What the builtin model was taught by `meshdeform teach`."""
+    """Nouns that `meshdeform teach` taught the builtin model."""
 
     noun: str = Field(description="The noun.", examples=["gnome"])
     synonyms: list[str] = Field(description="Other names of it.", examples=[["dwarf"]])
@@ -442,7 +442,7 @@ class SketchGuess(Document):
 
 
 class SketchGuesses(Document):
-    """What a drawing may show."""
+    """The families that a drawing may show."""
 
     guesses: list[SketchGuess] = Field(description="The likeliest first: three, or one if the family is named.")
     unsure: bool = Field(

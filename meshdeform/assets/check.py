@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from meshdeform.assets.archive import ZIP_MAGIC
 from meshdeform.assets.inspect import FORMATS, AssetSummary, PictureSummary, inspect_asset, surface_format
-from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
-from meshdeform.assets.limits import Limits
+from meshdeform.assets.limits import Limits, bound_resources, error_from, error_to_json, run_child
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -43,7 +42,7 @@ MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
 FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "scalars"]
-"""What a file may be: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
+"""Contents of a file: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
 in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, a line drawing, or values at points."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})

@@ -45,7 +45,7 @@ class TextureUse:
 
 @dataclass(frozen=True)
 class Material:
-    """What the base colour of a material shows. The defaults are those of a primitive without a material."""
+    """The base colour of a material. The defaults are those of a primitive without a material."""
 
     base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)  # linear RGBA
     texture: TextureUse | None = None

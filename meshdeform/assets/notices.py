@@ -124,7 +124,7 @@ def _name(document: Document, node: int) -> str:
 
 _LONG_EDGE = 1 / 3
 """Length of an edge, as a share of the longest side of the bounding box, above which a triangle is too large. A lattice
-has 24 cells on that side (`deformation.lattice.CELLS`), so such an edge is a chord across at least eight of them."""
+has 24 cells on that side (`lattice_field.CELLS`), so such an edge is a chord across at least eight of them."""
 _MOSTLY = 0.5
 
 

@@ -29,8 +29,7 @@ from meshdeform.cli.results import animate, apply, convert
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
-from meshdeform.support.memory import quick_end
-from meshdeform.support.threads import limit_spinning
+from meshdeform.support.threads import limit_spinning, quick_end
 
 # From the click that typer uses, which may be a copy of its own.
 _UsageError: type[Exception] = typer.BadParameter.__base__ or Exception

@@ -65,7 +65,7 @@ _PROBE = """
 import json, warnings
 warnings.simplefilter("ignore")
 import torch
-found = {"torch": torch.__version__, "build": torch.version.cuda or torch.version.hip, "devices": [], "error": ""}
+card = {"torch": torch.__version__, "build": torch.version.cuda or torch.version.hip, "devices": [], "error": ""}
 try:
     for number in range(torch.cuda.device_count()):
         torch.cuda.set_device(number)
@@ -73,12 +73,12 @@ try:
         free, total = torch.cuda.mem_get_info()
         works = float((ones @ ones).sum().item()) == 512.0
         name = torch.cuda.get_device_name(number)
-        found["devices"].append({"name": name, "free": free, "total": total, "works": works})
-    if not found["devices"] and found["build"]:
+        card["devices"].append({"name": name, "free": free, "total": total, "works": works})
+    if not card["devices"] and card["build"]:
         torch.cuda.init()
 except Exception as error:
-    found["error"] = str(error).strip().splitlines()[0]
-print(json.dumps(found))
+    card["error"] = str(error).strip().splitlines()[0]
+print(json.dumps(card))
 """
 
 
@@ -207,33 +207,33 @@ def check_gpu(subject: Subject) -> Iterator[Finding]:
         [sys.executable, "-P", "-c", _PROBE], capture_output=True, text=True, check=False, timeout=_GPU_TIMEOUT_S - 5
     )
     try:
-        found: dict[str, Any] = json.loads(done.stdout)
+        cards: dict[str, Any] = json.loads(done.stdout)
     except ValueError:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         yield fail("gpu", f"torch cannot be imported: {last}", "Install torch again (README, Install).")
         return
-    yield _gpu(subject.settings.device, _driver(), found)
+    yield _gpu(subject.settings.device, _driver(), cards)
 
 
-def _gpu(device: str, driver: str, found: dict[str, Any]) -> Finding:
-    wanted, torch = device.startswith("cuda"), f"torch {found['torch']}"
-    if found["devices"] and not found["error"]:
-        broken = [each["name"] for each in found["devices"] if not each["works"]]
-        cards = [
+def _gpu(device: str, driver: str, cards: dict[str, Any]) -> Finding:
+    required, torch = device.startswith("cuda"), f"torch {cards['torch']}"
+    if cards["devices"] and not cards["error"]:
+        broken = [each["name"] for each in cards["devices"] if not each["works"]]
+        names = [
             f"{each['name']}, {each['free'] / _GIB:.1f} of {each['total'] / _GIB:.1f} GiB free"
-            for each in found["devices"]
+            for each in cards["devices"]
         ]
-        detail = f"{'; '.join(cards)}; {torch}" + (f", driver {driver}" if driver else "")
+        detail = f"{'; '.join(names)}; {torch}" + (f", driver {driver}" if driver else "")
         if broken:
             return fail("gpu", f"{detail}: wrong results on {', '.join(broken)}", _TORCH_ADVICE)
         return ok("gpu", detail)
-    if driver and not found["build"]:
+    if driver and not cards["build"]:
         detail = f"there is a graphics card (driver {driver}), but {torch} is a build for the CPU"
-        return fail("gpu", detail, _TORCH_ADVICE) if wanted else warn("gpu", detail, _TORCH_ADVICE)
+        return fail("gpu", detail, _TORCH_ADVICE) if required else warn("gpu", detail, _TORCH_ADVICE)
     if driver:
-        detail = f"{torch} for CUDA {found['build']} cannot use the driver {driver}: {found['error'] or 'no device'}"
+        detail = f"{torch} for CUDA {cards['build']} cannot use the driver {driver}: {cards['error'] or 'no device'}"
         return fail("gpu", detail, "Update the driver, or install a torch that is built for it.")
-    if wanted:
+    if required:
         return fail("gpu", f"MESHDEFORM_DEVICE is {device}, and there is no graphics card", "Set it to auto or cpu.")
     return ok("gpu", f"none; {torch} computes on the CPU")
 

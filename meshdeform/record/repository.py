@@ -22,11 +22,10 @@ import sqlalchemy as sa
 
 from meshdeform.errors import ConflictError, IdempotencyBusyError, IdempotencyMismatchError, ParameterError
 from meshdeform.record import rows
-from meshdeform.record.changes import changing, find_job
+from meshdeform.record.changes import EventLog, changing, find_job
 from meshdeform.record.counters import read_counters
 from meshdeform.record.database import MAX_CONNECTIONS, Database, NewRow, insert
 from meshdeform.record.deliveries import Deliveries
-from meshdeform.record.events import EventLog
 from meshdeform.record.files import FileLedger, Rooms, check_number, measure
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
 from meshdeform.record.keys import KeyRing

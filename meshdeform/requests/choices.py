@@ -102,7 +102,7 @@ class AlignMode(StrEnum):
 
 
 class AppearanceMode(StrEnum):
-    """What the pictures for a diffusion model show."""
+    """The look of the asset in the pictures for a diffusion model."""
 
     NORMALS = "normals"
     CLAY = "clay"
@@ -111,14 +111,14 @@ class AppearanceMode(StrEnum):
 
 
 class BackdropMode(StrEnum):
-    """What happens to a ground plane or backdrop beside which everything else is small."""
+    """Treatment of a ground plane or backdrop beside which everything else is small."""
 
     LEAVE = "leave"
     DEFORM = "deform"
 
 
 class RegionAction(StrEnum):
-    """What a region of the surface does."""
+    """Freedom of a region of the surface."""
 
     KEEP = "keep"
     ONLY = "only"
@@ -135,7 +135,7 @@ class Symmetry(StrEnum):
 
 
 class RigMode(StrEnum):
-    """What becomes of the morph targets and joints that an asset already has."""
+    """Treatment of the morph targets and joints that an asset already has."""
 
     KEEP = "keep"
     FOLLOW = "follow"
@@ -149,7 +149,7 @@ class Easing(StrEnum):
 
 
 class SynthesisMode(StrEnum):
-    """What a synthesis makes of a family."""
+    """Ways to make new shapes of a family."""
 
     SAMPLE = "sample"
     INTERPOLATE = "interpolate"

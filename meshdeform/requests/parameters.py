@@ -434,7 +434,7 @@ class TargetParams(Parameters):
 
 
 class Control(Parameters):
-    """What may move, and what the result keeps."""
+    """Parts that may move, and properties that the result keeps."""
 
     regions: tuple[Region, ...] = Field(
         (),
@@ -558,7 +558,7 @@ class DeformParams(CommonParams):
 
     @property
     def kind(self) -> GuidanceKind:
-        """What guides the deformation."""
+        """The kind of guidance."""
         return GuidanceKind(self.guidance.kind)
 
     @property

@@ -14,8 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from meshdeform.assets.isolation import bound_resources, error_from, error_to_json, run_child
-from meshdeform.assets.limits import Limits
+from meshdeform.assets.limits import Limits, bound_resources, error_from, error_to_json, run_child
 from meshdeform.errors import (
     AssetTooLargeError,
     AssetUnsupportedError,

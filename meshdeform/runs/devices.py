@@ -5,8 +5,7 @@ from __future__ import annotations
 import torch
 
 from meshdeform.errors import ParameterError
-from meshdeform.support.memory import keep_freed_memory
-from meshdeform.support.threads import choose_threads, default_threads
+from meshdeform.support.threads import choose_threads, default_threads, keep_freed_memory
 
 
 def resolve_device(name: str) -> str:

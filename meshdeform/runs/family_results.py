@@ -77,7 +77,7 @@ _LEAST = 12
 
 @dataclass(frozen=True)
 class FamilyResults:
-    """What a finished run has found. Attributes as in `FamilyFitRun`; all lists are in the order of `names`."""
+    """Results of a finished fit. Attributes as in `FamilyFitRun`; all lists are in the order of `names`."""
 
     files: CollectionFiles
     params: FamilyParams
@@ -517,7 +517,7 @@ def nearest_members(
 
 @dataclass(frozen=True)
 class SynthesisResults:
-    """What a finished run has made. Attributes as in `FamilySynthesisRun`."""
+    """Results of a finished synthesis. Attributes as in `FamilySynthesisRun`."""
 
     family: FamilyFile
     params: FamilySynthesisParams

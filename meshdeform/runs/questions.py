@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from meshdeform.assets.isolation import bound_memory, error_from, error_to_json, run_child
+from meshdeform.assets.limits import bound_memory, error_from, error_to_json, run_child
 from meshdeform.errors import DependencyError, MeshdeformError, ModelError, UnavailableError
 
 _MEMORY_BYTES = 16 * 2**30

@@ -324,7 +324,7 @@ class Movement:
     held_share: float
     """Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked."""
     stalled_by: str | None
-    """What mostly held back a mesh that hardly moved: `safeguard` or `guidance`; None if it moved."""
+    """The cause that mostly held back a mesh that hardly moved: `safeguard` or `guidance`; None if it moved."""
 
     def to_dict(self) -> dict[str, float | str | None]:
         """Return the figures by name."""

@@ -17,7 +17,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import EventList, EventView
 from meshdeform.errors import LimitError, NotFoundError, ParameterError, UnavailableError
-from meshdeform.record.events import Head
+from meshdeform.record.changes import Head
 from meshdeform.record.models import Event
 from service.documentation.responses import WAITED, JobId
 from service.events.waiting import JobWaiters, Prefer, applied, preferred_wait, wait_here

@@ -25,7 +25,7 @@ from fastapi import Header, Request
 
 from meshdeform.api.states import MAX_WAIT_S
 from meshdeform.errors import LimitError, UnavailableError
-from meshdeform.record.events import Head
+from meshdeform.record.changes import Head
 from meshdeform.record.models import Job
 from meshdeform.record.repository import JobRecord
 from meshdeform.serving.connections import connection_limit

@@ -24,8 +24,17 @@ from meshdeform.requests.choices import WEIGHTS_PART
 from meshdeform.runs import kind_of
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import BranchDocument, FileReference, FileSource
-from service.jobs.intake import check_file, check_params, check_words, key_of, new_job, record_job, store_file
-from service.jobs.sources import fetch, in_order
+from service.jobs.intake import (
+    check_file,
+    check_params,
+    check_words,
+    fetch,
+    in_order,
+    key_of,
+    new_job,
+    record_job,
+    store_file,
+)
 from service.state import AppState
 
 _RETRYABLE = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)

@@ -45,9 +45,17 @@ from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
 from service.jobs.continuation import branch, retry, retry_failed
 from service.jobs.documents import BranchDocument, JobDocument
-from service.jobs.intake import accept_job, list_parts, orient, validate
+from service.jobs.intake import (
+    Submission,
+    accept_job,
+    file_advice,
+    list_parts,
+    missing_files,
+    orient,
+    take_along,
+    validate,
+)
 from service.jobs.routes import CreatedAfter, Cursor, ErrorCode, shown
-from service.jobs.sources import Submission, file_advice, missing_files, take_along
 from service.state import AppState, AppStateDep
 from service.webhooks.routes import checked_address
 

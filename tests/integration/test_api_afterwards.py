@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import Asset, build_glb, load_asset
-from meshdeform.assets.isolation import run_child
+from meshdeform.assets.limits import run_child
 from meshdeform.client import Client
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import JobState, NewJob, StoredFile

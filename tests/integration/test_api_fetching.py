@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import httpx
 import pytest
 
-import service.jobs.sources
+import service.jobs.intake
 from meshdeform.api.states import MAX_DOCUMENT_BYTES
 from meshdeform.settings import Settings
 from tests.cases import each_case
@@ -147,7 +147,7 @@ def test_what_a_host_does_not_send_is_said(
     path: str, words: str, fetching: Api, files: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if path == "/slow":
-        monkeypatch.setattr(service.jobs.sources, "MAX_FETCH_S", 0.3)
+        monkeypatch.setattr(service.jobs.intake, "MAX_FETCH_S", 0.3)
     answer = fetching.http.post("/v1/jobs", json={**PROMPT, "asset": {"url": files + path}})
     assert words in check_problem(answer, 422, "asset_not_fetched")["detail"]
 

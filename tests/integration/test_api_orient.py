@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from meshdeform.assets import build_glb
-from meshdeform.assets.isolation import ChildOutcome
+from meshdeform.assets.limits import ChildOutcome
 from meshdeform.client import Client
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.shapes import icosphere

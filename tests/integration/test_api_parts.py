@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.isolation import ChildOutcome
+from meshdeform.assets.limits import ChildOutcome
 from meshdeform.client import Client
 from meshdeform.errors import PartNotFoundError
 from meshdeform.geometry.shapes import join

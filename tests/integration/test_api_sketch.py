@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from meshdeform.assets.isolation import run_child
+from meshdeform.assets.limits import run_child
 from meshdeform.client import AsyncClient, Client, SketchGuesses
 from meshdeform.errors import DrawingError, ParameterError
 from meshdeform.kinds.sketch.families import member_glb

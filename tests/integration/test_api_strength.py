@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.isolation import run_child
-from meshdeform.assets.limits import Limits
+from meshdeform.assets.limits import Limits, run_child
 from meshdeform.client import Client
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest

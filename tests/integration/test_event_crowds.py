@@ -19,7 +19,7 @@ import sqlalchemy as sa
 from fastapi import FastAPI
 
 from meshdeform.errors import UnavailableError
-from meshdeform.record.events import Head
+from meshdeform.record.changes import Head
 from meshdeform.record.models import TERMINAL_STATES, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings

@@ -19,7 +19,7 @@ import torch
 from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, write_weights
 from meshdeform.priors.builtin.teaching.teacher import Pictures, TrainConfig, Trainer
 from meshdeform.priors.builtin.vocabulary import NOUNS
-from meshdeform.support.memory import keep_freed_memory
+from meshdeform.support.threads import keep_freed_memory
 from training.collections.members import RealShapes
 from training.collections.sources import PRIOR
 from training.prior.dataset import PictureFolder

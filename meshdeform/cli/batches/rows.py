@@ -95,8 +95,8 @@ def _cells(path: Path, text: str, separator: str) -> Iterator[tuple[int, dict[st
                     f"{path.name}, line {reader.line_num}, has more cells than there are columns.",
                     advice="Quote cells that hold the separator.",
                 )
-            found = {name.strip(): (cell or "").strip() for name, cell in row.items()}
-            yield reader.line_num, {name: _value(name, cell) for name, cell in found.items() if cell}
+            cells = {name.strip(): (cell or "").strip() for name, cell in row.items()}
+            yield reader.line_num, {name: _value(name, cell) for name, cell in cells.items() if cell}
     except csv.Error as error:
         raise ParameterError(f"{path.name}, line {reader.line_num}: {error}.", advice=_ADVICE) from error
 
@@ -194,7 +194,7 @@ def make_rows(
     A ParameterError lists invalid rows.
     """
     digest, wrong = functools.cache(_digest), list[dict[str, str]]()
-    found: dict[str, tuple[Entry, JobRequest]] = {}
+    unique: dict[str, tuple[Entry, JobRequest]] = {}
     repeated = []
     for entry in entries:
         for seed in seeds if seeds and "seed" not in entry.params else (None,):
@@ -206,15 +206,16 @@ def make_rows(
             except MeshdeformError as error:
                 wrong.append({"place": entry.place, "code": error.code, "detail": _with_suggestions(error)})
                 break
-            if key in found:
+            if key in unique:
                 repeated.append(entry.place)
             else:
-                found[key] = (entry, request)
+                unique[key] = (entry, request)
     if wrong:
         raise _refusal(wrong, len(entries))
-    names = _names(found, known_names or {}, with_seed=len(seeds) > 1)
+    names = _names(unique, known_names or {}, with_seed=len(seeds) > 1)
     rows = [
-        Row(key, names[key], entry.place, entry.asset, request, entry.target) for key, (entry, request) in found.items()
+        Row(key, names[key], entry.place, entry.asset, request, entry.target)
+        for key, (entry, request) in unique.items()
     ]
     return rows, repeated
 

@@ -186,8 +186,8 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
 
 def count_states(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     """Count the rows that are `succeeded`, `failed` (also canceled and expired) and `pending`."""
-    found = Counter(record["state"] for record in records)
-    good, waiting = found["succeeded"], found["pending"]
+    states = Counter(record["state"] for record in records)
+    good, waiting = states["succeeded"], states["pending"]
     return {"rows": len(records), "succeeded": good, "failed": len(records) - good - waiting, "pending": waiting}
 
 
@@ -216,10 +216,10 @@ def _csv_table(records: Sequence[Mapping[str, Any]]) -> str:
 
 def _report(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_bytes())
+        report = json.loads(path.read_bytes())
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return report if isinstance(report, dict) else {}
 
 
 _WIDTH, _HEIGHT, _CAPTION, _GAP = 288, 144, 30, 8

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshdeform.assets import isolation
+from meshdeform.assets import limits
 from meshdeform.assets.check import check_asset_subprocess
 from meshdeform.assets.inspect import inspect_asset
 from meshdeform.assets.limits import Limits
@@ -396,7 +396,7 @@ def stand_in_for_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child: s
     stand_in = tmp_path / "python"
     stand_in.write_text(f'#!/bin/sh\nexec "{PYTHON}" "{program}"\n')
     stand_in.chmod(0o755)
-    monkeypatch.setattr(isolation.sys, "executable", str(stand_in))
+    monkeypatch.setattr(limits.sys, "executable", str(stand_in))
 
 
 def test_a_good_file(tmp_path: Path) -> None:
@@ -477,7 +477,7 @@ def test_a_machine_that_starts_no_process_is_not_the_files_fault(
 ) -> None:
     path = tmp_path / "quad.glb"
     path.write_bytes(quad())
-    monkeypatch.setattr(isolation.sys, "executable", str(tmp_path / "nothing"))
+    monkeypatch.setattr(limits.sys, "executable", str(tmp_path / "nothing"))
     with pytest.raises(UnavailableError):
         check_asset_subprocess(path)
 

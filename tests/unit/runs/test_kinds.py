@@ -22,8 +22,7 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.http.bodies import ReceivedFile
 from service.jobs.documents import JobDocument
-from service.jobs.intake import check_params
-from service.jobs.sources import Submission, missing_files
+from service.jobs.intake import Submission, check_params, missing_files
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.worker_world import working
 
