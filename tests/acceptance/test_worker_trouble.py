@@ -126,27 +126,3 @@ def test_a_worker_starts_works_and_stops_while_redis_is_away(tmp_path: Path) -> 
             assert worker.stop() == 0
         finally:
             made.clean_up()
-
-
-def test_a_long_job_makes_room_for_one_that_has_waited_and_goes_on_after_it(tmp_path: Path) -> None:
-    with deployed(tmp_path, MESHDEFORM_TURN_S="1", MESHDEFORM_LEASE_S="2", FAKE_STEP_S="0.05") as made:
-        long = made.submit(100, every=1000, owner_id="a")
-        made.at_step(long, 1)
-        short = made.check(made.submit(STEPS, owner_id="b"), steps=STEPS)
-        assert short.attempt == 1
-        assert made.job(long).finished_at is None
-        # Its result is that of a job that nobody interrupted.
-        made.check(long, steps=100)
-        events = made.events(long)
-        assert [e.data["reason"] for e in events if e.type == "queued"] == ["created", "handed_over"]
-        assert [e.attempt for e in events if e.type == "checkpoint"] == [1]
-
-
-def test_a_job_that_fails_leaves_the_worker_as_it_was(usual: Cluster) -> None:
-    worker = usual.parts["worker"]
-    job = usual.check(usual.submit(STEPS, prompt="fails"), state=JobState.FAILED)
-    assert job.error is not None
-    assert (job.error.code, job.attempt) == ("numerical_failure", 1)
-    process = worker.child()
-    usual.check(usual.submit(STEPS), steps=STEPS)
-    assert worker.child() == process

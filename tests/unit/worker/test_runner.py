@@ -300,7 +300,7 @@ def test_a_lost_attempt_is_resumed_from_the_last_checkpoint(world: World) -> Non
 
 
 @each_case(("damaged", "resumed_at"), [([0], 20), ([0, 1], 10), ([0, 1, 2], 0)])
-@each_case("damage", ["torn", "gone"])
+@each_case("damage", ["torn", "gone", "foreign"])
 def test_a_torn_checkpoint_falls_back_to_the_one_before(
     world: World, damaged: list[int], resumed_at: int, damage: str
 ) -> None:
@@ -312,7 +312,8 @@ def test_a_torn_checkpoint_falls_back_to_the_one_before(
             world.store.delete(references[index].key)
         else:
             data = world.store.get(references[index].key)
-            world.store.put(references[index].key, data[:-3], "application/octet-stream")
+            other = data[:-3] if damage == "torn" else data[::-1]
+            world.store.put(references[index].key, other, "application/octet-stream")
     assert world.run(job).state is JobState.SUCCEEDED
     assert world.kind.started_at[-1] == resumed_at
 
