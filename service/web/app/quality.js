@@ -145,7 +145,8 @@ export function shapeWords({ plausibility, loose = [], parts = [] }) {
 function likeness(judged) {
   const share = number(judged?.probability);
   if (typeof judged?.noun !== "string" || share === null) return [];
-  const other = typeof judged.next?.noun === "string" && number(judged.next.probability) !== null ? judged.next : null;
+  const next = number(judged.next?.probability) ?? 0;
+  const other = typeof judged.next?.noun === "string" && (judged.matches === false || next >= 0.01) ? judged.next : null;
   const named = (/** @type {any} */ one) => `${withArticle(one.noun)} ${percent(one.probability)}`;
   const nouns = number(judged.nouns);
   const judge = nouns === null ? "" : ` The judge knows ${count(nouns)} nouns.`;
