@@ -10,8 +10,10 @@ import {
 } from "../vendor/three/three.module.js";
 import * as measures from "./measures.js";
 import { floats } from "./topology.js";
-import { addKnot, writeBetween } from "./waypoints.js";
 import { weld } from "./weld.js";
+
+/** How far beyond the result a shape can be. */
+const MOST = 1.5;
 
 /** @typedef {import("./topology.js").Pair} Pair */
 /** @typedef {"displacement" | "stretch" | "texture"} Measure */
@@ -31,7 +33,7 @@ class Blend {
     this.mesh = mesh;
     this.original = mesh.geometry;
     this.geometry = shareGeometry(this.original);
-    /** @type {{ name: string, attribute: BufferAttribute, before: Float32Array, knots: import("./waypoints.js").Knot[] }[]} */
+    /** @type {{ attribute: BufferAttribute, before: Float32Array, after: Float32Array }[]} */
     this.tracks = [];
     this.before = floats(this.original.attributes.position, 3, null);
     this.after = after;
@@ -48,7 +50,7 @@ class Blend {
     const both = new BufferGeometry();
     const joined = new Float32Array(this.before.length + after.length);
     joined.set(this.before);
-    joined.set(after, this.before.length);
+    after.forEach((value, i) => (joined[this.before.length + i] = this.before[i] + MOST * (value - this.before[i])));
     both.setAttribute("position", new BufferAttribute(joined, 3));
     both.computeBoundingSphere();
     both.computeBoundingBox();
@@ -60,30 +62,17 @@ class Blend {
   #track(name, size, before, after) {
     const attribute = new BufferAttribute(before.slice(), size).setUsage(DynamicDrawUsage);
     this.geometry.setAttribute(name, attribute);
-    this.tracks.push({ name, attribute, before, knots: [{ t: 0, values: before }, { t: 1, values: after }] });
+    this.tracks.push({ attribute, before, after });
   }
 
   /** @param {number} t */
   set(t) {
-    for (const { attribute, knots } of this.tracks) {
-      writeBetween(knots, t, attribute.array);
+    for (const { attribute, before, after } of this.tracks) {
+      // The ends are the files' own numbers, without rounding.
+      if (t === 0 || t === 1) attribute.array.set(t ? after : before);
+      else for (let i = 0; i < before.length; i++) attribute.array[i] = before[i] + t * (after[i] - before[i]);
       attribute.needsUpdate = true;
     }
-  }
-
-  /** Let the way lead through a shape. @param {number} t the share at which it does @param {Pair} pair */
-  pass(t, { after, normals, tangents }) {
-    const values = { position: after, normal: normals ?? normalsOf(after, this.original.index), tangent: tangents };
-    for (const { name, knots } of this.tracks) {
-      const found = values[/** @type {keyof typeof values} */ (name)];
-      if (found) addKnot(knots, { t, values: found });
-    }
-    const own = new BufferGeometry();
-    own.setAttribute("position", new BufferAttribute(after, 3));
-    own.computeBoundingSphere();
-    own.computeBoundingBox();
-    if (own.boundingSphere) this.geometry.boundingSphere?.union(own.boundingSphere);
-    if (own.boundingBox) this.geometry.boundingBox?.union(own.boundingBox);
   }
 
   /** @returns {ArrayLike<number>} (3F) vertex of each corner */
@@ -103,21 +92,14 @@ export class Deformation {
   constructor(pairs) {
     this.blends = pairs.map((pair) => new Blend(pair));
     this.morph = 0;
-    this.furthest = 1; // share of the way to which a shape is known
     /** @type {Map<Measure, Measured>} */
     this.measured = new Map();
   }
 
   /** @param {number} t */
   setMorph(t) {
-    this.morph = Math.min(Math.max(t, 0), this.furthest);
+    this.morph = Math.min(Math.max(t, 0), MOST);
     for (const blend of this.blends) blend.set(this.morph);
-  }
-
-  /** Let the way from the source to the result, or beyond it, lead through a shape. @param {number} t @param {Pair[]} pairs */
-  pass(t, pairs) {
-    this.blends.forEach((blend, i) => blend.pass(t, pairs[i]));
-    this.furthest = Math.max(this.furthest, t);
   }
 
   /** Measure the whole deformation, whatever is shown at the moment. @param {Measure} kind @returns {Measured} */

@@ -152,24 +152,7 @@ export class MeshViewer extends EventTarget {
     }
   }
 
-  /**
-   * Let the way to the result lead through a shape; without any, vertices move on straight lines.
-   * @param {ArrayBuffer} buffer a GLB with the same meshes, vertices and faces
-   * @param {number} t the share of the way: between 0 and 1, or beyond the result
-   * @throws {TopologyError} it has others
-   */
-  async addWaypoint(buffer, t) {
-    const deformation = this.#deformation;
-    const root = await parseAsset(withoutMaterials(buffer), "glb", this.#start().gl);
-    try {
-      if (!this.#root || !deformation || deformation !== this.#deformation) return;
-      deformation.pass(t, pairMeshes(this.#root, root, this.#converted));
-    } finally {
-      disposeAsset(root);
-    }
-  }
-
-  /** @param {number} t 0 shows the source, 1 the result, more a waypoint beyond it */
+  /** @param {number} t 0 shows the source, 1 the result, up to 1.5 what lies beyond it, all on straight lines */
   setMorph(t) {
     this.#deformation?.setMorph(t);
     this.#grounded = false;

@@ -124,7 +124,7 @@ def test_the_ends_of_the_blend_are_the_files_and_the_middle_lies_between(page: P
           return { values, back, changed: difference(start, pixels(viewer)) };
         }"""
     )
-    assert positions["values"] == pytest.approx([0.5, 0.7, 0.9, 0.9, 0.5])
+    assert positions["values"] == pytest.approx([0.5, 0.7, 0.9, 1.1, 0.5])
     assert positions["back"] == 0
     assert positions["changed"] > 250
 

@@ -6,18 +6,19 @@ import { formatOf } from "../assets.js";
 import { button, fill, h, icon } from "../dom.js";
 import { percent } from "../format.js";
 import { isTerminal } from "../history.js";
+import { currentLink } from "../key.js";
 import { shapeName } from "../names.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
 import { orToast } from "../problem-box.js";
 import { saveBytes } from "./files.js";
 import { ShapeCache, shapesOf } from "./shapes.js";
 import { slider } from "./stage-controls.js";
-import { Way } from "./way.js";
 
 /** @typedef {import("./shapes.js").Shape} Shape */
 
 const PLAY_MS = 450;
 const AGAIN_MS = 3000;
+const BUSY = [429, 502, 503, 504];
 
 export class JobStage extends PairStage {
   /** @param {any} job @param {import("../scope.js").Scope} scope */
@@ -33,6 +34,8 @@ export class JobStage extends PairStage {
     this.chosen = -1;
     /** Path of the shape that is shown; empty: the source. */
     this.shown = "";
+    /** And its strength, as it was asked for. */
+    this.shownStrength = "";
     /** @type {Set<string>} Shapes that the server no longer has. */
     this.gone = new Set();
     this.busy = false;
@@ -42,9 +45,11 @@ export class JobStage extends PairStage {
     this.step = slider("scrubber", "Step", 0, () => this._scrub(), this.play);
     this.morph = slider("morph-slider", "Morph", 100, () => this._morph());
     this.morph.input.value = "100";
-    this.morph.input.addEventListener("change", () => this.way?.reach(this._share()));
-    /** The way to the shape that is shown; null where straight lines lead there. @type {Way | null} */
-    this.way = null;
+    this.morph.input.addEventListener("change", () => this._strengthen());
+    /** Whether the server makes strengths of the result, which it does not for a link. */
+    this.able = !currentLink();
+    /** Where the slider has stopped, this asks for the shape there; empty: straight lines lead to the shape. */
+    this.strength = "";
     this.colours.hidden = false;
     this.save = button("Download this shape", () => this._download(), { icon: "download" });
     this.picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
@@ -111,11 +116,11 @@ export class JobStage extends PairStage {
     const shape = this.shapes.find(({ path }) => path === this.shown);
     const share = this._share();
     const none = this.shapes.length || isTerminal(this.job.state) ? "Source" : "Source, no new shape yet";
-    const parts = shape ? ["After", shape.label === "Result" ? "" : shape.label.toLowerCase(), share === 100 ? "" : `${this.way?.on ? "strength" : "morph"} ${share}%`] : [none];
+    const parts = shape ? ["After", shape.label === "Result" ? "" : shape.label.toLowerCase(), share === 100 ? "" : `${this._mayStrengthen() ? "strength" : "morph"} ${share}%`] : [none];
     fill(this.after.tag, parts.filter(Boolean).join(" · "));
     this.keep.hidden = !shape || this.flat;
     // The server makes strengths of results alone.
-    this.save.disabled = this.comparable && share !== 100 && !this.way?.on;
+    this.save.disabled = this.comparable && share !== 100 && !this._mayStrengthen();
     this.save.title = this.save.disabled ? "Set Morph to 100% first" : "";
   }
 
@@ -168,30 +173,37 @@ export class JobStage extends PairStage {
   }
 
   _differs() {
-    return this.shown !== (this.shapes[this.chosen]?.path ?? "");
+    const shape = this.shapes[this.chosen];
+    return this.shown !== (shape?.path ?? "") || this.shownStrength !== this._strengthOf(shape);
+  }
+
+  /** What is asked of a shape's strength: only results have one. @param {Shape | undefined} shape */
+  _strengthOf(shape) {
+    return shape?.name === "" ? this.strength : "";
   }
 
   _showSource() {
     this.after.say("");
     this.after.viewer?.setMorph(0);
-    this.shown = "";
+    this.shown = this.shownStrength = "";
     this._tag();
   }
 
   /** @param {Shape} shape */
   async _show(shape) {
     try {
-      const mesh = await this.cache.get(shape.path);
-      if (this.scope.over) return;
+      const strength = this._strengthOf(shape);
+      const mesh = await this.cache.get(shape.path + strength);
+      if (this.scope.over || strength !== this._strengthOf(shape)) return; // the slider moved on
       this.comparable = await this.after.deform(mesh.slice(0));
       if (this.scope.over) return;
       this.after.say("");
       this.shown = shape.path;
-      this.way = this.comparable && !shape.name ? new Way(shape.path, this.cache, this.after, () => this._morph()) : null;
-      this.morph.input.max = this.way ? "150" : "100";
+      this.shownStrength = strength;
+      this.morph.input.max = this._mayStrengthen() ? "150" : "100";
       this.morph.row.hidden = !this.comparable;
       this.colours.hidden = !this.comparable;
-      this._morph();
+      this._place();
       this.colour(this.kind);
     } catch (error) {
       if (!isAbort(error)) await this._missing(shape, error);
@@ -200,6 +212,13 @@ export class JobStage extends PairStage {
 
   /** @param {Shape} shape @param {unknown} error */
   async _missing(shape, error) {
+    if (this.strength && error instanceof MeshdeformError && !error.unanswered && !BUSY.includes(error.status)) {
+      console.info("The way is straight:", error);
+      this.able = false;
+      this.strength = "";
+      this.morph.input.max = "100";
+      return this._place();
+    }
     // A checkpoint gives way to newer ones: the next one will do.
     if (error instanceof MeshdeformError && error.status === 404) {
       this.gone.add(shape.path);
@@ -221,13 +240,31 @@ export class JobStage extends PairStage {
     return Number(this.morph.input.value);
   }
 
+  /** Whether the server makes other strengths of what is shown. */
+  _mayStrengthen() {
+    const shape = this.shapes.find(({ path }) => path === this.shown);
+    return this.able && this.comparable && shape?.name === "";
+  }
+
+  /** The slider moves: vertices go on straight lines until it stops. */
   _morph() {
-    if (this.way && !this.way.on) this.morph.input.max = "100";
+    this.strength = "";
+    this._place();
+    this._next();
+  }
+
+  /** The slider has stopped: the shape of this strength is the server's. */
+  _strengthen() {
     const share = this._share();
-    if (share !== 100) this.way?.open(share);
+    this.strength = share === 100 || !this._mayStrengthen() ? "" : `?strength=${share / 100}`;
+    this._next();
+  }
+
+  _place() {
+    const share = this._share();
     this.morph.value.textContent = percent(share / 100);
     this.morph.input.setAttribute("aria-valuetext", `${share} percent`);
-    if (this.shown) this.after.viewer?.setMorph(share / 100);
+    if (this.shown) this.after.viewer?.setMorph(this.shownStrength ? 1 : share / 100);
     this._tag();
   }
 
@@ -237,8 +274,7 @@ export class JobStage extends PairStage {
     if (!shape) return;
     const share = this.comparable ? this._share() : 100;
     await orToast("Not downloaded", async () => {
-      const bytes = share === 100 ? await this.cache.get(shape.path) : await this.way?.reach(share);
-      if (!bytes) throw new Error("The server has not made this strength.");
+      const bytes = await this.cache.get(shape.path + (share === 100 ? "" : `?strength=${share / 100}`));
       saveBytes(new Blob([bytes], { type: "model/gltf-binary" }), shapeName(this.job, shape.name, share));
     });
   }
