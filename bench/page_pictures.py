@@ -35,7 +35,7 @@ PROMPTS = (
     "a turtle",
     "a rocket with big fins",
 )
-JOB: dict[str, Any] = {"viewport": {"width": 1360, "height": 860}}
+JOB: dict[str, Any] = {"viewport": {"width": 1240, "height": 860}}
 PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 
 
@@ -65,7 +65,7 @@ def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: s
         page.locator(".legend").wait_for()
         page.evaluate("() => Promise.all(document.getAnimations().map((each) => each.finished))")
         page.evaluate("() => scrollTo(0, 0)")  # the click may have scrolled
-    page.screenshot(path=path)
+    page.screenshot(path=path, full_page=bool(press))
     context.close()
     assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
 
@@ -153,7 +153,7 @@ def main() -> None:
 
 
 def _all(browser: Browser, url: str, job: str, out: Path) -> None:
-    desktop = {"viewport": {"width": 1200, "height": 760}}
+    desktop = {"viewport": {"width": 1200, "height": 470}}
     take(browser, url, out / "web_job.png", f"/#/jobs/{job}", ".files", "Stretch", **JOB)
     take(browser, url, out / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
     take(browser, url, out / "web_phone.png", f"/#/jobs/{job}", ".files", **PHONE)

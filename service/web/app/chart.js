@@ -41,9 +41,8 @@ export function curveWords(steps, smooth) {
 export class LossChart {
   constructor() {
     this.picture = svg("svg", { role: "img", class: "chart", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none" });
-    this.latest = h("span", { class: "chart-latest" });
     this.last = h("p", { class: "small muted chart-latest" });
-    const head = h("div", { class: "panel-head" }, h("h2", { id: "loss-title" }, "Loss"), this.latest);
+    const head = h("div", { class: "panel-head" }, h("h2", { id: "loss-title" }, "Loss"));
     this.element = h("section", { class: "panel", "aria-labelledby": "loss-title", hidden: true }, head, this.picture, this.last);
   }
 
@@ -60,7 +59,6 @@ export class LossChart {
     const line = (/** @type {number[]} */ list, /** @type {string} */ name) => svg("polyline", { points: list.map(place).join(" "), class: name });
     this.picture.replaceChildren(line(values, "chart-raw"), line(smooth, "chart-line"));
     this.picture.setAttribute("aria-label", curveWords(steps, smooth));
-    this.latest.textContent = figure(smooth[smooth.length - 1]);
     this.last.textContent = `${count(last)} steps`;
   }
 }

@@ -67,6 +67,7 @@ export function showLegend(legend, scale) {
   const ticks = h("div", { class: "ramp-ticks", "aria-hidden": "true" }, scale.ticks.map(({ text, at }) => {
     const tick = h("span", null, text);
     tick.style.insetInlineStart = `${100 * at}%`;
+    tick.style.translate = `${-100 * at}%`; // the first and the last end with the ramp
     return tick;
   }));
   const unit = scale.unit === "×" ? "times" : scale.unit;
