@@ -33,7 +33,8 @@ def row(path: Path, fits: Path | None) -> str:
     if report and report.exists():
         found = json.loads(report.read_text())
         far = found["levels"][-1]["distance"]
-        cells += [found["result"]["bytes"], f"{far['mean']:.3%}", f"{far['from_input']['max']:.2%}", far["reversed"]]
+        cells += [found["result"]["bytes"]]
+        cells += [f"{far['mean']:.3%}", f"{far['from_input']['max']:.2%}", far["reversed_faces"]]
     return f"| {' | '.join(str(cell) for cell in cells)} |"
 
 
