@@ -215,7 +215,7 @@ def test_a_job_makes_room_for_one_that_has_waited_and_goes_on_after_it(
     whole = world.create()
     world.run(whole)
     monkeypatch.setattr(Turns, "of", lambda settings: Turns(0.0))
-    long, urgent = world.create(), []
+    long, urgent = world.create(checkpoint_every_steps=1000), []
 
     def step(number: int) -> None:
         if number == 17 and not urgent:
@@ -228,6 +228,7 @@ def test_a_job_makes_room_for_one_that_has_waited_and_goes_on_after_it(
     assert world.record.get(urgent[0].id).state is JobState.SUCCEEDED
     waiting = world.record.get(long.id)
     assert (waiting.state, waiting.attempt, waiting.progress.phase) == (JobState.QUEUED, 1, "queued")
+    assert world.record.events.after(long.id)[-1].data["reason"] == "handed_over"
     world.kind.on_step = lambda step: None
     done = world.run(long)
     assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
