@@ -2,7 +2,7 @@
 
     python bench/family_accuracy.py 50 --families chairs airplanes bicycles
 
-Each family is fitted by the whole job, ten members labelled and the others held out.
+Each family is fitted by the whole job, ten members labelled and the others held out, on one thread.
 
 Parts: the share of the held-out members' surface whose part is right. Correspondences: a template point that exists on
 two members ties a place on one to a place on the other; it is right within 5 % of the diagonal of where the place
@@ -18,6 +18,8 @@ import argparse
 import io
 import json
 import sys
+import time
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,13 +30,38 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
-from bench.family_growth import collection_of, fitted
-from bench.parametric_families import CLASSES, PARTS, Member, family
+from bench.parametric_families import CLASSES, PARTS, Member, family, labels_document, packed
 from meshdeform.assets import load_asset
+from meshdeform.cli.kinds import packed as folder_packed
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import start_run
+from meshdeform.runs.base import ArtifactData, InputFile, RunInput
 
 _LABELLED, _EXAMPLES, _DRAWS, _PAIRS, _WITHIN = 10, 10, 200, 60, 0.05
 
 Arrays = dict[str, NDArray[Any]]
+
+
+def collection_of(name: str, count: int, seed: int = 0) -> bytes:
+    """Return the ZIP of `count` members of a parametric family, ten of them labelled, or of a folder of assets."""
+    if name not in PARTS:
+        return folder_packed(Path(name), 2**30, None)
+    members = family(name, count, seed)
+    buffer = io.BytesIO(packed(members))
+    with zipfile.ZipFile(buffer, "a") as archive:
+        archive.writestr(zipfile.ZipInfo("labels.json"), json.dumps(labels_document(name, members, 10)))
+    return buffer.getvalue()
+
+
+def fitted(data: bytes, params: dict[str, int]) -> tuple[float, dict[str, ArtifactData]]:
+    """Return the CPU seconds of a fit, and the artifacts."""
+    request = JobRequest.model_validate({"kind": "family_fit", "params": params})
+    begun = time.process_time()
+    run = start_run(RunInput(request, {"collection": InputFile(data, "members.zip")}))
+    for _ in run:
+        pass
+    artifacts = run.finish()
+    return time.process_time() - begun, artifacts
 
 
 def confusion(name: str, members: list[Member], segments: Arrays) -> NDArray[np.float64]:
@@ -112,7 +139,7 @@ def main() -> None:
         report = json.loads(artifacts["report.json"].data)
         table = confusion(name, members, segments)
         tied = ties(members, places)
-        print(f"{name}: {options.count} members, {sum(seconds) / 60:.1f} CPU minutes")
+        print(f"{name}: {options.count} members, {seconds / 60:.1f} CPU minutes")
         print(f"  parts            {report['accuracy']['parts']:.1%}, mean over held-out members")
         for part, row in zip(PARTS[name], table, strict=True):
             taken = ", ".join(

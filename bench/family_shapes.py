@@ -21,7 +21,7 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
-from bench.family_growth import collection_of, fitted
+from bench.family_accuracy import collection_of, fitted
 from bench.parametric_families import PARTS, family, packed
 from meshdeform.assets import load_asset
 from meshdeform.requests.document import JobRequest
@@ -45,7 +45,7 @@ def made(files: dict[str, InputFile], parts: tuple[str, ...], **params: Any) -> 
     found: list[Shown] = []
     with zipfile.ZipFile(io.BytesIO(artifacts["shapes.zip"].data)) as archive:
         for name, about in zip(sorted(archive.namelist()), report["shapes"], strict=True):
-            gaps = ", ".join(f"{each['part']} {each['gap']:.1%}" for each in about["parts"] if each["gap"] > 0.01)
+            gaps = ", ".join(f"{each['part']} {each['gap']:.1%}" for each in about["parts"] if each["gap"] > 0.005)
             print(f"{params.get('mode', 'sample'):12} {name}  gaps: {gaps or 'none'}", flush=True)
             asset = load_asset(archive.read(name), name)
             of_triangle = np.zeros(len(asset.surface.triangles), np.uint8)

@@ -31,7 +31,7 @@ from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
 _SAME = 1e-6
-_TRIES, _GOOD = (True, True, True, False), 0.02
+_TRIES, _GOOD = (True, True, True, False), 0.008
 """Whether each try mixes parts of two members, and the fault, in diagonals, below which a shape is taken."""
 
 
@@ -184,8 +184,6 @@ class FamilySynthesisRun(JobRun):
         tried: list[tuple[Assembly, Drawn]] = []
         for drawn in draws:
             choice = self._assembler.chosen(drawn) | dict.fromkeys(self._keep, (self._members or [0])[0])
-            if self._params.mode is SynthesisMode.INTERPOLATE:
-                choice = {part: near for part, (near,) in drawn.sources.items()}
             if not choice:
                 continue
             made = self._assembler.assemble(

@@ -26,6 +26,8 @@ _STILL = 1e-4
 _REACH = 0.15
 """A neighbour farther than this share of the diagonal is another one than in the member: nothing is pulled there."""
 _MEETINGS = 2
+_FIRM = 1e9
+"""Weight of a vertex of a part that may not move, beside one of a part that may."""
 _KEPT = 8
 
 
@@ -44,7 +46,8 @@ class PlacedPart:
     pulls: list[Pull] = field(default_factory=list)
     distance: float = 0.0
     """Root mean square distance of the part's points from where they should be, after the rough fit, in diagonals."""
-    # In diagonals, beyond what the member itself has: the widest gap to a neighbour, and how far the part goes into one
+    # In diagonals, beyond what the member itself has: the widest gap to a neighbour, as the mean over the place where
+    # they touch there, and how far the part goes into one
     gap: float = 0.0
     penetration: float = 0.0
 
@@ -111,11 +114,15 @@ class Assembler:
         return self._shapes[member]
 
     def chosen(self, drawn: Drawn) -> dict[int, int]:
-        """Return the first member for each part that may give it and has points of it that the shape has."""
+        """Return the first member for each part that may give it and has points of it that the shape has.
+
+        A part that is drawn of one member alone comes from that one, whatever its boundary.
+        """
         choice: dict[int, int] = {}
         there = self.family.exists & drawn.exists
         for part, members in drawn.sources.items():
             common = there[:, self.family.labels == part].any(axis=1) & self.offered[:, part]
+            common = there.any(axis=1) if len(members) == 1 else common
             if able := [member for member in members if common[member]]:
                 choice[part] = able[0]
         return choice
@@ -161,7 +168,8 @@ class Assembler:
             each.penetration = max(
                 (_beyond(each, other, surfaces) for other in placed if other is not each), default=0.0
             )
-        return Assembly(placed, [self._piece(each, diagonal, centre) for each in placed], loose)
+        ways = sewn(placed)
+        return Assembly(placed, [self._piece(each, ways[each.number], diagonal, centre) for each in placed], loose)
 
     def _placed(self, points: _Floats, exists: NDArray[np.bool_], part: int, member: int, kept: bool) -> PlacedPart:
         family, shape = self.family, self.shape(member)
@@ -216,9 +224,10 @@ class Assembler:
             pulls, gap = [], 0.0
             own = each.surface()
             for other, mine, contacts in meetings:
+                whole = each.member == other.member and each.shape.of_one_piece(each.number, other.number)
                 for contact in contacts:
                     pull, apart = (_towards if mine else _from_other)(each, own, other, surfaces[other.number], contact)
-                    gap = max(gap, apart)
+                    gap = gap if whole else max(gap, apart)
                     if pull is not None:
                         pulls.append(pull)
             each.gap = gap
@@ -226,9 +235,8 @@ class Assembler:
                 return
             each.embedding.solve([*each.pulls, *pulls])
 
-    def _piece(self, each: PlacedPart, diagonal: float, centre: _Floats) -> Piece:
+    def _piece(self, each: PlacedPart, moved: _Floats, diagonal: float, centre: _Floats) -> Piece:
         shape, part, surface = each.shape, each.part, each.shape.asset.surface
-        moved = each.moved(part.verts, part.patches)
         positions, normals, tangents = surface.positions.copy(), surface.normals.copy(), surface.tangents.copy()
         if shape.turn == 0 and diagonal == shape.diagonal and np.array_equal(centre, shape.centre):
             positions[part.rows] += moved * diagonal
@@ -286,13 +294,13 @@ def _pull(
     """Return the pull that closes a gap, if there is one, and how wide the gap is."""
     # All points of a contact go the same way, so that the end of a leg keeps its shape.
     together = way.mean(0)
-    nearest = float(np.linalg.norm(contact.offsets, axis=1).min())
-    apart = max(float(np.linalg.norm(offsets, axis=1).min()) - nearest, 0.0)
+    now, before = (float(np.linalg.norm(each, axis=1).mean()) for each in (offsets, contact.offsets))
+    apart = max(now - before, 0.0)
     if not _STILL < float(np.linalg.norm(together)) < _REACH:
         return None, apart
     base = each.roughly(points)
-    now = each.moved(points, patches) - (base - points)
-    return Pull(base, base + now + together, patches, _CONTACT_WEIGHT), apart
+    target = points + each.moved(points, patches) + together
+    return Pull(base, target, patches, _CONTACT_WEIGHT), apart
 
 
 def _beyond(each: PlacedPart, other: PlacedPart, surfaces: Mapping[int, PlacedSurface]) -> float:
@@ -304,6 +312,26 @@ def _beyond(each: PlacedPart, other: PlacedPart, surfaces: Mapping[int, PlacedSu
             points = each.part.beside(here, contact.patches, own.verts)
             deepest = max(deepest, depth_beyond(target, points, contact.normals) - contact.depth)
     return deepest
+
+
+def sewn(placed: list[PlacedPart]) -> dict[int, _Floats]:
+    """Return how far the vertices of each part move; where two parts of one member were cut apart, to one place."""
+    ways = {each.number: each.moved(each.part.verts, each.part.patches) for each in placed}
+    for member in {each.member for each in placed}:
+        own = [each for each in placed if each.member == member]
+        owner = np.repeat(np.arange(len(own)), [len(each.part.verts) for each in own])
+        place = np.unique(np.concatenate([each.part.verts for each in own]), axis=0, return_inverse=True)[1].reshape(-1)
+        shared = np.bincount(np.unique(np.stack([place, owner], 1), axis=0)[:, 0]) > 1
+        # What may not move says where the others go.
+        weight = np.where([each.embedding is None for each in own], _FIRM, 1.0)[owner]
+        way = np.concatenate([ways[each.number] for each in own])
+        total = np.bincount(place, weight)
+        mean = np.stack([np.bincount(place, weight * each) / total for each in way.T], 1)
+        for number, each in enumerate(own):
+            if each.embedding is not None:
+                rows = owner == number
+                ways[each.number] = np.where(shared[place[rows], None], mean[place[rows]], way[rows])
+    return ways
 
 
 def _cofactors(maps: _Floats) -> _Floats:

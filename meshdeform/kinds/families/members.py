@@ -126,6 +126,10 @@ class MemberShape:
             self._contacts[part, other] = self._touching(part, other) if both else []
         return self._contacts[part, other]
 
+    def of_one_piece(self, part: int, other: int) -> bool:
+        """Return whether two parts are of one piece of the mesh, cut apart along its edges."""
+        return bool(np.intersect1d(*(self._corners[self.segments == each] for each in (part, other))).size)
+
     def _touching(self, part: int, other: int) -> list[Contact]:
         own, of_other = self.part(part), self.part(other)
         if own.area <= 0 or of_other.area <= 0:

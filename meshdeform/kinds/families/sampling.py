@@ -24,7 +24,7 @@ _Floats = NDArray[np.float64]
 _NEAREST = 5
 _BEYOND = 0.25
 """How far beyond one of two members a part may lie, as a share of the way between them."""
-_LACKING = 0.2
+LACKING = 0.2
 """What points that only one of two members has add to their distance."""
 _INSIDE = 1e-4, 1 - 1e-4
 """Coordinates stay away from the ends, where their logarithms diverge."""
@@ -49,7 +49,7 @@ def distances(family: FamilyFile, member: int, known: NDArray[np.bool_] | None =
     both = exists & exists[member]
     apart = np.linalg.norm(points - points[member], axis=2)
     mean = (apart * both).sum(1) / np.maximum(both.sum(1), 1)
-    return np.where(both.any(1), mean + _LACKING * (exists != exists[member]).mean(1), 1.0)
+    return np.where(both.any(1), mean + LACKING * (exists != exists[member]).mean(1), 1.0)
 
 
 def sampled(family: FamilyFile, random: np.random.Generator, *, mixed: bool = True) -> Drawn:
@@ -100,8 +100,8 @@ def _beside(family: FamilyFile, member: int, random: np.random.Generator, mixed:
     order = np.argsort(apart, kind="stable").tolist()
     sources = {}
     for part in np.unique(family.segments[member]).tolist():
-        first = [other, member] if mixed and shares[part] > 0.5 else [member, other]
-        sources[part] = first + [each for each in order if each not in first]
+        first = [other, member] if shares[part] > 0.5 else [member, other]
+        sources[part] = first + [each for each in order if each not in first] if mixed else [member]
     return Drawn(points, family.exists[member], sources)
 
 

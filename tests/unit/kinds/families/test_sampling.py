@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
+from meshdeform.kinds.families.assembly import Assembler, sewn
 from meshdeform.kinds.families.boundary import boundary_defects, without_strays
 from meshdeform.kinds.families.cut import shortened
 from meshdeform.kinds.families.embedded import Embedding, Pull, axis_fit
@@ -53,7 +55,8 @@ def test_a_sample_lies_between_two_near_members_each_part_by_its_own_share(pairs
             shares.append(way)
     assert -0.25 <= min(shares) < 0 < 1 < max(shares) <= 1.25
     whole = sampled(pairs, np.random.default_rng(0), mixed=False)
-    assert whole.sources[0][:2] == whole.sources[1][:2]
+    assert whole.sources[0] == whole.sources[1]
+    assert len(whole.sources[0]) == 1
 
 
 def test_what_lies_between_two_shapes_begins_and_ends_with_them_and_completions_keep_what_is_known(pairs):
@@ -106,6 +109,34 @@ def test_a_cut_around_a_limb_is_clean_and_a_ragged_one_is_not(limb):
     assert of_ragged[:2].min() > 0.5
     assert np.isinf(of_clean[2])  # no such part
     assert boundary_defects(solid.verts, solid.faces, np.zeros_like(clean), 1) == [0.0]
+
+
+def test_parts_cut_from_one_member_stay_together_along_the_cut(limb):
+    solid, height = limb
+    upper, lower = (solid.verts[np.unique(solid.faces[chosen])] for chosen in (height > 0.5, height < 0.5))
+
+    def placed(number, verts, shift, member=0, embedding=True):
+        part = SimpleNamespace(verts=verts, patches=None)
+        return SimpleNamespace(
+            number=number,
+            member=member,
+            part=part,
+            embedding=embedding,
+            moved=lambda verts, _: np.full_like(verts, shift),
+        )
+
+    for embedding, meet in ((True, 2.0), (None, 3.0)):  # halfway, or where the part is that may not move
+        ways = sewn([placed(0, upper, 1.0), placed(1, lower, 3.0, embedding=embedding)])
+        for verts, way, own in ((upper, ways[0], 1.0), (lower, ways[1], 3.0)):
+            np.testing.assert_allclose(way, np.where(np.abs(verts[:, 1:2] - 0.5) < 1e-9, meet, own) * np.ones(3))
+    assert sewn([placed(0, upper, 1.0), placed(1, lower, 3.0, member=1)])[1].min() == 3
+
+
+def test_a_shape_of_one_member_has_its_parts_with_unclean_boundaries_too(pairs):
+    assembler = Assembler(pairs, None, np.where(np.arange(12)[:, None] == 3, 0.5, np.zeros(2)), 0.25)
+    drawn = sampled(pairs, np.random.default_rng(0))
+    for sources, member in (([3], 3), ([3, 5], 5)):
+        assert assembler.chosen(replace(drawn, sources={0: sources})) == {0: member}
 
 
 def test_stray_patches_go_to_the_part_around_them_and_limbs_stay(limb):
