@@ -16,6 +16,12 @@ is the share of shapes that are nearer to a training member than 95 % of the hel
 `mixed` the share whose parts are of members of more than one sub-class. The seeds draw the members, the halves and the
 shapes. Figures are means over shapes or held-out members of all seeds, with half of the 95 % interval. The last rows
 are differences from shapes near members, of the same held-out members where these are what is counted.
+
+    python bench/family_synthesis.py chairs cars/ --scores
+
+measures in place of this how often a held-out member scores better than a shape that has each part of some held-out
+member: by the free energy of a machine that learns the others with the default parameters, and by the distance to the
+nearest of the others.
 """
 
 from __future__ import annotations
@@ -25,6 +31,7 @@ import dataclasses
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +41,7 @@ from torch import Tensor
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
-from bench.family_growth import collection_of, fitted
+from bench.family_accuracy import collection_of, fitted
 from bench.parametric_families import PARTS
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.assemble import assemble
@@ -43,10 +50,13 @@ from meshdeform.assets.family_file import FamilyFile, read_family
 from meshdeform.kinds.families.assembly import Assembler
 from meshdeform.kinds.families.boundary import boundary_defects
 from meshdeform.kinds.families.collection import sample_shape
+from meshdeform.kinds.families.inference import graph
+from meshdeform.kinds.families.learning import Learning
+from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.members import turned
-from meshdeform.kinds.families.sampling import Drawn, sampled
+from meshdeform.kinds.families.sampling import LACKING, Drawn, FreeEnergy, sampled, to_machine
 
-_SAMPLES, _MEMBERS = 600, 64
+_SAMPLES, _MEMBERS, _EPOCHS = 600, 64, 300
 _MEASURES = ("distance", "coverage", "1-NN", "copies", "mixed")
 
 Cloud = NDArray[np.float64]
@@ -127,6 +137,45 @@ class Yardstick:
         ]
 
 
+def scores(name: str, seed: int) -> dict[str, float]:
+    """Return how often the two scores tell a held-out member from a shape of parts of several."""
+    whole = read_family(
+        fitted(collection_of(name, _MEMBERS, seed), {"seed": seed, "epochs": 1})[1]["family.safetensors"].data
+    )
+    random, count = np.random.default_rng(seed), len(whole.names)
+    order = random.permutation(count)
+    train, held = (ordered(whole, each) for each in (order[: count - count // 2], order[count - count // 2 :]))
+
+    def seen(points: Cloud, exists: NDArray[np.bool_]) -> tuple[Tensor, Tensor]:
+        scaling = torch.from_numpy(whole.scaling.copy())
+        return to_machine(torch.from_numpy(points).float(), scaling), torch.from_numpy(exists).float()
+
+    coins, labels = torch.Generator().manual_seed(seed), torch.from_numpy(whole.labels.astype(np.int64))
+    known = seen(train.points, train.exists)
+    edges = graph(known[0].mean(0), labels)
+    learning = Learning.start(BetaMachine.start(*known, labels, coins), *known, edges, coins)
+    for _ in range(_EPOCHS):
+        learning.step(_EPOCHS)
+    energy = FreeEnergy(learning.finished(), *known)
+    owners = random.integers(len(held.names), size=(4 * len(held.names), len(whole.parts)))[:, whole.labels]
+    mixed = held.points[owners, np.arange(len(whole.labels))], held.exists[owners, np.arange(len(whole.labels))]
+    found = {}
+    for title, score in (
+        ("machine", lambda points, exists: energy(*seen(points, exists)).numpy()),
+        ("nearest member", lambda points, exists: np.array([*map(partial(_nearest, train), points, exists)])),
+    ):
+        good, bad = score(held.points, held.exists), score(*mixed)
+        found[title] = float((good[:, None] < bad).mean() + (good[:, None] == bad).mean() / 2)
+    return found
+
+
+def _nearest(train: FamilyFile, points: Cloud, exists: NDArray[np.bool_]) -> float:
+    """Return how far the nearest member is from a shape."""
+    both = exists & train.exists
+    apart = (np.linalg.norm(train.points - points, axis=2) * both).sum(1) / np.maximum(both.sum(1), 1)
+    return float((apart + LACKING * (train.exists != exists).mean(1)).min())
+
+
 def measured(name: str, seed: int) -> dict[str, list[Tensor]]:
     """Return what `_MEASURES` are means of, for each model of one family and seed."""
     data = collection_of(name, _MEMBERS, seed)
@@ -175,9 +224,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("families", nargs="+", help=f"{', '.join(sorted(PARTS))}, or a folder")
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--scores", action="store_true", help="measure scores of shapes, and make none")
     options = parser.parse_args()
     torch.set_num_threads(1)
     for name in options.families:
+        if options.scores:
+            told = [scores(name, seed) for seed in range(options.seeds)]
+            print(name, *(f"{each} {shown(torch.tensor([t[each] for t in told]))}" for each in told[0]), flush=True)
+            continue
         found = [measured(name, seed) for seed in range(options.seeds)]
         print(f"{name:34}" + "".join(f"{each:>18}" for each in _MEASURES))
         pooled = {

@@ -3,10 +3,9 @@
     python bench/sketch.py [--training 1200] [--other 72] [--sheet other.png]
 
 Members that training held out, drawn by its own code, and members of other seeds drawn by the code below, which works
-on pixels: edges of a picture of depth and normals, warped, grainy and rubbed out in places. Then members that are drawn
-without habits, and vases and goblets with suggestive contours and without.
-`unsure` is the share of them that is called so; drawings of other things ought to be: two of each noun of the builtin
-model that is unlike all families, drawn by the training's code.
+on pixels: edges of a picture of depth and normals, warped, grainy and rubbed out in places. `unsure` is the share of
+them that is called so; drawings of other things ought to be: two of each noun of the builtin model that is unlike all
+families, drawn by the training's code.
 """
 
 from __future__ import annotations
@@ -14,8 +13,6 @@ from __future__ import annotations
 import argparse
 import io
 import time
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +32,7 @@ from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 from training.prior.families import FAMILIES as NOUNS
 from training.prior.families import member as noun_member
-from training.sketch.habits import Habits, random_view
+from training.sketch.habits import random_view
 from training.sketch.lines import View, joined, visible_lines
 from training.sketch.network import SketchNetwork, load_network
 from training.sketch.strokes import draw
@@ -139,21 +136,6 @@ def other_drawings(count: int, seed: int = 977) -> tuple[Drawings, int, list[byt
     return Drawings(*(np.stack(column) for column in zip(*rows, strict=True))), refused, files
 
 
-def without_habits(_: str, __: Mapping[str, str], random: np.random.Generator) -> Habits:
-    """Return how a renderer draws."""
-    return Habits(random_view(random))
-
-
-def turned(contours: bool) -> Drawings:
-    """Return drawings of what is round, all with suggestive contours or none; they are else the same."""
-
-    def someone(name: str, choices: Mapping[str, str], random: np.random.Generator) -> Habits:
-        return replace(Habits.some(name, choices, random), contours=contours)
-
-    made = make_drawings(600, 55, someone=someone)
-    return made.part(np.isin(made.family, [list(FAMILIES).index(name) for name in ("vase", "goblet")]))
-
-
 def of_other_things() -> Drawings:
     """Return two drawings of each noun that is unlike the families; their numbers and choices mean nothing."""
     made = []
@@ -220,9 +202,6 @@ def main() -> None:
     sets = {
         "held out": held_out,
         "other strokes": other,
-        "without habits": make_drawings(600, 54, someone=without_habits),
-        "vases and goblets with contours": turned(True),
-        "the same without": turned(False),
     }
     for title, test in sets.items():
         print(f"{title}: {len(test.family)} drawings")

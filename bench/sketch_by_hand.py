@@ -2,11 +2,9 @@
 
     python bench/sketch_by_hand.py --sheet by_hand.png
     python bench/sketch_by_hand.py --figures bench/sketch_figures_new.txt
-    python bench/sketch_by_hand.py --page http://127.0.0.1:8765/
     python bench/sketch_by_hand.py --people drawings/
 
-With `--page` of a running service, the pointer draws on the pad of its page in a browser, and the page's button asks.
-Without, the same strokes are drawn with a pen of the same width, and the network is asked directly.
+The strokes are drawn with a pen as wide as that of the page's pad.
 
 The figures of `sketch_figures.txt` are strokes that were put down as people draw such things: no mesh, no view and no
 renderer made them, perspective is wrong where people's is, and legs may be single lines. Each is drawn by three hands.
@@ -23,11 +21,9 @@ from __future__ import annotations
 import argparse
 import io
 import json
-import shutil
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,7 +31,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from playwright.sync_api import sync_playwright
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
@@ -44,8 +39,6 @@ from meshdeform.kinds.sketch.families import FAMILIES
 from meshdeform.kinds.sketch.looking import guess, is_unsure
 
 Stroke = NDArray[np.float64]
-Ask = Callable[[list[Stroke]], tuple[dict[str, Any] | None, Image.Image]]
-_ARGUMENTS = ["--no-sandbox", "--disable-3d-apis"]  # the pictures of the guesses are of no use here
 _WORDS = {"wine glass": "goblet", "floor lamp": "lamp", **{each: each for each in FAMILIES}}
 """The family of a word of QuickDraw; other words are of none."""
 _FIGURES = Path(__file__).with_name("sketch_figures.txt")
@@ -174,67 +167,20 @@ def drawn(strokes: list[Stroke], hand: Moves, random: np.random.Generator) -> li
     return made
 
 
-@contextmanager
-def on_page(url: str) -> Iterator[Ask]:
-    """Yield what draws on the pad of a service's page and asks there."""
-    with sync_playwright() as play:
-        program = shutil.which("chromium-headless-shell") or shutil.which("chromium")
-        browser = play.chromium.launch(executable_path=program, args=_ARGUMENTS)
-        page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.set_default_timeout(60_000)
-        page.goto(url)
-        page.get_by_role("button", name="Draw it").click()
-        dialog = page.get_by_role("dialog", name="Draw what it should become")
-        pad = dialog.get_by_role("img", name="Drawing")
-
-        def ask(strokes: list[Stroke]) -> tuple[dict[str, Any] | None, Image.Image]:
-            area = pad.bounding_box()
-            assert area is not None
-            corner, scale = np.array([area["x"], area["y"]]), np.array([area["width"], area["height"]]) / 100
-            for stroke in strokes:
-                places = (corner + stroke * scale).tolist()
-                page.mouse.move(*places[0])
-                page.mouse.down()
-                for place in places[1:]:
-                    page.mouse.move(*place)
-                page.mouse.up()
-            with page.expect_response("**/v1/sketches:guess") as answer:
-                dialog.get_by_role("button", name="Guess what it is").click()
-            found = dict(answer.value.json()) if answer.value.ok else None
-            picture = Image.open(io.BytesIO(pad.screenshot()))
-            dialog.get_by_role("button", name="Clear").click()
-            return found, picture
-
-        yield ask
-        browser.close()
-
-
-@contextmanager
-def on_paper() -> Iterator[Ask]:
-    """Yield what draws with a pen as wide as the pad's, and asks the network."""
-
-    def ask(strokes: list[Stroke]) -> tuple[dict[str, Any] | None, Image.Image]:
-        picture = Image.new("L", (512, 512), 255)
-        pen = ImageDraw.Draw(picture)
-        for stroke in strokes:
-            pen.line([(x, y) for x, y in (stroke * 5.12).tolist()], fill=0, width=4, joint="curve")
-        buffer = io.BytesIO()
-        picture.save(buffer, "PNG")
-        try:
-            found = guess(buffer.getvalue())
-        except DrawingError:
-            return None, picture
-        guesses = [
-            {
-                "family": each.family,
-                "probability": each.probability,
-                "parameters": [{"name": name, "value": value} for name, value in each.values.items()],
-            }
-            for each in found
-        ]
-        return {"guesses": guesses, "unsure": is_unsure(found)}, picture
-
-    yield ask
+def asked(strokes: list[Stroke]) -> tuple[dict[str, Any] | None, Image.Image]:
+    """Draw with a pen as wide as that of the page's pad, and ask the network."""
+    picture = Image.new("L", (512, 512), 255)
+    pen = ImageDraw.Draw(picture)
+    for stroke in strokes:
+        pen.line([(x, y) for x, y in (stroke * 5.12).tolist()], fill=0, width=4, joint="curve")
+    buffer = io.BytesIO()
+    picture.save(buffer, "PNG")
+    try:
+        found = guess(buffer.getvalue())
+    except DrawingError:
+        return None, picture
+    guesses = [{"family": each.family, "probability": each.probability, "values": each.values} for each in found]
+    return {"guesses": guesses, "unsure": is_unsure(found)}, picture
 
 
 def sheet(pictures: list[Image.Image], titles: list[str], columns: int = 9) -> Image.Image:
@@ -269,7 +215,7 @@ class Count:
             return said + (" unsure" if answer and answer["unsure"] else "")
         self.doubted.append(answer is None or answer["unsure"])
         first = names[:1] == [figure.family]
-        values = {each["name"]: each["value"] for each in guesses[0]["parameters"]} if first else {}
+        values = guesses[0]["values"] if first else {}
         wrong = [f"{name} {values[name]}" for name, shown in figure.shows.items() if first and values[name] != shown]
         for group in (figure.family, hand.name, "all"):
             self.right[group].append((first, figure.family in names))
@@ -294,25 +240,22 @@ class Count:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--page", metavar="URL", help="draw on the page of a running service")
     parser.add_argument("--people", type=Path, help="take the drawings of this folder of QuickDraw files")
     parser.add_argument("--figures", type=Path, default=_FIGURES)
     parser.add_argument("--sheet", type=Path, help="write all drawings with what they were taken for")
     options = parser.parse_args()
     count = Count()
     pictures, titles = [], []
-    with on_page(options.page) if options.page else on_paper() as ask:
-        if options.people:
-            for figure in people(options.people):
-                answer, picture = ask(figure.strokes)
-                titles.append(count.add(figure, _PERSON, answer))
-                pictures.append(picture)
-        for number, figure in enumerate([] if options.people else figures(options.figures.read_text("utf-8"))):
-            for index, hand in enumerate(HANDS):
-                random = np.random.default_rng([31, number, index])
-                answer, picture = ask(drawn(figure.strokes, hand, random))
-                titles.append(count.add(figure, hand, answer))
-                pictures.append(picture)
+    if options.people:
+        for figure in people(options.people):
+            answer, picture = asked(figure.strokes)
+            titles.append(count.add(figure, _PERSON, answer))
+            pictures.append(picture)
+    for number, figure in enumerate([] if options.people else figures(options.figures.read_text("utf-8"))):
+        for index, hand in enumerate(HANDS):
+            answer, picture = asked(drawn(figure.strokes, hand, np.random.default_rng([31, number, index])))
+            titles.append(count.add(figure, hand, answer))
+            pictures.append(picture)
     count.show()
     if options.sheet:
         sheet(pictures, titles).save(options.sheet)

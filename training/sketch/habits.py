@@ -35,38 +35,19 @@ _LONG = 2.5
 
 @dataclass(frozen=True)
 class Habits:
-    """How a person simplifies a thing.
-
-    Attributes
-    ----------
-    slant : (float, float)
-        How far to the right and up a unit of depth goes on the page, as in drawings that show the front as it is and
-        the depth at an angle. (0, 0): perspective alone.
-    thin : float
-        What looks narrower than this share of the whole is one line.
-    flat : bool
-        Seats and tops have no thickness.
-    legs_left_out : int
-        So many of four legs are left out, the farthest first.
-    engines : float
-        Engines are so many times as large.
-    blades : int
-        Blades of a propeller, in pairs. 0: a disc, as it looks while it turns.
-    turn_deg : float
-        How far the propeller is turned.
-    contours : bool
-        Suggestive contours are drawn too.
-    """
+    """How a person simplifies a thing."""
 
     view: View
     slant: tuple[float, float] = (0.0, 0.0)
-    thin: float = 0.0
-    flat: bool = False
-    legs_left_out: int = 0
-    engines: float = 1.0
-    blades: int = 2
-    turn_deg: float = 0.0
-    contours: bool = False
+    """How far to the right and up a unit of depth goes on the page, as in drawings that show the front as it is and the
+    depth at an angle. (0, 0): perspective alone."""
+    thin: float = 0.0  # what looks narrower than this share of the whole is one line
+    flat: bool = False  # seats and tops have no thickness
+    legs_left_out: int = 0  # so many of four legs are left out, the farthest first
+    engines: float = 1.0  # engines are so many times as large
+    blades: int = 2  # blades of a propeller, in pairs; 0: a disc, as it looks while it turns
+    turn_deg: float = 0.0  # how far the propeller is turned
+    contours: bool = False  # suggestive contours are drawn too
 
     @classmethod
     def some(cls, name: str, choices: Mapping[str, str], random: np.random.Generator) -> Habits:

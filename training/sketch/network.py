@@ -27,21 +27,11 @@ _FEATURES = 192
 
 @dataclass(frozen=True)
 class Look:
-    """What the network sees in B drawings.
+    """What the network sees in B drawings."""
 
-    Attributes
-    ----------
-    family : (B, families)
-        Logits.
-    numbers : mapping of str to (B, N)
-        Of each family, its continuous parameters as shares of their ranges.
-    choices : mapping of str to list of (B, options)
-        Of each family, logits of its discrete parameters.
-    """
-
-    family: Tensor
-    numbers: Mapping[str, Tensor]
-    choices: Mapping[str, list[Tensor]]
+    family: Tensor  # (B, families): logits
+    numbers: Mapping[str, Tensor]  # of each family (B, N): its continuous parameters as shares of their ranges
+    choices: Mapping[str, list[Tensor]]  # of each family (B, options): logits of its discrete parameters
 
 
 class SketchNetwork(nn.Module):

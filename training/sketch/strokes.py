@@ -12,29 +12,12 @@ from meshdeform.kinds.sketch.solids import Floats
 
 @dataclass(frozen=True)
 class Hand:
-    """How a hand draws; lengths are shares of the page.
+    """How a hand draws; lengths are shares of the page."""
 
-    Attributes
-    ----------
-    shake : float
-        Standard deviation of the slow waves of a stroke.
-    shift : float
-        Standard deviation of the place of a stroke.
-    overshoot : float
-        Greatest length that a stroke has too much or too little at its ends.
-    gaps : float
-        Probability that a stroke is broken.
-    again : float
-        Probability that a stroke is drawn twice.
-    lost : float
-        Probability that a short stroke is left out.
-    width : float
-        Width of a stroke.
-    """
-
-    shake: float = 0.004
-    shift: float = 0.004
-    overshoot: float = 0.015
+    shake: float = 0.004  # standard deviation of the slow waves of a stroke
+    shift: float = 0.004  # standard deviation of the place of a stroke
+    overshoot: float = 0.015  # greatest length that a stroke has too much or too little at its ends
+    # Probabilities that a stroke is broken, that it is drawn twice, and that a short one is left out
     gaps: float = 0.3
     again: float = 0.3
     lost: float = 0.1

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,8 +31,6 @@ from training.sketch.network import Look, SketchNetwork, write_network
 from training.sketch.strangers import stranger_lines
 from training.sketch.strokes import draw
 
-_Someone = Callable[[str, Mapping[str, str], np.random.Generator], Habits]
-"""Returns the habits of somebody who draws a member of a family with these choices."""
 _BATCH = 64
 _RATE = 1.5e-3
 _DECAY = 0.02
@@ -44,22 +42,12 @@ _HELD_OUT = 0.1
 
 @dataclass(frozen=True)
 class Drawings:
-    """N drawings and what they show.
+    """N drawings and what they show."""
 
-    Attributes
-    ----------
-    pictures : (N, SIDE, SIDE) uint8
-    family : (N,) int64
-        -1: of none.
-    numbers : (N, most numbers) float32
-        Shares of the ranges, and 0 beyond the family's own.
-    choices : (N, most choices) int64
-    """
-
-    pictures: NDArray[np.uint8]
-    family: NDArray[np.int64]
-    numbers: NDArray[np.float32]
-    choices: NDArray[np.int64]
+    pictures: NDArray[np.uint8]  # (N, SIDE, SIDE)
+    family: NDArray[np.int64]  # (N,) -1: of none
+    numbers: NDArray[np.float32]  # (N, most numbers): shares of the ranges, and 0 beyond the family's own
+    choices: NDArray[np.int64]  # (N, most choices)
 
     def part(self, rows: slice | NDArray[np.bool_]) -> Drawings:
         """Return some of the drawings."""
@@ -70,17 +58,13 @@ class Drawings:
         return Drawings(*(np.concatenate([a, vars(more)[name]]) for name, a in vars(self).items()))
 
 
-def draw_member(
-    name: str, values: dict[str, Value], random: np.random.Generator, someone: _Someone = Habits.some
-) -> NDArray[np.float32]:
+def draw_member(name: str, values: dict[str, Value], random: np.random.Generator) -> NDArray[np.float32]:
     """Return a drawing of a member by some person, as `prepared` returns it."""
     choices = {each.name: str(values[each.name]) for each in FAMILIES[name].choices}
-    return prepared(draw(drawn_lines(name, values, someone(name, choices, random)), random))
+    return prepared(draw(drawn_lines(name, values, Habits.some(name, choices, random)), random))
 
 
-def make_drawings(
-    count: int, seed: int, told: Callable[[str], None] = lambda _: None, someone: _Someone = Habits.some
-) -> Drawings:
+def make_drawings(count: int, seed: int, told: Callable[[str], None] = lambda _: None) -> Drawings:
     """Draw `count` random members, the families in turn; each depends on its seed and number alone."""
     names = list(FAMILIES)
     most = max(len(f.numbers) for f in FAMILIES.values()), max(len(f.choices) for f in FAMILIES.values())
@@ -94,7 +78,7 @@ def make_drawings(
         family = FAMILIES[names[row % len(names)]]
         random = np.random.default_rng([seed, row])
         values = family.draw(random)
-        made.pictures[row] = np.round(draw_member(family.name, values, random, someone) * 255)
+        made.pictures[row] = np.round(draw_member(family.name, values, random) * 255)
         made.numbers[row, : len(family.numbers)] = family.shares(values)
         made.choices[row, : len(family.choices)] = family.indices(values)
         if row % 1000 == 999:

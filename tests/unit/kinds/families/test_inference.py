@@ -120,16 +120,6 @@ def test_parts_and_correspondences_are_found_from_few_labels():
     assert np.mean(near) > 0.6
 
 
-def test_without_labels_parts_are_clusters_of_every_shape():
-    _, shapes, truth = sampled("airplanes", 6, 60, kinds=("jet",))
-    inference = Inference.start(Collection.of(*stacked(shapes)), torch.full_like(truth, -1), 20, 3)
-    for _ in range(3):
-        inference.step()
-    assert set(inference.template.labels.tolist()) == {0, 1, 2}
-    assert torch.allclose(inference.parts.sum(2), torch.ones(6, 60))
-    assert all(len(part.argmax(1).unique()) > 1 for part in inference.parts)
-
-
 def test_turned_shapes_are_turned_back_and_others_are_left_alone():
     _, shapes, _ = sampled("chairs", 12, 120)
     points = stacked(shapes)[0]

@@ -55,15 +55,6 @@ def test_samples_of_a_planted_machine_recover_its_parameters():
     assert math.isfinite(learning.best_error)
 
 
-def test_the_layers_above_tell_shapes_apart_from_the_start():
-    points, _, _, labels, random = planted(60)
-    exists = torch.ones(60, 6)
-    machine = BetaMachine.start(points, exists, labels, random, (6, 4, 3))
-    hidden = machine.infer(points, exists)
-    assert (hidden.h2.std(0) > 0.1).all()
-    assert (hidden.h3.std(0) > 0.1).all()
-
-
 def test_the_top_layer_tells_two_kinds_apart_which_both_parts_show():
     # The parts meet in the second layer alone.
     random = torch.Generator().manual_seed(3)

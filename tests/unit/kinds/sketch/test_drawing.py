@@ -154,10 +154,6 @@ def test_suggestive_contours_lie_where_the_radial_curvature_is_zero() -> None:
     assert np.abs(radial).mean() < 0.05  # of principal curvatures between -1.8 and 3.3
     assert np.abs(radial).max() < 0.3
 
-    angle = np.linspace(-np.pi / 2, np.pi / 2, 41)
-    ball = joined({"ball": lathe([(0, -1), *zip(np.cos(angle), np.sin(angle), strict=True), (0, 1)][1:-1], 48)})
-    assert not len(suggestive_contours(ball.verts, ball.faces, eye)[1])
-
 
 # Procedural families: closed solids of the stated proportions, and parameters by name.
 
@@ -240,10 +236,8 @@ def test_far_legs_are_left_out_and_thin_ones_are_single_lines() -> None:
         rest = {name: solid for name, solid in solids.items() if name == "top" or name in left}
         found = drawn_lines("table", {}, Habits(view, legs_left_out=2))
         assert length(found) == pytest.approx(length(visible_lines(joined(rest), view)))
-    lamp = {"base": "tripod"}
-    assert length(drawn_lines("lamp", lamp, replace(FRONT, legs_left_out=2))) == length(
-        drawn_lines("lamp", lamp, FRONT)
-    )
+    few = replace(FRONT, legs_left_out=2)
+    assert len({length(drawn_lines("lamp", {"base": "tripod"}, habits)) for habits in (few, FRONT)}) == 1
 
     found = drawn_lines("table", {"inset": 0.1}, Habits(View(0, 0, 12), thin=0.1, legs_left_out=2))
     upright = [line for line in found if np.ptp(line[:, 1]) > 10 * np.ptp(line[:, 0])]
