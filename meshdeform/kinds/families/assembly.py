@@ -121,10 +121,11 @@ class Assembler:
         choice: dict[int, int] = {}
         there = self.family.exists & drawn.exists
         for part, members in drawn.sources.items():
-            common = there[:, self.family.labels == part].any(axis=1) & self.offered[:, part]
-            common = there.any(axis=1) if len(members) == 1 else common
-            if able := [member for member in members if common[member]]:
-                choice[part] = able[0]
+            own = np.asarray(there[:, self.family.labels == part].any(axis=1))
+            for member in members:
+                if (own[member] and self.offered[member, part]) or (len(members) == 1 and there[member].any()):
+                    choice[part] = member
+                    break
         return choice
 
     def assemble(
