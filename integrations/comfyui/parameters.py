@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from meshdeform.requests.choices import FORM
+from meshdeform.requests.declaration import FORM
 from meshdeform.requests.groups import grouped, plain_place
 from meshdeform.requests.parameters import CommonParams, Control, DeformParams, PromptGuidance
 

@@ -21,7 +21,7 @@ from meshdeform.assets.container import Data
 from meshdeform.assets.inspect import AssetSummary, inspect_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
-from meshdeform.requests.choices import StrictModel
+from meshdeform.requests.declaration import StrictModel
 
 MIN_COLLECTION, MAX_COLLECTION = 10, 3000
 LABELS_FILE = "labels.json"

@@ -5,19 +5,14 @@ Needs no pydantic, so that the command line starts fast.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import StrEnum
-from typing import Any, TypeVar
-
-from pydantic import BaseModel, ConfigDict, Field
+from typing import TypeVar
 
 from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Rigidity, Safeguard
 
 __all__ = [
     "BUILTIN_MODEL",
     "DEFAULT_SD_MODEL",
-    "FORM",
-    "OF_PRESET",
     "SENT_MODEL",
     "TAUGHT_SUFFIX",
     "WEIGHTS_PART",
@@ -34,7 +29,6 @@ __all__ = [
     "RigMode",
     "Rigidity",
     "Safeguard",
-    "StrictModel",
     "Symmetry",
     "SynthesisMode",
     "is_builtin",
@@ -42,8 +36,6 @@ __all__ = [
     "is_taught",
     "member_of",
     "model_of_job",
-    "nullable",
-    "of_preset",
     "teaching_job",
 ]
 
@@ -180,43 +172,3 @@ def model_of_job(job_id: str) -> str:
 def is_builtin(model: str) -> bool:
     """Return whether a model is the builtin prior, with the words of the package or with taught ones."""
     return model == BUILTIN_MODEL or is_taught(model) or is_sent(model)
-
-
-FORM = "x-form"
-"""Schema member that describes a field of the page's form: `label`, `help`, and `choices` as pairs of value and label.
-The form shows the parameters that have it."""
-
-OF_PRESET = "x-of-preset"
-"""Schema member that marks a parameter whose default comes from the preset."""
-
-_ABOUT = frozenset({"title", "description", "examples", FORM})
-"""Members of a schema that do not constrain values."""
-
-
-class StrictModel(BaseModel):
-    """An immutable document that refuses unknown members."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-def of_preset(paper: float | StrEnum, description: str, *, form: Mapping[str, Any] | None = None, **bounds: Any) -> Any:
-    """Declare a parameter whose default comes from the preset.
-
-    `paper`: the paper's value, used by presets that do not override it; `form`: the value of `FORM`, for parameters
-    shown in the form. `**bounds`: arguments of pydantic's `Field`; the default of `examples` is the paper's value.
-    """
-    shown = f"`{paper}`" if isinstance(paper, StrEnum) else f"{paper:g}"
-    extra: dict[str, Any] = {OF_PRESET: True, **({FORM: dict(form)} if form else {})}
-    return Field(
-        paper,
-        description=f"{description} Default: the preset's. Paper: {shown}.",
-        json_schema_extra=extra,
-        **{"examples": [paper], **bounds},
-    )
-
-
-def nullable(member: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of a member that may also be null."""
-    kind = {key: value for key, value in member.items() if key not in _ABOUT}
-    about = {key: value for key, value in member.items() if key in _ABOUT}
-    return {"anyOf": [*kind.get("anyOf", [kind]), {"type": "null"}], **about}

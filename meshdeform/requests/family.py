@@ -6,7 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from meshdeform.requests.choices import StrictModel, SynthesisMode
+from meshdeform.requests.choices import SynthesisMode
+from meshdeform.requests.declaration import StrictModel
 
 MAX_SYNTHESES = 64
 

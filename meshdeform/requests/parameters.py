@@ -34,8 +34,6 @@ from pydantic_core import CoreSchema
 
 from meshdeform.requests.choices import (
     BUILTIN_MODEL,
-    FORM,
-    OF_PRESET,
     AlignMode,
     AppearanceMode,
     BackdropMode,
@@ -44,11 +42,9 @@ from meshdeform.requests.choices import (
     OrientationMode,
     Preset,
     Safeguard,
-    StrictModel,
     Symmetry,
-    nullable,
-    of_preset,
 )
+from meshdeform.requests.declaration import FORM, OF_PRESET, StrictModel, nullable, of_preset
 from meshdeform.requests.selection import (
     MAX_HANDLES,
     MAX_LANDMARKS,

@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, StrictInt, StringConstraints, WithJsonSchema, model_validator
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import RegionAction, Rigidity, StrictModel
+from meshdeform.requests.choices import RegionAction, Rigidity
+from meshdeform.requests.declaration import StrictModel
 
 MAX_HANDLES = 64
 MAX_LANDMARKS = 256

@@ -13,7 +13,7 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import StrictModel
+from meshdeform.requests.declaration import StrictModel
 
 Value = float | str
 """A value of a parameter: a number, or the name of a choice."""

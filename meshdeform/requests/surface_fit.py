@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from meshdeform.requests.choices import StrictModel
+from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.parameters import MAX_STEPS
 from meshdeform.requests.selection import Point
 

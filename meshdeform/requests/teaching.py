@@ -6,7 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from meshdeform.requests.choices import BUILTIN_MODEL, StrictModel
+from meshdeform.requests.choices import BUILTIN_MODEL
+from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.parameters import MAX_STEPS
 
 TEACH_STEPS, TEACH_STEPS_FURTHER = 600, 60

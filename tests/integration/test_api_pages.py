@@ -14,7 +14,7 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.requests.choices import FORM
+from meshdeform.requests.declaration import FORM
 from meshdeform.requests.document import DeformParams, OutputOptions, Safeguard
 from meshdeform.settings import Settings
 from service.page.routes import PAGE_HEADERS
