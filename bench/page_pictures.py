@@ -42,7 +42,7 @@ PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "is_mobile":
 @contextmanager
 def with_jobs(folder: Path, steps: int) -> Iterator[tuple[str, str]]:
     """Run a service with finished jobs; yield its URL and the id of one of them."""
-    with serving(folder) as service:
+    with serving(folder, PYTHONPATH=str(ROOT)) as service:  # without the tests' smaller pictures
         jobs = []
         for seed, prompt in enumerate(PROMPTS):
             params = {"steps": steps, "seed": seed, "checkpoint_every_steps": max(1, steps // 5)}
@@ -153,7 +153,7 @@ def main() -> None:
 
 
 def _all(browser: Browser, url: str, job: str, out: Path) -> None:
-    desktop = {"viewport": {"width": 1200, "height": 470}}
+    desktop = {"viewport": {"width": 1200, "height": 760}}
     take(browser, url, out / "web_job.png", f"/#/jobs/{job}", ".files", "Stretch", **JOB)
     take(browser, url, out / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
     take(browser, url, out / "web_phone.png", f"/#/jobs/{job}", ".files", **PHONE)

@@ -242,6 +242,7 @@ def test_a_field_of_ones_own_is_opened_and_nothing_is_sent(page: Page, watch: Wa
     data = small_field()
     page.goto("/#/surface", wait_until="networkidle")
     page.get_by_role("link", name="Open a .ndf").click()
+    page.locator("#field-file").wait_for(state="attached")
     watch.sent.clear()
     tag = page.locator(".field-stage .viewer-tag")
     page.set_input_files("#field-file", {"name": "ball.ndf", "mimeType": "", "buffer": data})

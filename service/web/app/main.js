@@ -45,7 +45,7 @@ const VIEWS = {
 /**
  * Say that a view could not be loaded, and load the page again once the server answers: browsers keep a module that
  * failed, and what was typed is a draft. Not soon after another reload, or what is always missing would never rest.
- * @type {View}
+ * @param {HTMLElement} root @param {Scope} scope
  */
 async function showUnloaded(root, scope) {
   fill(root, h("h1", null, "The page could not be loaded"), h("p", { class: "lead", role: "status" }, "The server does not answer. Trying again… ", button("Reload", () => location.reload())));

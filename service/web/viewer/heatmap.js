@@ -89,7 +89,7 @@ export class HeatMaterial extends MeshStandardMaterial {
     super({ roughness: 1, metalness: 0, side: DoubleSide, flatShading });
     this.toneMapped = false;
     const passed = `${whole ? "flat " : ""}varying float vHeat;`;
-    this.onBeforeCompile = (shader) => {
+    this.onBeforeCompile = (/** @type {import("three").WebGLProgramParametersWithUniforms} */ shader) => {
       shader.uniforms.heatColors = { value: colors };
       shader.vertexShader = shader.vertexShader
         .replace("#include <common>", `#include <common>\nattribute float heat;\n${passed}`)

@@ -43,7 +43,7 @@ export class SharedRenderer extends EventTarget {
     super();
     const canvas = document.createElement("canvas");
     const attributes = { alpha: true, antialias: true, depth: true, stencil: false, premultipliedAlpha: true };
-    const context = canvas.getContext("webgl2", attributes);
+    const context = /** @type {WebGL2RenderingContext | null} */ (canvas.getContext("webgl2", attributes));
     if (!context) throw new Error(NO_WEBGL);
     this.canvas = canvas;
     this.gl = new WebGLRenderer({ canvas, context, ...attributes });
