@@ -36,7 +36,7 @@ _REPLACED = (
     (r"which tasks may share", "which threads may share"),
     (r"A notebook shows its preview only after `result\.preview\(\)`, since showing cannot await it\.",
      "A notebook shows its preview, with the asset before and after."),
-    (r"html_of, label$", "html_of, label, shown"),
+    (r"^    label,$", "    label,\n    shown,"),
 )  # fmt: skip
 
 
