@@ -240,12 +240,13 @@ class TextDeformRun(JobRun):
 
     @cached_property
     def _keeps_ground(self) -> bool:
-        """Whether the result stands where the source stood: by a prompt, if built or on the origin."""
+        """Whether the result stands where the source stood: by a prompt, if built, on the origin or over a backdrop."""
         structure, heights = self._deformation.structure, self._facts.welded.mesh.verts[:, 1]
         if structure is None or pose_in_frame(self._facts.asset, self._facts.welded, self._facts.frame) is not None:
             return False
         stands = abs(float(heights.min())) <= _ON_ORIGIN * float(heights.max() - heights.min())
-        return structure.level or stands
+        backdrop = self._facts.asset.backdrop
+        return structure.level or stands or (backdrop is not None and backdrop.left)
 
     def _world_verts(self) -> Tensor:
         constraints = self._facts.control.constraints
