@@ -27,8 +27,7 @@ export function keepDraft(draft) {
   } catch {
     // Full or forbidden: it is held while the page is open.
   }
-  clearTimeout(timer);
-  timer = window.setTimeout(store, 400);
+  timer ||= window.setTimeout(store, 400); // soon after the first change, however many follow
 }
 
 /** @returns {Promise<Draft | null>} the last draft of this page, or else of this browser */
@@ -51,6 +50,7 @@ export function forgetDraftOf(job) {
 /** Delete the draft. */
 export async function forgetDrafts() {
   clearTimeout(timer);
+  timer = 0;
   held = null;
   try {
     localStorage.removeItem(NAME);
@@ -72,6 +72,7 @@ function stored() {
 
 /** Write the files to IndexedDB. */
 async function store() {
+  timer = 0;
   const { asset = null, files = {} } = held ?? {};
   const kept = Object.entries({ ...(asset ? { asset } : {}), ...files }).filter(([, { size }]) => size <= LARGEST_BYTES);
   const record = Object.fromEntries(kept.map(([part, { blob, name }]) => [part, { file: blob, name }]));
