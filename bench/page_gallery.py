@@ -71,10 +71,10 @@ EXAMPLES = (
     Example(
         "kept-foot",
         "vase.glb",
-        "Painted vase, its lower half kept",
-        "an umbrella",
+        "Painted vase, its foot kept",
+        "a mushroom",
         0,
-        {"regions": [{"box": {"min": [-1, -1, -1], "max": [1, 0.05, 1]}, "action": "keep"}]},
+        {"regions": [{"box": {"min": [-1, -1, -1], "max": [1, -0.2, 1]}, "action": "keep"}]},
     ),
 )
 

@@ -58,7 +58,7 @@ def test_an_example_is_changed_first(page: Page) -> None:
     page.goto("/#/examples/kept-foot")
     expect(page.get_by_role("region", name="Control")).to_contain_text("Keep: Box")
     page.get_by_role("button", name="Change it first").click()
-    expect(page.get_by_label("Prompt", exact=True)).to_have_value("an umbrella")
+    expect(page.get_by_label("Prompt", exact=True)).to_have_value("a mushroom")
     expect(page.locator("#asset-facts")).to_contain_text("vase.glb")
     expect(page.get_by_role("list", name="Regions and handles").get_by_role("listitem")).to_have_count(1)
     page.get_by_label("Prompt", exact=True).fill("a lamp")
