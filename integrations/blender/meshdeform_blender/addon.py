@@ -259,7 +259,7 @@ class MESHDEFORM_PT_panel(bpy.types.Panel):
             layout.prop(settings, "front")
         for name in ("preset", "steps", "seed", "apply"):
             layout.prop(settings, name)
-        self._draw_control(context, settings)
+        _draw_control(layout, context, settings)
         status = current.status
         if status is not None:
             row = layout.row()
@@ -273,21 +273,22 @@ class MESHDEFORM_PT_panel(bpy.types.Panel):
                 icon = "NONE" if number else ("ERROR" if current.is_error else "INFO")
                 box.label(text=line, icon=icon)
 
-    def _draw_control(self, context: Any, settings: Any) -> None:
-        """Draw what says where the meshes may deform."""
-        column = self.layout.column(heading="Control")
-        column.prop(settings, "region")
-        active = context.view_layer.objects.active
-        if settings.region != "none":
-            if active is not None and active.type == "MESH":
-                column.prop_search(settings, "group", active, "vertex_groups")
-            else:
-                column.prop(settings, "group")
-        column.prop(settings, "symmetry")
-        column.prop(settings, "handles")
-        if settings.handles is not None:
-            column.prop(settings, "handle_weight")
-        column.operator("meshdeform.add_handle", icon="EMPTY_DATA")
+
+def _draw_control(layout: Any, context: Any, settings: Any) -> None:
+    """Draw what says where the meshes may deform."""
+    column = layout.column(heading="Control")
+    column.prop(settings, "region")
+    active = context.view_layer.objects.active
+    if settings.region != "none":
+        if active is not None and active.type == "MESH":
+            column.prop_search(settings, "group", active, "vertex_groups")
+        else:
+            column.prop(settings, "group")
+    column.prop(settings, "symmetry")
+    column.prop(settings, "handles")
+    if settings.handles is not None:
+        column.prop(settings, "handle_weight")
+    column.operator("meshdeform.add_handle", icon="EMPTY_DATA")
 
 
 _CLASSES = (

@@ -308,6 +308,10 @@ class Layout:
         assert name in owner.bl_rna.properties
         self.words.append(name)
 
+    def prop_search(self, owner: Any, name: str, data: Any, collection: str) -> None:
+        assert collection in data.bl_rna.properties
+        self.prop(owner, name)
+
     def operator(self, name: str, **options: Any) -> None:
         assert getattr(bpy.ops.meshdeform, name.partition(".")[2]).get_rna_type()
         self.words.append(name)
@@ -326,7 +330,8 @@ class Layout:
 
 
 def drawn(addon: Any) -> list[str]:
-    context = SimpleNamespace(scene=bpy.context.scene, region=SimpleNamespace(width=300))
+    view_layer, region = bpy.context.view_layer, SimpleNamespace(width=300)
+    context = SimpleNamespace(scene=bpy.context.scene, region=region, view_layer=view_layer)
     layout = Layout([])
     addon.MESHDEFORM_PT_panel.draw(SimpleNamespace(layout=layout), context)
     return layout.words
@@ -339,7 +344,7 @@ def test_the_panel_and_the_timer_as_blender_calls_them(scene: Any) -> None:
     target, suzanne = ball(), monkey()
     select(suzanne)
     towards(scene, target)
-    assert "meshdeform.deform" in drawn(addon)
+    assert {"meshdeform.deform", "region", "symmetry", "handles"} <= set(drawn(addon))
     kind, reports = addon.MESHDEFORM_OT_deform, []
     operator = SimpleNamespace(report=lambda level, text: reports.append(text))
     operator._start = MethodType(kind._start, operator)
