@@ -134,7 +134,7 @@ def _shape_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         parts = ", ".join(f"{each['part']} of {each['member']}" for each in shape["parts"])
         loose, gap = shape["loose"], max((each["gap"] for each in shape["parts"]), default=0)
         apart = [f"loose: {', '.join(loose)}"] * bool(loose) + [f"parts up to {gap:.1%} apart"] * (gap > _APART)
-        said = [parts, *apart, f"more plausible than {shape['plausibility']:.0%} of the members"]
+        said = [parts, *apart, f"most like {shape['nearest_members'][0]['name']}"]
         yield f"{shape['name']}  {'; '.join(said)}"
     for each in summary["nearest_members"] or ():
         yield f"{each['distance']:9.3f}  {each['name']}"

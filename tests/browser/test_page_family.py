@@ -126,7 +126,7 @@ def test_a_family_is_found_and_new_shapes_are_made_of_it(page: Page, tmp_path: P
     page.get_by_role("button", name="Make shapes").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("New shapes of a family")
     expect(badge(page)).to_have_text("Succeeded")
-    expect(page.locator(".viewer-tag", has_text="more plausible than")).to_be_visible()
+    expect(page.locator(".viewer-tag", has_text="most like")).to_be_visible()
 
     page.goto(fitted)
     page.get_by_role("button", name="Edit and run again").click()

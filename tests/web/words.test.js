@@ -49,8 +49,8 @@ test("how well a target is met, and the source of a surface fit", () => {
 
 test("a shape of a family whose parts hang apart is not only praised", () => {
   const parts = [{ gap: 0.002 }, { gap: 0.0449 }];
-  assert.equal(shapeWords({ plausibility: 1, loose: [], parts: [parts[0]] }), "more plausible than 100% of the members");
-  assert.equal(shapeWords({ plausibility: 1, loose: ["arm"], parts }), "loose: arm; parts up to 4% apart; more plausible than 100% of the members");
+  assert.equal(shapeWords({ nearest_members: [{ name: "chair.glb", distance: 0.1 }], loose: [], parts: [parts[0]] }), "most like chair.glb");
+  assert.equal(shapeWords({ nearest_members: [{ name: "chair.glb", distance: 0.1 }], loose: ["arm"], parts }), "loose: arm; parts up to 4% apart; most like chair.glb");
 });
 
 test("what a result looks like, and whether that was asked for", () => {

@@ -131,13 +131,13 @@ function fitted(report) {
   return found;
 }
 
-/** What of a new shape of a family hangs apart, and how plausible it is to the model, which sees no gaps. @param {any} shape */
-export function shapeWords({ plausibility, loose = [], parts = [] }) {
+/** What of a new shape of a family hangs apart, and which member it is most like. @param {any} shape */
+export function shapeWords({ nearest_members: nearest, loose = [], parts = [] }) {
   const gap = Math.max(0, ...parts.map((/** @type {any} */ part) => number(part.gap) ?? 0));
   return [
     loose.length ? `loose: ${loose.join(", ")}` : "",
     gap > 0.01 ? `parts up to ${percent(gap)} apart` : "",
-    `more plausible than ${percent(plausibility)} of the members`,
+    `most like ${nearest[0].name}`,
   ].filter(Boolean).join("; ");
 }
 

@@ -80,10 +80,10 @@ def test_each_prompt_gets_a_line() -> None:
 
 def test_a_shape_whose_parts_hang_apart_is_not_only_praised() -> None:
     parts = [{"part": "seat", "member": "a", "gap": 0.002}, {"part": "lid", "member": "b", "gap": 0.0449}]
-    shape = {"name": "0.glb", "parts": parts, "loose": ["arm"], "plausibility": 1.0}
+    shape = {"name": "0.glb", "parts": parts, "loose": ["arm"], "nearest_members": [{"name": "c.glb", "distance": 0.1}]}
     whole = {**shape, "parts": parts[:1], "loose": []}
     summary = {"folder": "x", "files": [], "shapes": [shape, whole], "nearest_members": None}
     assert list(_shape_lines(summary))[2:] == [
-        "0.glb  seat of a, lid of b; loose: arm; parts up to 4.5% apart; more plausible than 100% of the members",
-        "0.glb  seat of a; more plausible than 100% of the members",
+        "0.glb  seat of a, lid of b; loose: arm; parts up to 4.5% apart; most like c.glb",
+        "0.glb  seat of a; most like c.glb",
     ]

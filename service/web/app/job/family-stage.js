@@ -78,7 +78,7 @@ export class FamilyStage extends PictureStage {
     await this.shape.load(bytes.slice().buffer, "glb", true);
   }
 
-  /** What a shape is: how far it is from one member to the other, or how plausible. @param {number} number */
+  /** What a shape is: how far it is from one member to the other, or which one it is most like. @param {number} number */
   _label(number) {
     const { mode, members } = this.job.params;
     if (mode === "interpolate") return `${percent(number / (this.files.size - 1))} from ${members[0]} to ${members[1]}`;
