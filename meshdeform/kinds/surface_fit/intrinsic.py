@@ -188,9 +188,9 @@ def spectrum(mesh: IntrinsicMesh, count: int) -> tuple[_Floats, _Floats]:
     matrix, count = laplacian(mesh), min(count, mesh.vertices - 2)
     # Shifted a little below zero, where L is singular.
     shift = -1e-2 / masses.sum()
-    solve = splu(
-        (matrix - shift * sparse.diags(masses)).tocsc(), diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    # Beside a large part, the shift of a small one is below what floats hold; a share of its own diagonal is not.
+    shifted = matrix - shift * sparse.diags(masses) + 1e-12 * sparse.diags(matrix.diagonal())
+    solve = splu(shifted.tocsc(), diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     inverse = sparse.linalg.LinearOperator(matrix.shape, solve.solve, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(mesh.vertices)
     values, vectors = eigsh(
@@ -205,14 +205,20 @@ class HeatGeodesics:
 
     def __init__(self, mesh: IntrinsicMesh) -> None:
         self._mesh = mesh
-        masses, matrix = mass(mesh), laplacian(mesh)
-        time = float(np.average((mesh.lengths**2).mean(1), weights=areas_of(mesh.lengths)))
+        masses, matrix, areas = mass(mesh), laplacian(mesh), areas_of(mesh.lengths)
+        count, self._parts = csgraph.connected_components(matrix, directed=False)
+        # A time for each part: that of a large one would be forever on a small one.
+        part = self._parts[mesh.faces[:, 0]]
+        squares = np.bincount(part, areas * (mesh.lengths**2).mean(1), count)
+        time = squares / np.maximum(np.bincount(part, areas, count), 1e-300)
+        # Each part is held at a vertex: what is to be solved sums to zero on it, so the rest is exact.
+        held = np.zeros(mesh.vertices)
+        held[np.unique(self._parts, return_index=True)[1]] = 1.0
+        heat = sparse.diags(masses) + sparse.diags(time[self._parts]) @ matrix
+        grounded = matrix + sparse.diags(held * np.maximum(matrix.diagonal(), 1.0))
         options = {"SymmetricMode": True}
-        self._heat = splu((sparse.diags(masses) + time * matrix).tocsc(), diag_pivot_thresh=0.0, options=options)
-        shift = 1e-10 / max(float(masses.sum()), 1e-300)
-        self._poisson = splu((matrix + shift * sparse.diags(masses)).tocsc(), diag_pivot_thresh=0.0, options=options)
+        self._heat, self._poisson = (splu(m.tocsc(), diag_pivot_thresh=0.0, options=options) for m in (heat, grounded))
         self._weights = half_cotangents(mesh.lengths)
-        _, self._parts = csgraph.connected_components(matrix, directed=False)
 
     def distances(self, sources: Sequence[int]) -> _Floats:
         """Return distances (V,) from the nearest of some vertices; infinite on parts without one."""

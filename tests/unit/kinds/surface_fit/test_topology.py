@@ -357,6 +357,18 @@ def test_geodesics_on_a_sphere_are_angles_and_other_parts_are_infinitely_far() -
     assert np.isinf(found[len(angles) :]).all()
 
 
+def test_geodesics_of_parts_beside_one_of_which_they_are_nothing() -> None:
+    """A shift of the whole by its area is below what floats hold beside a small part, whose last pivot may be zero."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    squares = [corners * 1e-6 + [3.0 * k, 0, 0] for k in range(9)]
+    faces = [np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(10)]
+    mesh = delaunay(np.concatenate([corners * 1e6, *squares]), np.concatenate(faces))
+    assert np.isfinite(spectrum(mesh, 8)[0]).all()
+    found = HeatGeodesics(mesh).distances([4])
+    assert found[[4, 5, 7]] == pytest.approx([0.0, 1e-6, 1e-6], rel=0.2, abs=1e-9)
+    assert np.isinf(found[8:]).all()
+
+
 def uneven_sphere() -> tuple[np.ndarray, np.ndarray]:
     """A unit sphere with most of its vertices in a small cap, as a base has them where a surface bends."""
     random = np.random.default_rng(0)
