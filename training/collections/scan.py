@@ -131,29 +131,29 @@ def turns(shown: _View, template: _View) -> tuple[int, NDArray[np.float64]]:
 
 def _generated(noun: str) -> _View:
     """Return the mean of the views of a family's plain members."""
-    drawn = [member(noun, (), np.random.default_rng([5, number])) for number in range(_TEMPLATES)]
-    return np.asarray(np.mean([four_views(normalised(each)) for each in drawn], axis=0), dtype=np.float32)
+    members = [member(noun, (), np.random.default_rng([5, number])) for number in range(_TEMPLATES)]
+    return np.asarray(np.mean([four_views(normalised(each)) for each in members], axis=0), dtype=np.float32)
 
 
 def set_fronts(members: Sequence[Seen]) -> None:
     """Set the front of each file: its pack's habit, learnt from nouns with a family, or its own if clear."""
-    templates = {noun: _generated(noun) for noun in {found.noun for found, _ in members} & set(FAMILIES)}
+    templates = {noun: _generated(noun) for noun in {asset.noun for asset, _ in members} & set(FAMILIES)}
     votes = defaultdict[str, dict[str, Counter[int]]](lambda: defaultdict(Counter))
     clear = {}
-    for found, drawn in members:
-        if found.noun in templates:
-            turn, errors = turns(drawn.views, templates[found.noun])
+    for asset, picture in members:
+        if asset.noun in templates:
+            turn, errors = turns(picture.views, templates[asset.noun])
             best, second = np.sort(errors)[:2]
             if best < _CLEARLY * second:
-                clear[found.path] = turn
-                votes[found.pack][found.noun][turn] += 1
-    for found, _ in members:
-        found.front_deg = 90 * clear.get(found.path, _habit(votes[found.pack].values()))
+                clear[asset.path] = turn
+                votes[asset.pack][asset.noun][turn] += 1
+    for asset, _ in members:
+        asset.front_deg = 90 * clear.get(asset.path, _habit(votes[asset.pack].values()))
 
 
 def _habit(votes: Iterable[Counter[int]]) -> int:
     """Return the turn that most nouns of a pack agree on: each has one vote; 0, as glTF says, if they disagree."""
-    agreed = Counter(own.most_common(1)[0][0] for own in votes)
+    agreed = Counter(turns.most_common(1)[0][0] for turns in votes)
     turn, count = max(agreed.items(), key=lambda entry: entry[1], default=(0, 0))
     return turn if count >= _FEWEST_NOUNS and 3 * count >= 2 * agreed.total() else 0
 
@@ -165,27 +165,27 @@ def align_groups(members: Sequence[Seen]) -> None:
         if each[0].noun not in FAMILIES:
             groups[each[0].noun][each[0].pack].append(each)
     for packs in groups.values():
-        largest, *others = sorted(packs.values(), key=len, reverse=True)
-        for own in others:
+        largest, *smaller = sorted(packs.values(), key=len, reverse=True)
+        for own in smaller:
             turn, errors = turns(_mean_view(own), _mean_view(largest))
-            for found, _ in own if errors[turn] < _CLEARLY * errors[0] else []:
-                found.front_deg = (found.front_deg + 90 * turn) % 360
+            for asset, _ in own if errors[turn] < _CLEARLY * errors[0] else []:
+                asset.front_deg = (asset.front_deg + 90 * turn) % 360
             largest = [*largest, *own]
 
 
 def _mean_view(members: Sequence[Seen]) -> _View:
-    shown = [np.roll(drawn.views, -found.front_deg // 90, 0) for found, drawn in members]
+    shown = [np.roll(picture.views, -asset.front_deg // 90, 0) for asset, picture in members]
     return np.asarray(np.mean(shown, axis=0), dtype=np.float32)
 
 
 def standing_alike(members: Sequence[Seen]) -> list[Seen]:
     """Return the members without long ones that lie where most of their noun stand, or stand where most lie."""
     votes = defaultdict[str, Counter[bool]](Counter)
-    stands = {found.path: _stands(drawn.part) for found, drawn in members}
-    for found, _ in members:
-        if (standing := stands[found.path]) is not None:
-            votes[found.noun][standing] += 1
-    habit = {noun: own.most_common(1)[0][0] for noun, own in votes.items()}
+    stands = {asset.path: _stands(picture.part) for asset, picture in members}
+    for asset, _ in members:
+        if (standing := stands[asset.path]) is not None:
+            votes[asset.noun][standing] += 1
+    habit = {noun: stances.most_common(1)[0][0] for noun, stances in votes.items()}
     return [each for each in members if stands[each[0].path] in (None, habit.get(each[0].noun))]
 
 
@@ -198,38 +198,38 @@ def _stands(part: Part) -> bool | None:
 
 def unlike(members: Sequence[Seen], known: Sequence[Drawn]) -> list[Seen]:
     """Return the first of each shape of a noun, without those that are known from elsewhere."""
-    kept: list[Seen] = []
-    for found, drawn in members:
-        peers = [other for each, other in kept if each.noun == found.noun]
-        if not any(same(drawn, other) for other in (*peers, *known)):
-            kept.append((found, drawn))
-    return kept
+    distinct: list[Seen] = []
+    for asset, picture in members:
+        peers = [other for each, other in distinct if each.noun == asset.noun]
+        if not any(same(picture, other) for other in (*peers, *known)):
+            distinct.append((asset, picture))
+    return distinct
 
 
 def scan(folder: Path, output: Path, leave_out: Sequence[Path]) -> dict[str, Any]:
     """Scan a folder of collections; write and return the index."""
     (output / "shapes").mkdir(parents=True, exist_ok=True)
     members, refused = list[Seen](), dict[str, str]()
-    for found, path in candidates(folder):
+    for asset, path in candidates(folder):
         try:
-            members.append((found, Drawn.of(read_shape(path).part)))
+            members.append((asset, Drawn.of(read_shape(path).part)))
         except MeshdeformError as error:
-            refused[found.path] = error.detail
-    kept = standing_alike(unlike(members, [Drawn.of(read_shape(path).part) for path in leave_out]))
-    set_fronts(kept)
-    align_groups(kept)
-    for noun in {found.noun for found, _ in kept}:
-        own = [found for found, _ in kept if found.noun == noun]
-        split = split_of([(found.path, found.author, found.pack) for found in own])
-        for found in own:
-            found.split = split[found.path]
-    for found, drawn in kept:
-        verts, faces = drawn.part.verts.astype(np.float32), drawn.part.faces.astype(np.int32)
-        np.savez(output / "shapes" / f"{found.shape}.npz", verts=verts, faces=faces, views=drawn.views)
-    paths = {found.path for found, _ in kept}
+            refused[asset.path] = error.detail
+    chosen = standing_alike(unlike(members, [Drawn.of(read_shape(path).part) for path in leave_out]))
+    set_fronts(chosen)
+    align_groups(chosen)
+    for noun in {asset.noun for asset, _ in chosen}:
+        assets = [asset for asset, _ in chosen if asset.noun == noun]
+        split = split_of([(asset.path, asset.author, asset.pack) for asset in assets])
+        for asset in assets:
+            asset.split = split[asset.path]
+    for asset, picture in chosen:
+        verts, faces = picture.part.verts.astype(np.float32), picture.part.faces.astype(np.int32)
+        np.savez(output / "shapes" / f"{asset.shape}.npz", verts=verts, faces=faces, views=picture.views)
+    paths = {asset.path for asset, _ in chosen}
     index = {
-        "members": [asdict(found) for found, _ in kept],
-        "left_out": sorted(found.path for found, _ in members if found.path not in paths),
+        "members": [asdict(asset) for asset, _ in chosen],
+        "left_out": sorted(asset.path for asset, _ in members if asset.path not in paths),
         "refused": refused,
     }
     write_files({output / "members.json": (json.dumps(index, indent=1) + "\n").encode()})
@@ -251,10 +251,12 @@ def counts(members: Sequence[dict[str, str]]) -> str:
     """Return a table of nouns: members of the prior, of the judge, held out, authors and packs."""
     lines = ["noun | prior | judge | held out | authors | packs"]
     for noun in sorted({each["noun"] for each in members}):
-        own = [each for each in members if each["noun"] == noun]
-        split = Counter(each["split"] for each in own)
+        entries = [each for each in members if each["noun"] == noun]
+        split = Counter(each["split"] for each in entries)
         row = [noun, split["prior"], split["judge"], split["held out"]]
-        lines.append(" | ".join(map(str, [*row, len({e["author"] for e in own}), len({e["pack"] for e in own})])))
+        lines.append(
+            " | ".join(map(str, [*row, len({e["author"] for e in entries}), len({e["pack"] for e in entries})]))
+        )
     return "\n".join(lines)
 
 

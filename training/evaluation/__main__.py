@@ -167,8 +167,10 @@ def evaluate(
         if rejudge:
             document = runner.rejudge(_kept_plan(out, settings, judge, clip), say=print_line)
         else:
-            wanted = plan()
-            document = runner.run(wanted, jobs=jobs or runner.default_jobs(wanted), limit=limit, say=print_line)
+            plan_wanted = plan()
+            document = runner.run(
+                plan_wanted, jobs=jobs or runner.default_jobs(plan_wanted), limit=limit, say=print_line
+            )
     except KeyboardInterrupt:
         raise OutcomeError(
             ExitCode.INTERRUPTED, "interrupted", "Interrupted.", f"The same command resumes in {out}."
@@ -275,22 +277,22 @@ def _kept_plan(out: Path, settings: Settings, judge: str, clip: Path | None) -> 
     from meshdeform.runs.devices import resolve_device
     from training.evaluation.plan import plan_of, read_manifest
 
-    found = read_manifest(out)
-    if found is None:
+    manifest = read_manifest(out)
+    if manifest is None:
         raise ParameterError(f"There is no run in {out}.", advice="Name the folder of a run with --out.")
     clip_folder = str(clip.resolve()) if clip else ""
-    return plan_of(out, found, judge=judge, clip=clip_folder, device=resolve_device(settings.device))
+    return plan_of(out, manifest, judge=judge, clip=clip_folder, device=resolve_device(settings.device))
 
 
-def _model(prior: str, given: str | None, settings: Settings) -> str:
+def _model(prior: str, choice: str | None, settings: Settings) -> str:
     from meshdeform.priors import configured_name
     from meshdeform.requests.choices import is_builtin, is_taught
     from meshdeform.requests.document import BUILTIN_MODEL, DEFAULT_SD_MODEL
 
     if prior == "builtin":
-        if given is not None and not is_builtin(given):
+        if choice is not None and not is_builtin(choice):
             raise typer.BadParameter("this goes with --prior sd", param_hint="--model")
-        model = given or BUILTIN_MODEL
+        model = choice or BUILTIN_MODEL
         if not is_taught(model) or Path(model).expanduser().exists():
             return model
         return configured_name(model, settings.offered_models)

@@ -105,11 +105,11 @@ class ClipJudge:
         cosines = self.similarities(mesh, prompts)
         sharpness = float(self._model.logit_scale.exp())
         scores = dict(zip(prompts, (cosines.mean(0).double() * sharpness).tolist(), strict=True))
-        wanted = list(prompts).index(prompt)
+        index = list(prompts).index(prompt)
         return {
             **ranked(scores, prompt),
-            "cosine": float(cosines[:, wanted].mean()),
-            "views_hit": float((cosines.argmax(1) == wanted).double().mean()),
+            "cosine": float(cosines[:, index].mean()),
+            "views_hit": float((cosines.argmax(1) == index).double().mean()),
         }
 
 
@@ -126,9 +126,9 @@ def refuse_the_guides_own(folder: Path, model: str, revision: str = "") -> None:
     from meshdeform.priors.model_files import find
 
     guide = find(model, revision).folder
-    own, guides = _embedding(folder), _embedding(guide / "text_encoder")
-    same = own is not None and guides is not None and own.shape == guides.shape
-    if same and torch.allclose(own, guides, rtol=1e-2, atol=1e-4):  # type: ignore[arg-type]
+    judge_embedding, guides = _embedding(folder), _embedding(guide / "text_encoder")
+    same = judge_embedding is not None and guides is not None and judge_embedding.shape == guides.shape
+    if same and torch.allclose(judge_embedding, guides, rtol=1e-2, atol=1e-4):  # type: ignore[arg-type]
         raise ParameterError(
             f"The CLIP model in {folder} has the same text encoder as the guidance: it would judge its own work.",
             advice="Give --clip another model: for Stable Diffusion 1 any but CLIP ViT-L/14.",

@@ -71,8 +71,8 @@ class DeliveredEvaluator(Evaluator):
         picture = _picture(source, results[max(results)])
         folder = item_folder(plan.folder, item)
         folder.mkdir(parents=True, exist_ok=True)
-        kept = {name: artifacts[name] for name in ("result.glb", "report.json")}
-        write_files({folder / name: data for name, data in {**kept, "preview.png": picture}.items()})
+        files = {name: artifacts[name] for name in ("result.glb", "report.json")}
+        write_files({folder / name: data for name, data in {**files, "preview.png": picture}.items()})
         facts = (statistics.median(seconds or [0.0]), total, 0.0, report["orientation"], report["pulls"])
         rest = posed_mesh(source)
         return rest.mesh, {steps: rest.moved(result) for steps, result in results.items()}, self._facts(facts)
@@ -80,14 +80,14 @@ class DeliveredEvaluator(Evaluator):
     def _assess(self, item: Item, rest: TriangleMesh, shape: TriangleMesh) -> dict[str, Any]:
         assessed = super()._assess(item, rest, shape)
         quality, noun = assessed["quality"], parse(item.prompt).noun
-        kept: dict[str, Any] = {"structure": kept_structure(rest, shape, quality)}
+        measures: dict[str, Any] = {"structure": kept_structure(rest, shape, quality)}
         if self.judge is not None:
             stretch = best_stretch(self.judge, item.source, noun)
             ranks = {"source": _rank(self.judge, rest, noun), "stretch": stretch.rank}
             ranks["result"] = assessed["judge"]["noun_rank"]
-            kept |= {"noun_ranks": ranks, "stretch": stretch.factors}
-            kept["worse_than_source"] = worse_than_source(ranks["source"], ranks["result"], kept["structure"])
-        return {**assessed, "kept": kept}
+            measures |= {"noun_ranks": ranks, "stretch": stretch.factors}
+            measures["worse_than_source"] = worse_than_source(ranks["source"], ranks["result"], measures["structure"])
+        return {**assessed, "kept": measures}
 
 
 @dataclass(frozen=True)

@@ -62,10 +62,10 @@ def texels_path(folder: Path, name: str) -> Path:
 def read_record(folder: Path, item: Item) -> dict[str, Any] | None:
     """Read the record of an item; return None if the item is not done."""
     try:
-        found: dict[str, Any] = json.loads((item_folder(folder, item) / _RECORD).read_text())
+        record: dict[str, Any] = json.loads((item_folder(folder, item) / _RECORD).read_text())
     except FileNotFoundError:
         return None
-    return found
+    return record
 
 
 def failed_record(folder: Path, item: Item, error: str, detail: str) -> dict[str, Any]:
@@ -137,11 +137,11 @@ class Evaluator:
         params = self._plan.params.model_copy(update={"seed": item.seed})
         rest = self._source(item)
         angle = self._plan.suite.turn_of(item)
-        given = _turned(rest, angle)
-        frame = Frame.around(given.verts)
+        turned = _turned(rest, angle)
+        frame = Frame.around(turned.verts)
         guidance = score_distillation(self.prior, item.prompt, params)
-        front = front_of(known_source(given, self.prior, params), self.prior, params, item.prompt)
-        placed = frame.place(given)
+        front = front_of(known_source(turned, self.prior, params), self.prior, params, item.prompt)
+        placed = frame.place(turned)
         run = deformation_of(self._plan.ablation, placed, guidance, params, front=front, device=self._plan.device)
         shapes, seconds = {}, []
         before = time.perf_counter()

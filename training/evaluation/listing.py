@@ -49,17 +49,17 @@ def outline(plan: Plan, *, limit: int | None = None) -> dict[str, Any]:
 
 def listing(plan: Plan, *, limit: int | None = None) -> str:
     """Return the plan as text: a line for each deformation, then the parameters and the totals."""
-    found = outline(plan, limit=limit)
+    facts = outline(plan, limit=limit)
     lines = [f"{number:4d}  {Path(item['source']).stem:<10} {item['prompt']}  (seed {item['seed']})"
-             for number, item in enumerate(found["items"], 1)]  # fmt: skip
-    parameters = ", ".join(f"{name}={value}" for name, value in found["params"].items() if value != "")
+             for number, item in enumerate(facts["items"], 1)]  # fmt: skip
+    parameters = ", ".join(f"{name}={value}" for name, value in facts["params"].items() if value != "")
     lines += [
         "",
-        f"model     {found['model']} on {found['device']}; judge {found['judge']}; CLIP {found['clip'] or 'none'}",
+        f"model     {facts['model']} on {facts['device']}; judge {facts['judge']}; CLIP {facts['clip'] or 'none'}",
         f"params    {parameters}",
-        *([f"ablation  {found['ablation']}"] if found["ablation"] else []),
-        f"judged    after {', '.join(str(step) for step in found['checkpoints'])} steps",
-        f"in all    {found['deformations']} deformations, {found['steps_in_all']:,} steps, into {found['folder']}",
-        *(f"warning   {warning}" for warning in found["warnings"]),
+        *([f"ablation  {facts['ablation']}"] if facts["ablation"] else []),
+        f"judged    after {', '.join(str(step) for step in facts['checkpoints'])} steps",
+        f"in all    {facts['deformations']} deformations, {facts['steps_in_all']:,} steps, into {facts['folder']}",
+        *(f"warning   {warning}" for warning in facts["warnings"]),
     ]
     return "\n".join(lines) + "\n"

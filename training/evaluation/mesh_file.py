@@ -68,5 +68,5 @@ def write_texels(texels: NDArray[np.float64]) -> bytes:
 
 def read_texels(data: bytes) -> NDArray[np.float64]:
     """Read a file of `write_texels`."""
-    found: NDArray[np.float64] = np.load(io.BytesIO(data), allow_pickle=False)
-    return found
+    texels: NDArray[np.float64] = np.load(io.BytesIO(data), allow_pickle=False)
+    return texels

@@ -72,11 +72,11 @@ def _pairs(verts: NDArray[np.float64], components: NDArray[np.int64], used: NDAr
     owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     points = verts[candidates]
     reach = _REACH * float(np.linalg.norm(np.ptp(points, axis=0)))
-    found = []
+    pairs = []
     for number, group in enumerate(groups):
-        others = candidates[owner != number]
-        distance, nearest = cKDTree(verts[group]).query(verts[others], distance_upper_bound=reach)
+        elsewhere = candidates[owner != number]
+        distance, nearest = cKDTree(verts[group]).query(verts[elsewhere], distance_upper_bound=reach)
         kept = np.argsort(distance, kind="stable")[:_PAIRS_PER_COMPONENT]
         kept = kept[np.isfinite(distance[kept])]
-        found.append(np.stack([others[kept], group[nearest[kept]]], 1))
-    return np.concatenate(found).astype(np.int64)
+        pairs.append(np.stack([elsewhere[kept], group[nearest[kept]]], 1))
+    return np.concatenate(pairs).astype(np.int64)

@@ -110,22 +110,22 @@ def manifest(plan: Plan, prior: dict[str, str], judge: dict[str, Any], clip: dic
     }
 
 
-def plan_of(folder: Path, found: dict[str, Any], *, judge: str, clip: str, device: str) -> Plan:
+def plan_of(folder: Path, manifest: dict[str, Any], *, judge: str, clip: str, device: str) -> Plan:
     """Return the plan of a manifest with other judges, for judging again."""
     suite = Suite(
-        found["suite"],
-        tuple(found["sources"]),
-        tuple(found["prompts"]),
-        tuple(found["seeds"]),
-        found["params"]["preset"],
-        tuple((source, prompt) for source, prompt in found.get("pairs", [])),
-        turned=found.get("turned", False),
-        delivered=found.get("delivered", False),
+        manifest["suite"],
+        tuple(manifest["sources"]),
+        tuple(manifest["prompts"]),
+        tuple(manifest["seeds"]),
+        manifest["params"]["preset"],
+        tuple((source, prompt) for source, prompt in manifest.get("pairs", [])),
+        turned=manifest.get("turned", False),
+        delivered=manifest.get("delivered", False),
     )
     # Not validated: the parameters may be of an earlier version, and no deformation uses them.
-    params = ResolvedParams.model_construct(**found["params"])
-    precision = found.get("dtype", "auto")
-    return Plan(suite, params, tuple(found["steps"]), folder, device=device, dtype=precision, judge=judge, clip=clip)
+    params = ResolvedParams.model_construct(**manifest["params"])
+    precision = manifest.get("dtype", "auto")
+    return Plan(suite, params, tuple(manifest["steps"]), folder, device=device, dtype=precision, judge=judge, clip=clip)
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:
@@ -140,15 +140,15 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
-        found: dict[str, Any] = json.loads(path.read_text())
+        manifest: dict[str, Any] = json.loads(path.read_text())
     except ValueError as error:
         raise ParameterError(f"{path} is damaged: {error}.", advice="Choose another folder with --out.") from error
-    if found.get("format") != FORMAT:
+    if manifest.get("format") != FORMAT:
         raise ParameterError(
-            f"{path} is of format {found.get('format')}; this version writes {FORMAT}.",
+            f"{path} is of format {manifest.get('format')}; this version writes {FORMAT}.",
             advice="Choose another folder with --out.",
         )
-    return found
+    return manifest
 
 
 def write_manifest(folder: Path, members: dict[str, Any]) -> None:
@@ -156,7 +156,7 @@ def write_manifest(folder: Path, members: dict[str, Any]) -> None:
     write_files({folder / MANIFEST: (json.dumps(members, indent=2) + "\n").encode()})
 
 
-def check_manifest(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+def check_manifest(folder: Path, stored: dict[str, Any], expected: dict[str, Any]) -> None:
     """Refuse to continue in the folder of another run.
 
     Raises
@@ -164,7 +164,7 @@ def check_manifest(folder: Path, found: dict[str, Any], wanted: dict[str, Any]) 
     ParameterError
         The manifests differ; the message lists the differences.
     """
-    old, new = _flat(found), _flat(wanted)
+    old, new = _flat(stored), _flat(expected)
     names = [name for name in {**new, **old} if old.get(name) != new.get(name)]
     if not names:
         return

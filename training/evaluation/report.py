@@ -65,12 +65,12 @@ def read_results(folder: Path) -> dict[str, Any]:
         The folder has no results.
     """
     try:
-        found: dict[str, Any] = json.loads((folder / _RESULTS).read_text())
+        results: dict[str, Any] = json.loads((folder / _RESULTS).read_text())
     except (OSError, ValueError) as error:
         raise ParameterError(
             f"There are no results in {folder}: {error}.", advice="Give the folder of a finished run."
         ) from error
-    return found
+    return results
 
 
 def compare(folders: list[Path]) -> str:

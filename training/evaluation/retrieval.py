@@ -64,15 +64,15 @@ def load_judge(name: str) -> ShapeJudge | None:
     return make()
 
 
-def ranked(scores: Mapping[str, float], wanted: str) -> dict[str, Any]:
-    """Return rank (1 is best; ties count against it), hit and probability of `wanted` by log likelihoods."""
+def ranked(scores: Mapping[str, float], noun: str) -> dict[str, Any]:
+    """Return rank (1 is best; ties count against it), hit and probability of a noun by log likelihoods."""
     best = max(scores.values())
     weights = {name: math.exp(score - best) for name, score in scores.items()}
-    rank = sum(score >= scores[wanted] for score in scores.values())
+    rank = sum(score >= scores[noun] for score in scores.values())
     return {
         "rank": rank,
         "hit": rank == 1,
-        "probability": weights[wanted] / sum(weights.values()),
+        "probability": weights[noun] / sum(weights.values()),
         "retrieved": max(scores, key=lambda name: scores[name]),
     }
 

@@ -76,11 +76,11 @@ def run(plan: Plan, *, jobs: int, limit: int | None = None, say: Say = print) ->
         refuse_the_guides_own(Path(plan.clip), plan.params.model, plan.revision)
     for prompt in plan.suite.prompts:
         evaluator.prior.encode_texts(prompt, plan.params.negative_prompt)
-    wanted = manifest(plan, dict(evaluator.prior.identity), *_judge_identities(plan, evaluator))
-    found = read_manifest(plan.folder)
-    if found is not None:
-        check_manifest(plan.folder, found, wanted)
-    _prepare(plan, wanted)
+    expected = manifest(plan, dict(evaluator.prior.identity), *_judge_identities(plan, evaluator))
+    stored = read_manifest(plan.folder)
+    if stored is not None:
+        check_manifest(plan.folder, stored, expected)
+    _prepare(plan, expected)
     items = plan.suite.items(limit)
     left = [item for item in items if (record := read_record(plan.folder, item)) is None or record["failed"]]
     if len(items) > len(left):
@@ -104,8 +104,8 @@ def rejudge(plan: Plan, *, say: Say = print) -> dict[str, Any]:
     MeshdeformError
         The folder contains no run, or a model is not available.
     """
-    found = read_manifest(plan.folder)
-    if found is None:
+    stored = read_manifest(plan.folder)
+    if stored is None:
         raise ParameterError(f"There is no run in {plan.folder}.", advice="Give the folder of a run with --out.")
     evaluator = _evaluator(plan, deforms=False)
     if plan.clip and not is_builtin(plan.params.model):
@@ -114,7 +114,7 @@ def rejudge(plan: Plan, *, say: Say = print) -> dict[str, Any]:
     for number, item in enumerate(items := plan.suite.items(), 1):
         if evaluator.rejudge(item) is not None:
             say(f"{number}/{len(items)}  {item.name}  judged again")
-    write_manifest(plan.folder, {**found, "judge": judge, "clip": clip})
+    write_manifest(plan.folder, {**stored, "judge": judge, "clip": clip})
     return write_report(plan.folder)
 
 
@@ -142,13 +142,13 @@ def _judge_identities(plan: Plan, evaluator: Evaluator) -> tuple[dict[str, Any],
     return judge, clip
 
 
-def _prepare(plan: Plan, wanted: dict[str, Any]) -> None:
+def _prepare(plan: Plan, expected: dict[str, Any]) -> None:
     (plan.folder / "sources").mkdir(parents=True, exist_ok=True)
     missing = [name for name in plan.suite.sources if not source_path(plan.folder, name).exists()]
     texels = {texels_path(plan.folder, name): source_texels(name) for name in missing}
-    write_files({path: write_texels(found) for path, found in texels.items() if found is not None})
+    write_files({path: write_texels(image) for path, image in texels.items() if image is not None})
     write_files({source_path(plan.folder, name): write_ply(source_mesh(name)) for name in missing})
-    write_manifest(plan.folder, wanted)
+    write_manifest(plan.folder, expected)
 
 
 def _do(plan: Plan, items: list[Item], start: Callable[[], Work], jobs: int, say: Say) -> None:

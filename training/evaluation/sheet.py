@@ -30,10 +30,10 @@ _HIT, _MISS, _UNJUDGED = (46, 125, 50), (198, 40, 40), (150, 150, 150)
 def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str, Any]]) -> bytes:
     """Return the sheet as a PNG; its first row shows the sources."""
     sources, prompts, seed = list(manifest["sources"]), manifest["prompts"], manifest["seeds"][0]
-    found = {(record["source"], record["prompt"]): record for record in records if record["seed"] == seed}
-    prompts = [prompt for prompt in prompts if any(done == prompt for _, done in found)]
-    if len(sources) == 1 or 2 * len(found) < len(sources) * len(prompts):
-        return _png(_in_rows(folder, sources, found))
+    judged = {(record["source"], record["prompt"]): record for record in records if record["seed"] == seed}
+    prompts = [prompt for prompt in prompts if any(done == prompt for _, done in judged)]
+    if len(sources) == 1 or 2 * len(judged) < len(sources) * len(prompts):
+        return _png(_in_rows(folder, sources, judged))
     sheet = Image.new("RGB", (_LEFT + _TILE * len(sources), _TOP + _TILE * (len(prompts) + 1)), "white")
     draw = ImageDraw.Draw(sheet)
     for column, source in enumerate(sources):
@@ -43,17 +43,17 @@ def contact_sheet(folder: Path, manifest: dict[str, Any], records: list[dict[str
         if path.exists():
             _tile(sheet, (x, _TOP), picture_png(read_ply(path.read_bytes())), "white")
         for row, prompt in enumerate(prompts, 1):
-            if record := found.get((source, prompt)):
+            if record := judged.get((source, prompt)):
                 _result(sheet, (x, _TOP + row * _TILE), folder, record)
     for row, prompt in enumerate(["source", *prompts]):
         draw.text((6, _TOP + row * _TILE + _TILE // 2 - 6), prompt, fill="black")
     return _png(sheet)
 
 
-def _in_rows(folder: Path, sources: list[str], found: dict[tuple[str, str], dict[str, Any]]) -> Image.Image:
+def _in_rows(folder: Path, sources: list[str], rows: dict[tuple[str, str], dict[str, Any]]) -> Image.Image:
     """Return the sources and then the results, each below its name."""
     tiles: list[tuple[str, str | None]] = [(source, None) for source in sources]
-    tiles += sorted(found, key=lambda pair: (sources.index(pair[0]), pair[1]))
+    tiles += sorted(rows, key=lambda pair: (sources.index(pair[0]), pair[1]))
     across = min(_ACROSS, len(tiles))
     sheet = Image.new("RGB", (_TILE * across, (_TOP + _TILE) * -(-len(tiles) // across)), "white")
     for number, (source, prompt) in enumerate(tiles):
@@ -61,7 +61,7 @@ def _in_rows(folder: Path, sources: list[str], found: dict[tuple[str, str], dict
         name = " ".join(filter(None, (Path(source).stem if len(sources) > 1 or not prompt else "", prompt)))
         ImageDraw.Draw(sheet).text((x + 6, y + 4), name, fill="black")
         if prompt:
-            _result(sheet, (x, y + _TOP), folder, found[source, prompt])
+            _result(sheet, (x, y + _TOP), folder, rows[source, prompt])
         elif (path := source_path(folder, source)).exists():
             _tile(sheet, (x, y + _TOP), picture_png(read_ply(path.read_bytes())), "white")
     return sheet

@@ -82,8 +82,8 @@ def _seen_pairs() -> list[_Pair]:
         return pair[0], pair[1].part, pair[1].degree
 
     shown = [(noun, a) for noun in NOUNS for a in attributes_of(noun) if not is_held_out(noun, a)]
-    drawn = random.Random(_SEEN_SEED).sample(sorted(shown, key=order), len(unseen_pairs()))  # noqa: S311
-    return sorted(drawn, key=order)
+    sample = random.Random(_SEEN_SEED).sample(sorted(shown, key=order), len(unseen_pairs()))  # noqa: S311
+    return sorted(sample, key=order)
 
 
 PAPER_PROMPTS = ("a giraffe", "a dragon", "an octopus", "a heart shaped vase", "a mandolin")
@@ -125,8 +125,8 @@ def _held_out_pairs() -> tuple[tuple[str, str], ...]:
     """Return a pair for each noun from collections, with an asset that does not show it."""
     pairs = []
     for number, noun in enumerate(sorted(FOURTH_EDITION)):
-        others = [name for name in _KAYKIT if noun_of(Path(name).stem) != noun]
-        pairs.append((others[5 * number % len(others)], str(ParsedPrompt(noun))))
+        strangers = [name for name in _KAYKIT if noun_of(Path(name).stem) != noun]
+        pairs.append((strangers[5 * number % len(strangers)], str(ParsedPrompt(noun))))
     return tuple(pairs)
 
 
@@ -233,21 +233,21 @@ class Suite:
         """
         if not self.pairs:
             raise ParameterError(f"The suite `{self.name}` needs no folder of assets.", advice="Omit --assets.")
-        found = {path.name: str(path) for path in sorted(folder.rglob("*")) if path.is_file()}
-        if missing := [name for name in self.sources if name not in found]:
+        paths = {path.name: str(path) for path in sorted(folder.rglob("*")) if path.is_file()}
+        if missing := [name for name in self.sources if name not in paths]:
             raise ParameterError(
                 f"{folder} has no {', '.join(missing)}.",
                 advice="training/evaluation/suite.py and keep.json say where the files of the suites are published.",
             )
         known = {asset["file"]: asset["sha256"] for asset in KEEP_ASSETS} if self.delivered else {}
-        other = [name for name in known if hashlib.sha256(Path(found[name]).read_bytes()).hexdigest() != known[name]]
+        other = [name for name in known if hashlib.sha256(Path(paths[name]).read_bytes()).hexdigest() != known[name]]
         if other:
             raise ParameterError(
                 f"{folder} has another {', '.join(other)} than the suite.",
                 advice="training/evaluation/keep.json has the commit and the SHA-256 of each file.",
             )
-        pairs = tuple((found[source], prompt) for source, prompt in self.pairs)
-        return replace(self, sources=tuple(found[name] for name in self.sources), pairs=pairs)
+        pairs = tuple((paths[source], prompt) for source, prompt in self.pairs)
+        return replace(self, sources=tuple(paths[name] for name in self.sources), pairs=pairs)
 
     def with_seeds(self, seeds: tuple[int, ...]) -> Suite:
         """Return the same suite with other seeds."""

@@ -80,20 +80,20 @@ def summarise_kept(states: States) -> dict[str, Any] | None:
         the judge; `gained`: the share of results whose noun gained a rank over the source; `structure`: the mean and
         the largest of each figure; `worse_share`: the share of results that are worse than their source.
     """
-    kept = [state["kept"] for state in states if state.get("kept")]
-    if not kept:
+    outcomes = [state["kept"] for state in states if state.get("kept")]
+    if not outcomes:
         return None
-    ranks = [each["noun_ranks"] for each in kept if "noun_ranks" in each]
+    ranks = [each["noun_ranks"] for each in outcomes if "noun_ranks" in each]
     structure = {}
-    for name in kept[0]["structure"]:
-        values = [each["structure"][name] for each in kept if each["structure"][name] is not None]
+    for name in outcomes[0]["structure"]:
+        values = [each["structure"][name] for each in outcomes if each["structure"][name] is not None]
         structure[name] = {"mean": statistics.fmean(values), "most": max(values)} if values else None
     return {
-        "count": len(kept),
+        "count": len(outcomes),
         "noun_first": {who: statistics.fmean(rank[who] == 1 for rank in ranks) for who in ranks[0]} if ranks else None,
         "gained": statistics.fmean(r["result"] < r["source"] for r in ranks) if ranks else None,
         "structure": structure,
-        "worse_share": statistics.fmean(each["worse_than_source"] for each in kept) if ranks else None,
+        "worse_share": statistics.fmean(each["worse_than_source"] for each in outcomes) if ranks else None,
     }
 
 
@@ -116,10 +116,10 @@ def _share(states: States, who: str, hit: Callable[[dict[str, Any]], bool]) -> d
 
 
 def _mean_of_textured(states: States) -> float | None:
-    found = [
+    values = [
         float(state["quality"]["texture_stretch_p95"]) for state in states if "texture_stretch_p95" in state["quality"]
     ]
-    return statistics.fmean(found) if found else None
+    return statistics.fmean(values) if values else None
 
 
 def _mean(states: States, who: str, name: str) -> float | None:

@@ -52,8 +52,8 @@ def prompts_of(data: ViewSet) -> list[ParsedPrompt]:
 
 def variants(noun: str) -> list[ParsedPrompt]:
     """Return the noun alone, and with each single attribute."""
-    own = [attribute for attribute in ATTRIBUTES if attribute.part in ("whole", *NOUNS[noun])]
-    return [ParsedPrompt(noun), *(ParsedPrompt(noun, (attribute,)) for attribute in own)]
+    attributes = [attribute for attribute in ATTRIBUTES if attribute.part in ("whole", *NOUNS[noun])]
+    return [ParsedPrompt(noun), *(ParsedPrompt(noun, (attribute,)) for attribute in attributes)]
 
 
 class _Measured:
@@ -87,19 +87,19 @@ class _Measured:
         """Return, by set of candidates, the top-1 for no, one and two attributes and overall, and the confidence."""
         rng = np.random.default_rng(0)
         plain = [ParsedPrompt(noun) for noun in NOUNS]
-        others = list(dict.fromkeys(self.prompts))
-        found: dict[str, list[tuple[bool, float]]] = {"among 12": [], "nouns and variants": [], "variants": []}
+        prompts = list(dict.fromkeys(self.prompts))
+        ranks: dict[str, list[tuple[bool, float]]] = {"among 12": [], "nouns and variants": [], "variants": []}
         for row, prompt in enumerate(self.prompts):
-            twelve = [others[k] for k in rng.permutation(len(others))[:12] if others[k] != prompt][:11]
-            found["among 12"].append(self.retrieves(row, twelve))
+            twelve = [prompts[k] for k in rng.permutation(len(prompts))[:12] if prompts[k] != prompt][:11]
+            ranks["among 12"].append(self.retrieves(row, twelve))
             if not self.data.other[row]:
-                found["nouns and variants"].append(self.retrieves(row, plain + variants(prompt.noun)))
-                found["variants"].append(self.retrieves(row, variants(prompt.noun)))
+                ranks["nouns and variants"].append(self.retrieves(row, plain + variants(prompt.noun)))
+                ranks["variants"].append(self.retrieves(row, variants(prompt.noun)))
         count = np.array([len(prompt.attributes) for prompt in self.prompts])
-        table = {name: np.array(pairs, float) for name, pairs in found.items() if pairs}
+        table = {name: np.array(pairs, float) for name, pairs in ranks.items() if pairs}
         return {
-            name: [*(float(held[count == k, 0].mean()) for k in range(3)), *held.mean(0).tolist()]
-            for name, held in table.items()
+            name: [*(float(view_set[count == k, 0].mean()) for k in range(3)), *view_set.mean(0).tolist()]
+            for name, view_set in table.items()
         }
 
 
@@ -134,11 +134,11 @@ def _report(name: str, network: JudgeNetwork, data: ViewSet) -> None:
         print(f"    {candidates:<25}" + "".join(f"{share:7.3f}" for share in shares))
     names = list(NOUNS)
     wrong = Counter(
-        (names[was], names[said])
-        for was, said in zip(data.noun.tolist(), guess.tolist(), strict=True)
-        if was != said
+        (names[was], names[answer])
+        for was, answer in zip(data.noun.tolist(), guess.tolist(), strict=True)
+        if was != answer
     )  # fmt: skip
-    print("  confused: " + ", ".join(f"{was} as {said} {n}" for (was, said), n in wrong.most_common(16)))
+    print("  confused: " + ", ".join(f"{was} as {answer} {n}" for (was, answer), n in wrong.most_common(16)))
     of_noun = Counter(names[was] for was in data.noun.tolist())
     lost = Counter({noun: sum(n for (was, _), n in wrong.items() if was == noun) for noun in of_noun})
     print("  least often found: " + ", ".join(f"{noun} {of_noun[noun] - n}/{of_noun[noun]}"
@@ -165,11 +165,11 @@ def main() -> None:
     for name, rough in (("as built", False), ("roughened", True)):
         for source, prefix in _SOURCES.items():
             nouns = [noun for noun in NOUNS if noun in ((real or ()) if prefix == "real " else FAMILIES)]
-            drawn = [
+            view_sets = [
                 ViewSet.drawn(HELD_OUT, prefix + noun, arguments.members, rough=rough, real=real) for noun in nouns
             ]
-            if drawn:
-                _report(f"{name}, {source}", network, ViewSet.joined(drawn))
+            if view_sets:
+                _report(f"{name}, {source}", network, ViewSet.joined(view_sets))
     judge = Judge(arguments.weights)
     plain = [str(ParsedPrompt(noun)) for noun in NOUNS]
     print("\nshapes that are no noun: the three likeliest nouns; the likeliest of the prompts without attributes")

@@ -204,17 +204,17 @@ class ViewSet:
         sets = []
         for kind, count in counts.items():
             path, recipe = folder / f"{kind.replace(' ', '.')}.safetensors", _recipe(kind, real)
-            held = cls(**load_file(path)) if _stored_recipe(path) == recipe else cls.drawn(TRAINING, kind, 0)
-            if len(held) < count:
-                more = cls.drawn(TRAINING, kind, count - len(held), first=len(held), real=real)
-                held = cls.joined([held, more])
+            view_set = cls(**load_file(path)) if _stored_recipe(path) == recipe else cls.drawn(TRAINING, kind, 0)
+            if len(view_set) < count:
+                more = cls.drawn(TRAINING, kind, count - len(view_set), first=len(view_set), real=real)
+                view_set = cls.joined([view_set, more])
                 part = path.with_suffix(".part")
-                save_file({field.name: getattr(held, field.name) for field in fields(cls)}, part, recipe)
+                save_file({field.name: getattr(view_set, field.name) for field in fields(cls)}, part, recipe)
                 part.replace(path)
                 _log.info("drew %s, %d in all", kind, count)
             # Numbers of nouns are those of today's vocabulary.
             number = -1 if kind == NOTHING else list(NOUNS).index(kind.split()[-1])
-            sets.append(replace(held.rows(torch.arange(count)), noun=torch.full((count,), number)))
+            sets.append(replace(view_set.rows(torch.arange(count)), noun=torch.full((count,), number)))
         return cls.joined(sets)
 
 
@@ -225,13 +225,13 @@ _TOLD_MEMBERS = 2
 
 
 def counts_of(
-    nouns: Sequence[str], members: int, others: int, nothings: int = 0, real: RealShapes | None = None
+    nouns: Sequence[str], members: int, neighbours: int, nothings: int = 0, real: RealShapes | None = None
 ) -> dict[str, int]:
     """Return how many of each kind to draw: as many real members as of the family, or as of both if there is none."""
     counts = {noun: members for noun in nouns if noun in FAMILIES}
-    counts |= {f"other {noun}": others for noun in nouns if noun in FAMILIES}
+    counts |= {f"other {noun}": neighbours for noun in nouns if noun in FAMILIES}
     if real is not None:
-        counts |= {f"real {noun}": members + others * (noun not in FAMILIES) for noun in nouns if noun in real}
+        counts |= {f"real {noun}": members + neighbours * (noun not in FAMILIES) for noun in nouns if noun in real}
     return {kind: count for kind, count in {**counts, NOTHING: nothings}.items() if count}
 
 

@@ -84,11 +84,11 @@ class Trainer:
     def _candidates(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Return the numbers of the batch's prompts and of others about its nouns, and their frequencies."""
         shown = rows[self.data.noun[rows] >= 0]
-        drawn = [self.prompt[shown]]
+        prompts = [self.prompt[shown]]
         for noun in self.data.noun[shown].tolist():
             pool = self.rows_of[noun]
-            drawn.append(self.prompt[pool[torch.randint(len(pool), (_OTHERS,), generator=self.generator)]])
-        number, count = torch.unique(torch.cat(drawn), return_counts=True)
+            prompts.append(self.prompt[pool[torch.randint(len(pool), (_OTHERS,), generator=self.generator)]])
+        number, count = torch.unique(torch.cat(prompts), return_counts=True)
         return number, count
 
     def step(self) -> Tensor:
@@ -143,20 +143,20 @@ class Trainer:
 
 
 @torch.no_grad()
-def calibrate(network: JudgeNetwork, held: ViewSet) -> None:
+def calibrate(network: JudgeNetwork, view_set: ViewSet) -> None:
     """Set the sharpness of the mean over the eight views, so that probabilities are calibrated.
 
     Minimises the cross entropy over a fine grid, of the noun among the nouns and of the prompt among all prompts of
     the set. For shapes that are no noun, the target is uniform, which prevents overconfidence.
     """
-    count, views = held.images.shape[:2]
-    shown = held.noun >= 0
-    noun_logits, features = network.encode_views(held.images.flatten(0, 1)[:, None].float() / 255.0)
-    labels = torch.cat([held.noun[:, None], held.attributes.long()], 1)
-    labels, own = torch.unique(labels[shown], dim=0, return_inverse=True)
+    count, views = view_set.images.shape[:2]
+    shown = view_set.noun >= 0
+    noun_logits, features = network.encode_views(view_set.images.flatten(0, 1)[:, None].float() / 255.0)
+    labels = torch.cat([view_set.noun[:, None], view_set.attributes.long()], 1)
+    labels, of_label = torch.unique(labels[shown], dim=0, return_inverse=True)
     candidates = Prompts(labels[:, 0], labels[:, 1:].float())
     scores = network.scores(noun_logits, features, candidates)
-    unknown = _unknown(held, torch.arange(count), candidates)
+    unknown = _unknown(view_set, torch.arange(count), candidates)
     sharpness = torch.logspace(-1.0, 1.0, 101)
 
     def best(logits: Tensor, right: Tensor, penalty: Tensor) -> Tensor:
@@ -166,8 +166,8 @@ def calibrate(network: JudgeNetwork, held: ViewSet) -> None:
         tried = [functional.cross_entropy(s * mean - penalty, target) for s in sharpness]
         return sharpness[torch.stack(tried).argmin()]
 
-    network.noun_sharpness.copy_(best(noun_logits, held.noun[shown], torch.zeros(())))
-    network.prompt_sharpness.copy_(best(scores, own, unknown))
+    network.noun_sharpness.copy_(best(noun_logits, view_set.noun[shown], torch.zeros(())))
+    network.prompt_sharpness.copy_(best(scores, of_label, unknown))
 
 
 def _unknown(data: ViewSet, rows: Tensor, candidates: Prompts) -> Tensor:

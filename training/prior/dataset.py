@@ -53,11 +53,11 @@ def draw_set(noun: str, members: int, pictures_each: int, seed: int, real: RealS
     images, azimuths, tokens = [], [], []
     for number in range(members):
         prompt, shape, generator = _drawn_member(noun, number, seed, real)
-        for drawn, angles in (
+        for pictures_drawn, angles in (
             pictures(shape, pictures_each, generator),
             single_views(shape, SINGLES_EACH, generator),
         ):
-            images.append(drawn)
+            images.append(pictures_drawn)
             azimuths.append(angles)
         tokens += [tokenise(prompt)] * each
     single = (torch.arange(members * each) % each) >= pictures_each
@@ -140,12 +140,12 @@ class PictureFolder:
             path = folder / f"{noun}.safetensors"
             recipe = _recipe(noun, members, pictures_each, seed, real)
             if _stored_recipe(path) != recipe:
-                drawn = draw_set(noun, members, pictures_each, seed, real)
+                noun_set = draw_set(noun, members, pictures_each, seed, real)
                 part = path.with_suffix(".part")
-                kept = {name: getattr(drawn, name) for name in _KEPT}
-                save_file(kept, part, recipe)
+                tensors = {name: getattr(noun_set, name) for name in _KEPT}
+                save_file(tensors, part, recipe)
                 part.replace(path)
-                _log.info("drew %d pictures of %s", len(drawn), noun)
+                _log.info("drew %d pictures of %s", len(noun_set), noun)
             prompts = [_drawn_prompt(noun, number, seed, real)[0] for number in range(members)]
             tokens = torch.tensor([tokenise(prompt) for prompt in prompts])
             sets[noun] = PictureSet(tokens=tokens.repeat_interleave(pictures_each + SINGLES_EACH, 0), **load_file(path))

@@ -29,8 +29,8 @@ def mix(old: Path, new: Path, share: float, output: Path) -> None:
     added = [row for row, word in enumerate(VOCABULARY) if word not in known]
     states[0][_WORDS][added] = states[1][_WORDS][added]
     mixed = {name: torch.lerp(tensor, states[0][name], share) for name, tensor in states[1].items()}
-    told = {"old": file_sha256(old), "new": file_sha256(new), "share_of_old": str(share)}
-    write_weights(output, mixed, network.config, told)
+    metadata = {"old": file_sha256(old), "new": file_sha256(new), "share_of_old": str(share)}
+    write_weights(output, mixed, network.config, metadata)
 
 
 def main() -> None:

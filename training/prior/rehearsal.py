@@ -34,15 +34,15 @@ _TRAINING_SEED, _HELD_SEED = 0, 7
 
 def rehearsal(nouns: list[str]) -> bytes:
     """Return the file of the pictures of some nouns."""
-    drawn = {}
+    pictures = {}
     for number, noun in enumerate(nouns):
         seeds = [(_TRAINING_SEED, number, k) for k in range(_MEMBERS)]
         sets = [_drawn(noun, seed, _GRIDS, plain=False) for seed in seeds]
         sets.append(_drawn(noun, (_HELD_SEED, number), _HELD_GRIDS, plain=True))
         prompts = [str(prompt) for some, prompt in sets for _ in range(len(some))]
-        held = [some is sets[-1][0] for some, _ in sets for _ in range(len(some))]
-        drawn[noun] = joined([some for some, _ in sets]), prompts, held
-    return _packed(drawn)
+        held_out = [some is sets[-1][0] for some, _ in sets for _ in range(len(some))]
+        pictures[noun] = joined([some for some, _ in sets]), prompts, held_out
+    return _packed(pictures)
 
 
 def _packed(nouns: Mapping[str, tuple[PictureSet, Sequence[str], Sequence[bool]]]) -> bytes:
@@ -50,12 +50,12 @@ def _packed(nouns: Mapping[str, tuple[PictureSet, Sequence[str], Sequence[bool]]
     content = io.BytesIO()
     labels: dict[str, list[dict[str, object]]] = {}
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
-        for noun, (pictures, prompts, held) in nouns.items():
+        for noun, (pictures, prompts, held_out) in nouns.items():
             column = pictures.images.permute(0, 2, 3, 1).reshape(-1, IMAGE_SIZE, 3).numpy()
             picture = io.BytesIO()
             Image.fromarray(column).save(picture, "WEBP", lossless=True, quality=100, method=6)
             archive.writestr(zipfile.ZipInfo(f"{noun}.webp"), picture.getvalue())
-            rows = zip(prompts, pictures.azimuth_deg.tolist(), pictures.single.tolist(), held, strict=True)
+            rows = zip(prompts, pictures.azimuth_deg.tolist(), pictures.single.tolist(), held_out, strict=True)
             labels[noun] = [
                 {"prompt": prompt, "azimuth_deg": azimuth, "single": single, "held": out}
                 for prompt, azimuth, single, out in rows

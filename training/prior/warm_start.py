@@ -46,15 +46,15 @@ def warm_start(network: PriorNetwork, path: Path, generator: torch.Generator) ->
     loaded, metadata = read_tensors(path)
     words = _words_of(path, metadata)
     state = network.state_dict()
-    own = {name: tensor for name, tensor in loaded.items() if name in state and name != _WORDS}
-    mismatched = [name for name, tensor in own.items() if tensor.shape != state[name].shape]
+    matching = {name: tensor for name, tensor in loaded.items() if name in state and name != _WORDS}
+    mismatched = [name for name, tensor in matching.items() if tensor.shape != state[name].shape]
     if mismatched or _WORDS not in loaded or loaded[_WORDS].shape != (len(words), state[_WORDS].shape[1]):
         raise ModelError(
             f"The weights in {path} are of a network of another size: {', '.join(mismatched) or _WORDS}.",
             advice="Train from scratch, without --initial.",
         )
     with torch.no_grad():
-        for name, tensor in own.items():
+        for name, tensor in matching.items():
             state[name].copy_(tensor)
         state[_WORDS].copy_(_word_rows(loaded[_WORDS], words, generator))
     return tuple(name for name in state if name not in loaded)

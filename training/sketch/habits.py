@@ -60,7 +60,7 @@ class Habits:
         if look == "front" and choices.get("legs") == "sides":
             look = "any"
         thin = random.uniform(0.02, 0.14) if random.random() < 0.3 else 0.0
-        found = cls(
+        habits = cls(
             random_view(random),
             thin=thin,
             flat=bool(random.random() < (0.4 if thin else 0.1)),
@@ -71,18 +71,18 @@ class Habits:
             contours=bool(random.random() < 0.3),
         )
         if look == "any":
-            return found
+            return habits
         field = random.uniform(*FIELDS)
         some_legs = 2 if random.random() < 0.7 else 0
         if look == "above":
-            return replace(found, view=View(random.uniform(*AZIMUTHS), random.uniform(50, 80), field))
+            return replace(habits, view=View(random.uniform(*AZIMUTHS), random.uniform(50, 80), field))
         if look == "slanted":
             angle, size = random.uniform(0.3, 1.2), random.uniform(0.3, 0.9)
             slant = float(random.choice([-1, 1]) * size * np.cos(angle)), float(size * np.sin(angle))
-            return replace(found, view=View(0.0, 0.0, FIELDS[0]), slant=slant)
+            return replace(habits, view=View(0.0, 0.0, FIELDS[0]), slant=slant)
         azimuth = 0.0 if look == "front" else float(random.choice([-90.0, 90.0]))
         view = View(azimuth + random.normal(0, 4), random.uniform(0, 12), field)
-        return replace(found, view=view, legs_left_out=some_legs)
+        return replace(habits, view=view, legs_left_out=some_legs)
 
 
 def random_view(random: np.random.Generator) -> View:
@@ -160,21 +160,21 @@ def _wires(solids: Mapping[str, Solid], page: Floats, thin: float) -> dict[str, 
     """Return the middle lines of the solids that look narrow on the page, by name."""
     if not thin:
         return {}
-    seen = {name: solid.verts @ page.T for name, solid in solids.items()}
-    most = thin * float(np.ptp(np.concatenate(list(seen.values())), axis=0).max())
-    found: dict[str, Floats] = {}
+    flattened = {name: solid.verts @ page.T for name, solid in solids.items()}
+    most = thin * float(np.ptp(np.concatenate(list(flattened.values())), axis=0).max())
+    wires: dict[str, Floats] = {}
     for name, solid in solids.items():
         if name.startswith(_NEVER_THIN):
             continue
         if solid.spine is not None:
             across = np.linalg.norm(solid.verts[:, None] - solid.spine[None], axis=2).min(1).max()
             if 2 * across < most:
-                found[name] = solid.spine
+                wires[name] = solid.spine
             continue
-        around = seen[name] - seen[name].mean(0)
+        around = flattened[name] - flattened[name].mean(0)
         along, wide = (around @ axis for axis in np.linalg.eigh(around.T @ around)[1].T[::-1])
         if np.ptp(wide) < min(most, np.ptp(along) / _LONG):
             reach = 0.05 * np.ptp(along)
             ends = [solid.verts[rows].mean(0) for rows in (along < along.min() + reach, along > along.max() - reach)]
-            found[name] = ends[0] + np.linspace(0, 1, 9)[:, None] * (ends[1] - ends[0])
-    return found
+            wires[name] = ends[0] + np.linspace(0, 1, 9)[:, None] * (ends[1] - ends[0])
+    return wires

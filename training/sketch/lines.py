@@ -88,8 +88,8 @@ def visible_lines(mesh: Solid, view: View, wires: Sequence[Floats] = (), *, cont
     share = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
     at = page[a, None] * (1 - share[:, None]) + page[b, None] * share[:, None]
     depth = places[a, None, 2] * (1 - share) + places[b, None, 2] * share
-    seen = _in_sight(depth_picture, at, depth).mean(1) > 0.5
-    return [page[path] for path in _chains(every[seen], page)]
+    visible = _in_sight(depth_picture, at, depth).mean(1) > 0.5
+    return [page[path] for path in _chains(every[visible], page)]
 
 
 def _drawn_edges(faces: NDArray[np.int64], verts: Floats, eye: Floats) -> NDArray[np.int64]:
@@ -131,15 +131,15 @@ def _chains(edges: NDArray[np.int64], page: Floats) -> list[list[int]]:
     points = page.tolist()
 
     def onward(before: int, here: int) -> int | None:
-        best, found = 0.5, None
+        best, chain = 0.5, None
         dx, dy = points[here][0] - points[before][0], points[here][1] - points[before][1]
         for there in sorted(left[here]):
             ex, ey = points[there][0] - points[here][0], points[there][1] - points[here][1]
             size = ((dx * dx + dy * dy) * (ex * ex + ey * ey)) ** 0.5
             cosine = (dx * ex + dy * ey) / size if size > 0 else 1.0
             if cosine > best:
-                best, found = cosine, there
-        return found
+                best, chain = cosine, there
+        return chain
 
     paths = []
     for a, b in edges.tolist():

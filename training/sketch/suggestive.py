@@ -42,7 +42,7 @@ def suggestive_contours(verts: Floats, faces: NDArray[np.int64], eye: Floats) ->
     values = radial[faces]
     usable &= (values.min(1) < 0) & (values.max(1) > 0)
 
-    found = []
+    segments = []
     size = float(np.ptp(verts, axis=0).max())
     for face in np.flatnonzero(usable):
         gradient = _gradient(corners[face], values[face], flat[face])
@@ -53,8 +53,8 @@ def suggestive_contours(verts: Floats, faces: NDArray[np.int64], eye: Floats) ->
             a, b = values[face, i], values[face, j]
             if (a < 0) != (b < 0):
                 ends.append(corners[face, i] + a / (a - b) * (corners[face, j] - corners[face, i]))
-        found.append(np.stack(ends))
-    points = np.concatenate(found) if found else np.zeros((0, 3))
+        segments.append(np.stack(ends))
+    points = np.concatenate(segments) if segments else np.zeros((0, 3))
     _, first, same = np.unique(np.round(points / size, 9), axis=0, return_index=True, return_inverse=True)
     return points[first], same.reshape(-1, 2)
 

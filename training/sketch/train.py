@@ -64,11 +64,11 @@ def draw_member(name: str, values: dict[str, Value], random: np.random.Generator
     return prepared(draw(drawn_lines(name, values, Habits.some(name, choices, random)), random))
 
 
-def make_drawings(count: int, seed: int, told: Callable[[str], None] = lambda _: None) -> Drawings:
+def make_drawings(count: int, seed: int, report: Callable[[str], None] = lambda _: None) -> Drawings:
     """Draw `count` random members, the families in turn; each depends on its seed and number alone."""
     names = list(FAMILIES)
     most = max(len(f.numbers) for f in FAMILIES.values()), max(len(f.choices) for f in FAMILIES.values())
-    made = Drawings(
+    drawings = Drawings(
         np.zeros((count, SIDE, SIDE), np.uint8),
         np.arange(count) % len(names),
         np.zeros((count, most[0]), np.float32),
@@ -78,12 +78,12 @@ def make_drawings(count: int, seed: int, told: Callable[[str], None] = lambda _:
         family = FAMILIES[names[row % len(names)]]
         random = np.random.default_rng([seed, row])
         values = family.draw(random)
-        made.pictures[row] = np.round(draw_member(family.name, values, random) * 255)
-        made.numbers[row, : len(family.numbers)] = family.shares(values)
-        made.choices[row, : len(family.choices)] = family.indices(values)
+        drawings.pictures[row] = np.round(draw_member(family.name, values, random) * 255)
+        drawings.numbers[row, : len(family.numbers)] = family.shares(values)
+        drawings.choices[row, : len(family.choices)] = family.indices(values)
         if row % 1000 == 999:
-            told(f"{row + 1} drawings")
-    return made
+            report(f"{row + 1} drawings")
+    return drawings
 
 
 def make_strangers(count: int, seed: int) -> Drawings:
@@ -122,7 +122,7 @@ def losses(look: Look, family: Tensor, numbers: Tensor, choices: Tensor) -> dict
     return total
 
 
-def train(drawings: Drawings, epochs: int, seed: int, told: Callable[[str], None] = lambda _: None) -> SketchNetwork:
+def train(drawings: Drawings, epochs: int, seed: int, report: Callable[[str], None] = lambda _: None) -> SketchNetwork:
     """Train a network on drawings; the rate rises in the first twentieth and falls to 0 by half a cosine.
 
     Each time a drawing is seen, it is mirrored or not (members look the same mirrored up to the view), shifted by up to
@@ -142,8 +142,8 @@ def train(drawings: Drawings, epochs: int, seed: int, told: Callable[[str], None
         network.train()
         for rows in _batches(len(drawings.family), generator):
             pictures = _changed(torch.from_numpy(drawings.pictures[rows.numpy()]).float() / 255, generator)
-            found = losses(network(pictures), *(each[rows] for each in targets))
-            loss = found["family"] + _NUMBERS_WEIGHT * found["numbers"] + 0.5 * found["choices"]
+            parts = losses(network(pictures), *(each[rows] for each in targets))
+            loss = parts["family"] + _NUMBERS_WEIGHT * parts["numbers"] + 0.5 * parts["choices"]
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             step += 1
@@ -154,10 +154,12 @@ def train(drawings: Drawings, epochs: int, seed: int, told: Callable[[str], None
                 for weight in weights:
                     weight.mul_(1 - rate * _DECAY)
             optimizer.step()
-            for name, value in found.items():
+            for name, value in parts.items():
                 sums[name] = sums.get(name, 0.0) + float(value.detach()) * len(rows) / len(drawings.family)
         spent = time.process_time() - started
-        told(f"epoch {epoch + 1}: " + "  ".join(f"{k} {v:.4f}" for k, v in sums.items()) + f"  ({spent:.0f} s of CPU)")
+        report(
+            f"epoch {epoch + 1}: " + "  ".join(f"{k} {v:.4f}" for k, v in sums.items()) + f"  ({spent:.0f} s of CPU)"
+        )
     return network.eval()
 
 
@@ -183,8 +185,8 @@ def measured(network: SketchNetwork, drawings: Drawings) -> dict[str, float]:
             right[most] += int((order[:, :most] == some.family[:, None]).any(1).sum())
         for index, (name, about) in enumerate(FAMILIES.items()):
             rows = np.flatnonzero(some.family == index)
-            found = look.numbers[name].clamp(0, 1).numpy()[rows]
-            errors += np.abs(found - some.numbers[rows, : len(about.numbers)]).ravel().tolist()
+            values = look.numbers[name].clamp(0, 1).numpy()[rows]
+            errors += np.abs(values - some.numbers[rows, : len(about.numbers)]).ravel().tolist()
             for place, logits in enumerate(look.choices[name]):
                 choices += (logits.argmax(1).numpy()[rows] == some.choices[rows, place]).tolist()
     count = len(drawings.family)
@@ -219,15 +221,15 @@ def _changed(pictures: Tensor, generator: torch.Generator) -> Tensor:
     return pictures[:, None]
 
 
-def _drawings(path: Path | None, count: int, seed: int, told: Callable[[str], None]) -> Drawings:
+def _drawings(path: Path | None, count: int, seed: int, report: Callable[[str], None]) -> Drawings:
     """Return the drawings of a cache file, which is made if it is missing."""
     if path is not None and path.exists():
-        with np.load(path) as kept:
-            return Drawings(*(kept[name] for name in ("pictures", "family", "numbers", "choices")))
-    made = make_drawings(count, seed, told)
+        with np.load(path) as archive:
+            return Drawings(*(archive[name] for name in ("pictures", "family", "numbers", "choices")))
+    drawings = make_drawings(count, seed, report)
     if path is not None:
-        np.savez_compressed(path, **vars(made))
-    return made
+        np.savez_compressed(path, **vars(drawings))
+    return drawings
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -250,13 +252,13 @@ def main(arguments: list[str] | None = None) -> None:
     strangers = make_strangers(int(options.strangers * len(drawings.family)), options.seed)
     shown = drawings.part(slice(held_out, None)).with_more(strangers)
     network = train(shown, options.epochs, options.seed, told)
-    found = measured(network, drawings.part(slice(held_out)))
-    told("held out: " + "  ".join(f"{name} {value:.4f}" for name, value in found.items()))
+    measures = measured(network, drawings.part(slice(held_out)))
+    told("held out: " + "  ".join(f"{name} {value:.4f}" for name, value in measures.items()))
     settings = {
         name: str(value) for name, value in vars(options).items() if name in ("drawings", "epochs", "seed", "strangers")
     }
     write_network(
-        options.output, network, settings | {"version": __version__} | {k: f"{v:.4f}" for k, v in found.items()}
+        options.output, network, settings | {"version": __version__} | {k: f"{v:.4f}" for k, v in measures.items()}
     )
 
 

@@ -66,8 +66,8 @@ def _low_poly(part: Part, faces: int) -> Part:
     """Reduce a mesh to a number of faces by quadric error (Garland and Heckbert 1997)."""
     if len(part.faces) <= faces:
         return part
-    verts, kept = fast_simplification.simplify(
+    verts, faces_kept = fast_simplification.simplify(
         part.verts.astype(np.float32), part.faces.astype(np.int32), target_count=faces
     )
-    used, corners = np.unique(kept, return_inverse=True)
+    used, corners = np.unique(faces_kept, return_inverse=True)
     return Part(np.asarray(verts, np.float64)[used], corners.reshape(-1, 3).astype(np.int64))

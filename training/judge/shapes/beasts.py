@@ -40,31 +40,31 @@ def _frame(
     head, leg, thick = head * (0.9 + 0.5 * toy), leg * (1.1 - 0.4 * toy), thick * (0.8 + 0.5 * toy)
     boxy, y, z = rng.random() < 0.3, leg + 0.8 * girth, length / 2
     if boxy:
-        made = [block((0, y, 0), (girth * 1.7, girth * 1.8, length + girth * 0.8), u(0.1, 0.8))]
+        solids = [block((0, y, 0), (girth * 1.7, girth * 1.8, length + girth * 0.8), u(0.1, 0.8))]
     elif rng.random() < 0.4:
-        made = [ball((0, y, 0), (girth * u(0.85, 1.05), girth, z + girth * 0.8))]
+        solids = [ball((0, y, 0), (girth * u(0.85, 1.05), girth, z + girth * 0.8))]
     else:
-        made = [rod((0, y, -z * 0.8), (0, y + girth * u(-0.1, 0.2), z * 0.8), girth * u(0.85, 1.05), girth)]
+        solids = [rod((0, y, -z * 0.8), (0, y + girth * u(-0.1, 0.2), z * 0.8), girth * u(0.85, 1.05), girth)]
     for at in (-z * u(0.75, 0.95), z * u(0.75, 0.95)):
         hip = np.array([girth * u(0.5, 0.65), y - 0.2 * girth, at])
         foot = np.array([hip[0] * u(0.9, 1.15), 0.0, at + u(-0.15, 0.15) * leg])
         if boxy and rng.random() < 0.7:
-            made += both(block((hip + foot) / 2, (2 * thick, hip[1], 2 * thick), 0.2))
+            solids += both(block((hip + foot) / 2, (2 * thick, hip[1], 2 * thick), 0.2))
         else:
-            made += both(rod(hip, foot + [0, thick * 0.8, 0], thick * u(1.0, 1.5), thick * 0.9))
+            solids += both(rod(hip, foot + [0, thick * 0.8, 0], thick * u(1.0, 1.5), thick * 0.9))
     angle = np.radians(rise + u(-12.0, 12.0))
     start = np.array([0.0, y + 0.3 * girth, z])
     middle = start + neck * np.array([0.0, np.sin(angle), np.cos(angle)]) + [0, 0, 0.3 * head]
-    made += [rod(start, middle, max(0.62 * girth, 0.6 * head), 0.6 * head)]
+    solids += [rod(start, middle, max(0.62 * girth, 0.6 * head), 0.6 * head)]
     down = np.array([0.0, -u(0.2, 0.5), 1.0]) * head
     if boxy:
-        made += [block(middle, (head * 1.7, head * 1.7, head * 1.9), u(0.1, 0.8))]
+        solids += [block(middle, (head * 1.7, head * 1.7, head * 1.9), u(0.1, 0.8))]
         wide = 2 * snout * head
-        made += [block(middle + down * (0.6 + muzzle / 2), (wide, wide, head * (0.6 + muzzle)), 0.3)]
+        solids += [block(middle + down * (0.6 + muzzle / 2), (wide, wide, head * (0.6 + muzzle)), 0.3)]
     else:
-        made += [ball(middle, head * np.array([u(0.8, 1.0), u(0.85, 1.0), u(0.9, 1.15)]))]
-        made += [rod(middle, middle + down * (0.5 + muzzle), 0.8 * head, snout * head)]
-    return _Frame(made, middle, head, np.array([0.0, y + 0.4 * girth, -z - 0.5 * girth]), y + girth)
+        solids += [ball(middle, head * np.array([u(0.8, 1.0), u(0.85, 1.0), u(0.9, 1.15)]))]
+        solids += [rod(middle, middle + down * (0.5 + muzzle), 0.8 * head, snout * head)]
+    return _Frame(solids, middle, head, np.array([0.0, y + 0.4 * girth, -z - 0.5 * girth]), y + girth)
 
 
 def _ears(rng: Rng, f: _Frame, size: float, kind: str) -> list[Solid]:
@@ -86,8 +86,8 @@ def _tail(rng: Rng, f: _Frame, length: float, radius: float, angle: float, tuft:
     one = f.rump + 0.5 * length * np.array([0.0, np.sin(at), -np.cos(at)])
     turn = at + np.radians(rng.uniform(-35, 35))
     two = one + 0.5 * length * np.array([0.0, np.sin(turn), -np.cos(turn)])
-    made = rods([f.rump + [0, 0, 0.15], one, two], [radius * 1.1, radius, radius * 0.8])
-    return [*made, ball(two, tuft)] if tuft else made
+    solids = rods([f.rump + [0, 0, 0.15], one, two], [radius * 1.1, radius, radius * 0.8])
+    return [*solids, ball(two, tuft)] if tuft else solids
 
 
 def bear(rng: Rng) -> list[Solid]:
@@ -99,11 +99,11 @@ def bear(rng: Rng) -> list[Solid]:
         return [*f.solids, *_ears(rng, f, 0.4, "round"), ball(f.rump, 0.12)]
     wide, head = u(0.42, 0.55), u(0.36, 0.46)
     top = 0.55 + u(0.45, 0.6)
-    made = [ball((0, 0.5, 0), (wide, 0.58, wide * 0.9)), ball((0, top + 0.3 * head, 0.05), head)]
-    made += [ball((0, top + 0.15 * head, 0.05 + 0.9 * head), (0.45 * head, 0.36 * head, 0.45 * head))]
-    made += both(ball((0.72 * head, top + 1.05 * head, 0), (0.36 * head, 0.36 * head, 0.18 * head)))
-    made += both(rod((wide * 0.75, 0.8, 0.1), (wide * u(0.95, 1.35), u(0.35, 0.8), u(0.1, 0.4)), 0.15, 0.15))
-    return made + both(rod((wide * 0.5, 0.2, 0.2), (wide * u(0.7, 1.0), 0.17, u(0.6, 0.8)), 0.18, 0.2))
+    solids = [ball((0, 0.5, 0), (wide, 0.58, wide * 0.9)), ball((0, top + 0.3 * head, 0.05), head)]
+    solids += [ball((0, top + 0.15 * head, 0.05 + 0.9 * head), (0.45 * head, 0.36 * head, 0.45 * head))]
+    solids += both(ball((0.72 * head, top + 1.05 * head, 0), (0.36 * head, 0.36 * head, 0.18 * head)))
+    solids += both(rod((wide * 0.75, 0.8, 0.1), (wide * u(0.95, 1.35), u(0.35, 0.8), u(0.1, 0.4)), 0.15, 0.15))
+    return solids + both(rod((wide * 0.5, 0.2, 0.2), (wide * u(0.7, 1.0), 0.17, u(0.6, 0.8)), 0.18, 0.2))
 
 
 def camel(rng: Rng) -> list[Solid]:
@@ -111,17 +111,17 @@ def camel(rng: Rng) -> list[Solid]:
     u = rng.uniform
     y, z = u(1.05, 1.25), u(0.5, 0.62)
     head = np.array([0, y + u(0.45, 0.7), z + u(0.55, 0.75)])
-    made = [ball((0, y, 0), (u(0.28, 0.36), u(0.3, 0.36), z + 0.15))]
+    solids = [ball((0, y, 0), (u(0.28, 0.36), u(0.3, 0.36), z + 0.15))]
     thick = u(0.07, 0.11)
     for at in (-z * 0.8, z * 0.8):
-        made += both(rod((0.18, y, at), (0.2, thick, at), thick * 1.3, thick))
-    made += rods([(0, y, z), (0, y - 0.1, z + 0.35), (0, head[1] - 0.1, head[2] - 0.1)], [0.22, 0.15, 0.12])
-    made += [rod(head, head + [0, -0.08, u(0.25, 0.35)], u(0.15, 0.18), 0.11)]
-    made += both(ball(head + [0.12, 0.16, -0.03], (0.05, 0.1, 0.05)))
+        solids += both(rod((0.18, y, at), (0.2, thick, at), thick * 1.3, thick))
+    solids += rods([(0, y, z), (0, y - 0.1, z + 0.35), (0, head[1] - 0.1, head[2] - 0.1)], [0.22, 0.15, 0.12])
+    solids += [rod(head, head + [0, -0.08, u(0.25, 0.35)], u(0.15, 0.18), 0.11)]
+    solids += both(ball(head + [0.12, 0.16, -0.03], (0.05, 0.1, 0.05)))
     for at in [[0.0], [-0.3, 0.3]][int(rng.integers(2))]:
         top = np.array([0, y + u(0.45, 0.6), at])
-        made += [rod((0, y + 0.1, at), top, u(0.24, 0.3), u(0.1, 0.16))]
-    return [*made, rod((0, y + 0.1, -z - 0.1), (0, y - 0.45, -z - 0.25), 0.05, 0.06)]
+        solids += [rod((0, y + 0.1, at), top, u(0.24, 0.3), u(0.1, 0.16))]
+    return [*solids, rod((0, y + 0.1, -z - 0.1), (0, y - 0.45, -z - 0.25), 0.05, 0.06)]
 
 
 def cat(rng: Rng) -> list[Solid]:
@@ -133,14 +133,16 @@ def cat(rng: Rng) -> list[Solid]:
         tail = _tail(rng, f, u(0.6, 0.95), 0.065, u(35, 75))
         return [*f.solids, *_ears(rng, f, 0.75, "point"), *tail]
     head, top = u(0.27, 0.36), u(0.95, 1.15)
-    made = rods([(0, 0.32, -0.15), (0, top - 0.1, 0.12)], [u(0.33, 0.4), 0.22])
-    made += [ball((0, top + 0.5 * head, 0.18), (head * 1.05, head * 0.9, head * 0.9))]
-    made += [ball((0, top + 0.3 * head, 0.18 + 0.8 * head), (0.4 * head, 0.3 * head, 0.3 * head))]
-    made += both(drum((0.55 * head, top + 1.0 * head, 0.15), (0.75 * head, top + u(1.8, 2.0) * head, 0.12), 0.14, 0.02))
-    made += both(rod((0.13, 0.65, 0.2), (0.14, 0.08, 0.35), 0.11, 0.09))
-    made += both(ball((0.3, 0.2, 0.02), (0.15, 0.22, 0.28)))
+    solids = rods([(0, 0.32, -0.15), (0, top - 0.1, 0.12)], [u(0.33, 0.4), 0.22])
+    solids += [ball((0, top + 0.5 * head, 0.18), (head * 1.05, head * 0.9, head * 0.9))]
+    solids += [ball((0, top + 0.3 * head, 0.18 + 0.8 * head), (0.4 * head, 0.3 * head, 0.3 * head))]
+    solids += both(
+        drum((0.55 * head, top + 1.0 * head, 0.15), (0.75 * head, top + u(1.8, 2.0) * head, 0.12), 0.14, 0.02)
+    )
+    solids += both(rod((0.13, 0.65, 0.2), (0.14, 0.08, 0.35), 0.11, 0.09))
+    solids += both(ball((0.3, 0.2, 0.02), (0.15, 0.22, 0.28)))
     side = u(0.5, 0.7)
-    return made + rods([(0, 0.1, -0.45), (side, 0.08, -0.3), (side, 0.08, 0.2)], [0.08, 0.08, 0.07])
+    return solids + rods([(0, 0.1, -0.45), (side, 0.08, -0.3), (side, 0.08, 0.2)], [0.08, 0.08, 0.07])
 
 
 def cow(rng: Rng) -> list[Solid]:
@@ -150,10 +152,10 @@ def cow(rng: Rng) -> list[Solid]:
     r, out, up = f.size, rng.uniform(0.5, 1.1), rng.uniform(0.3, 0.9)
     root = f.head + r * np.array([0.4, 0.75, -0.1])
     tip = root + r * np.array([0.2 + out, up, 0.2])
-    made = f.solids
-    made += both(rods([root, (root + tip) / 2 + [0.15 * r, -0.1 * r, 0], tip], [0.2 * r, 0.16 * r, 0.1 * r]))
-    made += _ears(rng, f, 0.55, "side")
-    return [*made, ball((0, f.back - 0.95, -0.35), (0.2, 0.16, 0.2)), *_tail(rng, f, 0.65, 0.05, -75.0, 0.08)]
+    solids = f.solids
+    solids += both(rods([root, (root + tip) / 2 + [0.15 * r, -0.1 * r, 0], tip], [0.2 * r, 0.16 * r, 0.1 * r]))
+    solids += _ears(rng, f, 0.55, "side")
+    return [*solids, ball((0, f.back - 0.95, -0.35), (0.2, 0.16, 0.2)), *_tail(rng, f, 0.65, 0.05, -75.0, 0.08)]
 
 
 def crocodile(rng: Rng) -> list[Solid]:
@@ -161,17 +163,17 @@ def crocodile(rng: Rng) -> list[Solid]:
     u = rng.uniform
     wide, y = u(0.22, 0.32), u(0.18, 0.26)
     tail, mouth, gape = u(1.0, 1.4), u(0.6, 0.85), u(0.0, 0.2)
-    made = [ball((0, y, 0), (wide, u(0.16, 0.22), 0.65)), ball((0, y + 0.03, 0.65), (0.2, 0.15, 0.25))]
+    solids = [ball((0, y, 0), (wide, u(0.16, 0.22), 0.65)), ball((0, y + 0.03, 0.65), (0.2, 0.15, 0.25))]
     side = u(-0.3, 0.3)
-    made += rods([(0, y, -0.4), (0.5 * side, y, -0.4 - tail / 2), (side, y * 0.8, -0.4 - tail)], [0.18, 0.12, 0.05])
-    made += [block((0, y - 0.04, 0.75 + mouth / 2), (0.24, 0.09, mouth), 0.5)]
-    made += [block((0, y + 0.06 + gape / 2, 0.75 + mouth / 2), (0.22, 0.09, mouth), 0.5, (-60 * gape, 0, 0))]
-    made += both(ball((0.1, y + 0.17, 0.65), 0.07))
+    solids += rods([(0, y, -0.4), (0.5 * side, y, -0.4 - tail / 2), (side, y * 0.8, -0.4 - tail)], [0.18, 0.12, 0.05])
+    solids += [block((0, y - 0.04, 0.75 + mouth / 2), (0.24, 0.09, mouth), 0.5)]
+    solids += [block((0, y + 0.06 + gape / 2, 0.75 + mouth / 2), (0.22, 0.09, mouth), 0.5, (-60 * gape, 0, 0))]
+    solids += both(ball((0.1, y + 0.17, 0.65), 0.07))
     for at in (-0.35, 0.4):
-        made += both(rods([(0.15, y, at), (wide + 0.22, y, at), (wide + 0.25, 0.04, at + 0.08)], [0.09, 0.08, 0.06]))
+        solids += both(rods([(0.15, y, at), (wide + 0.22, y, at), (wide + 0.25, 0.04, at + 0.08)], [0.09, 0.08, 0.06]))
     for at in np.linspace(-0.4 - 0.7 * tail, 0.4, 9):
-        made += [drum((0, y + 0.05, at), (0, y + 0.28 - 0.1 * (at < -0.5), at), 0.09, 0.01, sides=4)]
-    return made
+        solids += [drum((0, y + 0.05, at), (0, y + 0.28 - 0.1 * (at < -0.5), at), 0.09, 0.01, sides=4)]
+    return solids
 
 
 def deer(rng: Rng) -> list[Solid]:
@@ -210,15 +212,17 @@ def dragon(rng: Rng) -> list[Solid]:
     u = rng.uniform
     f = _frame(rng, length=0.85, girth=0.35, leg=0.4, thick=0.12, neck=0.65, head=0.22, muzzle=1.0, snout=0.6,
                rise=62.0)  # fmt: skip
-    made = [*f.solids, *_tail(rng, f, u(0.9, 1.3), 0.13, -5.0, 0.12)]
+    solids = [*f.solids, *_tail(rng, f, u(0.9, 1.3), 0.13, -5.0, 0.12)]
     span, top = u(0.9, 1.3), f.back - 0.1
     wing = np.array([(0.4, 0.0), (0.35, span), (-0.25, span * 0.9), (-0.2, span * 0.65), (-0.65, span * 0.5),
                      (-0.4, span * 0.25), (-0.5, 0.0)])  # fmt: skip
-    made += both(plate(wing, 0.09, (0.05, top, 0), "y", (0, 0, u(25, 60))))
-    made += both(
+    solids += both(plate(wing, 0.09, (0.05, top, 0), "y", (0, 0, u(25, 60))))
+    solids += both(
         rod(f.head + f.size * np.array([0.4, 0.5, -0.3]), f.head + f.size * np.array([0.7, 1.5, -1.2]), 0.06, 0.03)
     )
-    return made + [drum((0, f.back - 0.1, at), (0, f.back + 0.16, at - 0.08), 0.1, 0.01) for at in (-0.35, -0.1, 0.15)]
+    return solids + [
+        drum((0, f.back - 0.1, at), (0, f.back + 0.16, at - 0.08), 0.1, 0.01) for at in (-0.35, -0.1, 0.15)
+    ]
 
 
 def elephant(rng: Rng) -> list[Solid]:
@@ -250,29 +254,29 @@ def hedgehog(rng: Rng) -> list[Solid]:
     """Shape a hedgehog: a dome of spikes with a pointed snout."""
     u = rng.uniform
     r, high, snout = u(0.5, 0.6), u(0.45, 0.58), u(0.3, 0.5)
-    made = [ball((0, 0.35, 0), (r, high, 0.7)), rod((0, 0.28, 0.5), (0, 0.24, 0.72 + snout), 0.26, 0.08)]
-    made += [ball((0, 0.25, 0.75 + snout), 0.08), *both(ball((0.17, 0.45, 0.68), (0.1, 0.1, 0.06)))]
+    solids = [ball((0, 0.35, 0), (r, high, 0.7)), rod((0, 0.28, 0.5), (0, 0.24, 0.72 + snout), 0.26, 0.08)]
+    solids += [ball((0, 0.25, 0.75 + snout), 0.08), *both(ball((0.17, 0.45, 0.68), (0.1, 0.1, 0.06)))]
     for at in (-0.3, 0.35):
-        made += both(ball((0.28, 0.02, at), (0.12, 0.1, 0.16)))
+        solids += both(ball((0.28, 0.02, at), (0.12, 0.1, 0.16)))
     long, rows = u(0.14, 0.28), int(rng.integers(4, 7))
     for k, around in enumerate(np.linspace(-95, 95, 2 * rows - 1)):
         for along in np.linspace(-75, 35, rows) + (9 if k % 2 else 0):
             a, b = np.radians(around), np.radians(along)
             d = np.array([np.sin(a) * np.cos(b), np.cos(a) * np.cos(b), np.sin(b)])
             root = np.array([0, 0.35, 0]) + d * [r, high, 0.7]
-            made += [drum(root - 0.08 * d, root + long * (d + [0, 0, -0.35]), 0.09, 0.01)]
-    return made
+            solids += [drum(root - 0.08 * d, root + long * (d + [0, 0, -0.35]), 0.09, 0.01)]
+    return solids
 
 
 def horse(rng: Rng) -> list[Solid]:
     """Shape a horse with a long head, a mane and a hanging tail."""
     f = _frame(rng, length=1.1, girth=0.3, leg=0.75, thick=0.08, neck=0.62, head=0.19, muzzle=1.6, snout=0.6,
                rise=52.0)  # fmt: skip
-    made = [*f.solids, *_ears(rng, f, 0.7, "point")]
-    made += rods([f.rump + [0, 0.05, 0.1], f.rump + [0, -0.15, -0.25], f.rump + [0, -0.75, -0.3]], [0.09, 0.12, 0.07])
+    solids = [*f.solids, *_ears(rng, f, 0.7, "point")]
+    solids += rods([f.rump + [0, 0.05, 0.1], f.rump + [0, -0.15, -0.25], f.rump + [0, -0.75, -0.3]], [0.09, 0.12, 0.07])
     start = np.array([0.0, f.back, f.head[2] - 0.55])
-    made += [ball(start + s * (f.head + [0, 0.12, -0.12] - start), (0.07, 0.17, 0.17)) for s in np.linspace(0, 1, 6)]
-    return made
+    solids += [ball(start + s * (f.head + [0, 0.12, -0.12] - start), (0.07, 0.17, 0.17)) for s in np.linspace(0, 1, 6)]
+    return solids
 
 
 def lion(rng: Rng) -> list[Solid]:
@@ -293,14 +297,16 @@ def mouse(rng: Rng) -> list[Solid]:
     u = rng.uniform
     wide, long, ear = u(0.32, 0.42), u(0.5, 0.65), u(0.22, 0.33)
     nose = np.array([0, u(0.25, 0.35), long + u(0.4, 0.55)])
-    made = [ball((0, 0.36, 0), (wide, u(0.34, 0.42), long)), rod((0, 0.4, long * 0.6), nose, 0.28, 0.07)]
-    made += [ball(nose, 0.09)]
-    made += both(ball((ear * 0.95, 0.62 + 0.6 * ear, long * 0.6), (ear, ear, 0.08), (0, u(-25, 25), 0)))
+    solids = [ball((0, 0.36, 0), (wide, u(0.34, 0.42), long)), rod((0, 0.4, long * 0.6), nose, 0.28, 0.07)]
+    solids += [ball(nose, 0.09)]
+    solids += both(ball((ear * 0.95, 0.62 + 0.6 * ear, long * 0.6), (ear, ear, 0.08), (0, u(-25, 25), 0)))
     for at in (-0.3, 0.35):
-        made += both(ball((wide * 0.65, 0.06, at), (0.11, 0.09, 0.17)))
+        solids += both(ball((wide * 0.65, 0.06, at), (0.11, 0.09, 0.17)))
     side, up = u(-0.5, 0.5), u(0.05, 0.5)
-    made += rods([(0, 0.2, -long * 0.9), (side, 0.1, -long - 0.45), (0.3 * side, up, -long - 0.9)], [0.08, 0.06, 0.05])
-    return made
+    solids += rods(
+        [(0, 0.2, -long * 0.9), (side, 0.1, -long - 0.45), (0.3 * side, up, -long - 0.9)], [0.08, 0.06, 0.05]
+    )
+    return solids
 
 
 def pig(rng: Rng) -> list[Solid]:
@@ -319,20 +325,22 @@ def rabbit(rng: Rng) -> list[Solid]:
     u = rng.uniform
     ear, head, apart = u(0.5, 0.85), u(0.24, 0.32), u(0.1, 0.2)
     if rng.random() < 0.5:
-        made = [ball((0, 0.4, -0.15), (u(0.33, 0.4), u(0.38, 0.46), 0.55)), ball((0, 0.12, 0.3), (0.22, 0.12, 0.28))]
+        solids = [ball((0, 0.4, -0.15), (u(0.33, 0.4), u(0.38, 0.46), 0.55)), ball((0, 0.12, 0.3), (0.22, 0.12, 0.28))]
         at = np.array([0, 0.72, 0.45])
-        made += both(ball((0.3, 0.25, -0.3), (0.16, 0.25, 0.3)))
-        made += [ball((0, 0.38, -0.72), 0.15), rod((0, 0.4, 0.2), at, 0.25, 0.18)]
+        solids += both(ball((0.3, 0.25, -0.3), (0.16, 0.25, 0.3)))
+        solids += [ball((0, 0.38, -0.72), 0.15), rod((0, 0.4, 0.2), at, 0.25, 0.18)]
     else:
-        made = [ball((0, 0.48, 0), (u(0.34, 0.44), 0.52, u(0.32, 0.4))), ball((0, 0.2, -0.42), 0.15)]
+        solids = [ball((0, 0.48, 0), (u(0.34, 0.44), 0.52, u(0.32, 0.4))), ball((0, 0.2, -0.42), 0.15)]
         at = np.array([0, 1.05 + 0.3 * head, 0.06])
-        made += both(ball((0.24, 0.1, 0.25), (0.14, 0.1, 0.3)))
-        made += both(rod((0.27, 0.75, 0.2), (u(0.15, 0.45), u(0.5, 0.8), 0.4), 0.1, 0.09))
-    made += [ball(at, (head, head * 0.9, head * 1.05)), ball(at + [0, -0.1, 0.8 * head], (0.14, 0.11, 0.12))]
+        solids += both(ball((0.24, 0.1, 0.25), (0.14, 0.1, 0.3)))
+        solids += both(rod((0.27, 0.75, 0.2), (u(0.15, 0.45), u(0.5, 0.8), 0.4), 0.1, 0.09))
+    solids += [ball(at, (head, head * 0.9, head * 1.05)), ball(at + [0, -0.1, 0.8 * head], (0.14, 0.11, 0.12))]
     tilt = u(-0.5, 0.3)
     tip = at + [apart + u(0.05, 0.25), head + ear, tilt * ear - 0.05]
-    made += both(rods([at + [apart * 0.8, head * 0.6, -0.05], (at + tip) / 2 + [0.06, 0.2, 0], tip], [0.07, 0.1, 0.06]))
-    return made
+    solids += both(
+        rods([at + [apart * 0.8, head * 0.6, -0.05], (at + tip) / 2 + [0.06, 0.2, 0], tip], [0.07, 0.1, 0.06])
+    )
+    return solids
 
 
 def rhino(rng: Rng) -> list[Solid]:
@@ -341,10 +349,10 @@ def rhino(rng: Rng) -> list[Solid]:
     f = _frame(rng, length=1.1, girth=0.45, leg=0.4, thick=0.14, neck=0.3, head=0.27, muzzle=1.2, snout=0.62, rise=8.0)
     r = f.size
     nose = f.head + r * np.array([0, 0.1, 1.45])
-    made = [*f.solids, drum(nose - [0, 0.1, 0.1], nose + [0, u(0.4, 0.65), u(0.05, 0.25)], 0.15, 0.02)]
+    solids = [*f.solids, drum(nose - [0, 0.1, 0.1], nose + [0, u(0.4, 0.65), u(0.05, 0.25)], 0.15, 0.02)]
     if rng.random() < 0.6:
-        made += [drum(nose + [0, 0, -0.85 * r], nose + [0, u(0.22, 0.32), -0.8 * r], 0.1, 0.02)]
-    return [*made, *_ears(rng, f, 0.5, "point"), *_tail(rng, f, 0.35, 0.05, -60.0)]
+        solids += [drum(nose + [0, 0, -0.85 * r], nose + [0, u(0.22, 0.32), -0.8 * r], 0.1, 0.02)]
+    return [*solids, *_ears(rng, f, 0.5, "point"), *_tail(rng, f, 0.35, 0.05, -60.0)]
 
 
 def sheep(rng: Rng) -> list[Solid]:
@@ -352,33 +360,35 @@ def sheep(rng: Rng) -> list[Solid]:
     u = rng.uniform
     leg, wide, long = u(0.3, 0.45), u(0.38, 0.48), u(0.55, 0.7)
     y = leg + 0.35
-    made = [ball((0, y, 0), (wide, 0.38, long))]
+    solids = [ball((0, y, 0), (wide, 0.38, long))]
     size = u(0.15, 0.22)
     for _ in range(34):
         d = rng.normal(size=3)
         d /= np.linalg.norm(d)
-        made += [ball(np.array([0, y, 0]) + d * [wide * 0.85, 0.34, long * 0.9], size * u(0.85, 1.15))]
+        solids += [ball(np.array([0, y, 0]) + d * [wide * 0.85, 0.34, long * 0.9], size * u(0.85, 1.15))]
     thick = u(0.07, 0.1)
     for at in (-0.55 * long, 0.55 * long):
-        made += both(rod((0.22, y - 0.1, at), (0.22, thick, at), thick))
+        solids += both(rod((0.22, y - 0.1, at), (0.22, thick, at), thick))
     head = np.array([0, y + u(0.15, 0.3), long + 0.2])
-    made += [rod(head, head + [0, -0.2, u(0.15, 0.22)], 0.18, 0.12), ball(head + [0, 0.17, -0.08], u(0.15, 0.2))]
-    return made + both(ball(head + [0.25, 0.0, -0.02], (0.15, 0.06, 0.07), (0, 0, -20)))
+    solids += [rod(head, head + [0, -0.2, u(0.15, 0.22)], 0.18, 0.12), ball(head + [0, 0.17, -0.08], u(0.15, 0.2))]
+    return solids + both(ball(head + [0.25, 0.0, -0.02], (0.15, 0.06, 0.07), (0, 0, -20)))
 
 
 def turtle(rng: Rng) -> list[Solid]:
     """Shape a turtle: a dome with a rim, a head on a neck and four flat feet."""
     u = rng.uniform
     wide, long, high = u(0.6, 0.75), u(0.7, 0.9), u(0.32, 0.52)
-    made = [ball((0, 0.2, 0), (wide, high, long)), ball((0, 0.2, 0), (wide * 1.12, 0.1, long * 1.1))]
+    solids = [ball((0, 0.2, 0), (wide, high, long)), ball((0, 0.2, 0), (wide * 1.12, 0.1, long * 1.1))]
     head = np.array([0, u(0.3, 0.5), long + u(0.25, 0.4)])
-    made += [rod((0, 0.2, long * 0.7), head, 0.13, 0.13), ball(head, (0.17, 0.16, 0.21))]
+    solids += [rod((0, 0.2, long * 0.7), head, 0.13, 0.13), ball(head, (0.17, 0.16, 0.21))]
     for at, out in ((0.55, 0.45), (-0.55, -0.4)):
         if rng.random() < 0.5:
-            made += both(ball((wide * 1.0, 0.1, long * (at + out * 0.5)), (0.3, 0.08, 0.17), (0, 40 * np.sign(at), 0)))
+            solids += both(
+                ball((wide * 1.0, 0.1, long * (at + out * 0.5)), (0.3, 0.08, 0.17), (0, 40 * np.sign(at), 0))
+            )
         else:
-            made += both(rod((wide * 0.65, 0.2, long * at), (wide * 0.85, -0.1, long * (at + 0.2 * out)), 0.17, 0.14))
-    return [*made, rod((0, 0.15, -long), (0, 0.1, -long - 0.25), 0.09, 0.03)]
+            solids += both(rod((wide * 0.65, 0.2, long * at), (wide * 0.85, -0.1, long * (at + 0.2 * out)), 0.17, 0.14))
+    return [*solids, rod((0, 0.15, -long), (0, 0.1, -long - 0.25), 0.09, 0.03)]
 
 
 def fox(rng: Rng) -> list[Solid]:
@@ -390,17 +400,20 @@ def fox(rng: Rng) -> list[Solid]:
                    rise=50.0)  # fmt: skip
         way = np.radians(u(-35, 45))
         tip = f.rump + tail * np.array([0, np.sin(way), -np.cos(way)])
-        made = [*f.solids, *_ears(rng, f, 1.15, "point")]
-        return made + rods([f.rump, 0.45 * f.rump + 0.55 * tip, tip], [0.07, pale, 0.03])
+        solids = [*f.solids, *_ears(rng, f, 1.15, "point")]
+        return solids + rods([f.rump, 0.45 * f.rump + 0.55 * tip, tip], [0.07, pale, 0.03])
     head = u(0.25, 0.32)
     at = np.array([0, u(0.95, 1.1), 0.2])
-    made = [rod((0, 0.28, -0.15), at - [0, 0.2, 0.05], u(0.28, 0.34), 0.17), ball(at, (head * 1.1, head * 0.85, head))]
-    made += [rod(at + [0, -0.1 * head, 0.4 * head], at + [0, -0.4 * head, 1.7 * head], 0.5 * head, 0.05)]
-    made += both(drum(at + [0.5 * head, 0.4 * head, 0], at + [0.85 * head, u(1.5, 1.9) * head, 0], 0.42 * head, 0.02))
-    made += both(rod((0.12, 0.6, 0.18), (0.13, 0.08, 0.32), 0.1, 0.08))
-    made += both(ball((0.26, 0.16, 0.02), (0.13, 0.18, 0.26)))
+    solids = [
+        rod((0, 0.28, -0.15), at - [0, 0.2, 0.05], u(0.28, 0.34), 0.17),
+        ball(at, (head * 1.1, head * 0.85, head)),
+    ]
+    solids += [rod(at + [0, -0.1 * head, 0.4 * head], at + [0, -0.4 * head, 1.7 * head], 0.5 * head, 0.05)]
+    solids += both(drum(at + [0.5 * head, 0.4 * head, 0], at + [0.85 * head, u(1.5, 1.9) * head, 0], 0.42 * head, 0.02))
+    solids += both(rod((0.12, 0.6, 0.18), (0.13, 0.08, 0.32), 0.1, 0.08))
+    solids += both(ball((0.26, 0.16, 0.02), (0.13, 0.18, 0.26)))
     side = rng.choice([-1.0, 1.0])
-    return made + rods([(0, 0.12, -0.4), (0.5 * side, 0.16, -0.3), (0.6 * side, 0.2, 0.3)], [0.1, pale, 0.04])
+    return solids + rods([(0, 0.12, -0.4), (0.5 * side, 0.16, -0.3), (0.6 * side, 0.2, 0.3)], [0.1, pale, 0.04])
 
 
 def wolf(rng: Rng) -> list[Solid]:
@@ -409,10 +422,10 @@ def wolf(rng: Rng) -> list[Solid]:
     f = _frame(rng, length=1.05, girth=0.27, leg=0.66, thick=0.075, neck=0.38, head=0.22, muzzle=1.15, snout=0.42,
                rise=u(15, 75))  # fmt: skip
     chest = np.array([0, f.back - 0.2, 0.45])
-    made = [*f.solids, rod(chest, 0.35 * chest + 0.65 * f.head, u(0.3, 0.36), u(0.2, 0.26))]
-    made += [*_ears(rng, f, 0.65, "point")]
+    solids = [*f.solids, rod(chest, 0.35 * chest + 0.65 * f.head, u(0.3, 0.36), u(0.2, 0.26))]
+    solids += [*_ears(rng, f, 0.65, "point")]
     for k in range(4):
         place = chest + (f.head - chest) * k / 4
-        made += both(drum(place + [0.16, 0, 0], place + [u(0.3, 0.36), -0.15, -0.18], 0.13, 0.02))
+        solids += both(drum(place + [0.16, 0, 0], place + [u(0.3, 0.36), -0.15, -0.18], 0.13, 0.02))
     low = f.rump + [0, -u(0.55, 0.7), -u(0.1, 0.35)]
-    return made + rods([f.rump, 0.5 * (f.rump + low) - [0, 0, 0.1], low], [0.07, u(0.1, 0.13), 0.03])
+    return solids + rods([f.rump, 0.5 * (f.rump + low) - [0, 0, 0.1], low], [0.07, u(0.1, 0.13), 0.03])

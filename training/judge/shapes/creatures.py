@@ -14,17 +14,17 @@ Rng = np.random.Generator
 def butterfly(rng: Rng) -> list[Solid]:
     """Shape a butterfly: four round wings about a thin body, with feelers."""
     u = rng.uniform
-    made = rods([(0, 0, 0.5), (0, 0, 0), (0, 0, -0.5)], [0.09, 0.11, 0.06]) + [ball((0, 0, 0.55), 0.12)]
+    solids = rods([(0, 0, 0.5), (0, 0, 0), (0, 0, -0.5)], [0.09, 0.11, 0.06]) + [ball((0, 0, 0.55), 0.12)]
     tilt, thick = u(-15, 50), u(0.07, 0.1)
     if rng.random() < 0.5:
-        made += both(ball((0.48, 0, 0.32), (0.5, thick / 2, 0.36), (0, u(-40, -15), 0)))
-        made += both(ball((0.38, 0, -0.33), (0.4, thick / 2, 0.3), (0, u(20, 45), 0)))
-        made = _lifted(made, tilt, 3)
+        solids += both(ball((0.48, 0, 0.32), (0.5, thick / 2, 0.36), (0, u(-40, -15), 0)))
+        solids += both(ball((0.38, 0, -0.33), (0.4, thick / 2, 0.3), (0, u(20, 45), 0)))
+        solids = _lifted(solids, tilt, 3)
     else:
         wing = [(0.1, 0), (0.75, u(0.7, 1.0)), (0.45, 1.0), (0.05, 0.7), (-0.1, 0.6), (-0.55, 0.7), (-0.6, 0.4)]
         wing += [(-0.1, 0)]
-        made += both(plate(wing, thick, (0, 0, 0), "y", (0, 0, tilt)))
-    return made + both(rods([(0.03, 0.05, 0.6), (0.12, 0.2, 0.85), (0.25, 0.25, 0.95)], [0.035, 0.03, 0.045]))
+        solids += both(plate(wing, thick, (0, 0, 0), "y", (0, 0, tilt)))
+    return solids + both(rods([(0.03, 0.05, 0.6), (0.12, 0.2, 0.85), (0.25, 0.25, 0.95)], [0.035, 0.03, 0.045]))
 
 
 def _lifted(solids: list[Solid], degrees: float, keep: int) -> list[Solid]:
@@ -49,9 +49,9 @@ def crab(rng: Rng) -> list[Solid]:
     """Shape a crab: a wide flat body, eight bent legs, two raised claws, eyes on stalks."""
     u = rng.uniform
     wide, claw = u(0.55, 0.7), u(0.18, 0.28)
-    made = [ball((0, 0.35, 0), (wide, u(0.2, 0.3), 0.42))]
+    solids = [ball((0, 0.35, 0), (wide, u(0.2, 0.3), 0.42))]
     for at in np.linspace(-0.35, 0.2, 4):
-        made += both(
+        solids += both(
             rods(
                 [(wide * 0.7, 0.35, at), (wide + 0.3, u(0.45, 0.6), at * 1.4), (wide + 0.5, 0, at * 1.8)],
                 [0.08, 0.075, 0.04],
@@ -59,11 +59,11 @@ def crab(rng: Rng) -> list[Solid]:
         )
     elbow = np.array([wide + u(0.1, 0.25), u(0.35, 0.5), 0.4])
     hand = np.array([u(0.4, 0.7), u(0.45, 0.85), u(0.65, 0.85)])
-    made += both(rods([(wide * 0.7, 0.35, 0.25), elbow, hand], [0.1, 0.09, 0.1]))
-    made += both([ball(hand + [0, 0.1, 0.08], (claw * 0.85, claw, claw * 0.6)),
+    solids += both(rods([(wide * 0.7, 0.35, 0.25), elbow, hand], [0.1, 0.09, 0.1]))
+    solids += both([ball(hand + [0, 0.1, 0.08], (claw * 0.85, claw, claw * 0.6)),
                   rod(hand + [0.06, 0.2, 0.1], hand + [0.12, 0.25 + claw, 0.22], 0.09, 0.03),
                   rod(hand + [-0.08, 0.2, 0.1], hand + [-0.17, 0.25 + claw, 0.22], 0.08, 0.03)])  # fmt: skip
-    return made + both([rod((0.13, 0.45, 0.33), (0.16, 0.72, 0.38), 0.05), ball((0.16, 0.74, 0.38), 0.085)])
+    return solids + both([rod((0.13, 0.45, 0.33), (0.16, 0.72, 0.38), 0.05), ball((0.16, 0.74, 0.38), 0.085)])
 
 
 def _swimmer(rng: Rng, deep: float, wide: float) -> list[Solid]:
@@ -77,13 +77,13 @@ def dolphin(rng: Rng) -> list[Solid]:
     """Shape a dolphin: bowed, with a beak, a fin on the back and level flukes."""
     u = rng.uniform
     bow, deep = u(0.05, 0.3), u(0.25, 0.32)
-    made = rods([(0, -bow * 0.7, 0.75), (0, 0, 0.3), (0, 0, -0.2), (0, -bow, -0.95)], [0.19, deep, deep * 0.95, 0.07])
+    solids = rods([(0, -bow * 0.7, 0.75), (0, 0, 0.3), (0, 0, -0.2), (0, -bow, -0.95)], [0.19, deep, deep * 0.95, 0.07])
     nose = np.array([0, -bow * 0.7 - 0.06, 0.8])
-    made += [rod(nose, nose + [0, -0.06, u(0.28, 0.42)], 0.1, 0.06), _fin(rng, deep * 0.75, 0.0, u(0.3, 0.42))]
-    made += both(ball((0.32, -0.2, 0.35), (0.28, 0.05, 0.13), (0, 25, -35)))
+    solids += [rod(nose, nose + [0, -0.06, u(0.28, 0.42)], 0.1, 0.06), _fin(rng, deep * 0.75, 0.0, u(0.3, 0.42))]
+    solids += both(ball((0.32, -0.2, 0.35), (0.28, 0.05, 0.13), (0, 25, -35)))
     flukes = [(0.12, 0), (-0.05, 0.35), (-0.25, 0.5), (-0.22, 0.2), (-0.16, 0), (-0.22, -0.2), (-0.25, -0.5)]
     flukes += [(-0.05, -0.35)]
-    return [*made, plate(flukes, 0.08, (0, -bow, -0.95), "y")]
+    return [*solids, plate(flukes, 0.08, (0, -bow, -0.95), "y")]
 
 
 def _fin(rng: Rng, height: float, at: float, size: float) -> Solid:
@@ -97,10 +97,10 @@ def fish(rng: Rng) -> list[Solid]:
     """Shape a fish: flattened sideways, an upright forked tail, fins above, below and beside."""
     u = rng.uniform
     deep, wide, long = u(0.32, 0.55), u(0.16, 0.26), u(0.65, 0.8)
-    made = [ball((0, 0, 0.1), (wide, deep, long))]
+    solids = [ball((0, 0, 0.1), (wide, deep, long))]
     tall, fork = u(0.35, 0.55), u(0.0, 0.25)
-    made += [plate([(0, -0.3), (tall, -0.75), (0, -0.75 + fork), (-tall, -0.75), (0, -0.3)], 0.1, (0, 0, -0.35), "x")]
-    made += [
+    solids += [plate([(0, -0.3), (tall, -0.75), (0, -0.75 + fork), (-tall, -0.75), (0, -0.3)], 0.1, (0, 0, -0.35), "x")]
+    solids += [
         plate(
             [(0.6 * deep, 0.3), (deep + u(0.2, 0.35), -0.1), (deep + 0.1, -0.4), (0.5 * deep, -0.35)],
             0.1,
@@ -108,34 +108,36 @@ def fish(rng: Rng) -> list[Solid]:
             "x",
         )
     ]
-    made += [plate([(-0.6 * deep, 0.15), (-deep - 0.2, -0.15), (-0.5 * deep, -0.25)], 0.1, (0, 0, 0.05), "x")]
-    return made + both(ball((wide + 0.1, -0.08, 0.25), (0.2, 0.05, 0.13), (0, 35, -30)))
+    solids += [plate([(-0.6 * deep, 0.15), (-deep - 0.2, -0.15), (-0.5 * deep, -0.25)], 0.1, (0, 0, 0.05), "x")]
+    return solids + both(ball((wide + 0.1, -0.08, 0.25), (0.2, 0.05, 0.13), (0, 35, -30)))
 
 
 def frog(rng: Rng) -> list[Solid]:
     """Shape a sitting frog: folded hind legs, eyes on top of the head, a wide mouth."""
     u = rng.uniform
     wide, tilt = u(0.38, 0.5), u(15, 40)
-    made = [ball((0, 0.4, 0), (wide, 0.33, 0.55), (-tilt, 0, 0))]
-    made += [ball((0, 0.58, 0.36), (wide * u(0.85, 1.0), 0.24, 0.33))]
-    made += both(ball((wide * 0.55, 0.84, 0.35), u(0.13, 0.2)))
-    made += both(ball((wide + 0.08, 0.28, -0.2), (0.17, 0.22, 0.4), (20, 15, 0)))
-    made += both(ball((wide + u(0.1, 0.25), 0.06, 0.15), (0.16, 0.07, 0.33), (0, 30, 0)))
-    made += both([rod((0.28, 0.4, 0.35), (0.33, 0.08, 0.55), 0.11, 0.08), ball((0.35, 0.05, 0.65), (0.14, 0.06, 0.16))])
-    return made
+    solids = [ball((0, 0.4, 0), (wide, 0.33, 0.55), (-tilt, 0, 0))]
+    solids += [ball((0, 0.58, 0.36), (wide * u(0.85, 1.0), 0.24, 0.33))]
+    solids += both(ball((wide * 0.55, 0.84, 0.35), u(0.13, 0.2)))
+    solids += both(ball((wide + 0.08, 0.28, -0.2), (0.17, 0.22, 0.4), (20, 15, 0)))
+    solids += both(ball((wide + u(0.1, 0.25), 0.06, 0.15), (0.16, 0.07, 0.33), (0, 30, 0)))
+    solids += both(
+        [rod((0.28, 0.4, 0.35), (0.33, 0.08, 0.55), 0.11, 0.08), ball((0.35, 0.05, 0.65), (0.14, 0.06, 0.16))]
+    )
+    return solids
 
 
 def octopus(rng: Rng) -> list[Solid]:
     """Shape an octopus: a big soft head over eight curling arms."""
     u = rng.uniform
     head, high = u(0.38, 0.5), u(0.7, 0.95)
-    made = [ball((0, high, u(-0.12, 0)), (head, head * u(1.0, 1.3), head)), ball((0, 0.35, 0), (0.32, 0.3, 0.32))]
-    made += both(ball((0.22, 0.6, 0.35), 0.11))
+    solids = [ball((0, high, u(-0.12, 0)), (head, head * u(1.0, 1.3), head)), ball((0, 0.35, 0), (0.32, 0.3, 0.32))]
+    solids += both(ball((0.22, 0.6, 0.35), 0.11))
     turn, long, curl = u(0, 0.8), u(0.8, 1.1), u(0.1, 0.4)
     for k in range(8):
         a = turn + k * np.pi / 4
         d, s = np.array([np.sin(a), 0, np.cos(a)]), np.array([np.cos(a), 0, -np.sin(a)]) * u(-0.25, 0.25)
-        made += rods(
+        solids += rods(
             [
                 d * 0.2 + [0, 0.3, 0],
                 d * 0.5 * long + [0, 0.08, 0] + s,
@@ -144,16 +146,16 @@ def octopus(rng: Rng) -> list[Solid]:
             ],
             [0.16, 0.13, 0.1, 0.05],
         )
-    return made
+    return solids
 
 
 def shark(rng: Rng) -> list[Solid]:
     """Shape a shark: a pointed spindle with a high fin, an upright crescent tail and fins to the sides."""
     u = rng.uniform
-    made = _swimmer(rng, u(0.24, 0.3), 1.0) + [rod((0, -0.02, 0.8), (0, 0.03, 1.1), 0.14, 0.05)]
-    made += [_fin(rng, 0.2, 0.15, u(0.42, 0.58))]
+    solids = _swimmer(rng, u(0.24, 0.3), 1.0) + [rod((0, -0.02, 0.8), (0, 0.03, 1.1), 0.14, 0.05)]
+    solids += [_fin(rng, 0.2, 0.15, u(0.42, 0.58))]
     tall = u(0.5, 0.65)
-    made += [
+    solids += [
         plate(
             [
                 (0.05, 0.1),
@@ -170,7 +172,7 @@ def shark(rng: Rng) -> list[Solid]:
         )
     ]
     side = [(0.35, 0.1), (-0.1, u(0.6, 0.75)), (-0.22, 0.62), (0.0, 0.1)]
-    return made + both(plate(side, 0.09, (0.02, -0.08, 0.2), "y", (0, 0, u(-35, -10))))
+    return solids + both(plate(side, 0.09, (0.02, -0.08, 0.2), "y", (0, 0, u(-35, -10))))
 
 
 def snail(rng: Rng) -> list[Solid]:
@@ -179,11 +181,11 @@ def snail(rng: Rng) -> list[Solid]:
     r, wide = u(0.42, 0.55), u(0.24, 0.34)
     foot = rods([(0, 0.1, -0.9), (0, 0.14, 0), (0, 0.16, 0.55), (0, u(0.35, 0.55), 0.8)], [0.07, 0.2, 0.19, 0.17])
     at = np.array([0, r + 0.2, -0.12])
-    made = [*foot, ball(at, (wide, r, r))]
+    solids = [*foot, ball(at, (wide, r, r))]
     for k, size in enumerate((0.72, 0.42)):
-        made += both(ball(at + [wide * (0.65 + 0.3 * k), 0.05 * k, -0.04 * k], (0.14, r * size, r * size)))
+        solids += both(ball(at + [wide * (0.65 + 0.3 * k), 0.05 * k, -0.04 * k], (0.14, r * size, r * size)))
     head = foot[2].high[1] - 0.12
-    return made + both(
+    return solids + both(
         [rod((0.08, head, 0.83), (0.17, head + u(0.28, 0.4), 0.95), 0.045), ball((0.17, head + 0.38, 0.95), 0.075)]
     )
 
@@ -220,28 +222,28 @@ def spider(rng: Rng) -> list[Solid]:
     """Shape a spider: two balls and eight high bent legs."""
     u = rng.uniform
     r, high, reach = u(0.28, 0.38), u(0.2, 0.35), u(0.85, 1.15)
-    made = [ball((0, high + 0.1, -0.35), (r, r * 0.9, r * 1.2)), ball((0, high, 0.15), (0.2, 0.17, 0.24))]
+    solids = [ball((0, high + 0.1, -0.35), (r, r * 0.9, r * 1.2)), ball((0, high, 0.15), (0.2, 0.17, 0.24))]
     knee = high + u(0.25, 0.5)
     for a in np.radians([28, 65, 105, 145]) + u(-0.1, 0.1):
         d = np.array([np.sin(a), 0, np.cos(a)])
-        made += both(
+        solids += both(
             rods(
                 [d * 0.15 + [0, high, 0.1], d * 0.55 * reach + [0, knee, 0.1], d * reach + [0, 0, 0.1]],
                 [0.065, 0.055, 0.04],
             )
         )
-    return made + both(rod((0.08, high, 0.35), (0.09, high - 0.1, 0.5), 0.06, 0.04))
+    return solids + both(rod((0.08, high, 0.35), (0.09, high - 0.1, 0.5), 0.06, 0.04))
 
 
 def whale(rng: Rng) -> list[Solid]:
     """Shape a whale: a drop with a raised tail and level flukes."""
     u = rng.uniform
     wide, high, lift = u(0.4, 0.5), u(0.35, 0.46), u(0.1, 0.6)
-    made = [ball((0, 0.35, 0.3), (wide, high, 0.65))]
-    made += rods([(0, 0.35, 0.1), (0, 0.3, -0.5), (0, 0.3 + lift, -1.0)], [high * 0.95, 0.2, 0.08])
+    solids = [ball((0, 0.35, 0.3), (wide, high, 0.65))]
+    solids += rods([(0, 0.35, 0.1), (0, 0.3, -0.5), (0, 0.3 + lift, -1.0)], [high * 0.95, 0.2, 0.08])
     flukes = [(0.12, 0), (0.0, 0.4), (-0.28, 0.55), (-0.22, 0.2), (-0.14, 0), (-0.22, -0.2), (-0.28, -0.55)]
     flukes += [(0.0, -0.4)]
-    made += [plate(flukes, 0.1, (0, 0.3 + lift, -1.0), "y", (u(-10, 35), 0, 0))]
+    solids += [plate(flukes, 0.1, (0, 0.3 + lift, -1.0), "y", (u(-10, 35), 0, 0))]
     if rng.random() < 0.3:
-        made += [hoop((0, 0.8, 0.4), 0.12, 0.06, (0, 90, 0))]
-    return made + both(ball((wide + 0.12, 0.15, 0.3), (0.28, 0.06, 0.16), (0, 30, -25)))
+        solids += [hoop((0, 0.8, 0.4), 0.12, 0.06, (0, 90, 0))]
+    return solids + both(ball((wide + 0.12, 0.15, 0.3), (0.28, 0.06, 0.16), (0, 30, -25)))

@@ -17,15 +17,15 @@ Rng = np.random.Generator
 def _legs(rng: Rng, wide: float, deep: float, high: float) -> list[Solid]:
     """Return four legs under a plate of half sides `wide` and `deep`: square, round, tapered or spread."""
     thick, spread = rng.uniform(0.045, 0.09), rng.choice([0.0, rng.uniform(0.0, 0.12)])
-    kind, made = int(rng.integers(3)), []
+    kind, solids = int(rng.integers(3)), []
     x, z = wide - thick - 0.02, deep - thick - 0.02
     for front in (-1.0, 1.0):
         top, foot = (x, high, front * z), (x + spread, 0.0, front * (z + spread))
         if kind == 0:
-            made += both(drum(foot, top, thick, sides=4))
+            solids += both(drum(foot, top, thick, sides=4))
         else:
-            made += both(drum(foot, top, thick * (0.6 if kind == 1 else 1.0), thick))
-    return made
+            solids += both(drum(foot, top, thick * (0.6 if kind == 1 else 1.0), thick))
+    return solids
 
 
 def armchair(rng: Rng) -> list[Solid]:
@@ -37,21 +37,21 @@ def _couch(rng: Rng, half: float) -> list[Solid]:
     u, soft = rng.uniform, rng.uniform(0.1, 0.9)
     seat, deep, arm, thick = u(0.28, 0.4), u(0.34, 0.42), u(0.5, 0.65), u(0.14, 0.22)
     back = u(0.75, 1.05)
-    made = [block((0, seat / 2 + 0.05, 0), (2 * half + thick, seat - 0.1, 2 * deep), 0.2)]
+    solids = [block((0, seat / 2 + 0.05, 0), (2 * half + thick, seat - 0.1, 2 * deep), 0.2)]
     count = max(1, round(half / 0.3))
     for k in range(count):
         x = half * ((2 * k + 1) / count - 1)
-        made += [block((x, seat + 0.03, 0.05), (2 * half / count - 0.02, 0.16, 2 * deep - 0.1), soft)]
-    made += [block((0, back / 2 + 0.05, -deep), (2 * half + thick, back - 0.1, 0.2), soft, (-u(0, 10), 0, 0))]
+        solids += [block((x, seat + 0.03, 0.05), (2 * half / count - 0.02, 0.16, 2 * deep - 0.1), soft)]
+    solids += [block((0, back / 2 + 0.05, -deep), (2 * half + thick, back - 0.1, 0.2), soft, (-u(0, 10), 0, 0))]
     if rng.random() < 0.6:
-        made += both(block((half + thick / 2, arm / 2 + 0.05, 0), (thick, arm - 0.1, 2 * deep + 0.05), soft))
+        solids += both(block((half + thick / 2, arm / 2 + 0.05, 0), (thick, arm - 0.1, 2 * deep + 0.05), soft))
     else:
         x = half + thick / 2
-        made += both(block((x, arm / 2, 0), (thick * 0.8, arm, 2 * deep), 0.1))
-        made += both(drum((x, arm, -deep), (x, arm, deep + 0.04), thick * 0.65))
+        solids += both(block((x, arm / 2, 0), (thick * 0.8, arm, 2 * deep), 0.1))
+        solids += both(drum((x, arm, -deep), (x, arm, deep + 0.04), thick * 0.65))
     for z in (-0.8 * deep, 0.8 * deep):
-        made += both(drum((half, -0.05, z), (half, 0.15, z), 0.05))
-    return made
+        solids += both(drum((half, -0.05, z), (half, 0.15, z), 0.05))
+    return solids
 
 
 def sofa(rng: Rng) -> list[Solid]:
@@ -66,105 +66,105 @@ def bathtub(rng: Rng) -> list[Solid]:
     y = 0.08
     if rng.random() < 0.6:
         shell = [ball((0, y + high, z), (wide, high, wide * 1.1)) for z in np.linspace(wide - long, long - wide, 4)]
-        made = [*shell, carved(block((0, y + high + 0.5, 0), (3, 1.0, 3), 0))]
-        made += [
+        solids = [*shell, carved(block((0, y + high + 0.5, 0), (3, 1.0, 3), 0))]
+        solids += [
             carved(ball((0, y + high, z), (wide - 0.08, high - 0.08, wide)))
             for z in np.linspace(wide - long, long - wide, 4)
         ]
         rim = [block((0, y + high - 0.02, 0), (2 * wide + 0.12, 0.08, 2 * long + 0.1), 0.9)]
-        made = (
-            made[:4]
-            + [made[4]]
+        solids = (
+            solids[:4]
+            + [solids[4]]
             + rim
-            + made[5:]
+            + solids[5:]
             + [carved(block((0, y + high, 0), (2 * wide - 0.2, 0.3, 2 * long - 0.28), 0.9))]
         )
     else:
-        made = [block((0, high / 2, 0), (2 * wide, high, 2 * long), 0.3)]
-        made += [carved(block((0, high, 0), (2 * wide - 0.16, 2 * high - 0.2, 2 * long - 0.16), 0.8))]
+        solids = [block((0, high / 2, 0), (2 * wide, high, 2 * long), 0.3)]
+        solids += [carved(block((0, high, 0), (2 * wide - 0.16, 2 * high - 0.2, 2 * long - 0.16), 0.8))]
         y = 0.0
     if y:
         for z in (-0.6 * long, 0.6 * long):
-            made += both(rod((wide * 0.6, 0.2, z), (wide * 0.75, 0.0, z * 1.1), 0.09, 0.06))
+            solids += both(rod((wide * 0.6, 0.2, z), (wide * 0.75, 0.0, z * 1.1), 0.09, 0.06))
     if rng.random() < 0.6:
-        made += rods([(0, high, -long), (0, high + 0.25, -long), (0, high + 0.22, -long + 0.2)], [0.05] * 3)
-    return made
+        solids += rods([(0, high, -long), (0, high + 0.25, -long), (0, high + 0.22, -long + 0.2)], [0.05] * 3)
+    return solids
 
 
 def bed(rng: Rng) -> list[Solid]:
     """Shape a bed: mattress, a headboard, a lower footboard, pillows and legs. Its foot is in front."""
     u = rng.uniform
     wide, long, high, head = u(0.4, 0.7), u(0.85, 1.0), u(0.25, 0.36), u(0.6, 0.95)
-    made = [block((0, high - 0.1, 0), (2 * wide, 0.16, 2 * long), 0)]
-    made += [block((0, high + 0.06, 0), (1.9 * wide, 0.2, 1.92 * long), 0.7)]
-    made += [block((0, head / 2, -long), (2 * wide + 0.06, head, 0.1), 0.3)]
+    solids = [block((0, high - 0.1, 0), (2 * wide, 0.16, 2 * long), 0)]
+    solids += [block((0, high + 0.06, 0), (1.9 * wide, 0.2, 1.92 * long), 0.7)]
+    solids += [block((0, head / 2, -long), (2 * wide + 0.06, head, 0.1), 0.3)]
     if rng.random() < 0.7:
-        made += [block((0, high * 0.8, long), (2 * wide + 0.06, u(0.9, 1.2) * 1.6 * high, 0.09), 0.3)]
+        solids += [block((0, high * 0.8, long), (2 * wide + 0.06, u(0.9, 1.2) * 1.6 * high, 0.09), 0.3)]
     count = 2 if wide > 0.5 else 1
     for k in range(count):
         x = wide * 0.95 * ((2 * k + 1) / count - 1)
-        made += [block((x, high + 0.2, -0.72 * long), (1.5 * wide / count, 0.16, 0.34), 0.95)]
+        solids += [block((x, high + 0.2, -0.72 * long), (1.5 * wide / count, 0.16, 0.34), 0.95)]
     for z in (-long + 0.06, long - 0.06):
-        made += both(drum((wide - 0.06, 0, z), (wide - 0.06, high, z), 0.06, sides=4))
+        solids += both(drum((wide - 0.06, 0, z), (wide - 0.06, high, z), 0.06, sides=4))
     if rng.random() < 0.5:
-        made += [block((0, high + 0.1, 0.3 * long), (2 * wide + 0.03, 0.22, 1.25 * long), 0.5)]
-    return made
+        solids += [block((0, high + 0.1, 0.3 * long), (2 * wide + 0.03, 0.22, 1.25 * long), 0.5)]
+    return solids
 
 
 def bench(rng: Rng) -> list[Solid]:
     """Shape a park bench of boards on two supports, mostly with a back."""
     u = rng.uniform
     half, seat, deep = u(0.7, 0.95), u(0.36, 0.44), u(0.2, 0.26)
-    made = [block((0, seat, z), (2 * half, 0.08, 0.13), 0.2) for z in np.linspace(-deep, deep, 3)]
+    solids = [block((0, seat, z), (2 * half, 0.08, 0.13), 0.2) for z in np.linspace(-deep, deep, 3)]
     if rng.random() < 0.75:
         for k in range(2):
             y = seat + 0.2 + 0.2 * k
-            made += [block((0, y, -deep - 0.08 - 0.05 * k), (2 * half, 0.13, 0.08), 0.2, (-12, 0, 0))]
-        made += both(rod((half * 0.8, seat - 0.1, -deep), (half * 0.8, seat + 0.48, -deep - 0.16), 0.05))
+            solids += [block((0, y, -deep - 0.08 - 0.05 * k), (2 * half, 0.13, 0.08), 0.2, (-12, 0, 0))]
+        solids += both(rod((half * 0.8, seat - 0.1, -deep), (half * 0.8, seat + 0.48, -deep - 0.16), 0.05))
     if rng.random() < 0.5:
-        made += both(block((half * 0.8, seat / 2, 0), (0.1, seat, 2 * deep + 0.1), 0.1))
+        solids += both(block((half * 0.8, seat / 2, 0), (0.1, seat, 2 * deep + 0.1), 0.1))
     else:
         for z in (-deep, deep):
-            made += both(block((half * 0.8, seat / 2, z), (0.1, seat, 0.1), 0.1))
-    return made
+            solids += both(block((half * 0.8, seat / 2, z), (0.1, seat, 0.1), 0.1))
+    return solids
 
 
 def cabinet(rng: Rng) -> list[Solid]:
     """Shape a cupboard: a tall box with doors, knobs and drawers, on short legs or a plinth."""
     u = rng.uniform
     wide, high, deep, leg = u(0.32, 0.5), u(0.8, 1.3), u(0.2, 0.28), u(0.08, 0.18)
-    made = [block((0, leg + high / 2, 0), (2 * wide, high, 2 * deep), 0)]
-    made += [block((0, leg + high, 0), (2 * wide + 0.1, 0.08, 2 * deep + 0.08), 0.2)]
-    made += (
+    solids = [block((0, leg + high / 2, 0), (2 * wide, high, 2 * deep), 0)]
+    solids += [block((0, leg + high, 0), (2 * wide + 0.1, 0.08, 2 * deep + 0.08), 0.2)]
+    solids += (
         [*_legs(rng, wide, deep, leg + 0.05)]
         if rng.random() < 0.7
         else [block((0, leg / 2, 0), (1.9 * wide, leg, 1.8 * deep), 0)]
     )
     split = leg + high * rng.choice([0.0, u(0.25, 0.4)])
-    made += [carved(block((0, (split + leg + high) / 2, deep), (0.05, high + leg - split - 0.1, 0.08), 0))]
+    solids += [carved(block((0, (split + leg + high) / 2, deep), (0.05, high + leg - split - 0.1, 0.08), 0))]
     if split > leg:
-        made += [carved(block((0, y, deep), (1.85 * wide, 0.05, 0.08), 0)) for y in (split, (split + leg) / 2)]
-    made += both(
+        solids += [carved(block((0, y, deep), (1.85 * wide, 0.05, 0.08), 0)) for y in (split, (split + leg) / 2)]
+    solids += both(
         carved(
             block(
                 (0.5 * wide, (split + leg + high) / 2 + 0.02, deep), (0.62 * wide, (high + leg - split) * 0.72, 0.06), 0
             )
         )
     )
-    return made + both(ball((0.12, (split + leg + high) / 2, deep + 0.03), 0.055))
+    return solids + both(ball((0.12, (split + leg + high) / 2, deep + 0.03), 0.055))
 
 
 def chair(rng: Rng) -> list[Solid]:
     """Shape a chair: with a panel, bars or a hoop for a back, four legs, sometimes arms or one column on a cross."""
     u = rng.uniform
     wide, deep, seat, back, thick = u(0.24, 0.32), u(0.23, 0.3), u(0.38, 0.5), u(0.4, 0.65), u(0.06, 0.1)
-    lean, made = u(0, 0.12), [block((0, seat, 0), (2 * wide, thick, 2 * deep), u(0, 0.9))]
+    lean, solids = u(0, 0.12), [block((0, seat, 0), (2 * wide, thick, 2 * deep), u(0, 0.9))]
     if rng.random() < 0.2:
-        made = [drum((0, seat - thick / 2, 0), (0, seat + thick / 2, 0), wide)]
+        solids = [drum((0, seat - thick / 2, 0), (0, seat + thick / 2, 0), wide)]
     top = seat + back
     match int(rng.integers(3)):
         case 0:
-            made += [
+            solids += [
                 block(
                     (0, seat + back / 2, -deep - lean / 2 + 0.03),
                     (2 * wide * u(0.8, 1.0), back + 0.05, 0.075),
@@ -173,50 +173,50 @@ def chair(rng: Rng) -> list[Solid]:
                 )
             ]
         case 1:
-            made += both(rod((wide - 0.04, seat, -deep + 0.04), (wide - 0.04, top, -deep - lean), 0.045))
-            made += [
+            solids += both(rod((wide - 0.04, seat, -deep + 0.04), (wide - 0.04, top, -deep - lean), 0.045))
+            solids += [
                 block((0, seat + back * s, -deep + 0.04 - lean * s), (2 * wide - 0.05, 0.1, 0.06), 0.2)
                 for s in np.linspace(0.4, 0.95, int(rng.integers(2, 4)))
             ]
         case _:
-            made += both(rod((wide - 0.04, seat, -deep + 0.04), (wide - 0.04, top, -deep - lean), 0.045)) + [
+            solids += both(rod((wide - 0.04, seat, -deep + 0.04), (wide - 0.04, top, -deep - lean), 0.045)) + [
                 block((0, top, -deep - lean), (2 * wide, 0.11, 0.07), 0.4)
             ]
-            made += [
+            solids += [
                 rod((x, seat, -deep + 0.04), (x, top, -deep - lean), 0.035) for x in np.linspace(-wide, wide, 5)[1:-1]
             ]
     if rng.random() < 0.75:
-        made += _legs(rng, wide, deep, seat)
+        solids += _legs(rng, wide, deep, seat)
     else:
-        made += [drum((0, 0.1, 0), (0, seat, 0), 0.06)]
+        solids += [drum((0, 0.1, 0), (0, seat, 0), 0.06)]
         for k in range(5):
             a = 2 * np.pi * k / 5
-            made += [rod((0, 0.12, 0), (0.3 * np.sin(a), 0.04, 0.3 * np.cos(a)), 0.05, 0.04)]
+            solids += [rod((0, 0.12, 0), (0.3 * np.sin(a), 0.04, 0.3 * np.cos(a)), 0.05, 0.04)]
     if rng.random() < 0.3:
-        made += both(
+        solids += both(
             rods(
                 [(wide, seat, deep * 0.7), (wide + 0.02, seat + 0.22, deep * 0.7), (wide, seat + 0.22, -deep)],
                 [0.04] * 3,
             )
         )
-    return made
+    return solids
 
 
 def desk(rng: Rng) -> list[Solid]:
     """Shape a desk: a top on drawers at one side or both, a panel behind."""
     u = rng.uniform
     wide, deep, high = u(0.7, 0.9), u(0.32, 0.42), u(0.6, 0.72)
-    made = [block((0, high, 0), (2 * wide, 0.08, 2 * deep), 0.2)]
-    made += [block((0, high * 0.65, -deep + 0.06), (1.9 * wide, high * 0.6, 0.07), 0)]
+    solids = [block((0, high, 0), (2 * wide, 0.08, 2 * deep), 0.2)]
+    solids += [block((0, high * 0.65, -deep + 0.06), (1.9 * wide, high * 0.6, 0.07), 0)]
     wing = u(0.22, 0.3)
     for side in [[-1.0], [1.0], [-1.0, 1.0]][int(rng.integers(3))]:
         x = side * (wide - wing - 0.03)
-        made += [block((x, high / 2 + 0.03, 0), (2 * wing, high - 0.06, 1.9 * deep), 0)]
-        made += [carved(block((x, high * s, 0.95 * deep), (1.9 * wing, 0.045, 0.08), 0)) for s in (0.34, 0.62)]
-        made += [ball((x, high * s, 0.98 * deep), 0.045) for s in (0.22, 0.49, 0.78)]
+        solids += [block((x, high / 2 + 0.03, 0), (2 * wing, high - 0.06, 1.9 * deep), 0)]
+        solids += [carved(block((x, high * s, 0.95 * deep), (1.9 * wing, 0.045, 0.08), 0)) for s in (0.34, 0.62)]
+        solids += [ball((x, high * s, 0.98 * deep), 0.045) for s in (0.22, 0.49, 0.78)]
     for z in (-deep + 0.08, deep - 0.08):
-        made += both(block((wide - 0.08, high / 2, z), (0.09, high, 0.09), 0))
-    return made
+        solids += both(block((wide - 0.08, high / 2, z), (0.09, high, 0.09), 0))
+    return solids
 
 
 def stool(rng: Rng) -> list[Solid]:
@@ -224,20 +224,20 @@ def stool(rng: Rng) -> list[Solid]:
     u = rng.uniform
     r, high, count = u(0.24, 0.32), u(0.45, 0.95), int(rng.choice([3, 4, 4]))
     square = rng.random() < 0.3
-    made = [
+    solids = [
         block((0, high, 0), (1.8 * r, 0.1, 1.8 * r), 0.4)
         if square
         else drum((0, high - 0.06, 0), (0, high + 0.06, 0), r)
     ]
     if rng.random() < 0.2:
-        return [*made, drum((0, 0.05, 0), (0, high, 0), 0.06), drum((0, 0, 0), (0, 0.07, 0), 0.26, 0.2)]
+        return [*solids, drum((0, 0.05, 0), (0, high, 0), 0.06), drum((0, 0, 0), (0, 0.07, 0), 0.26, 0.2)]
     out, rung = u(1.0, 1.4) * r, high * u(0.25, 0.45)
     for k in range(count):
         a, b = 2 * np.pi * (k + 0.5) / count, 2 * np.pi * (k + 1.5) / count
         d, e = np.array([np.sin(a), 0, np.cos(a)]), np.array([np.sin(b), 0, np.cos(b)])
-        made += [rod(d * out, d * 0.75 * r + [0, high, 0], 0.05)]
-        made += [rod(d * 0.9 * out + [0, rung, 0], e * 0.9 * out + [0, rung, 0], 0.035)]
-    return made
+        solids += [rod(d * out, d * 0.75 * r + [0, high, 0], 0.05)]
+        solids += [rod(d * 0.9 * out + [0, rung, 0], e * 0.9 * out + [0, rung, 0], 0.035)]
+    return solids
 
 
 def table(rng: Rng) -> list[Solid]:
@@ -246,14 +246,14 @@ def table(rng: Rng) -> list[Solid]:
     wide, deep, high, thick = u(0.55, 0.95), u(0.4, 0.6), u(0.4, 0.75), u(0.07, 0.11)
     if rng.random() < 0.35:
         r = u(0.5, 0.7)
-        made = [drum((0, high - thick, 0), (0, high, 0), r)]
+        solids = [drum((0, high - thick, 0), (0, high, 0), r)]
         if rng.random() < 0.6:
-            return [*made, drum((0, 0.05, 0), (0, high, 0), u(0.06, 0.12)), drum((0, 0, 0), (0, 0.1, 0), 0.36, 0.2)]
-        return made + _legs(rng, r * 0.75, r * 0.75, high - thick)
-    made = [block((0, high - thick / 2, 0), (2 * wide, thick, 2 * deep), 0.1)]
+            return [*solids, drum((0, 0.05, 0), (0, high, 0), u(0.06, 0.12)), drum((0, 0, 0), (0, 0.1, 0), 0.36, 0.2)]
+        return solids + _legs(rng, r * 0.75, r * 0.75, high - thick)
+    solids = [block((0, high - thick / 2, 0), (2 * wide, thick, 2 * deep), 0.1)]
     if rng.random() < 0.4:
-        made += [block((0, high - thick - 0.05, 0), (1.8 * wide, 0.12, 1.8 * deep), 0)]
-    return made + _legs(rng, wide, deep, high - thick / 2)
+        solids += [block((0, high - thick - 0.05, 0), (1.8 * wide, 0.12, 1.8 * deep), 0)]
+    return solids + _legs(rng, wide, deep, high - thick / 2)
 
 
 def television(rng: Rng) -> list[Solid]:
@@ -262,18 +262,18 @@ def television(rng: Rng) -> list[Solid]:
     wide, high = u(0.6, 0.8), u(0.35, 0.48)
     if rng.random() < 0.6:
         low = u(0.12, 0.25)
-        made = [block((0, low + high, 0), (2 * wide, 2 * high, 0.12), 0.2)]
-        made += [carved(block((0, low + high, 0.08), (1.84 * wide, 1.8 * high, 0.09), 0))]
-        made += [block((0, low / 2 + 0.05, -0.02), (u(0.1, 0.25), low + 0.15, 0.08), 0.2)]
-        return [*made, block((0, 0.03, 0), (u(0.5, 0.8), 0.07, 0.34), 0.4)]
+        solids = [block((0, low + high, 0), (2 * wide, 2 * high, 0.12), 0.2)]
+        solids += [carved(block((0, low + high, 0.08), (1.84 * wide, 1.8 * high, 0.09), 0))]
+        solids += [block((0, low / 2 + 0.05, -0.02), (u(0.1, 0.25), low + 0.15, 0.08), 0.2)]
+        return [*solids, block((0, 0.03, 0), (u(0.5, 0.8), 0.07, 0.34), 0.4)]
     wide, high = u(0.5, 0.6), u(0.38, 0.45)
-    made = [block((0, 0.12 + high, 0), (2 * wide, 2 * high, 0.6), 0.3)]
-    made += [carved(block((-0.1, 0.12 + high, 0.32), (1.4 * wide, 1.6 * high, 0.12), 0.6))]
-    made += [
+    solids = [block((0, 0.12 + high, 0), (2 * wide, 2 * high, 0.6), 0.3)]
+    solids += [carved(block((-0.1, 0.12 + high, 0.32), (1.4 * wide, 1.6 * high, 0.12), 0.6))]
+    solids += [
         drum((wide * 0.78, 0.12 + high * s, 0.25), (wide * 0.78, 0.12 + high * s, 0.36), 0.07) for s in (1.0, 1.45)
     ]
-    made += both(rod((0.03, 0.1 + 2 * high, 0), (0.35, 0.5 + 2 * high, 0), 0.04))
-    return made + both([drum((0.35, 0, z), (0.33, 0.15, z), 0.05) for z in (-0.2, 0.2)])
+    solids += both(rod((0.03, 0.1 + 2 * high, 0), (0.35, 0.5 + 2 * high, 0), 0.04))
+    return solids + both([drum((0.35, 0, z), (0.33, 0.15, z), 0.05) for z in (-0.2, 0.2)])
 
 
 def piano(rng: Rng) -> list[Solid]:
@@ -281,27 +281,27 @@ def piano(rng: Rng) -> list[Solid]:
     u = rng.uniform
     if rng.random() < 0.65:
         wide, high = u(0.6, 0.75), u(0.85, 1.05)
-        made = [block((0, high / 2, -0.1), (2 * wide, high, 0.34), 0.1)]
-        made += [block((0, high * 0.55, 0.2), (2 * wide, 0.14, 0.4), 0.1)]
-        made += [block((0, high, -0.1), (2 * wide + 0.08, 0.07, 0.4), 0.2)]
-        made += [carved(block((0, high * 0.55 + 0.09, 0.26), (1.8 * wide, 0.1, 0.22), 0))]
-        made += [
+        solids = [block((0, high / 2, -0.1), (2 * wide, high, 0.34), 0.1)]
+        solids += [block((0, high * 0.55, 0.2), (2 * wide, 0.14, 0.4), 0.1)]
+        solids += [block((0, high, -0.1), (2 * wide + 0.08, 0.07, 0.4), 0.2)]
+        solids += [carved(block((0, high * 0.55 + 0.09, 0.26), (1.8 * wide, 0.1, 0.22), 0))]
+        solids += [
             block((x, high * 0.55 + 0.05, 0.24), (0.06, 0.07, 0.13), 0)
             for x in np.linspace(-0.8 * wide, 0.8 * wide, 10)
         ]
         return (
-            made
+            solids
             + both(drum((wide - 0.08, 0, 0.32), (wide - 0.08, high * 0.5, 0.32), 0.06))
             + [block((0, 0.05, 0.05), (2 * wide, 0.1, 0.5), 0)]
         )
     high, lift = u(0.5, 0.6), u(30, 45)
     case = [(-0.6, 0.55), (-0.6, -0.75), (-0.25, -0.85), (0.05, -0.6), (0.25, -0.15), (0.6, 0.0), (0.6, 0.55)]
     turned = np.array(case)[:, ::-1]
-    made = [plate(turned, 0.24, (0, high, 0), "y"), block((0, high - 0.02, 0.62), (1.2, 0.14, 0.3), 0.1)]
+    solids = [plate(turned, 0.24, (0, high, 0), "y"), block((0, high - 0.02, 0.62), (1.2, 0.14, 0.3), 0.1)]
     lid = plate(turned - [0, -0.6], 0.07, (-0.6, high + 0.14, -0.02), "y", (0, 0, lift))
-    made += [lid, *both(drum((0.45, 0, 0.45), (0.45, high, 0.45), 0.07))]
-    made += [drum((-0.3, 0, -0.6), (-0.3, high, -0.6), 0.07)]
-    return [*made, rod((0.4, high, -0.05), (0.25, high + 0.55, -0.05), 0.035)]
+    solids += [lid, *both(drum((0.45, 0, 0.45), (0.45, high, 0.45), 0.07))]
+    solids += [drum((-0.3, 0, -0.6), (-0.3, high, -0.6), 0.07)]
+    return [*solids, rod((0.4, high, -0.05), (0.25, high + 0.55, -0.05), 0.035)]
 
 
 def bookcase(rng: Rng) -> list[Solid]:
@@ -309,59 +309,67 @@ def bookcase(rng: Rng) -> list[Solid]:
     u = rng.uniform
     wide, row, rows, deep = u(0.32, 0.6), u(0.26, 0.34), int(rng.integers(3, 6)), u(0.13, 0.2)
     high = rows * row
-    made = [block((0, high / 2, 0), (2 * wide, high + 0.06, 2 * deep), 0)]
-    made += [carved(block((0, (k + 0.5) * row, 0.08), (2 * wide - 0.12, row - 0.06, 2 * deep), 0)) for k in range(rows)]
+    solids = [block((0, high / 2, 0), (2 * wide, high + 0.06, 2 * deep), 0)]
+    solids += [
+        carved(block((0, (k + 0.5) * row, 0.08), (2 * wide - 0.12, row - 0.06, 2 * deep), 0)) for k in range(rows)
+    ]
     for k in range(rows):
         x, full = -wide + 0.06, rng.random() < 0.85
         while full and x < wide * u(0.3, 0.95) - 0.1:
             thick, tall = u(0.04, 0.1), u(0.6, 0.88) * (row - 0.06)
             size = (thick * 0.9, tall, 2 * deep - u(0.06, 0.16))
-            made += [block((x + thick / 2, k * row + 0.03 + tall / 2, -0.02), size, 0.2)]
+            solids += [block((x + thick / 2, k * row + 0.03 + tall / 2, -0.02), size, 0.2)]
             x += thick + 0.1 * (rng.random() < 0.08)
     lid = block((0, high + 0.04, 0), (2 * wide + 0.1, 0.07, 2 * deep + 0.06), 0.2)
-    return [*made, lid] if rng.random() < 0.5 else made
+    return [*solids, lid] if rng.random() < 0.5 else solids
 
 
 def fridge(rng: Rng) -> list[Solid]:
     """Shape a fridge: a high block with a seam between its doors and upright grips; a rounded one of old; a larder."""
     u = rng.uniform
     wide, high, deep = u(0.32, 0.42), u(1.0, 1.3), u(0.3, 0.38)
-    made = [block((0, high / 2 + 0.05, 0), (2 * wide, high, 2 * deep), u(0.0, 0.5))]
-    made += [block((0, 0.05, 0), (1.8 * wide, 0.1, 1.7 * deep), 0)]
+    solids = [block((0, high / 2 + 0.05, 0), (2 * wide, high, 2 * deep), u(0.0, 0.5))]
+    solids += [block((0, 0.05, 0), (1.8 * wide, 0.1, 1.7 * deep), 0)]
     kind, z = int(rng.integers(3)), deep + 0.05
     if kind == 2:
-        made += [carved(block((0, high / 2 + 0.05, deep), (0.04, high, 0.1), 0))]
-        made += [*both(block((0.08, 0.55 * high, z), (0.06, u(0.3, 0.6), 0.08), 0.5))]
+        solids += [carved(block((0, high / 2 + 0.05, deep), (0.04, high, 0.1), 0))]
+        solids += [*both(block((0.08, 0.55 * high, z), (0.06, u(0.3, 0.6), 0.08), 0.5))]
         tap = carved(block((-0.5 * wide, 0.65 * high, deep), (0.2, 0.24, 0.12), 0.1))
-        return [*made, tap] if rng.random() < 0.5 else made
+        return [*solids, tap] if rng.random() < 0.5 else solids
     seam, x = high * (u(0.25, 0.4) if kind else u(0.6, 0.75)), 0.75 * wide * rng.choice([-1, 1])
-    made += [carved(block((0, seam + 0.05, deep), (3 * wide, 0.045, 0.14), 0))]
+    solids += [carved(block((0, seam + 0.05, deep), (3 * wide, 0.045, 0.14), 0))]
     for low, top in ((0.05, seam), (seam + 0.05, high)):
         long = u(0.3, 0.6) * (top - low)
         y = (low + top) / 2 if rng.random() < 0.5 else (top - long / 2 - 0.08 if top == seam else low + long / 2 + 0.08)
-        made += [block((x, y, z), (0.06, long, 0.09), 0.5)]
-    return made
+        solids += [block((x, y, z), (0.06, long, 0.09), 0.5)]
+    return solids
 
 
 def toilet(rng: Rng) -> list[Solid]:
     """Shape a toilet: a bowl on a waist or boxed in, a ring of a seat, a lid up, down or none, a cistern behind."""
     u = rng.uniform
     wide, long, high = u(0.26, 0.32), u(0.34, 0.44), u(0.42, 0.52)
-    made = [block((0, 0.2, -0.1), (0.36, 0.4, 0.6), 0.3)]
+    solids = [block((0, 0.2, -0.1), (0.36, 0.4, 0.6), 0.3)]
     if rng.random() < 0.7:
-        made = [drum((0, 0, -0.05), (0, high, 0), u(0.14, 0.2), 0.24)]
-    made += [ball((0, high, 0.08), (wide, u(0.25, 0.36), long)), block((0, high - 0.15, -long), (0.36, 0.3, 0.3), 0.3)]
-    made += [carved(block((0, high + 0.5, 0), (3, 1.0, 3), 0)), ball((0, high, 0.08), (wide + 0.03, 0.05, long + 0.03))]
+        solids = [drum((0, 0, -0.05), (0, high, 0), u(0.14, 0.2), 0.24)]
+    solids += [
+        ball((0, high, 0.08), (wide, u(0.25, 0.36), long)),
+        block((0, high - 0.15, -long), (0.36, 0.3, 0.3), 0.3),
+    ]
+    solids += [
+        carved(block((0, high + 0.5, 0), (3, 1.0, 3), 0)),
+        ball((0, high, 0.08), (wide + 0.03, 0.05, long + 0.03)),
+    ]
     lid, tank = int(rng.integers(3)), u(0.35, 0.5)
     if lid != 1:
-        made += [carved(ball((0, high + 0.02, 0.08), (wide - 0.08, 0.24, long - 0.1)))]
-    made += [ball((0, high + long, 0.02 - long), (wide, long, 0.06), (-8, 0, 0))] if lid == 0 else []
-    made += [ball((0, high + 0.03, 0.08), (wide + 0.02, 0.07, long + 0.02))] if lid == 1 else []
+        solids += [carved(ball((0, high + 0.02, 0.08), (wide - 0.08, 0.24, long - 0.1)))]
+    solids += [ball((0, high + long, 0.02 - long), (wide, long, 0.06), (-8, 0, 0))] if lid == 0 else []
+    solids += [ball((0, high + 0.03, 0.08), (wide + 0.02, 0.07, long + 0.02))] if lid == 1 else []
     z = -long - u(0.1, 0.2)
-    made += [block((0, high + tank / 2, z), (u(0.5, 0.66), tank, 0.24), u(0.1, 0.5))]
-    made += [block((0, high + tank, z), (0.68, 0.07, 0.3), 0.4)]
+    solids += [block((0, high + tank / 2, z), (u(0.5, 0.66), tank, 0.24), u(0.1, 0.5))]
+    solids += [block((0, high + tank, z), (0.68, 0.07, 0.3), 0.4)]
     lever = rod((-0.22, high + 0.8 * tank, z + 0.14), (-0.1, high + 0.8 * tank, z + 0.16), 0.04)
-    return [*made, lever if rng.random() < 0.5 else drum((0, high + tank, z), (0, high + tank + 0.07, z), 0.07)]
+    return [*solids, lever if rng.random() < 0.5 else drum((0, high + tank, z), (0, high + tank + 0.07, z), 0.07)]
 
 
 def pillow(rng: Rng) -> list[Solid]:
@@ -375,6 +383,6 @@ def pillow(rng: Rng) -> list[Solid]:
     side = np.stack([wide * x, -high * (1 - pinch * (1 - x * x))], 1)
     next_ = np.stack([wide * (1 - pinch * (1 - x * x)), high * x], 1)
     rim = np.concatenate([side[:-1], next_[:-1], -side[:-1], -next_[:-1]])
-    made = [plate(rim, 0.1, (0, 0, 0), "z", (lean, 0, 0))]
-    made += [block((0, 0, 0), (1.86 * wide, 1.86 * high, 2 * thick), 1.0, (lean, 0, 0))]
-    return [*made, ball((0, 0, 0), (wide * 0.9, high * 0.9, thick * 1.25), (lean, 0, 0))]
+    solids = [plate(rim, 0.1, (0, 0, 0), "z", (lean, 0, 0))]
+    solids += [block((0, 0, 0), (1.86 * wide, 1.86 * high, 2 * thick), 1.0, (lean, 0, 0))]
+    return [*solids, ball((0, 0, 0), (wide * 0.9, high * 0.9, thick * 1.25), (lean, 0, 0))]

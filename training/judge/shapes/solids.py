@@ -273,13 +273,13 @@ def surfaced(solids: Sequence[Solid], cells: int, blend: float, *, voxels: bool 
         lines = [low[d] + cell * np.arange(start[d], stop[d]) for d in range(3)]
         places = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
         at = tuple(slice(a, b) for a, b in zip(start, stop, strict=True))
-        own = solid.field(places).reshape(values[at].shape)
+        distance = solid.field(places).reshape(values[at].shape)
         if solid.hole:
-            values[at] = np.maximum(values[at], -own)
+            values[at] = np.maximum(values[at], -distance)
         else:
-            held, own = values[at], own - swell
-            near = np.maximum(width - np.abs(held - own), 0.0) if width else 0.0
-            values[at] = np.minimum(held, own) - (near * near / (4.0 * width) if width else 0.0)
+            values_here, distance = values[at], distance - swell
+            near = np.maximum(width - np.abs(values_here - distance), 0.0) if width else 0.0
+            values[at] = np.minimum(values_here, distance) - (near * near / (4.0 * width) if width else 0.0)
     return _cubes(values, low, cell) if voxels else _nets(values, low, cell)
 
 

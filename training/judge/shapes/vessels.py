@@ -50,15 +50,15 @@ def vase(rng: Rng) -> list[Solid]:
     """Shape a vase: belly, neck and flared lip, sometimes with two handles."""
     u = rng.uniform
     foot, belly, neck, lip, at = u(0.15, 0.26), u(0.3, 0.46), u(0.12, 0.22), u(0.2, 0.32), u(0.35, 0.6)
-    made = _pot(_curve([(foot, 0.0), (belly, at), (neck, 1.0), (max(lip, neck + 0.05), 1.2)], 20), 0.07, 0.1)
+    solids = _pot(_curve([(foot, 0.0), (belly, at), (neck, 1.0), (max(lip, neck + 0.05), 1.2)], 20), 0.07, 0.1)
     if rng.random() < 0.3:
-        made += both(
+        solids += both(
             rods(
                 [(neck, 1.0, 0), (neck + 0.22, 1.0, 0), (belly + 0.1, 0.75, 0), (belly * 0.85, at + 0.08, 0)],
                 [0.04] * 4,
             )
         )
-    return made
+    return solids
 
 
 def bottle(rng: Rng) -> list[Solid]:
@@ -67,7 +67,7 @@ def bottle(rng: Rng) -> list[Solid]:
     r, body, neck, top = u(0.18, 0.28), u(0.55, 0.85), u(0.065, 0.1), 0.0
     top = body + u(0.45, 0.65)
     shoulder = body + u(0.1, 0.28)
-    made = [
+    solids = [
         spun(
             [
                 (0, 0),
@@ -80,8 +80,8 @@ def bottle(rng: Rng) -> list[Solid]:
             ]
         )
     ]
-    made += [drum((0, top - u(0.06, 0.14), 0), (0, top, 0), neck * 1.35)]
-    return made if rng.random() < 0.8 else [*made, block((0, body * 0.5, 0), (1.7 * r, body, 1.7 * r), 0.1)]
+    solids += [drum((0, top - u(0.06, 0.14), 0), (0, top, 0), neck * 1.35)]
+    return solids if rng.random() < 0.8 else [*solids, block((0, body * 0.5, 0), (1.7 * r, body, 1.7 * r), 0.1)]
 
 
 def goblet(rng: Rng) -> list[Solid]:
@@ -89,8 +89,8 @@ def goblet(rng: Rng) -> list[Solid]:
     u = rng.uniform
     foot, stem, start, wide = u(0.22, 0.32), u(0.055, 0.1), u(0.4, 0.58), u(0.24, 0.36)
     cup = _curve([(stem, start), (wide, start + 0.25), (wide * u(0.8, 1.15), 1.05)], 12)
-    made = _pot([(foot, 0.0), (foot, 0.05), (foot * 0.4, 0.1), (stem, 0.16), *cup], 0.06, start + 0.1)
-    return [*made, ball((0, start * u(0.5, 0.75), 0), stem + u(0.03, 0.08))] if rng.random() < 0.5 else made
+    solids = _pot([(foot, 0.0), (foot, 0.05), (foot * 0.4, 0.1), (stem, 0.16), *cup], 0.06, start + 0.1)
+    return [*solids, ball((0, start * u(0.5, 0.75), 0), stem + u(0.03, 0.08))] if rng.random() < 0.5 else solids
 
 
 def bell(rng: Rng) -> list[Solid]:
@@ -100,20 +100,20 @@ def bell(rng: Rng) -> list[Solid]:
     outline = [(lip, 0.0), (lip * 0.82, 0.1), (waist * 1.15, 0.5 * high), (waist, 0.8 * high), (waist * 0.75, high)]
     hollow = [(0, -0.1), (lip - 0.08, -0.1), (lip * 0.82 - 0.08, 0.1), (waist, 0.5 * high), (waist * 0.6, 0.75 * high)]
     hollow += [(0, 0.75 * high)]
-    made = [spun([(0, 0), *outline, (0, high)]), carved(spun(hollow)), rod((0, high, 0), (0, 0.1, 0), 0.04)]
-    made += [ball((0, 0.03, 0), 0.11)]
+    solids = [spun([(0, 0), *outline, (0, high)]), carved(spun(hollow)), rod((0, high, 0), (0, 0.1, 0), 0.04)]
+    solids += [ball((0, 0.03, 0), 0.11)]
     if rng.random() < 0.5:
-        made += [drum((0, high, 0), (0, high + u(0.35, 0.6), 0), 0.07, 0.09)]
+        solids += [drum((0, high, 0), (0, high + u(0.35, 0.6), 0), 0.07, 0.09)]
     else:
-        made += [hoop((0, high + 0.1, 0), 0.13, 0.05)]
-    return made
+        solids += [hoop((0, high + 0.1, 0), 0.13, 0.05)]
+    return solids
 
 
 def bucket(rng: Rng) -> list[Solid]:
     """Shape a bucket: a tapered open pail with a rim and an arched handle, raised or lowered."""
     u = rng.uniform
     foot, top, high = u(0.28, 0.34), u(0.4, 0.48), u(0.65, 0.85)
-    made = _pot([(foot, 0.0), (top, high - 0.06), (top + 0.04, high - 0.06), (top + 0.04, high)], 0.08, 0.1)
+    solids = _pot([(foot, 0.0), (top, high - 0.06), (top + 0.04, high - 0.06), (top + 0.04, high)], 0.08, 0.1)
     tilt = np.radians(rng.choice([90.0, u(20, 70), -10.0]))
     path = []
     for a in np.linspace(0, np.pi, 11):
@@ -121,7 +121,7 @@ def bucket(rng: Rng) -> list[Solid]:
             (top + 0.03) * np.array([np.cos(a), np.sin(a) * np.sin(tilt), np.sin(a) * np.cos(tilt)])
             + [0, high - 0.08, 0]
         )
-    return made + rods(path, [0.04] * 11) + both(ball((top + 0.03, high - 0.08, 0), 0.07))
+    return solids + rods(path, [0.04] * 11) + both(ball((top + 0.03, high - 0.08, 0), 0.07))
 
 
 def barrel(rng: Rng) -> list[Solid]:
@@ -129,25 +129,25 @@ def barrel(rng: Rng) -> list[Solid]:
     u = rng.uniform
     r, high, bulge = u(0.3, 0.38), u(0.45, 0.6), u(1.2, 1.35)
     side = [(r * (1 + (bulge - 1) * (1 - s * s)), high * s) for s in np.linspace(-1, 1, 11)]
-    made = [spun([(0, -high), *side, (0, high)])]
+    solids = [spun([(0, -high), *side, (0, high)])]
     for s in (-0.85, -0.4, 0.4, 0.85):
         wide = r * (1 + (bulge - 1) * (1 - s * s)) + 0.035
-        made += [drum((0, high * s - 0.05, 0), (0, high * s + 0.05, 0), wide)]
-    return [*made, *(carved(drum((0, y - 0.06, 0), (0, y + 0.06, 0), r * 0.82)) for y in (-high, high))]
+        solids += [drum((0, high * s - 0.05, 0), (0, high * s + 0.05, 0), wide)]
+    return [*solids, *(carved(drum((0, y - 0.06, 0), (0, y + 0.06, 0), r * 0.82)) for y in (-high, high))]
 
 
 def candle(rng: Rng) -> list[Solid]:
     """Shape a candle with a flame, in a holder with a ring or on a stand."""
     u = rng.uniform
     r, high, plate_r = u(0.1, 0.18), u(0.5, 0.8), u(0.3, 0.4)
-    made = [drum((0, 0.05, 0), (0, high, 0), r), rod((0, high, 0), (0, high + 0.1, 0), 0.035)]
-    made += [ball((0, high + 0.17, 0), 0.085), drum((0, high + 0.2, 0), (0, high + 0.4, 0), 0.075, 0.01)]
-    made += [drum((0, 0, 0), (0, 0.08, 0), plate_r * 0.85, plate_r), drum((0, 0.03, 0), (0, 0.2, 0), r + 0.05)]
+    solids = [drum((0, 0.05, 0), (0, high, 0), r), rod((0, high, 0), (0, high + 0.1, 0), 0.035)]
+    solids += [ball((0, high + 0.17, 0), 0.085), drum((0, high + 0.2, 0), (0, high + 0.4, 0), 0.075, 0.01)]
+    solids += [drum((0, 0, 0), (0, 0.08, 0), plate_r * 0.85, plate_r), drum((0, 0.03, 0), (0, 0.2, 0), r + 0.05)]
     if rng.random() < 0.5:
-        made += [hoop((plate_r + 0.08, 0.1, 0), 0.12, 0.045)]
+        solids += [hoop((plate_r + 0.08, 0.1, 0), 0.12, 0.045)]
     elif rng.random() < 0.5:
-        made += [drum((0, -0.4, 0), (0, 0.03, 0), 0.08), drum((0, -0.5, 0), (0, -0.4, 0), 0.3, 0.15)]
-    return made
+        solids += [drum((0, -0.4, 0), (0, 0.03, 0), 0.08), drum((0, -0.5, 0), (0, -0.4, 0), 0.3, 0.15)]
+    return solids
 
 
 def lamp(rng: Rng) -> list[Solid]:
@@ -155,31 +155,35 @@ def lamp(rng: Rng) -> list[Solid]:
     u = rng.uniform
     low, high, wide = u(0.45, 1.2), u(0.3, 0.45), u(0.32, 0.45)
     if rng.random() < 0.75:
-        made = [drum((0, 0, 0), (0, 0.07, 0), u(0.22, 0.3)), drum((0, 0, 0), (0, low + 0.2, 0), u(0.045, 0.07))]
+        solids = [drum((0, 0, 0), (0, 0.07, 0), u(0.22, 0.3)), drum((0, 0, 0), (0, low + 0.2, 0), u(0.045, 0.07))]
         if rng.random() < 0.4:
-            made += [ball((0, 0.22, 0), (0.2, 0.24, 0.2))]
-        made += [drum((0, low, 0), (0, low + high, 0), wide, wide * u(0.4, 0.85))]
-        made += [carved(drum((0, low - 0.1, 0), (0, low + high * 0.7, 0), wide - 0.06, wide * 0.45))]
-        return [*made, drum((0, 0.05, 0), (0, low + high * 0.9, 0), 0.05)]
+            solids += [ball((0, 0.22, 0), (0.2, 0.24, 0.2))]
+        solids += [drum((0, low, 0), (0, low + high, 0), wide, wide * u(0.4, 0.85))]
+        solids += [carved(drum((0, low - 0.1, 0), (0, low + high * 0.7, 0), wide - 0.06, wide * 0.45))]
+        return [*solids, drum((0, 0.05, 0), (0, low + high * 0.9, 0), 0.05)]
     elbow, hand = np.array([0, u(0.5, 0.65), -0.3]), np.array([0, u(0.85, 1.0), 0.15])
-    made = [drum((0, 0, 0), (0, 0.08, 0), 0.27), *rods([(0, 0, 0), elbow, hand], [0.05, 0.05, 0.05]), ball(elbow, 0.08)]
-    return [*made, drum(hand + [0, 0.05, 0], hand + [0, -0.22, 0.2], 0.1, 0.24)]
+    solids = [
+        drum((0, 0, 0), (0, 0.08, 0), 0.27),
+        *rods([(0, 0, 0), elbow, hand], [0.05, 0.05, 0.05]),
+        ball(elbow, 0.08),
+    ]
+    return [*solids, drum(hand + [0, 0.05, 0], hand + [0, -0.22, 0.2], 0.1, 0.24)]
 
 
 def teapot(rng: Rng) -> list[Solid]:
     """Shape a teapot: a round body with a lid, a spout and an ear."""
     u = rng.uniform
     r, high = u(0.38, 0.46), u(0.3, 0.44)
-    made = [ball((0, high, 0), (r, high, r)), drum((0, 0, 0), (0, 0.1, 0), r * 0.65)]
-    made += [ball((0, 1.75 * high, 0), (r * 0.55, 0.13, r * 0.55)), ball((0, 1.75 * high + 0.16, 0), 0.085)]
+    solids = [ball((0, high, 0), (r, high, r)), drum((0, 0, 0), (0, 0.1, 0), r * 0.65)]
+    solids += [ball((0, 1.75 * high, 0), (r * 0.55, 0.13, r * 0.55)), ball((0, 1.75 * high + 0.16, 0), 0.085)]
     tip = np.array([r + u(0.28, 0.4), high * u(1.6, 2.1), 0])
-    made += rods([(r * 0.7, high * 0.7, 0), (r + 0.14, high * 0.95, 0), tip], [0.16, 0.1, 0.065])
+    solids += rods([(r * 0.7, high * 0.7, 0), (r + 0.14, high * 0.95, 0), tip], [0.16, 0.1, 0.065])
     if rng.random() < 0.75:
         ear = u(0.16, 0.24)
-        made += [hoop((-r - ear * 0.5, high * 1.1, 0), ear, 0.05)]
+        solids += [hoop((-r - ear * 0.5, high * 1.1, 0), ear, 0.05)]
     else:
-        made += [hoop((0, high * 1.6, 0), r * 0.9, 0.045)]
-    return [_turned(s) for s in made] if rng.random() < 0.5 else made
+        solids += [hoop((0, high * 1.6, 0), r * 0.9, 0.045)]
+    return [_turned(s) for s in solids] if rng.random() < 0.5 else solids
 
 
 def _turned(solid: Solid) -> Solid:
@@ -195,14 +199,14 @@ def umbrella(rng: Rng) -> list[Solid]:
     """Shape an open umbrella: a scalloped canopy over a stick with a crook."""
     u = rng.uniform
     r, high, stick, crook = u(0.65, 0.8), u(0.28, 0.42), u(0.8, 1.05), u(0.08, 0.13)
-    made = [ball((0, 0, 0), (r, high, r)), carved(ball((0, -0.09, 0), (r, high, r)))]
-    made += [carved(block((0, -1, 0), (4, 2, 4), 0))]
+    solids = [ball((0, 0, 0), (r, high, r)), carved(ball((0, -0.09, 0), (r, high, r)))]
+    solids += [carved(block((0, -1, 0), (4, 2, 4), 0))]
     for k in range(8):
         a = k * np.pi / 4
-        made += [carved(ball((r * 1.03 * np.sin(a), -0.02, r * 1.03 * np.cos(a)), (0.2, 0.1, 0.2)))]
-    made += [rod((0, high + 0.1, 0), (0, -stick, 0), 0.045)]
+        solids += [carved(ball((r * 1.03 * np.sin(a), -0.02, r * 1.03 * np.cos(a)), (0.2, 0.1, 0.2)))]
+    solids += [rod((0, high + 0.1, 0), (0, -stick, 0), 0.045)]
     path = [np.array([crook * (1 - np.cos(a)), -stick - crook * np.sin(a), 0]) for a in np.linspace(0, np.pi * 1.1, 7)]
-    return made + rods(path, [0.05] * 7)
+    return solids + rods(path, [0.05] * 7)
 
 
 def _ear(rng: Rng, r: float, low: float, high: float) -> list[Solid]:
@@ -227,24 +231,24 @@ def mug(rng: Rng) -> list[Solid]:
     outline = [(r, 0.0), (r, high)]
     if cup or rng.random() < 0.5:
         outline = _curve([(foot, 0.0), (r * u(0.92, 1.1), 0.5 * high), (r, high)])
-    made = _ear(rng, 0.95 * r, 0.2 * high, 0.85 * high) + _pot(outline, u(0.05, 0.09), 0.1)
-    return [*made, drum((0, -0.05, 0), (0, 0.04, 0), 0.5, 0.68)] if cup and rng.random() < 0.5 else made
+    solids = _ear(rng, 0.95 * r, 0.2 * high, 0.85 * high) + _pot(outline, u(0.05, 0.09), 0.1)
+    return [*solids, drum((0, -0.05, 0), (0, 0.04, 0), 0.5, 0.68)] if cup and rng.random() < 0.5 else solids
 
 
 def pan(rng: Rng) -> list[Solid]:
     """Shape a pan: shallow and round, with a long handle to some side, rarely with two short ones."""
     u = rng.uniform
     r, high = u(0.46, 0.56), u(0.1, 0.22)
-    made = _pot([(r * u(0.75, 0.95), 0.0), (r, high)], 0.06, 0.06)
+    solids = _pot([(r * u(0.75, 0.95), 0.0), (r, high)], 0.06, 0.06)
     if rng.random() < 0.2:
-        return made + both(hoop((r + 0.04, high - 0.03, 0), 0.13, 0.045, (90, 0, 0)))
+        return solids + both(hoop((r + 0.04, high - 0.03, 0), 0.13, 0.045, (90, 0, 0)))
     end = np.array([r + u(0.6, 0.9), high + u(-0.05, 0.25), 0])
-    made += [rod((r - 0.03, high - 0.05, 0), end, 0.045, 0.07)]
-    made += [rod(0.45 * end + [0.55 * r, 0.5 * high, 0], end, 0.05, 0.08)]
+    solids += [rod((r - 0.03, high - 0.05, 0), end, 0.045, 0.07)]
+    solids += [rod(0.45 * end + [0.55 * r, 0.5 * high, 0], end, 0.05, 0.08)]
     turns = int(rng.choice([0, 0, 1, 2, 3]))
     for _ in range(turns):
-        made = [_turned(s) for s in made]
-    return made
+        solids = [_turned(s) for s in solids]
+    return solids
 
 
 def jar(rng: Rng) -> list[Solid]:
@@ -254,12 +258,12 @@ def jar(rng: Rng) -> list[Solid]:
     side = [(r * 0.9, 0.0), (r, 0.06), (r, high - 0.1)]
     if rng.random() >= 0.5:
         side = _curve([(r * 0.75, 0.0), (r * 1.12, 0.55 * high), (r * 0.85, high)])
-    made = [spun([(0, 0), *side, (neck * r, high), (neck * r, high + 0.1), (0, high + 0.1)])]
+    solids = [spun([(0, 0), *side, (neck * r, high), (neck * r, high + 0.1), (0, high + 0.1)])]
     lid, top = neck * r + u(0.02, 0.07), high + u(0.2, 0.3)
-    made += [drum((0, high + 0.07, 0), (0, top, 0), lid)]
+    solids += [drum((0, high + 0.07, 0), (0, top, 0), lid)]
     if rng.random() < 0.4:
-        made += [ball((0, top, 0), (lid * 0.9, 0.09, lid * 0.9)), ball((0, top + 0.13, 0), 0.09)]
-    return made
+        solids += [ball((0, top, 0), (lid * 0.9, 0.09, lid * 0.9)), ball((0, top + 0.13, 0), 0.09)]
+    return solids
 
 
 def can(rng: Rng) -> list[Solid]:
@@ -268,15 +272,15 @@ def can(rng: Rng) -> list[Solid]:
     r, high = u(0.3, 0.38), u(0.75, 1.1)
     if rng.random() < 0.5:
         side = [(r * 0.8, 0), (r, 0.09), (r, high - 0.12), (r * 0.82, high), (r * 0.82, high + 0.03)]
-        made = [spun([(0, 0), *side, (0, high + 0.03)])]
-        made += [carved(drum((0, high - 0.02, 0), (0, high + 0.2, 0), r * 0.72))]
-        return [*made, block((0, high - 0.01, 0.06), (0.12, 0.03, 0.2), 0.3)]
+        solids = [spun([(0, 0), *side, (0, high + 0.03)])]
+        solids += [carved(drum((0, high - 0.02, 0), (0, high + 0.2, 0), r * 0.72))]
+        return [*solids, block((0, high - 0.01, 0.06), (0.12, 0.03, 0.2), 0.3)]
     high *= u(0.6, 1.0)
-    made = [drum((0, 0, 0), (0, high, 0), r * 1.1)]
-    made += [carved(drum((0, high - u(0.05, 0.3), 0), (0, high + 0.2, 0), r * 0.98))]
+    solids = [drum((0, 0, 0), (0, high, 0), r * 1.1)]
+    solids += [carved(drum((0, high - u(0.05, 0.3), 0), (0, high + 0.2, 0), r * 0.98))]
     for y in np.linspace(0.0, high, int(rng.choice([2, 5, 7]))):
-        made += [hoop((0, y, 0), r * 1.1, 0.04, (90, 0, 0))]
-    return made
+        solids += [hoop((0, y, 0), r * 1.1, 0.04, (90, 0, 0))]
+    return solids
 
 
 def plate(rng: Rng) -> list[Solid]:
@@ -295,11 +299,13 @@ def potion(rng: Rng) -> list[Solid]:
     r, neck, top = u(0.32, 0.4), u(0.09, 0.14), u(0.98, 1.15)
     drop = _curve([(0.6 * r, 0.0), (r * 1.1, 0.2), (0.6 * r, 0.5), (neck, 0.75)])
     kind, sides = int(rng.integers(4)), int(rng.integers(4, 7))
-    made = [
+    solids = [
         [ball((0, r, 0), r)],
         [spun([(0, 0), *drop, (0, 0.75)])],
         [drum((0, 0, 0), (0, 0.75, 0), 1.15 * r, neck)],
         [drum((0, 0, 0), (0, 0.5, 0), r * 0.9, r, sides=sides), drum((0, 0.5, 0), (0, 0.68, 0), r, neck)],
     ][kind]
-    made += [drum((0, 0.3, 0), (0, top, 0), neck), hoop((0, top - u(0.0, 0.12), 0), neck + 0.02, 0.05, (90, 0, 0))]
-    return [*made, drum((0, top, 0), (0, top + u(0.08, 0.16), 0), neck * 0.8, neck)] if rng.random() < 0.75 else made
+    solids += [drum((0, 0.3, 0), (0, top, 0), neck), hoop((0, top - u(0.0, 0.12), 0), neck + 0.02, 0.05, (90, 0, 0))]
+    return (
+        [*solids, drum((0, top, 0), (0, top + u(0.08, 0.16), 0), neck * 0.8, neck)] if rng.random() < 0.75 else solids
+    )

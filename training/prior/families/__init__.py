@@ -39,5 +39,5 @@ def member(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator)
     Part
         Closed parts, oriented outward, +Y up, facing +Z, centred, farthest vertex at distance 1.
     """
-    wanted = tuple(attributes)
-    return deformed(FAMILIES[noun](rng, Traits(wanted)), wanted, rng)
+    names = tuple(attributes)
+    return deformed(FAMILIES[noun](rng, Traits(names)), names, rng)

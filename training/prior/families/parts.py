@@ -113,8 +113,8 @@ def curved(knots: ArrayLike, *, samples: int = 4) -> Array:
     and Rom 1974, A class of local interpolating splines.
     """
     through = np.asarray(knots, float)
-    held = np.concatenate([2 * through[:1] - through[1:2], through, 2 * through[-1:] - through[-2:-1]])
-    a, b, c, d = (held[k : len(held) - 3 + k, None] for k in range(4))
+    control_points = np.concatenate([2 * through[:1] - through[1:2], through, 2 * through[-1:] - through[-2:-1]])
+    a, b, c, d = (control_points[k : len(control_points) - 3 + k, None] for k in range(4))
     t = np.linspace(0.0, 1.0, samples, endpoint=False)[:, None]
     curve = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
     return np.concatenate([curve.reshape(-1, through.shape[1]), through[-1:]])
