@@ -39,7 +39,7 @@ def main() -> None:
         print(table(given.out, given.grades))
         return
     rows = [row for run in given.runs for row in results(*run.split("=", 1))]
-    rows += stretches(given.runs[0].split("=", 1)[1])
+    rows += results("stretch", given.runs[0].split("=", 1)[1])
     random.Random(given.seed).shuffle(rows)
     given.out.mkdir(parents=True, exist_ok=True)
     for first in range(0, len(rows), ROWS):
@@ -49,25 +49,17 @@ def main() -> None:
 
 
 def results(name: str, folder: str) -> list[dict[str, Any]]:
-    """Return the rows of one run."""
+    """Return the rows of one run; those of `stretch` have the best stretch of each item of the run."""
     found = []
     for path in sorted(Path(folder).glob("items/*/record.json")):
         record = json.loads(path.read_text())
-        if not record["failed"]:
+        if record["failed"]:
+            continue
+        if name == "stretch":
+            picture = stretched_picture(record["source"], tuple(record["states"][-1]["kept"]["stretch"]))
+        else:
             picture = (path.parent / "preview.png").read_bytes()
-            found.append({"run": name, "item": path.parent.name, "prompt": record["prompt"], "picture": picture})
-    return found
-
-
-def stretches(folder: str) -> list[dict[str, Any]]:
-    """Return a row for the best stretch of each item."""
-    found = []
-    for path in sorted(Path(folder).glob("items/*/record.json")):
-        record = json.loads(path.read_text())
-        if not record["failed"]:
-            factors = tuple(record["states"][-1]["kept"]["stretch"])
-            picture = stretched_picture(record["source"], factors)
-            found.append({"run": "stretch", "item": path.parent.name, "prompt": record["prompt"], "picture": picture})
+        found.append({"run": name, "item": path.parent.name, "prompt": record["prompt"], "picture": picture})
     return found
 
 

@@ -1,62 +1,76 @@
 """Compare `meshdeform run --preset preview`, from shell to file, with `import torch`: ``python -m bench.cold_run``.
 
 Prints the median CPU time of whole processes over that of `python -c "import torch"`, in turns, one thread each, and
-that of a worker's second job. With ``--against CHECKOUT``, a whole process of another working copy as well. Kernels are
-compiled before the first turn that counts.
+that of a worker's second job. Kernels are compiled before the first turn that counts. With ``--worker``, only the CPU
+seconds of one worker's process until it is ready, and those of its first and second job of five steps.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
+from collections.abc import Iterator
 from statistics import median
+from time import process_time
 
-ROOT = Path(__file__).resolve().parents[1]
-WARM = "from bench.start import jobs; print(sum(list(jobs())[2]))"
+from bench.jobs import EXAMPLES, ROOT
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs.base import job_input
+from meshdeform.settings import Settings
+from worker.process import torch_engine
+
+TURNS = 4
+WARM = "from bench.cold_run import jobs; print(sum(list(jobs())[2]))"
 
 
-def environment_of(source: Path) -> dict[str, str]:
-    """Return the environment of a process that imports Meshdeform from a working copy."""
-    environment = {**os.environ, "PYTHONPATH": str(source), "OMP_NUM_THREADS": "1"}
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages have theirs
-    return environment
+def jobs(**params: int) -> Iterator[list[float]]:
+    """Start as a worker, run two jobs, and yield the CPU time before them and then that of each part of a job."""
+    engine = torch_engine(Settings())
+    yield [process_time()]
+    from meshdeform.runs import text_deform
+
+    request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "preview", **params}})
+    sphere = (EXAMPLES / "sphere.glb").read_bytes()
+    for _ in range(2):
+        times = [process_time()]
+        run = text_deform.start(job_input(sphere, "sphere.glb", request, prior=engine.load_prior("builtin")))
+        times.append(process_time())
+        times += [process_time() for _ in run]
+        run.finish()
+        yield [times[1] - times[0], times[2] - times[1], times[-1] - times[2], process_time() - times[-1]]
 
 
-def cpu_s(command: list[str], source: Path) -> float:
+def cpu_s(command: list[str], environment: dict[str, str]) -> float:
     """Return the CPU time of a process."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(command, env=environment_of(source), check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def main() -> None:
-    """Run from the command line."""
-    parser = argparse.ArgumentParser(description="Compare a cold run with the import of torch.")
-    parser.add_argument("--turns", type=int, default=4)
-    parser.add_argument("--against", type=Path, help="another working copy")
-    options = parser.parse_args()
-    sources = {"this": ROOT, **({"other": options.against.resolve()} if options.against else {})}
-    times: dict[str, list[float]] = {name: [] for name in ("torch", *sources, "warm")}
+def compare() -> None:
+    """Print the ratios."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages have theirs
+    times: dict[str, list[float]] = {"torch": [], "run": [], "warm": []}
     with tempfile.TemporaryDirectory() as folder:
-        for turn in range(options.turns + 1):
-            taken = {"torch": cpu_s([sys.executable, "-c", "import torch"], ROOT)}
-            for name, source in sources.items():
-                run = [sys.executable, "-P", "-m", "meshdeform", "run", str(ROOT / "examples/sphere.glb"), "a mushroom"]
-                more = ["--preset", "preview", "--quiet", "--force", "-o", f"{folder}/{name}.glb"]
-                taken[name] = cpu_s([*run, *more], source)
-            warm = [sys.executable, "-P", "-c", WARM]
-            taken["warm"] = float(subprocess.check_output(warm, env=environment_of(ROOT)).splitlines()[-1])
-            for name, seconds in taken.items():
+        run = [sys.executable, "-P", "-m", "meshdeform", "run", str(EXAMPLES / "sphere.glb"), "a mushroom"]
+        run += ["--preset", "preview", "--quiet", "--force", "-o", f"{folder}/result.glb"]
+        for turn in range(TURNS + 1):
+            warm = subprocess.check_output([sys.executable, "-P", "-c", WARM], env=environment).splitlines()[-1]
+            torch = cpu_s([sys.executable, "-c", "import torch"], environment)
+            for name, seconds in (("torch", torch), ("run", cpu_s(run, environment)), ("warm", float(warm))):
                 times[name] += [seconds] if turn else []
-    for name in (*sources, "warm"):
+    for name in ("run", "warm"):
         print(f"{name}: {median(times[name]) / median(times['torch']):.2f} times the CPU time of import torch")
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:] == ["--worker"]:
+        for what, parts in zip(("ready", "first job", "second job"), jobs(steps=5), strict=True):
+            print(f"{what} {sum(parts):.2f} s", *(f"{part:.2f}" for part in parts))
+    else:
+        compare()

@@ -11,6 +11,7 @@ of what was measured. The jobs of an asset are estimated by those of the other a
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import tempfile
 import time
@@ -19,9 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
+from PIL import Image, ImageDraw
 from scipy.optimize import nnls
 
-from bench.same_results import EXAMPLES, disc, shed
 from bench.scale import write
 from meshdeform.assets import load_asset
 from meshdeform.errors import MeshdeformError
@@ -33,10 +35,35 @@ from meshdeform.runs.costs import Costs, Seconds, features, pace_of
 from meshdeform.runs.devices import use_threads
 
 Row = dict[str, Any]
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 _BALLS = [(320, 1), (1300, 1), (5000, 1), (5000, 4), (11000, 1), (20000, 1), (20000, 16), (20000, 200), (80000, 1)]
 _BALLS += [(80000, 40), (320000, 1)]
 _NOUNS = ("a mushroom", "a chair", "a cat", "a car", "a duck", "a bottle", "a house")
 _STEPS = (20, 40, 80, 120, 200)
+
+
+def shed() -> bytes:
+    """Return a GLB of four parts that touch: walls, a roof, and two wheels of another material."""
+    scene = trimesh.Scene()
+    scene.add_geometry(trimesh.creation.box((2.0, 1.0, 1.0)), node_name="walls")
+    roof = trimesh.creation.cone(0.9, 0.6, sections=24)
+    roof.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
+    scene.add_geometry(roof.apply_translation((0.0, 0.5, 0.0)), node_name="roof")
+    for side in (-1.0, 1.0):
+        wheel = trimesh.creation.icosphere(subdivisions=2, radius=0.3).apply_translation((0.6 * side, -0.5, 0.5))
+        scene.add_geometry(wheel, node_name="left" if side < 0 else "right")
+    content = scene.export(file_type="glb")
+    assert isinstance(content, bytes)
+    return content
+
+
+def disc() -> bytes:
+    """Return a PNG of a white disc on black: the silhouette of something round."""
+    picture = Image.new("L", (128, 128))
+    ImageDraw.Draw(picture).ellipse((24, 34, 104, 114), fill=255)
+    file = io.BytesIO()
+    picture.save(file, "PNG")
+    return file.getvalue()
 
 
 def assets(folder: Path, more: Path | None) -> Iterator[tuple[str, bytes]]:

@@ -1,6 +1,6 @@
 """Measure parts, correspondences and sub-classes of the parametric families, by the files that a fit writes.
 
-    python bench/family_accuracy.py 50 --families chairs airplanes bicycles
+    python -m bench.family_accuracy 50 --families chairs airplanes bicycles
 
 Each family is fitted by the whole job, ten members labelled and the others held out, on one thread.
 
@@ -17,7 +17,6 @@ from __future__ import annotations
 import argparse
 import io
 import json
-import sys
 import time
 import zipfile
 from dataclasses import dataclass
@@ -28,14 +27,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
-
+from bench.jobs import artifacts, start
 from bench.parametric_families import CLASSES, PARTS, Member, family, labels_document, packed
 from meshdeform.assets import load_asset
 from meshdeform.cli.kinds import packed as folder_packed
-from meshdeform.requests.document import JobRequest
-from meshdeform.runs import start_run
-from meshdeform.runs.base import ArtifactData, InputFile, RunInput
 
 _LABELLED, _EXAMPLES, _DRAWS, _PAIRS, _WITHIN = 10, 10, 200, 60, 0.05
 
@@ -53,15 +48,11 @@ def collection_of(name: str, count: int, seed: int = 0) -> bytes:
     return buffer.getvalue()
 
 
-def fitted(data: bytes, params: dict[str, int]) -> tuple[float, dict[str, ArtifactData]]:
+def fitted(data: bytes, params: dict[str, int]) -> tuple[float, dict[str, bytes]]:
     """Return the CPU seconds of a fit, and the artifacts."""
-    request = JobRequest.model_validate({"kind": "family_fit", "params": params})
     begun = time.process_time()
-    run = start_run(RunInput(request, {"collection": InputFile(data, "members.zip")}))
-    for _ in run:
-        pass
-    artifacts = run.finish()
-    return time.process_time() - begun, artifacts
+    made = artifacts(start({"kind": "family_fit", "params": params}, {"collection": (data, "members.zip")}))
+    return time.process_time() - begun, made
 
 
 def confusion(name: str, members: list[Member], segments: Arrays) -> NDArray[np.float64]:
@@ -131,12 +122,12 @@ def main() -> None:
     torch.set_num_threads(1)
     for name in options.families:
         members = family(name, options.count)
-        seconds, artifacts = fitted(collection_of(name, options.count), params)
+        seconds, made = fitted(collection_of(name, options.count), params)
         segments, places, looks = (
-            dict(np.load(io.BytesIO(artifacts[f"{file}.npz"].data)))
+            dict(np.load(io.BytesIO(made[f"{file}.npz"])))
             for file in ("segmentation", "correspondences", "descriptors")
         )
-        report = json.loads(artifacts["report.json"].data)
+        report = json.loads(made["report.json"])
         table = confusion(name, members, segments)
         tied = ties(members, places)
         print(f"{name}: {options.count} members, {seconds / 60:.1f} CPU minutes")

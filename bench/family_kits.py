@@ -1,6 +1,6 @@
 """Make labelled families out of public collections of CC0 assets, for `family-fit` and the other benchmarks.
 
-    python bench/family_kits.py collections/ kits/
+    python -m bench.family_kits collections/ kits/
 
 `collections` has the repositories of `_SOURCES`, each as `owner+name`. its folders get
 the assets and `labels.json`, ten labelled and the others held out. The truth is by nodes (what is called a wheel), by
@@ -9,7 +9,6 @@ materials (wood and bark), and for chairs by height (legs below the seat, the ba
 
 from __future__ import annotations
 
-import argparse
 import json
 import struct
 import sys
@@ -17,8 +16,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from meshdeform.assets import Asset, load_asset
 
@@ -97,15 +94,12 @@ def members(folder: Path, family: str) -> Iterator[tuple[str, list[str], bytes]]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("collections", type=Path)
-    parser.add_argument("folder", type=Path)
-    options = parser.parse_args()
+    collections, kits = map(Path, sys.argv[1:])
     for family, parts in _PARTS.items():
-        folder = options.folder / family
+        folder = kits / family
         folder.mkdir(parents=True, exist_ok=True)
         assets = {}
-        found = list(members(options.collections, family))
+        found = list(members(collections, family))
         labelled = set(np.random.default_rng(0).permutation(len(found))[:10].tolist())
         for number, (name, (kind, *about), data) in enumerate(found):
             (folder / name).write_bytes(data)

@@ -1,6 +1,6 @@
 """Draw new shapes of a parametric family, coloured by part: twelve samples, an interpolation, and completions.
 
-    python bench/family_shapes.py chairs docs/pictures/family_shapes.png
+    python -m bench.family_shapes chairs docs/pictures/family_shapes.png
 
 The whole job with the default parameters fits the family to 24 members, ten of them labelled. The first two rows are
 samples, the third one is an interpolation, and the last one has completions of one part of a member.
@@ -8,7 +8,6 @@ samples, the third one is an interpolation, and the last one has completions of 
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
 import sys
@@ -19,14 +18,10 @@ from typing import Any
 import numpy as np
 import torch
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
-
 from bench.family_accuracy import collection_of, fitted
+from bench.jobs import artifacts, start
 from bench.parametric_families import PARTS, family, packed
 from meshdeform.assets import load_asset
-from meshdeform.requests.document import JobRequest
-from meshdeform.runs import start_run
-from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.runs.family_results import Shown, family_png
 
 _MEMBERS = 24
@@ -35,15 +30,12 @@ _KEPT = {"chairs": (3, "leg"), "airplanes": (3, "wing"), "bicycles": (1, "wheel"
 """The members of the interpolation; the member and the part of the completions."""
 
 
-def made(files: dict[str, InputFile], parts: tuple[str, ...], **params: Any) -> list[Shown]:
+def made(files: dict[str, tuple[bytes, str]], parts: tuple[str, ...], **params: Any) -> list[Shown]:
     """Run a job of the kind `family_synthesize`, and return its shapes with the part of each triangle."""
-    run = start_run(RunInput(JobRequest.model_validate({"kind": "family_synthesize", "params": params}), files))
-    for _ in run:
-        pass
-    artifacts = run.finish()
-    report = json.loads(artifacts["report.json"].data)
+    results = artifacts(start({"kind": "family_synthesize", "params": params}, files))
+    report = json.loads(results["report.json"])
     found: list[Shown] = []
-    with zipfile.ZipFile(io.BytesIO(artifacts["shapes.zip"].data)) as archive:
+    with zipfile.ZipFile(io.BytesIO(results["shapes.zip"])) as archive:
         for name, about in zip(sorted(archive.namelist()), report["shapes"], strict=True):
             gaps = ", ".join(f"{each['part']} {each['gap']:.1%}" for each in about["parts"] if each["gap"] > 0.005)
             print(f"{params.get('mode', 'sample'):12} {name}  gaps: {gaps or 'none'}", flush=True)
@@ -56,24 +48,21 @@ def made(files: dict[str, InputFile], parts: tuple[str, ...], **params: Any) -> 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("family", choices=sorted(PARTS))
-    parser.add_argument("picture", type=Path)
-    options = parser.parse_args()
+    name, picture = sys.argv[1:]
     torch.set_num_threads(1)
-    name, parts = options.family, PARTS[options.family]
+    parts = PARTS[name]
     members = family(name, _MEMBERS)
-    fit = fitted(collection_of(name, _MEMBERS), {})[1]["family.safetensors"].data
+    fit = fitted(collection_of(name, _MEMBERS), {})[1]["family.safetensors"]
     files = {
-        "family": InputFile(fit, "family.safetensors"),
-        "collection": InputFile(packed(members), "collection.zip"),
+        "family": (fit, "family.safetensors"),
+        "collection": (packed(members), "collection.zip"),
     }
     ends = [members[number].name for number in _BETWEEN[name]]
     kept, part = _KEPT[name]
     rows = made(files, parts, count=12)
     rows += made(files, parts, mode="interpolate", members=ends, count=6)
     rows += made(files, parts, mode="complete", members=[members[kept].name], keep=[part], count=6)
-    options.picture.write_bytes(family_png(rows, parts))
+    Path(picture).write_bytes(family_png(rows, parts))
 
 
 if __name__ == "__main__":

@@ -79,7 +79,7 @@ def pairs(assets: Path) -> dict[str, tuple[TriangleMesh, TriangleMesh]]:
     return found
 
 
-def ours(rest: TriangleMesh, target: TriangleMesh, preset: str) -> Floats:
+def ours(rest: TriangleMesh, target: TriangleMesh, preset: str = "balanced") -> Floats:
     params = resolve(DeformParams.model_validate({"preset": preset, "guidance": {"kind": "target"}}))
     guidance = TargetGuidance(stand_in_of(target), point_weight=params.point_weight)
     run = Deformation(rest, guidance, params)
@@ -129,18 +129,12 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, help="folder for pictures: target, ours, Amberg, Sumner")
     parser.add_argument("--sheet", type=Path, help="one picture of all pairs that were fitted")
     parser.add_argument("--only", action="append", help="pairs whose name contains this")
-    parser.add_argument("--preset", default="balanced")
-    parser.add_argument("--no-peers", action="store_true")
     arguments = parser.parse_args()
     if arguments.sheet and not arguments.output:
         parser.error("--sheet needs --output")
     drawn = []
     torch.set_num_threads(1)
-    methods: dict[str, Callable[[TriangleMesh, TriangleMesh], Floats]] = {
-        "ours": lambda rest, target: ours(rest, target, arguments.preset)
-    }
-    if not arguments.no_peers:
-        methods |= {"Amberg": peer(nricp_amberg), "Sumner": peer(nricp_sumner)}
+    methods = {"ours": ours, "Amberg": peer(nricp_amberg), "Sumner": peer(nricp_sumner)}
     warm_up = Frame.around(icosphere(1).verts).place(icosphere(1))
     ours(warm_up, warm_up, "preview")
     print("| pair | method | within 1 % | to | from | distortion | p99 | flips | time |")

@@ -1,7 +1,7 @@
 """Measure the time and memory of a run and of the API.
 
-    python bench/footprint.py [--preset NAME] [--prompt TEXT]
-    python bench/footprint.py --posts 1000        the API alone, and its memory after so many posts
+    python -m bench.footprint
+    python -m bench.footprint --posts 1000        the API alone, and its memory after so many posts
 
 * run: `meshdeform run` from shell to file on a sphere of 5,120 faces: wall seconds, CPU seconds, peak resident memory
 * api: `meshdeform api` on an empty SQLite record: seconds until `/healthz` answers, resident memory then and after
@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import os
 import resource
-import socket
 import subprocess
 import sys
 import tempfile
@@ -27,29 +26,28 @@ from pathlib import Path
 import httpx
 import psutil
 
+from bench.jobs import EXAMPLES
 from meshdeform.serving.redis_server import RedisServer
+from tests.servers import free_port
 
-ROOT = Path(__file__).resolve().parents[1]
-SPHERE = ROOT / "examples" / "sphere.glb"
+SPHERE = EXAMPLES / "sphere.glb"
 FIRST, CLIENTS, LATER_S = 20, 30, 35.0
 
 
-def run(preset: str, prompt: str, folder: Path) -> None:
-    command = [sys.executable, "-m", "meshdeform", "run", str(SPHERE), prompt, "--preset", preset]
+def run(folder: Path) -> None:
+    command = [sys.executable, "-m", "meshdeform", "run", str(SPHERE), "a mushroom", "--preset", "preview"]
     start = time.perf_counter()
     subprocess.run([*command, "-o", str(folder / "out.glb")], check=True, stdout=subprocess.DEVNULL)
     wall = time.perf_counter() - start
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = used.ru_utime + used.ru_stime
-    print(f"run   {wall:6.1f} s wall  {cpu:6.1f} s CPU  {used.ru_maxrss / 1024:6.0f} MB peak  ({preset}, {prompt!r})")
+    print(f"run   {wall:6.1f} s wall  {cpu:6.1f} s CPU  {used.ru_maxrss / 1024:6.0f} MB peak")
 
 
 def api(folder: Path, posts: int) -> None:
     redis = RedisServer(folder / "redis")
     child = redis.start_and_wait()
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     environment = {**os.environ, "MESHDEFORM_REDIS_URL": redis.url, "MESHDEFORM_DATA_DIR": str(folder / "data")}
     start = time.perf_counter()
     server = subprocess.Popen([sys.executable, "-m", "meshdeform", "api", "--port", str(port)], env=environment)
@@ -91,14 +89,12 @@ def api(folder: Path, posts: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--preset", default="preview")
-    parser.add_argument("--prompt", default="a mushroom")
     parser.add_argument("--posts", type=int, default=0, help="measure the API alone, also after so many posts")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         api(Path(folder), arguments.posts)
         if not arguments.posts:
-            run(arguments.preset, arguments.prompt, Path(folder))
+            run(Path(folder))
 
 
 if __name__ == "__main__":

@@ -108,18 +108,8 @@ def run(seed: int, *, mutants: int | None = None, seconds: float | None = None, 
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
     while (mutants is None or number < mutants) and (end is None or time.monotonic() < end):
         last = number + _BATCH if mutants is None else min(number + _BATCH, mutants)
-        command = [
-            sys.executable,
-            "-m",
-            "bench.fuzz",
-            "--seed",
-            str(seed),
-            "--child",
-            str(number),
-            str(last),
-            "--kind",
-            kind,
-        ]
+        numbers = ["--seed", str(seed), "--child", str(number), str(last)]
+        command = [sys.executable, "-m", "bench.fuzz", *numbers, "--kind", kind]
         done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
         begun = number
         for line in done.stdout.splitlines():

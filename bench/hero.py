@@ -1,6 +1,6 @@
 """Make the animated picture at the top of the README: a painted animal becomes a camel and goes back.
 
-    python bench/hero.py -o docs/pictures/hero.webp
+    python -m bench.hero
 
 The animal is the quadruped of the benchmark in 9,680 triangles, painted by formula with vertex colours, which a
 deformation keeps. The builtin prior deforms it with the preset `balanced` and seed 0.
@@ -8,7 +8,6 @@ deformation keeps. The builtin prior deforms it with the preset `balanced` and s
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
 import tempfile
@@ -51,15 +50,14 @@ def _colors(verts: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs/pictures/hero.webp"))
-    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         asset, result = Path(folder) / "animal.glb", Path(folder) / "result.glb"
         asset.write_bytes(painted_animal())
         meshdeform = [sys.executable, "-m", "meshdeform"]
         subprocess.run([*meshdeform, "run", str(asset), PROMPT, "-o", str(result), "--seed", "0"], check=True)
-        subprocess.run([*meshdeform, "animate", str(asset), str(result), "-o", str(arguments.output)], check=True)
+        subprocess.run(
+            [*meshdeform, "animate", str(asset), str(result), "--force", "-o", "docs/pictures/hero.webp"], check=True
+        )
 
 
 if __name__ == "__main__":

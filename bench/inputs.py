@@ -63,21 +63,8 @@ def glb(made: Input) -> bytes:
 class Outcome:
     """Result of one input.
 
-    Attributes
-    ----------
-    vertices, faces, components : int
-        Vertices and faces of the file, and components of the welded mesh.
-    prepare_s, step_s : float
-        Processor seconds.
-    look : float
-        Cost of a check by the guard, in steps.
-    moved : float
-    held : float
-        Share of the faces that the guard held back, mean over its checks.
-    flipped, cuts : int
-        Faces that were fine at rest.
-    broken : list of str
-        Invariants that do not hold.
+    Times are of the processor, `look` is the cost of a check by the guard in steps, `held` the mean share of the faces
+    that it held back; `flipped` and `cuts` count faces that were fine at rest, `broken` names the invariants that fail.
     """
 
     vertices: int = 0

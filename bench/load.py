@@ -1,7 +1,6 @@
 """Measure one API process with two hundred clients and ten thousand jobs in its record.
 
     python -m bench.load                          PostgreSQL and Redis, both started here
-    python -m bench.load --database sqlite        SQLite and Redis
     python -m bench.load --jobs 1000 --clients 50 --rounds 1 --pause 0.5      a minute
     python -m bench.load --pause 0                200 clients that never pause: the most that one process can answer
 
@@ -56,7 +55,7 @@ def seed(record: JobRecord, count: int) -> list[str]:
             for number, job_id in enumerate(ids[start : start + 500], start):
                 over = number < count - min(QUEUED, count // 2)
                 row = rows.new_job(job_id, NewJob(request, {"asset": file}), record.database.now(), None)
-                row["created_at"] = row["created_at"] if record.database.is_sqlite else sa.func.now()
+                row["created_at"] = sa.func.now()
                 batch.append({**row, "state": JobState.SUCCEEDED if over else JobState.QUEUED, "event_seq": 5})
                 kinds = ("queued", "started", "progress", "progress", "succeeded" if over else "queued")
                 told += [
@@ -175,7 +174,6 @@ def report(alone: Clients, many: Clients) -> None:
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--database", choices=["postgresql", "sqlite"], default="postgresql")
     parser.add_argument("--rounds", type=int, default=5, help="rounds per client")
     parser.add_argument("--clients", type=int, default=CLIENTS)
     parser.add_argument("--jobs", type=int, default=JOBS, help="jobs in the record before")
@@ -187,15 +185,11 @@ def main() -> None:
     base.chmod(0o755)
     with contextlib.ExitStack() as cleanup:
         redis = cleanup.enter_context(running_redis(base))
-        database_url = ""
-        if options.database == "postgresql":
-            folder = base / "postgres"
-            folder.mkdir()
-            server = PostgresServer(folder, durable=True)
-            server.start()
-            cleanup.callback(server.kill)
-            database_url = server.url
-        cluster = Cluster(base, redis, database_url=database_url)
+        (base / "postgres").mkdir()
+        server = PostgresServer(base / "postgres", durable=True)
+        server.start()
+        cleanup.callback(server.kill)
+        cluster = Cluster(base, redis, database_url=server.url)
         cleanup.callback(cluster.clean_up)
         ids = seed(cluster.record, options.jobs)
         api = psutil.Process(cluster.start_api().pid)

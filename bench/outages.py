@@ -5,12 +5,12 @@
     python -m bench.outages --chaos 200 --real --pause 5 20   the same with the real run: a sphere, two steps
 
 Plain processes: two APIs, two workers with the default lease of 30 s (`--chaos`: 5 s), PostgreSQL behind PgBouncer,
-Redis, and an S3 server behind a proxy that fails on demand; what is not installed is left out, and said. Jobs are
-posted over HTTP before the fault and during it, each with an `Idempotency-Key`, and again until it is accepted. Then
-every job must have ended once, with the result of an undisturbed run (`Cluster.check`), and the record has no other.
-A row has the accepted jobs, those that ended so, those lost (not ended, failed, or with another result) and twice (a
-second job of a key, or a second end), those that took more than one attempt, the seconds from the end of the fault to
-the last job's end, and the slowest answer of /readyz meanwhile. Exits with 1 if anything was lost or twice.
+Redis, and an S3 server behind a proxy that fails on demand. Jobs are posted over HTTP before the fault and during it,
+each with an `Idempotency-Key`, and again until it is accepted. Then every job must have ended once, with the result of
+an undisturbed run (`Cluster.check`), and the record has no other. A row has the accepted jobs, those that ended so,
+those lost (not ended, failed, or with another result) and twice (a second job of a key, or a second end), those that
+took more than one attempt, the seconds from the end of the fault to the last job's end, and the slowest answer of
+/readyz meanwhile. Exits with 1 if anything was lost or twice.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from tests.acceptance.chaos import Chaos
 from tests.acceptance.cluster import SPHERE, Cluster, Part, running_redis, until
 from tests.fault_proxy import FaultProxy
 from tests.s3_server import s3_server
-from tests.servers import NotInstalledError, PgBouncer, PostgresServer, free_port, kept_full, small_disk
+from tests.servers import PgBouncer, PostgresServer, free_port, kept_full, small_disk
 from tests.shut_database import ShutDatabase
 
 Fault = Callable[[], AbstractContextManager[None]]
@@ -96,35 +96,31 @@ class Outages:
         base.chmod(0o755)
         for name in ("disk", "pgbouncer", "s3"):
             (base / name).mkdir()
-        self.disk, self.missing = base / "disk", dict[str, str]()
-        with self._optional("disk"):
-            stack.enter_context(small_disk(self.disk, 700))
+        self.disk = base / "disk"
+        stack.enter_context(small_disk(self.disk, 700))
         self.postgres = self._new_postgres()
         stack.callback(lambda: self.postgres.kill())
         with sa.create_engine(self._url("meshdeform"), isolation_level="AUTOCOMMIT").connect() as connection:
             connection.execute(sa.text("CREATE ROLE operator LOGIN SUPERUSER"))
             connection.execute(sa.text("CREATE DATABASE service"))
         self.switch = stack.enter_context(FaultProxy(self.postgres.port))
-        port, storage_url = self.switch.port, ""
-        with self._optional("PgBouncer"):
-            self.bouncer = PgBouncer(base / "pgbouncer", port, 10)
-            self.bouncer.start()
-            stack.callback(self.bouncer.stop)
-            port = self.bouncer.port
-        with self._optional("S3"):
-            server = stack.enter_context(s3_server(base / "s3"))
-            server.make_bucket("outages")
-            self.store, storage_url = stack.enter_context(FaultProxy(server.port)), "s3://outages/some/prefix"
-            os.environ.update(server.settings(self.store.port))  # this process looks into the store as well
+        self.bouncer = PgBouncer(base / "pgbouncer", self.switch.port, 10)
+        self.bouncer.start()
+        stack.callback(self.bouncer.stop)
+        server = stack.enter_context(s3_server(base / "s3"))
+        server.make_bucket("outages")
+        self.store = stack.enter_context(FaultProxy(server.port))
+        os.environ.update(server.settings(self.store.port))  # this process looks into the store as well
         self.redis = stack.enter_context(running_redis(base))
-        url = f"postgresql://meshdeform@127.0.0.1:{port}/service"
-        self.cluster = Deployment(base, self.redis, database_url=url, storage_url=storage_url, environment=settings)
+        url = f"postgresql://meshdeform@127.0.0.1:{self.bouncer.port}/service"
+        more = {"storage_url": "s3://outages/some/prefix", "environment": settings}
+        self.cluster = Deployment(base, self.redis, database_url=url, **more)
         self.cluster.real = real
         stack.callback(self.cluster.clean_up)
         self.start_parts()
         self.faults: dict[str, Fault] = {
             "PostgreSQL frozen": self._postgres_frozen,
-            "PostgreSQL shut down and started": self._postgres_stopped,
+            "PostgreSQL shut down and started": lambda: self._gone(self.postgres.stop, self.postgres.start),
             "PostgreSQL out of connections": self._out_of_connections,
             "PostgreSQL: every backend terminated each second": self._terminated,
             "PostgreSQL read-only": lambda: self._shut("read-only"),
@@ -134,7 +130,9 @@ class Outages:
             "PgBouncer killed": lambda: self._gone(self.bouncer.kill, self.bouncer.start),
             "both APIs killed": lambda: self._gone(self._kill_apis, self.cluster.start_apis),
             "Redis killed, back empty": lambda: self._gone(self.redis.kill, self.redis.start),
-            "Redis hung": self._redis_hung,
+            "Redis hung": lambda: self._gone(
+                lambda: self._signal(signal.SIGSTOP), lambda: self._signal(signal.SIGCONT)
+            ),
             "S3 refuses": lambda: self._gone(self.store.refuse, self.store.pass_through),
             "S3 hung": lambda: self._gone(self.store.hang, self.store.pass_through),
             "S3 answers 503": lambda: self._gone(self.store.error503, self.store.pass_through),
@@ -152,17 +150,6 @@ class Outages:
             if name in ended or name not in self.cluster.parts:
                 self.cluster.start_worker(name)
         return ended
-
-    def why_not(self, name: str) -> str:
-        """Return why a fault cannot be tried here, or nothing."""
-        return next((reason for part, reason in self.missing.items() if part in name), "")
-
-    @contextmanager
-    def _optional(self, part: str) -> Iterator[None]:
-        try:
-            yield
-        except NotInstalledError as missing:
-            self.missing[part] = str(missing)
 
     def _new_postgres(self, standby_of: PostgresServer | None = None) -> PostgresServer:
         folder = Path(tempfile.mkdtemp(prefix="postgres-", dir=self.disk))
@@ -213,9 +200,6 @@ class Outages:
         finally:
             for process in [*family, server]:
                 process.resume()
-
-    def _postgres_stopped(self) -> AbstractContextManager[None]:
-        return self._gone(self.postgres.stop, self.postgres.start)
 
     @contextmanager
     def _out_of_connections(self) -> Iterator[None]:
@@ -270,13 +254,11 @@ class Outages:
         self.switch.lead_to(standby.port)
         shutil.rmtree(former.folder)
 
-    @contextmanager
-    def _redis_hung(self) -> Iterator[None]:
+    def _hang_redis(self) -> None:
         os.kill(self.redis.pid, signal.SIGSTOP)
-        try:
-            yield
-        finally:
-            os.kill(self.redis.pid, signal.SIGCONT)
+
+    def _wake_redis(self) -> None:
+        os.kill(self.redis.pid, signal.SIGCONT)
 
     def _kill_apis(self) -> None:
         for name in APIS:
@@ -414,9 +396,7 @@ def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float])
         with fault():
             time.sleep(choose.uniform(0.5, 5.0))
 
-    more = {
-        name: lambda fault=fault: briefly(fault) for name, fault in outages.faults.items() if not outages.why_not(name)
-    }
+    more = {name: lambda fault=fault: briefly(fault) for name, fault in outages.faults.items()}
     waiting, start = list[str](), time.monotonic()
     with Chaos(cluster, seed, WORKERS, pause_s=pause_s, more=more) as faults:
         for number in range(count):
@@ -458,8 +438,6 @@ def main() -> None:
         settings = {"MESHDEFORM_LEASE_S": "5", "MESHDEFORM_MAX_ATTEMPTS": "100", "FAKE_STEP_S": "0.01"}
     with ExitStack() as stack:
         outages = Outages(stack, real=options.real, settings={"MESHDEFORM_LEASE_S": "30", **settings})
-        for part, reason in outages.missing.items():
-            print(f"without {part}: {reason}")
         if options.chaos:
             print("The clock is not set here: tests/integration/test_reconciler.py sets the record's.")
             well = chaos(outages, options.chaos, options.seed, tuple(options.pause))
@@ -471,11 +449,7 @@ def main() -> None:
             well = True
             for name in outages.faults:
                 if options.only in name:
-                    reason = outages.why_not(name)
-                    if reason:
-                        print(f"| {name} | skipped: {reason} |")
-                    else:
-                        well = row(outages, name, options.jobs, options.seconds) and well
+                    well = row(outages, name, options.jobs, options.seconds) and well
     sys.exit(0 if well else 1)
 
 

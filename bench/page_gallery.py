@@ -10,26 +10,22 @@ Sources, results and pictures are CC0: the shapes and their paint are made by fo
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
+import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from bench.hero import painted_animal
+from bench.jobs import ROOT, artifacts, start
 from meshdeform.assets import load_asset
-from meshdeform.priors import load_prior
 from meshdeform.rendering.studio import Pose, Studio
-from meshdeform.requests.document import DeformParams, JobRequest, resolve
+from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 
-ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "service" / "web" / "examples"
 LIST = FOLDER / "gallery.json"
 OUTPUT = {"compact": True, "provenance": True}
@@ -79,17 +75,12 @@ EXAMPLES = (
 )
 
 
-def make(example: Example, prior: Any) -> dict[str, Any]:
+def make(example: Example) -> dict[str, Any]:
     """Deform the asset, write result and picture, and return the entry of the list."""
     source = (FOLDER / example.asset).read_bytes()
     document = example.document()
-    run = text_deform.start(
-        job_input(asset=source, filename=example.asset, request=JobRequest.model_validate(document), prior=prior)
-    )
-    for _ in run:
-        pass
-    artifacts = run.finish()
-    result, report = artifacts["result.glb"].data, json.loads(artifacts["report.json"].data)
+    made = artifacts(start(document, {"asset": (source, example.asset)}))
+    result, report = made["result.glb"], json.loads(made["report.json"])
     (FOLDER / "gallery").mkdir(exist_ok=True)
     (FOLDER / "gallery" / f"{example.name}.glb").write_bytes(result)
     (FOLDER / "gallery" / f"{example.name}.webp").write_bytes(picture(source, result))
@@ -125,23 +116,13 @@ def _rounded(value: Any) -> Any:
 
 def main() -> None:
     """Make the examples of the web page."""
-    parser = argparse.ArgumentParser(prog="python -m bench.page_gallery", description=main.__doc__)
-    parser.add_argument("names", nargs="*", help="default: all")
-    parser.add_argument("--animal", action="store_true", help="make the painted animal instead")
-    options = parser.parse_args()
-    if options.animal:
-        data = painted_animal(ANIMAL_CELLS)
-        (FOLDER / "animal.glb").write_bytes(data)
-        print(f"animal.glb: {len(data):,} bytes")
+    if sys.argv[1:] == ["--animal"]:
+        (FOLDER / "animal.glb").write_bytes(painted_animal(ANIMAL_CELLS))
         return
-    unknown = set(options.names) - {example.name for example in EXAMPLES}
-    if unknown:
-        parser.error(f"no such example: {', '.join(sorted(unknown))}")
     known = {each["id"]: each for each in json.loads(LIST.read_text())["examples"]} if LIST.exists() else {}
-    prior = load_prior("builtin", device="cpu")
     for example in EXAMPLES:
-        if not options.names or example.name in options.names:
-            known[example.name] = entry = make(example, prior)
+        if not sys.argv[1:] or example.name in sys.argv[1:]:
+            known[example.name] = entry = make(example)
             size = (FOLDER / entry["result"]).stat().st_size
             print(f"{example.name}: {size:,} bytes, likeness {entry['report'].get('likeness')}", flush=True)
     entries = [known[example.name] for example in EXAMPLES if example.name in known]

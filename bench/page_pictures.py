@@ -2,12 +2,10 @@
 
 python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png, web_phone.png,
                                               web_control.png, web_compare.png and web_prompts.png
-python -m bench.page_pictures --job ID --url http://127.0.0.1:8765    from a running service and one of its jobs
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import tempfile
@@ -40,85 +38,79 @@ PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "is_mobile":
 
 
 @contextmanager
-def with_jobs(folder: Path, steps: int) -> Iterator[tuple[str, str]]:
+def with_jobs(folder: Path) -> Iterator[tuple[str, str]]:
     """Run a service with finished jobs; yield its URL and the id of one of them."""
     with serving(folder, PYTHONPATH=str(ROOT)) as service:  # without the tests' smaller pictures
         jobs = []
         for seed, prompt in enumerate(PROMPTS):
-            params = {"steps": steps, "seed": seed, "checkpoint_every_steps": max(1, steps // 5)}
+            params = {"steps": 200, "seed": seed, "checkpoint_every_steps": 40}
             jobs.append(service.submit(ROOT / "examples" / "sphere.glb", {"prompt": prompt, "params": params}))
         for job in jobs:
             assert service.finished(job)["state"] == "succeeded", service.log
         yield str(service.http.base_url).rstrip("/"), jobs[0]
 
 
-def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: str = "", **options: Any) -> None:
-    """Save a picture of a view once it is complete; `press` is the label of the button to press before."""
+@contextmanager
+def opened(browser: Browser, url: str, view: str, path: Path, **options: Any) -> Iterator[Page]:
+    """Open a view, and save its picture at the end."""
     context = browser.new_context(base_url=url, reduced_motion="reduce", **options)
     context.set_default_timeout(2 * DEADLINE_MS)
     page: Page = context.new_page()
     page.goto(view)
-    page.locator(ready).first.wait_for()
+    yield page
     page.wait_for_load_state("networkidle")
-    if press:
-        page.get_by_text(press, exact=True).click()
-        page.locator(".legend").wait_for()
-        page.evaluate("() => Promise.all(document.getAnimations().map((each) => each.finished))")
-        page.evaluate("() => scrollTo(0, 0)")  # the click may have scrolled
-    page.screenshot(path=path, full_page=bool(press))
+    page.screenshot(path=path, full_page=page.locator(".legend").count() > 0)
     context.close()
     assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
+
+
+def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: str = "", **options: Any) -> None:
+    """Save a picture of a view once it is complete; `press` is the label of the button to press before."""
+    with opened(browser, url, view, path, **options) as page:
+        page.locator(ready).first.wait_for()
+        page.wait_for_load_state("networkidle")
+        if press:
+            page.get_by_text(press, exact=True).click()
+            page.locator(".legend").wait_for()
+            page.evaluate("() => Promise.all(document.getAnimations().map((each) => each.finished))")
+            page.evaluate("() => scrollTo(0, 0)")  # the click may have scrolled
 
 
 def take_control(browser: Browser, url: str, path: Path) -> None:
     """Save a picture of the form with painted triangles and a handle."""
-    context = browser.new_context(base_url=url, reduced_motion="reduce", viewport={"width": 1360, "height": 1120})
-    context.set_default_timeout(2 * DEADLINE_MS)
-    page: Page = context.new_page()
-    page.goto("/")
-    page.set_input_files("#asset-file", ROOT / "examples" / "vase.glb")
-    page.get_by_label("Prompt", exact=True).fill("a fat penguin")
-    page.get_by_text("More options").click()
-    page.get_by_text("Control", exact=True).click()
-    rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
-    canvas = page.locator(".asset-panel .viewer").bounding_box()
-    assert canvas is not None
-    strokes = {"Paint": [(0.47, 0.68), (0.53, 0.68)], "Handle": [(0.42, 0.45), (0.3, 0.4)]}
-    for count, (tool, ends) in enumerate(strokes.items(), start=1):
-        page.get_by_role("group", name="Tool").get_by_text(tool, exact=True).click()
-        places = [(canvas["x"] + x * canvas["width"], canvas["y"] + y * canvas["height"]) for x, y in ends]
-        while rows.count() < count:  # until the tools are loaded
-            page.mouse.move(*places[0])
-            page.mouse.down()
-            page.mouse.move(*places[1], steps=8)
-            page.mouse.up()
-    page.locator("#estimate", has_text="steps").wait_for()
-    page.locator(".control-panel").scroll_into_view_if_needed()
-    page.wait_for_load_state("networkidle")
-    page.screenshot(path=path)
-    context.close()
-    assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
+    with opened(browser, url, "/", path, viewport={"width": 1360, "height": 1120}) as page:
+        page.set_input_files("#asset-file", ROOT / "examples" / "vase.glb")
+        page.get_by_label("Prompt", exact=True).fill("a fat penguin")
+        page.get_by_text("More options").click()
+        page.get_by_text("Control", exact=True).click()
+        rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
+        canvas = page.locator(".asset-panel .viewer").bounding_box()
+        assert canvas is not None
+        strokes = {"Paint": [(0.47, 0.68), (0.53, 0.68)], "Handle": [(0.42, 0.45), (0.3, 0.4)]}
+        for count, (tool, ends) in enumerate(strokes.items(), start=1):
+            page.get_by_role("group", name="Tool").get_by_text(tool, exact=True).click()
+            places = [(canvas["x"] + x * canvas["width"], canvas["y"] + y * canvas["height"]) for x, y in ends]
+            while rows.count() < count:  # until the tools are loaded
+                page.mouse.move(*places[0])
+                page.mouse.down()
+                page.mouse.move(*places[1], steps=8)
+                page.mouse.up()
+        page.locator("#estimate", has_text="steps").wait_for()
+        page.locator(".control-panel").scroll_into_view_if_needed()
 
 
 def take_prompts(browser: Browser, url: str, path: Path) -> None:
     """Save a picture of the form with a second prompt that has a region."""
-    context = browser.new_context(base_url=url, reduced_motion="reduce", viewport={"width": 1200, "height": 940})
-    context.set_default_timeout(2 * DEADLINE_MS)
-    page: Page = context.new_page()
-    page.goto("/")
-    page.set_input_files("#asset-file", ROOT / "service/web/examples/vase.glb")
-    page.get_by_label("Prompt", exact=True).fill("a pear")
-    page.get_by_text("More options").click()
-    page.get_by_role("button", name="Add a prompt").click()
-    page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a mushroom")
-    page.get_by_label("Weight of prompt 2").fill("3")
-    page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
-    page.locator("#estimate", has_text="steps").wait_for()
-    page.locator(".further .control-row", has_text="triangles").first.wait_for()
-    page.wait_for_load_state("networkidle")
-    page.screenshot(path=path)
-    context.close()
-    assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
+    with opened(browser, url, "/", path, viewport={"width": 1200, "height": 940}) as page:
+        page.set_input_files("#asset-file", ROOT / "service/web/examples/vase.glb")
+        page.get_by_label("Prompt", exact=True).fill("a pear")
+        page.get_by_text("More options").click()
+        page.get_by_role("button", name="Add a prompt").click()
+        page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a mushroom")
+        page.get_by_label("Weight of prompt 2").fill("3")
+        page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
+        page.locator("#estimate", has_text="steps").wait_for()
+        page.locator(".further .control-row", has_text="triangles").first.wait_for()
 
 
 def take_comparison(browser: Browser, url: str, path: Path) -> None:
@@ -135,31 +127,18 @@ def take_comparison(browser: Browser, url: str, path: Path) -> None:
 
 def main() -> None:
     """Take the pictures of the web page."""
-    parser = argparse.ArgumentParser(prog="python -m bench.page_pictures", description=main.__doc__)
-    parser.add_argument("--steps", type=int, default=200, help="steps of each job (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=PICTURES)
-    parser.add_argument("--url", default="", help="a running service; default: start one")
-    parser.add_argument("--job", default="", help="a finished job of that service")
-    options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="meshdeform-pictures-") as folder, sync_playwright() as playwright:
         launched = playwright.chromium.launch(
             executable_path=chromium_path(), args=CHROMIUM_ARGUMENTS, env={**os.environ, "OMP_NUM_THREADS": "1"}
         )
-        if options.url:
-            _all(launched, options.url, options.job, options.out)
-            return
-        with with_jobs(Path(folder), options.steps) as (url, job):
-            _all(launched, url, job, options.out)
-
-
-def _all(browser: Browser, url: str, job: str, out: Path) -> None:
-    desktop = {"viewport": {"width": 1200, "height": 760}}
-    take(browser, url, out / "web_job.png", f"/#/jobs/{job}", ".files", "Stretch", **JOB)
-    take(browser, url, out / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
-    take(browser, url, out / "web_phone.png", f"/#/jobs/{job}", ".files", **PHONE)
-    take_control(browser, url, out / "web_control.png")
-    take_comparison(browser, url, out / "web_compare.png")
-    take_prompts(browser, url, out / "web_prompts.png")
+        with with_jobs(Path(folder)) as (url, job):
+            desktop = {"viewport": {"width": 1200, "height": 760}}
+            take(launched, url, PICTURES / "web_job.png", f"/#/jobs/{job}", ".files", "Stretch", **JOB)
+            take(launched, url, PICTURES / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
+            take(launched, url, PICTURES / "web_phone.png", f"/#/jobs/{job}", ".files", **PHONE)
+            take_control(launched, url, PICTURES / "web_control.png")
+            take_comparison(launched, url, PICTURES / "web_compare.png")
+            take_prompts(launched, url, PICTURES / "web_prompts.png")
 
 
 if __name__ == "__main__":

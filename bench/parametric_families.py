@@ -1,27 +1,18 @@
 """Families whose truth is known: chairs, airplanes and bicycles with labels, correspondences and sub-classes.
 
-    python bench/parametric_families.py chairs 40 out/
-
-writes a ZIP of 40 chairs, `labels.json` (ten labelled, the others held out) and nothing else. Every number of a member
-is drawn from its seed. Nothing is shared with the builtin prior's shapes.
+Every number of a member is drawn from its seed. Nothing is shared with the builtin prior's shapes.
 """
 
 from __future__ import annotations
 
-import argparse
 import io
-import json
-import sys
 import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
 
 from meshdeform.assets import Primitive, build_glb
 from meshdeform.kinds.sketch.solids import Floats, Solid, box, hexahedron, plate, ring, tube
@@ -235,22 +226,3 @@ def labels_document(name: str, members: Sequence[Member], labelled: int, *, clas
         if classes:
             assets[member.name]["class"] = member.kind
     return {"parts": list(PARTS[name]), "assets": assets}
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("family", choices=sorted(PARTS))
-    parser.add_argument("count", type=int)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--labelled", type=int, default=10)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
-    members = family(options.family, options.count, options.seed)
-    (options.folder / f"{options.family}.zip").write_bytes(packed(members))
-    document = labels_document(options.family, members, options.labelled)
-    (options.folder / "labels.json").write_text(json.dumps(document, indent=1), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

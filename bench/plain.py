@@ -1,4 +1,4 @@
-"""Measure and draw changes in plain words: ``python bench/plain.py ASSETS [-o FOLDER] [--only NAME]``.
+"""Measure and draw changes in plain words: ``python -m bench.plain ASSETS FOLDER``.
 
 Makes each of eight changes on each asset that is in the folder, prints a table of what was asked for and got, and
 writes a sheet of pictures for each asset. `got` is measured on the vertices that a map was calibrated with, `again`
@@ -9,13 +9,13 @@ the source had.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from PIL import Image, ImageDraw
 
 from meshdeform.assets import Asset, load_asset
@@ -62,32 +62,24 @@ SIZE, VIEWS = 250, (35.0, 90.0)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("assets", type=Path)
-    parser.add_argument("-o", "--output", type=Path)
-    parser.add_argument("--only", action="append")
-    parser.add_argument("--words", action="append", help="changes other than those of the table")
-    parser.add_argument("--fast", action="store_true", help="count no self-intersections")
-    arguments = parser.parse_args()
+    assets, output = map(Path, sys.argv[1:])
+    output.mkdir(parents=True, exist_ok=True)
     print("asset            change                asked   got  again  found     rest   flips cuts asymmetry  s")
-    for name in arguments.only or ASSETS:
-        path = next((path for path in sorted(arguments.assets.rglob(f"{name}.*")) if path.suffix != ".md"), None)
+    for name, words in ASSETS.items():
+        path = next((path for path in sorted(assets.rglob(f"{name}.*")) if path.suffix != ".md"), None)
         if path is None:
-            print(f"{name}: not in {arguments.assets}", file=sys.stderr)
+            print(f"{name}: not in {assets}", file=sys.stderr)
             continue
         asset = load_asset(path.read_bytes(), path.name)
-        words = arguments.words or ASSETS.get(name, CREATURE)
         poses = [("source", asset.posed().positions)]
         for sentence in words:
-            made = measured(name, asset, sentence, cuts=not arguments.fast)
+            made = measured(name, asset, sentence)
             if made is not None:
                 poses.append((sentence, made))
-        if arguments.output is not None:
-            arguments.output.mkdir(parents=True, exist_ok=True)
-            sheet(asset, poses).save(arguments.output / f"{name}.png")
+        sheet(asset, poses).save(output / f"{name}.png")
 
 
-def measured(name: str, asset: Asset, sentence: str, *, cuts: bool) -> Any:
+def measured(name: str, asset: Asset, sentence: str) -> Any:
     """Make a change, print its line, and return the positions of the surface that viewers show."""
     welded = welded_surface(asset)
     began = time.perf_counter()
@@ -100,14 +92,15 @@ def measured(name: str, asset: Asset, sentence: str, *, cuts: bool) -> Any:
         print(f"{name:16.16} {sentence:20.20} refused: {error}", flush=True)
         return None
     seconds = time.perf_counter() - began
-    source, result = (TriangleMesh(_tensor(each.points), welded.mesh.faces) for each in (body, changed))
+    points = (torch.from_numpy(np.ascontiguousarray(each.points)) for each in (body, changed))
+    source, result = (TriangleMesh(each, welded.mesh.faces) for each in points)
     structure = measure_structure(source, result).to_dict()
-    quality = measure(body.points, body.faces, changed.points).to_dict() if cuts else {}
+    quality = measure(body.points, body.faces, changed.points).to_dict()
     for each in done:
         print(
             f"{name:16.16} {sentence:20.20} {each.change.factor:6.2f} {each.got:6.2f} "
             f"{again(body, changed, each.change.part):>6}  {each.found_by or '-':10.10}"
-            f"{rest(body, changed, each):6.3f} {each.flips:5} {quality.get('self_intersections_added', '-')!s:>5} "
+            f"{rest(body, changed, each):6.3f} {each.flips:5} {quality['self_intersections_added']!s:>5} "
             f"{structure['asymmetry'] or 0:8.4f} {seconds:5.2f}  {'; '.join(each.warnings)}",
             flush=True,
         )
@@ -115,12 +108,6 @@ def measured(name: str, asset: Asset, sentence: str, *, cuts: bool) -> Any:
     used = welded.vertex_map >= 0
     positions[used] += (changed.points - body.points)[welded.vertex_map[used]]
     return positions
-
-
-def _tensor(points: Any) -> Any:
-    import torch
-
-    return torch.from_numpy(np.ascontiguousarray(points))
 
 
 def again(body: Body, changed: Body, part: str) -> str:

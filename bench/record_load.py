@@ -1,4 +1,4 @@
-"""Measure the record with a thousand and with a hundred thousand jobs, and five hundred jobs of several owners at once.
+"""Measure the record with a thousand and with a hundred thousand jobs.
 
     python -m bench.record_load                          SQLite
     python -m bench.record_load --database postgresql
@@ -6,8 +6,7 @@
 
 Prints for each question its statements, its duration with a hundred thousand jobs (`--jobs`) relative to that with a
 thousand in the same run, and the tables and indices that a statement's plan reads from end to end, or until it has
-enough rows. On PostgreSQL, then what the index of trigrams costs and gains. Then 500 jobs are posted by 20 threads for
-five owners and claimed by four workers. Durations on a shared machine mean little, so only ratios are printed.
+enough rows. Durations on a shared machine mean little, so only ratios are printed.
 """
 
 from __future__ import annotations
@@ -18,11 +17,8 @@ import functools
 import re
 import statistics
 import tempfile
-import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +40,6 @@ _AT_ONCE = 50_000
 _FIRST = 10_000_000
 """The number in the first id: all ids have the same length."""
 REPEATS = 15
-OWNERS, POSTED, POSTERS, WORKERS = 5, 500, 20, 4
 _PREFIX = "job_01kg9zqk2xf3v8c5m7"
 _REQUEST = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "preview"}})
 _TABLES = "jobs|events|labels|files|job_files|job_texts"
@@ -202,68 +197,6 @@ def ask(small: JobRecord, large: JobRecord) -> None:
     print(f"the four periodic ones, every {RECONCILE_EVERY_S:g} s: {rate:.1f} statements a second")
 
 
-def without_trigrams(record: JobRecord) -> None:
-    """Print the size of the index of trigrams, and what the questions that it is for, and a post, take without it."""
-    names = [name for name in QUESTIONS if name.startswith("search")] + ["post"]
-    size = sa.text(
-        "SELECT pg_relation_size('ix_job_texts_text') / 1e6, pg_table_size('job_texts') / 1e6, count(*), "
-        "avg(length(text)) FROM job_texts"
-    )
-    with record.database.read() as connection:
-        index, table, count, length = connection.execute(size).one()
-    print(f"the index of trigrams: {index:.0f} MB, of {count} texts of {length:.0f} characters, {table:.0f} MB")
-    before = {name: seconds(QUESTIONS[name], record) for name in names}
-    many = seconds(_texts, record)
-    with record.database.write() as connection:
-        connection.exec_driver_sql("DROP INDEX ix_job_texts_text")
-    for name in names:
-        print(f"{name:24} without it: {seconds(QUESTIONS[name], record) / before[name]:.2f} times")
-    print(f"{'1,000 longer texts':24} without it: {seconds(_texts, record) / many:.2f} times")
-    began = time.perf_counter()
-    with record.database.write() as connection:
-        connection.exec_driver_sql("CREATE INDEX ix_job_texts_text ON job_texts USING gin (text gin_trgm_ops)")
-    print(f"to make it takes as long as {(time.perf_counter() - began) / before['post']:.0f} posts")
-
-
-def _texts(record: JobRecord) -> None:
-    """Replace the texts of a thousand jobs by texts of ten words each, in one statement."""
-    word = sa.func.substr(sa.func.md5(sa.cast(sa.func.random(), sa.String)), 1, 8)
-    text = sa.func.concat_ws(" ", *[word] * 10)
-    ids = sa.select(job_texts.c.job_id).order_by(job_texts.c.job_id).limit(SMALL)
-    with record.database.write() as connection:
-        connection.execute(sa.update(job_texts).where(job_texts.c.job_id.in_(ids)).values(text=text))
-
-
-def post_and_claim(record: JobRecord) -> None:
-    """Post the jobs of several owners at once and claim all of them."""
-    with ThreadPoolExecutor(POSTERS) as pool:
-        posted = list(pool.map(lambda n: _post(record, f"key-{n * OWNERS // POSTED}"), range(POSTED)))
-    order: list[tuple[str, str]] = []
-    lock = threading.Lock()
-
-    def work(name: str) -> None:
-        while (job := record.leases.claim_next(name, 600.0)) is not None:
-            with lock:
-                order.append((job.id, job.owner_id))
-
-    workers = [threading.Thread(target=work, args=(f"w{number}",)) for number in range(WORKERS)]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join()
-    lead, served = 0, Counter[str](dict.fromkeys((owner for _, owner in order), 0))
-    for _, owner in order:
-        served[owner] += 1
-        lead = max(lead, max(served.values()) - min(served.values()))
-    once = len({job_id for job_id, _ in order}) == len(order) == POSTED and set(posted) == {i for i, _ in order}
-    print(f"{POSTED} jobs of {OWNERS} owners: {len(set(posted))} ids; each claimed exactly once: {once}")
-    print(f"the owner served most was at most {lead} jobs ahead of the one served least")
-
-
-def _post(record: JobRecord, owner: str) -> str:
-    return record.create(NewJob(_REQUEST, stored_files(), owner_id=owner, max_active=POSTED)).id
-
-
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -274,7 +207,7 @@ def main() -> None:
         base = Path(cleanup.enter_context(tempfile.TemporaryDirectory(prefix="meshdeform-record-", dir="/tmp")))
         base.chmod(0o755)
         records = []
-        for name, count in (("small", SMALL), ("large", options.jobs), ("empty", 0)):
+        for name, count in (("small", SMALL), ("large", options.jobs)):
             (base / name).mkdir()
             url = f"sqlite:///{base / name / 'record.sqlite'}"
             if options.database == "postgresql":
@@ -284,13 +217,9 @@ def main() -> None:
                 url = server.url
             record = JobRecord(url)
             cleanup.callback(record.close)
-            if count:
-                fill(record, count)
+            fill(record, count)
             records.append(record)
-        ask(records[0], records[1])
-        if options.database == "postgresql":
-            without_trigrams(records[1])
-        post_and_claim(records[2])
+        ask(*records)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ import signal
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -123,19 +122,12 @@ class Bench:
         return seconds
 
 
-def measure(name: str, times: int, once: Callable[[], float]) -> None:
-    """Measure one fault and print its row."""
-    found = sorted(once() for _ in range(times))
-    print(f"{name:<42}{times:>3}{statistics.median(found):>9.1f}{found[-1]:>9.1f}", flush=True)
-
-
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--times", type=int, default=7)
     parser.add_argument("--only", default="", help="words in the names of the rows to measure; default: every row")
     options = parser.parse_args()
-    times: int = options.times
     # The record's client logs errors while its server is down, which is part of the measurement.
     logging.disable()
     base = Path(tempfile.mkdtemp(prefix="meshdeform-recovery-", dir="/tmp"))
@@ -154,16 +146,18 @@ def main() -> None:
         cluster.start_worker()
         bench = Bench(cluster, server)
         print(f"{'seconds from the fault until a job continues':<42}{'n':>3}{'median':>9}{'worst':>9}")
-        rows: list[tuple[str, int, Callable[[], float]]] = [
-            ("worker process killed", times, bench.worker_killed),
-            ("Redis emptied, one job queued", times, bench.redis_emptied),
-            ("PostgreSQL crashed and started again", times, bench.postgres_crashed),
-            ("host silent (lease of 30 s)", max(3, times // 2), bench.host_lost),
-            ("step hangs (step timeout of 5 s)", times, bench.step_hangs),
-        ]
-        for name, count, once in rows:
+        rows = {
+            "worker process killed": bench.worker_killed,
+            "Redis emptied, one job queued": bench.redis_emptied,
+            "PostgreSQL crashed and started again": bench.postgres_crashed,
+            "host silent (lease of 30 s)": bench.host_lost,
+            "step hangs (step timeout of 5 s)": bench.step_hangs,
+        }
+        for name, once in rows.items():
             if options.only in name:
-                measure(name, count, once)
+                found = sorted(once() for _ in range(options.times))
+                median = statistics.median(found)
+                print(f"{name:<42}{len(found):>3}{median:>9.1f}{found[-1]:>9.1f}", flush=True)
 
 
 if __name__ == "__main__":

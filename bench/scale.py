@@ -26,15 +26,12 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from bench.jobs import prior, start
 from meshdeform.assets import build_glb
 from meshdeform.assets.check import check_asset_subprocess
 from meshdeform.assets.limits import Limits
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import join
-from meshdeform.priors import load_prior
-from meshdeform.requests.document import JobRequest
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from training.shapes import box
 
 
@@ -60,17 +57,15 @@ def measure(path: Path, steps: int) -> dict[str, float]:
     """Run one file in this process; return its figures."""
     torch.set_num_threads(1)
     limits = Limits(max_triangles=10_000_000, max_bytes=2**30)
-    prior = load_prior("builtin", device="cpu")
+    prior()
     found, last = {}, time.process_time()
 
     def lap(name: str) -> None:
         nonlocal last
         found[name], last = time.process_time() - last, time.process_time()
 
-    request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "balanced", "steps": steps}})
-    run = text_deform.start(
-        job_input(asset=path.read_bytes(), filename=path.name, request=request, prior=prior, limits=limits)
-    )
+    document = {"prompt": "a mushroom", "params": {"preset": "balanced", "steps": steps}}
+    run = start(document, {"asset": (path.read_bytes(), path.name)}, limits)
     lap("prepare")
     ran = iter(run)
     for _ in range(5):

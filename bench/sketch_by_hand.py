@@ -1,8 +1,7 @@
 """Draw figures with a moving pointer, as a hand does, and count what they are taken for.
 
-    python bench/sketch_by_hand.py --sheet by_hand.png
-    python bench/sketch_by_hand.py --figures bench/sketch_figures_new.txt
-    python bench/sketch_by_hand.py --people drawings/
+    python -m bench.sketch_by_hand --sheet by_hand.png
+    python -m bench.sketch_by_hand --people drawings/
 
 The strokes are drawn with a pen as wide as that of the page's pad.
 
@@ -21,22 +20,18 @@ from __future__ import annotations
 import argparse
 import io
 import json
-import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a script finds its own folder only
-
 from meshdeform.errors import DrawingError
 from meshdeform.kinds.sketch.families import FAMILIES
-from meshdeform.kinds.sketch.looking import guess, is_unsure
+from meshdeform.kinds.sketch.looking import Guess, guess, is_unsure
 
 Stroke = NDArray[np.float64]
 _WORDS = {"wine glass": "goblet", "floor lamp": "lamp", **{each: each for each in FAMILIES}}
@@ -167,7 +162,7 @@ def drawn(strokes: list[Stroke], hand: Moves, random: np.random.Generator) -> li
     return made
 
 
-def asked(strokes: list[Stroke]) -> tuple[dict[str, Any] | None, Image.Image]:
+def asked(strokes: list[Stroke]) -> tuple[list[Guess], Image.Image]:
     """Draw with a pen as wide as that of the page's pad, and ask the network."""
     picture = Image.new("L", (512, 512), 255)
     pen = ImageDraw.Draw(picture)
@@ -178,9 +173,8 @@ def asked(strokes: list[Stroke]) -> tuple[dict[str, Any] | None, Image.Image]:
     try:
         found = guess(buffer.getvalue())
     except DrawingError:
-        return None, picture
-    guesses = [{"family": each.family, "probability": each.probability, "values": each.values} for each in found]
-    return {"guesses": guesses, "unsure": is_unsure(found)}, picture
+        return [], picture
+    return found, picture
 
 
 def sheet(pictures: list[Image.Image], titles: list[str], columns: int = 9) -> Image.Image:
@@ -205,17 +199,16 @@ class Count:
         self.told: list[bool] = []
         self.doubted: list[bool] = []
 
-    def add(self, figure: Figure, hand: Moves, answer: dict[str, Any] | None) -> str:
-        """Count one answer, and return it in words."""
-        guesses = answer["guesses"] if answer else []
-        names = [each["family"] for each in guesses]
-        said = f"{names[0]} {guesses[0]['probability']:.0%}" if names else "refused"
+    def add(self, figure: Figure, hand: Moves, guesses: list[Guess]) -> str:
+        """Count one answer, which is empty if the drawing was refused, and return it in words."""
+        names = [each.family for each in guesses]
+        said = f"{names[0]} {guesses[0].probability:.0%}" if names else "refused"
+        unsure = not guesses or is_unsure(guesses)
+        (self.told if figure.family == "other" else self.doubted).append(unsure)
         if figure.family == "other":
-            self.told.append(answer is None or answer["unsure"])
-            return said + (" unsure" if answer and answer["unsure"] else "")
-        self.doubted.append(answer is None or answer["unsure"])
+            return said + (" unsure" if guesses and unsure else "")
         first = names[:1] == [figure.family]
-        values = guesses[0]["values"] if first else {}
+        values = guesses[0].values if first else {}
         wrong = [f"{name} {values[name]}" for name, shown in figure.shows.items() if first and values[name] != shown]
         for group in (figure.family, hand.name, "all"):
             self.right[group].append((first, figure.family in names))
@@ -241,7 +234,6 @@ class Count:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--people", type=Path, help="take the drawings of this folder of QuickDraw files")
-    parser.add_argument("--figures", type=Path, default=_FIGURES)
     parser.add_argument("--sheet", type=Path, help="write all drawings with what they were taken for")
     options = parser.parse_args()
     count = Count()
@@ -251,7 +243,7 @@ def main() -> None:
             answer, picture = asked(figure.strokes)
             titles.append(count.add(figure, _PERSON, answer))
             pictures.append(picture)
-    for number, figure in enumerate([] if options.people else figures(options.figures.read_text("utf-8"))):
+    for number, figure in enumerate([] if options.people else figures(_FIGURES.read_text("utf-8"))):
         for index, hand in enumerate(HANDS):
             answer, picture = asked(drawn(figure.strokes, hand, np.random.default_rng([31, number, index])))
             titles.append(count.add(figure, hand, answer))

@@ -6,9 +6,8 @@ guesses in clay.
 
 from __future__ import annotations
 
-import argparse
 import io
-from pathlib import Path
+import sys
 
 import numpy as np
 import torch
@@ -39,14 +38,10 @@ def clay(glb: bytes) -> Image.Image:
 
 def main() -> None:
     """Draw the sheet."""
-    parser = argparse.ArgumentParser(prog="python -m bench.sketch_sheet", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("picture", type=Path)
-    parser.add_argument("--seed", type=int, default=SEED)
-    options = parser.parse_args()
     torch.set_num_threads(1)
     rows = []
     for number, name in enumerate(FAMILIES):
-        random = np.random.default_rng([options.seed, number])
+        random = np.random.default_rng([SEED, number])
         family = FAMILIES[name]
         values = family.draw(random)
         choices = {each.name: str(values[each.name]) for each in family.choices}
@@ -61,7 +56,7 @@ def main() -> None:
             *(clay(member_glb(each.family, each.values)) for each in found),
         ]
         rows.append(np.concatenate([np.asarray(cell) for cell in cells], 1))
-    Image.fromarray(np.concatenate(rows)).quantize(64).save(options.picture, optimize=True)
+    Image.fromarray(np.concatenate(rows)).quantize(64).save(sys.argv[1], optimize=True)
 
 
 if __name__ == "__main__":

@@ -6,13 +6,12 @@ that are timed apart are taken off.
 
 With ``--against CHECKOUT`` (another working copy of Meshdeform; also this one), prints the ratio of this code's CPU
 time of a step to that one's instead: two processes walk through the same steps in turns, so that what else the machine
-does meets both alike. ``--set NAME=VALUE`` (a JSON value; repeatable) changes parameters of this side only.
+does meets both alike.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import pkgutil
 import subprocess
@@ -31,7 +30,6 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.groups import grouped
 from meshdeform.runs.devices import use_threads
 
 WARM = 10
@@ -95,12 +93,10 @@ def measured() -> Iterator[Clock]:
 def run_of(options: argparse.Namespace) -> Iterator[object]:
     """Return the steps of a run."""
     use_threads(options.threads)
-    named = dict(text.split("=", 1) for text in options.set)
-    given = {"orientation": "keep", **{name: json.loads(value) for name, value in named.items()}}
-    params = resolve(DeformParams.model_validate(grouped({"steps": 50_000, **given})))
-    prior = load_prior("builtin", device="cpu", dtype=options.dtype)
-    guidance = ScoreDistillation(prior, options.prompt, guidance_scale=params.guidance_scale)
-    return iter(Deformation(icosphere(options.subdivisions, 0.6), guidance, params))
+    params = resolve(DeformParams.model_validate({"steps": 50_000, "guidance": {"orientation": "keep"}}))
+    prior = load_prior("builtin", device="cpu")
+    guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=params.guidance_scale)
+    return iter(Deformation(icosphere(4, 0.6), guidance, params))
 
 
 def table(options: argparse.Namespace) -> None:
@@ -114,7 +110,7 @@ def table(options: argparse.Namespace) -> None:
         list(islice(steps, options.steps))
     whole = sum(clock.taken.values())
     lasts = f"{options.threads} threads: a step in {wall / options.steps * 1e3:.1f} ms"
-    print(f"{20 * 4**options.subdivisions} faces, {lasts}; its CPU time:")
+    print(f"5,120 faces, {lasts}; its CPU time:")
     print(f"{'part':<20}{'ms':>8}{'share':>8}{'/ network':>11}")
     for name, value in clock.taken.items():
         name = {"backward": "drawing, backward"}.get(name, name)
@@ -137,15 +133,8 @@ def serve(options: argparse.Namespace) -> None:
 def compare(options: argparse.Namespace) -> None:
     """Print the ratio of this code's time of a step to that of another checkout, in turns of five steps."""
     sides = []
-    for root, changed in ((Path(options.against), []), (Path(__file__).parents[1], options.set)):
-        command = [sys.executable, __file__, "--serve", "--threads", str(options.threads), "--prompt", options.prompt]
-        command += [
-            "--dtype",
-            options.dtype,
-            "--subdivisions",
-            str(options.subdivisions),
-            *(f"--set={text}" for text in changed),
-        ]
+    for root in (Path(options.against), Path(__file__).parents[1]):
+        command = [sys.executable, __file__, "--serve", "--threads", str(options.threads)]
         environment = {**os.environ, "PYTHONPATH": str(root.resolve())}
         sides.append(
             subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -168,12 +157,8 @@ def compare(options: argparse.Namespace) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--subdivisions", type=int, default=4, help="icosphere of 20 * 4^n faces (4: 5,120)")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--dtype", default="auto", help="precision of the prior: auto, float32, bfloat16 or int8")
-    parser.add_argument("--prompt", default="a mushroom")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="change this parameter")
     parser.add_argument("--against", metavar="CHECKOUT", help="compare with this working copy")
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -31,12 +31,10 @@ from tests.fakes import build_tiny_stable_diffusion
 UTILISATION = 0.5
 """Share of a device's peak that large convolutions and matrix products commonly reach; an assumption."""
 TEXT = {
-    "1.5": {"hidden_size": 768, "intermediate_size": 3072, "num_hidden_layers": 12, "num_attention_heads": 12},
     "2.1-base": {"hidden_size": 1024, "intermediate_size": 4096, "num_hidden_layers": 23, "num_attention_heads": 16},
 }
 STEP = "a step of 5,120 faces"
 UNET: dict[str, dict[str, Any]] = {
-    "1.5": {"cross_attention_dim": 768, "attention_head_dim": 8},
     "2.1-base": {
         "cross_attention_dim": 1024,
         "attention_head_dim": (5, 10, 20, 20),
@@ -154,18 +152,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.true_size", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--model", choices=["tiny", *UNET], default="2.1-base")
     parser.add_argument("--device", default="cpu")
-    parser.add_argument("--dtype", default="auto")
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--repeats", type=int, default=1)
     parser.add_argument("--peak", type=float, default=0.0, metavar="TFLOPS", help="a device's peak in this precision")
     options = parser.parse_args()
-    torch.set_num_threads(options.threads)
+    torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as scratch:
         folder = build(options.model, Path(scratch))
         size = sum(path.stat().st_size for path in folder.rglob("*.safetensors"))
         print(f"{options.model}: {size / 2**30:.2f} GB of weights in float32\n")
-        prior = StableDiffusionPrior(str(folder), device=options.device, dtype=options.dtype)
-        report(prior, measure(prior, options.repeats), options.peak)
+        prior = StableDiffusionPrior(str(folder), device=options.device)
+        report(prior, measure(prior, 1), options.peak)
 
 
 if __name__ == "__main__":

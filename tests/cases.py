@@ -31,13 +31,11 @@ def each_case(
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         signature = inspect.signature(test)
         others = [parameter for name, parameter in signature.parameters.items() if name not in wanted]
-        asks_itself = _FIXTURE in signature.parameters
-        if not asks_itself:
-            others.append(inspect.Parameter(_FIXTURE, inspect.Parameter.KEYWORD_ONLY))
+        others.append(inspect.Parameter(_FIXTURE, inspect.Parameter.KEYWORD_ONLY))
 
         @functools.wraps(test)
         def over_all_cases(**fixtures: Any) -> None:
-            subtests = fixtures[_FIXTURE] if asks_itself else fixtures.pop(_FIXTURE)
+            subtests = fixtures.pop(_FIXTURE)
             labels = _labels(table, ids)  # here, because every worker of the tests imports every file
             for label, values in zip(labels, table, strict=True):
                 with subtests.test(label):

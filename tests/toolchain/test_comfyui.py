@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import subprocess
 import sys
 import threading
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
 
-from meshdeform import __version__
 from meshdeform.assets import load_asset
 from tests.acceptance.service import Service, until
 from tests.cases import each_case
@@ -60,12 +60,6 @@ def test_loading_the_nodes_loads_neither_torch_nor_comfyui() -> None:
     assert done.stdout.strip() == "set()"
 
 
-def test_the_nodes_have_the_version_of_the_package_that_they_need() -> None:
-    project = tomllib.loads((NODES / "pyproject.toml").read_text())["project"]
-    assert project["version"] == __version__
-    assert project["dependencies"] == [f"meshdeform>={__version__.rpartition('.')[0]}"]
-
-
 def test_the_parameters_are_those_of_the_page_with_the_bounds_of_the_service(repository: Path) -> None:
     api = json.loads((repository / "openapi/openapi.json").read_text())
     schemas = (api["components"]["schemas"][name] for name in ("DeformParams", "PromptGuidance", "Control"))
@@ -77,15 +71,12 @@ def test_the_parameters_are_those_of_the_page_with_the_bounds_of_the_service(rep
         kind, about = widgets[name]
         if isinstance(kind, list):
             assert kind == ["preset", *(value for value, _ in member["x-form"]["choices"])]
-            assert about["default"] == "preset"
         elif kind != "STRING":
             (number,) = [branch for branch in member["anyOf"] if branch["type"] in ("integer", "number")]
-            assert about["max"] == number["maximum"]
             # -1 stands for the preset's value, and so must not be one.
-            assert about["min"] == about["default"] == -1
+            assert (about["min"], about["max"]) == (-1, number["maximum"])
             assert number.get("minimum", number.get("exclusiveMinimum")) >= 0
-            assert kind == "INT" or about["round"] is False
-        # What a new node holds asks for nothing.
+    # What a new node holds asks for nothing.
     defaults = {name: about["default"] for name, (_, about) in widgets.items()}
     assert kinds["MeshdeformParameters"]().collect(**defaults) == ({},)
 
@@ -94,16 +85,13 @@ def test_the_parameters_are_those_of_the_page_with_the_bounds_of_the_service(rep
     ("values", "said"),
     [
         ({"steps": 0}, "steps: Input should be greater than or equal to 1"),
-        ({"learning_rate": -0.5}, "learning_rate"),
         ({"more": "{"}, "more: this is not JSON"),
         ({"more": "[1]"}, "more: write a JSON object"),
         ({"more": '{"seed": 1}'}, "more: seed is set in the node that starts the job"),
         ({"steps": 3, "more": '{"steps": 4}'}, "more: steps is already set above"),
         ({"steps": 3, "more": '{"guidance": {"kind": "target"}}'}, "more: kind is set in the node"),
         ({"orientation": "90", "more": '{"guidance": {"orientation": 0}}'}, "more: orientation is already set above"),
-        ({"more": '{"symmetri": "x"}'}, "symmetri"),
         ({"more": '{"control": {"symmetry": "q"}}'}, "control.symmetry"),
-        ({"orientation": "400"}, "guidance.orientation"),
     ],
 )
 def test_a_wrong_parameter_is_refused_before_anything_runs(values: dict[str, Any], said: str) -> None:
@@ -112,7 +100,7 @@ def test_a_wrong_parameter_is_refused_before_anything_runs(values: dict[str, Any
         kinds["MeshdeformParameters"]().collect(**values)
 
 
-@pytest.mark.parametrize(
+@each_case(
     "more",
     [
         '{"symmetry": "auto", "negative_prompt": "a"}',
@@ -247,34 +235,17 @@ def test_a_short_outage_is_waited_out_and_a_long_one_is_not(monkeypatch: pytest.
         def sleep(seconds: float) -> None:
             clock[0] += seconds
 
-    class Job:
-        class State:
-            terminal = False
+    def job() -> Any:
+        return SimpleNamespace(state=SimpleNamespace(terminal=clock[0] >= 700), progress=SimpleNamespace(fraction=0.5))
 
-        class Progress:
-            fraction = 0.5
+    def service(answers: Callable[[float], bool]) -> Callable[..., Any]:
+        def get(_: object) -> Any:
+            if not answers(clock[0]):
+                raise jobs.UnavailableError("away")
+            return job()
 
-        state, progress = State, Progress
-
-    def service(answers: Callable[[float], bool]) -> type[Any]:
-        class Client:
-            def __init__(self, **settings: Any) -> None: ...
-            def __enter__(self) -> Client:
-                return self
-
-            def __exit__(self, *error: object) -> None: ...
-            def submit(self, *arguments: Any, **more: Any) -> type[Job]:
-                return Job
-
-            def get(self, job: Any) -> type[Job]:
-                if not answers(clock[0]):
-                    raise jobs.UnavailableError("away")
-                return Job if clock[0] < 700 else type("Done", (Job,), {"state": type("S", (), {"terminal": True})})
-
-            def wait(self, job: Any) -> Any:
-                return job
-
-        return Client
+        client = SimpleNamespace(submit=lambda *_, **__: job(), get=get, wait=lambda _: job())
+        return lambda **_: contextlib.nullcontext(client)
 
     monkeypatch.setattr(jobs, "time", Clock)
     run = {"check": lambda: None, "progress": lambda fraction: None}

@@ -30,6 +30,7 @@ def recipes(repository: Path) -> Path:
     page = (repository / "docs/recipes.md").read_text()
     shown = re.findall(r"^<!-- file: examples/recipes/(\S+) -->$", page, re.MULTILINE)
     assert {*shown, "request.json"} == {path.name for path in folder.iterdir() if path.is_file()}
+    JobRequest.model_validate_json((folder / "request.json").read_text())
     return folder
 
 
@@ -70,10 +71,6 @@ def run(command: list[str], folder: Path, service: Service | None = None) -> sub
     return subprocess.run(
         command, cwd=folder, env=environment(service), capture_output=True, text=True, check=False, timeout=120
     )
-
-
-def test_the_request_is_one(recipes: Path) -> None:
-    JobRequest.model_validate_json((recipes / "request.json").read_text())
 
 
 def test_the_folder_recipe_posts_once_and_starts_again_where_it_was(

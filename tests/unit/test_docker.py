@@ -6,7 +6,6 @@ import json
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import jsonschema_rs
 import yaml
@@ -20,38 +19,27 @@ COMPOSE = ["docker-compose.yml", "docker/gpu.yml"]
 DOCKERFILES = ["docker/service.Dockerfile", "docker/worker.Dockerfile"]
 
 
-def services(repository: Path, name: str) -> dict[str, dict[str, Any]]:
-    """Return the services of a compose file."""
-    return dict(yaml.safe_load((repository / name).read_text())["services"])
-
-
 @each_case("name", COMPOSE)
-def test_compose_files_are_of_the_specification(name: str, repository: Path) -> None:
+def test_compose_files_are_of_the_specification_and_name_settings_and_images_that_exist(
+    name: str, repository: Path
+) -> None:
     # The Compose Specification's own schema (Apache-2.0), beside this file.
     schema = json.loads((Path(__file__).parent / "compose_spec.json").read_text())
-    jsonschema_rs.Draft7Validator(schema).validate(
-        {key: value for key, value in yaml.safe_load((repository / name).read_text()).items() if key[:2] != "x-"}
-    )
-
-
-@each_case("name", COMPOSE)
-def test_every_setting_in_compose_exists(name: str, repository: Path) -> None:
+    document = yaml.safe_load((repository / name).read_text())
+    jsonschema_rs.Draft7Validator(schema).validate({key: value for key, value in document.items() if key[:2] != "x-"})
     known = {f"MESHDEFORM_{field.upper()}" for field in Settings.model_fields}
-    used = {key for service in services(repository, name).values() for key in service.get("environment", {})}
-    assert {key for key in used if key.startswith("MESHDEFORM_")} <= known
-
-
-def test_compose_builds_from_files_that_exist_and_pins_the_rest(repository: Path) -> None:
-    for service in services(repository, "docker-compose.yml").values():
+    for service in document["services"].values():
+        used = {key for key in service.get("environment", {}) if key.startswith("MESHDEFORM_")}
+        assert used <= known
         if "build" in service:
             assert (repository / service["build"]["dockerfile"]).is_file()
-        else:
+        elif "image" in service:
             # Down to the last number: 16.10, not 16.
             assert re.fullmatch(r"[\w/]+:v?\d+\.\d+[\w.-]*", service["image"])
 
 
 def test_every_container_has_no_more_than_it_needs(repository: Path) -> None:
-    for name, service in services(repository, "docker-compose.yml").items():
+    for name, service in yaml.safe_load((repository / "docker-compose.yml").read_text())["services"].items():
         assert service["read_only"] is True, name
         assert "/tmp" in service["tmpfs"], name
         assert service["cap_drop"] == ["ALL"], name
@@ -91,21 +79,19 @@ def test_what_the_images_install_is_pinned(repository: Path) -> None:
 
 
 @each_case("name", DOCKERFILES)
-def test_images_are_pinned_and_run_without_root(name: str, repository: Path) -> None:
+def test_images_are_pinned_run_without_root_and_copy_what_the_ignore_file_lets_through(
+    name: str, repository: Path
+) -> None:
     lines = (repository / name).read_text().splitlines()
     bases = [line.split()[1] for line in lines if line.startswith("FROM ")]
     assert bases
     assert all(re.fullmatch(r"python:3\.11\.\d+-slim-\w+", base) for base in bases)
     users = [line.split()[1] for line in lines if line.startswith("USER ")]
     assert users == ["10001:10001"]  # a number: what starts containers can tell that it is not root
-
-
-@each_case("name", DOCKERFILES)
-def test_what_an_image_copies_passes_the_ignore_file(name: str, repository: Path) -> None:
     allowed = {
         line.removeprefix("!") for line in (repository / ".dockerignore").read_text().splitlines() if line[:1] == "!"
     }
-    for line in (repository / name).read_text().splitlines():
+    for line in lines:
         if line.startswith("COPY ") and "--from" not in line:
             sources = set(line.split()[1:-1])
             assert sources <= allowed

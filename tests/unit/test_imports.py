@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import ast
-import importlib
 import json
 import os
 import sqlite3
 import subprocess
 import sys
 import tomllib
-from collections.abc import Collection, Iterator
 from pathlib import Path
-
-from tests.cases import each_case
 
 HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
 NUMPY_FREE = [
@@ -95,19 +90,9 @@ def among(loaded: dict[str, str], unwanted: list[str]) -> dict[str, str]:
     return {name: module for name, module in loaded.items() if name in unwanted}
 
 
-def test_the_package_itself_imports_nothing_but_the_standard_library() -> None:
-    bare = loaded_by("json")  # with what the environment itself loads at start
-    result = subprocess.run(
-        [sys.executable, "-c", "import sys, meshdeform; print(*{name.partition('.')[0] for name in sys.modules})"],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    assert set(result.stdout.split()) - set(bare) - sys.stdlib_module_names == {"meshdeform"}
-
-
-def test_the_api_and_the_client_load_no_numpy_and_a_new_server_keeps_nothing_of_its_start(tmp_path: Path) -> None:
+def test_nothing_loads_what_it_does_not_need_and_a_new_server_keeps_nothing_of_its_start(tmp_path: Path) -> None:
     assert among(loaded_by(*NUMPY_FREE), ["numpy", *HEAVY]) == {}
+    assert among(loaded_by(*TORCH_FREE), ["torch", "diffusers", "transformers"]) == {}
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("MESHDEFORM", "OTEL"))}
     environment |= {"MESHDEFORM_DATA_DIR": str(tmp_path), "MESHDEFORM_REDIS_URL": "redis://127.0.0.1:1/0"}
     started = subprocess.run(
@@ -117,10 +102,6 @@ def test_the_api_and_the_client_load_no_numpy_and_a_new_server_keeps_nothing_of_
     record = sqlite3.connect(tmp_path / "meshdeform.sqlite")
     assert record.execute("SELECT count(*) FROM alembic_version").fetchone() == (1,)
     record.close()
-
-
-def test_what_is_torch_free_loads_no_torch() -> None:
-    assert among(loaded_by(*TORCH_FREE), ["torch", "diffusers", "transformers"]) == {}
 
 
 def test_the_base_install_is_enough_for_the_client(repository: Path) -> None:
@@ -145,50 +126,3 @@ def test_the_extra_deform_is_enough_to_deform_and_loads_no_compiler(repository: 
     )
     assert done.returncode == 0, done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["vase.glb", "vase.preview.png", "vase.report.json"]
-
-
-@each_case("name", ["meshdeform", "service", "worker"])
-def test_the_generic_names_are_ours(name: str, repository: Path) -> None:
-    module = importlib.import_module(name)
-    assert module.__file__ is not None
-    assert Path(module.__file__).resolve().is_relative_to(repository)
-
-
-def test_no_file_imports_one_that_imports_it() -> None:
-    paths = {
-        ".".join(path.with_suffix("").parts).removesuffix(".__init__"): path
-        for package in ("meshdeform", "service", "worker")
-        for path in Path(package).rglob("*.py")
-    }
-    imports = {name: _imported(path, paths) - {name} for name, path in paths.items()}
-    assert not [sorted(circle) for circle in _circles(imports)]
-
-
-def _imported(path: Path, known: Collection[str]) -> set[str]:
-    """Return the modules that a file imports: at the top, in functions and for type checkers."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            inside = {f"{node.module}.{alias.name}" for alias in node.names}
-            names |= inside & set(known) or {node.module}
-    return names & set(known)
-
-
-def _circles(imports: dict[str, set[str]]) -> Iterator[set[str]]:
-    """Yield the sets of modules that all reach each other."""
-    reached = {name: _reachable(name, imports) for name in imports}
-    for name, others in reached.items():
-        if name in others:
-            yield {other for other in others if name in reached[other]}
-
-
-def _reachable(name: str, imports: dict[str, set[str]]) -> set[str]:
-    seen: set[str] = set()
-    left = [*imports[name]]
-    while left:
-        if (module := left.pop()) not in seen:
-            seen.add(module)
-            left += imports[module]
-    return seen

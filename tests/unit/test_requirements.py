@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import importlib.metadata as metadata
-import os
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -59,26 +58,11 @@ def _providers() -> Mapping[str, list[str]]:
     return metadata.packages_distributions()
 
 
-def _own_files(folder: Path) -> Iterator[Path]:
-    """Find the Python files, without reading through what the scripts install beside the tests."""
-    for place, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if name != "node_modules" and not name.startswith(".")]
-        yield from (Path(place, name) for name in names if name.endswith(".py"))
-
-
-def _statements(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield the statements at any depth, and none of the expressions, which are most of a file."""
-    for name in ("body", "orelse", "handlers", "finalbody", "cases"):
-        found = getattr(tree, name, [])
-        for node in found if isinstance(found, list) else []:
-            yield node
-            yield from _statements(node)
-
-
 def _third_party_imports(folder: Path) -> Iterator[tuple[Path, str]]:
     ours = {"meshdeform", "service", "worker", "training", "tests", "bench", "docs", "release"}
-    for path in sorted(_own_files(folder)):
-        for node in _statements(ast.parse(path.read_text())):
+    paths = [path for path in folder.rglob("*.py") if not {"node_modules", ".promtool"} & set(path.parts)]
+    for path in sorted(paths):
+        for node in ast.walk(ast.parse(path.read_text())):
             modules = []
             if isinstance(node, ast.Import):
                 modules = [alias.name for alias in node.names]

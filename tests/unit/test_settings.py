@@ -16,9 +16,6 @@ from tests.cases import each_case
 def test_a_list_is_separated_by_commas_or_json(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("MESHDEFORM_ALLOWED_MODELS", text)
     assert Settings().allowed_models == ["builtin", "owner/model"]
-
-
-def test_networks_are_separated_by_commas(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MESHDEFORM_WEBHOOK_NETWORKS", "127.0.0.0/8,fd00::/8")
     assert Settings().webhook_networks == ["127.0.0.0/8", "fd00::/8"]
 
@@ -40,9 +37,6 @@ def test_a_wrong_variable_is_named_with_the_expected_form(name: str, value: str,
             load_settings(data_dir="x")
     assert form in refused.value.detail
     assert "--" not in refused.value.detail + refused.value.advice_text
-
-
-def test_a_wrong_flag_is_named_itself() -> None:
     with pytest.raises(ParameterError, match=r"^--threads is not valid"):
         load_settings(threads=-1)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import re
 import signal
@@ -15,43 +14,36 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from meshdeform import errors
+from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
 from meshdeform.cli.exits import ExitCode, exit_code
 from meshdeform.support.files import write_files
 from tests.acceptance.service import until
 from tests.cases import each_case
 
-
-@pytest.fixture(scope="module")
-def sphere(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small sphere as an OBJ."""
-    return _write_obj(tmp_path_factory.mktemp("assets") / "sphere.obj", 1.0)
+FIT = ["run", "sphere.glb", "--target", "egg.glb"]
 
 
-@pytest.fixture(scope="module")
-def egg(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same, taller: a target."""
-    return _write_obj(tmp_path_factory.mktemp("assets") / "egg.obj", 1.6)
-
-
-def _write_obj(path: Path, height: float) -> Path:
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder of a test, with a small sphere and, as a target, a taller one."""
     from meshdeform.geometry.shapes import icosphere
 
     mesh = icosphere(2)
-    lines = [f"v {x} {y * height} {z}" for x, y, z in mesh.verts.tolist()]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
-    path.write_text("\n".join(lines))
-    return path
+    monkeypatch.chdir(tmp_path)
+    for name, height in (("sphere", 1.0), ("egg", 1.6)):
+        Path(f"{name}.glb").write_bytes(build_glb(mesh.verts.numpy() * [1, height, 1], mesh.faces.numpy()))
+    return tmp_path
 
 
-def meshdeform_command(*arguments: object) -> list[str]:
-    return [sys.executable, "-P", "-m", "meshdeform", *(str(argument) for argument in arguments)]
+def made() -> dict[str, bytes]:
+    """What the current folder has beside the assets."""
+    return {path.name: path.read_bytes() for path in Path().iterdir() if path.name not in ("sphere.glb", "egg.glb")}
 
 
-def run_here(*arguments: object, cwd: Path) -> Result:
+def run_here(*arguments: object) -> Result:
     """Run a command in this process, which has loaded torch already."""
-    with contextlib.chdir(cwd):
-        return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_help_loads_neither_torch_nor_numpy_nor_pydantic() -> None:
@@ -67,43 +59,40 @@ def test_help_loads_neither_torch_nor_numpy_nor_pydantic() -> None:
     ("arguments", "code", "said"),
     [
         (["run", "nowhere.glb", "a vase"], ExitCode.USAGE, "does not exist"),
-        (["run", "SPHERE", "a vase", "--steps", "0"], ExitCode.BAD_INPUT, "params.steps"),
-        (["run", "SPHERE", "a vase", "--param", "no_such=1"], ExitCode.BAD_INPUT, "no_such"),
-        (["run", "SPHERE", "a vase", "--param", "nonsense"], ExitCode.USAGE, "NAME=VALUE"),
-        (["run", "SPHERE", "a vase", "-o", "vase.obj"], ExitCode.USAGE, ".glb"),
-        (["run", "SPHERE", "a vase", "--preset", "fast"], ExitCode.USAGE, "fast"),
+        (["run", "bad.glb", "a vase"], ExitCode.BAD_INPUT, "Error: "),
+        (["run", "sphere.glb", "a vase", "--steps", "0"], ExitCode.BAD_INPUT, "params.steps"),
+        (["run", "sphere.glb", "a vase", "--param", "no_such=1"], ExitCode.BAD_INPUT, "no_such"),
+        (["run", "sphere.glb", "a vase", "--param", "nonsense"], ExitCode.USAGE, "NAME=VALUE"),
+        (["run", "sphere.glb", "a vase", "-o", "vase.obj"], ExitCode.USAGE, ".glb"),
+        (["run", "sphere.glb", "a vase", "--preset", "fast"], ExitCode.USAGE, "fast"),
         (["serve", "--port", "70000"], ExitCode.USAGE, "65535"),
         (["worker"], ExitCode.BAD_INPUT, "MESHDEFORM_REDIS_URL"),
         (["api"], ExitCode.BAD_INPUT, "MESHDEFORM_REDIS_URL"),
     ],
 )
-def test_wrong_use_says_what_is_wrong(arguments: list[str], code: ExitCode, said: str, sphere: Path) -> None:
-    result = CliRunner().invoke(app, [str(sphere) if a == "SPHERE" else a for a in arguments])
+def test_wrong_use_says_what_is_wrong(arguments: list[str], code: ExitCode, said: str) -> None:
+    Path("bad.glb").write_bytes(b"hello")
+    result = run_here(*arguments)
     assert result.exit_code == code
     assert said in result.output
     assert "Traceback" not in result.output
+    assert made().keys() == {"bad.glb"}
 
 
-def test_a_run_writes_everything_beside_the_result(sphere: Path, egg: Path, tmp_path: Path) -> None:
-    result = run_here("run", sphere, "--target", egg, "--steps", 3, "--morph", "-o", "egg.glb", cwd=tmp_path)
+def test_a_run_writes_everything_beside_the_result() -> None:
+    result = run_here(*FIT, "--steps", 3, "--morph", "-o", "out.glb")
     assert result.exit_code == 0, result.stderr
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "egg.glb",
-        "egg.morph.glb",
-        "egg.preview.png",
-        "egg.report.json",
-    ]
-    assert "egg.report.json" in result.stdout
+    assert sorted(made()) == ["out.glb", "out.morph.glb", "out.preview.png", "out.report.json"]
+    assert "out.report.json" in result.stdout
     assert "step 3/3" in result.stderr
-    assert (tmp_path / "egg.glb").read_bytes()[:4] == b"glTF"
 
 
-def test_a_run_says_what_it_damaged_and_that_the_asset_was_better(sphere: Path, tmp_path: Path) -> None:
+def test_a_run_says_what_it_damaged_and_that_the_asset_was_better() -> None:
     careless = ["--preset", "preview", "--steps", 3, "--learning-rate", 1, "--param", "safeguard=none"]
     careless += ["--param", "dirichlet_weight=0"]
-    result = run_here("run", sphere, "an airplane", *careless, "-o", "plane.glb", cwd=tmp_path)
+    result = run_here("run", "sphere.glb", "an airplane", *careless, "-o", "plane.glb")
     assert result.exit_code == 0, result.stderr
-    report = json.loads((tmp_path / "plane.report.json").read_text())
+    report = json.loads(Path("plane.report.json").read_text())
     assert report["verdict"]["value"] == "keep_source"
     assert "(keep_source). It looks no more like an airplane than before" in result.stdout
     assert f"Still your asset: {report['quality']['kept_share']:.0%}" in result.stdout
@@ -111,85 +100,59 @@ def test_a_run_says_what_it_damaged_and_that_the_asset_was_better(sphere: Path, 
     assert result.output.count("Damaged faces") == 1
 
 
-def test_a_run_overwrites_only_what_a_run_wrote(sphere: Path, egg: Path, tmp_path: Path) -> None:
-    common = ["run", sphere, "--target", egg, "--steps", 1, "-o", "egg.glb"]
-
-    def refused(*more: object) -> bool:
-        result = run_here(*common, *more, cwd=tmp_path)
-        assert result.exit_code in (0, ExitCode.BAD_INPUT), result.output
+def test_a_run_overwrites_only_what_a_run_wrote_and_its_input_only_by_force() -> None:
+    def refused(*more: object, asset: str = "sphere.glb") -> bool:
+        result = run_here("run", asset, "--target", "egg.glb", "--steps", 1, "-q", "-o", "out.glb", *more)
+        assert (result.exit_code, bool(result.output)) in ((0, False), (ExitCode.BAD_INPUT, True)), result.output
         return bool(result.exit_code)
 
-    (tmp_path / "egg.png").write_bytes(b"a texture")
-    assert not refused("-q")
-    assert (tmp_path / "egg.png").read_bytes() == b"a texture"
+    Path("out.png").write_bytes(b"a texture")
+    assert not refused()
+    assert Path("out.png").read_bytes() == b"a texture"
     assert not refused("--seed", 2)  # a loop, a Makefile
-    (tmp_path / "egg.glb").write_bytes(b"edited")
+    before = Path("out.glb").read_bytes()
+    assert refused("-o", "./out.glb", asset="out.glb")
+    assert Path("out.glb").read_bytes() == before
+    assert not refused("--force", asset="out.glb")
+    Path("out.glb").write_bytes(b"edited")
     assert refused()
-    assert (tmp_path / "egg.glb").read_bytes() == b"edited"
+    assert Path("out.glb").read_bytes() == b"edited"
     assert not refused("--force")
-    (tmp_path / "egg.morph.glb").write_bytes(b"mine")
-    (tmp_path / "egg.report.json").unlink()
+    Path("out.morph.glb").write_bytes(b"mine")
+    Path("out.report.json").unlink()
     assert refused()
-    assert refused("--checkpoint", "egg.png", "-o", "other.glb")
+    assert refused("--checkpoint", "out.png", "-o", "other.glb")
     assert not refused("--checkpoint", "state", "-o", "other.glb")
     assert not refused("--checkpoint", "state", "-o", "other.glb")
 
 
-def test_a_run_does_not_replace_its_input_unless_forced(sphere: Path, egg: Path, tmp_path: Path) -> None:
-    common = ["run", sphere, "--target", egg, "--steps", 1, "-q"]
-    done = run_here(*common, "-o", "a.glb", cwd=tmp_path)
-    assert (done.exit_code, done.output) == (0, "")
-    before = (tmp_path / "a.glb").read_bytes()
-    again = ["run", "a.glb", *common[2:], "-o", "./a.glb"]
-    refused = run_here(*again, cwd=tmp_path)
-    assert refused.exit_code == ExitCode.BAD_INPUT
-    assert "a.glb is an input" in refused.stderr
-    assert "--force" in refused.stderr
-    assert (tmp_path / "a.glb").read_bytes() == before
-    assert run_here(*again, "--force", cwd=tmp_path).exit_code == 0
-    assert (tmp_path / "a.glb").read_bytes() != before
-
-
-def test_json_is_one_document_and_a_resumed_run_is_the_same_run(sphere: Path, egg: Path, tmp_path: Path) -> None:
-    common = ["run", sphere, "--target", egg, "--steps", 6, "--json", "--param", "checkpoint_every_steps=4"]
-    whole = run_here(*common, "-o", "whole.glb", "--checkpoint", "state", cwd=tmp_path)
+def test_json_is_one_document_and_a_resumed_run_is_the_same_run() -> None:
+    common = [*FIT, "--steps", 6, "--json", "--param", "checkpoint_every_steps=4"]
+    whole = run_here(*common, "-o", "whole.glb", "--checkpoint", "state")
     assert json.loads(whole.stdout)["resumed_from"] is None
-    resumed = run_here(*common, "-o", "resumed.glb", "--resume", "state", cwd=tmp_path)
+    resumed = run_here(*common, "-o", "resumed.glb", "--resume", "state")
     assert json.loads(resumed.stdout)["resumed_from"] == 4
-    assert (tmp_path / "whole.glb").read_bytes() == (tmp_path / "resumed.glb").read_bytes()
+    assert Path("whole.glb").read_bytes() == Path("resumed.glb").read_bytes()
 
 
-def test_a_file_that_is_no_mesh_is_one_line_and_advice(tmp_path: Path) -> None:
-    (tmp_path / "bad.glb").write_bytes(b"hello")
-    result = run_here("run", "bad.glb", "a vase", cwd=tmp_path)
-    assert result.exit_code == ExitCode.BAD_INPUT
-    assert result.stderr.splitlines()[-2].startswith("Error: ")
-    assert "Traceback" not in result.stderr
-
-
-@pytest.mark.parametrize(("option", "what"), [("-o", "The result"), ("--checkpoint", "The checkpoint")])
-def test_a_place_that_cannot_be_written_is_told_before_the_first_step(
-    sphere: Path, egg: Path, tmp_path: Path, option: str, what: str
-) -> None:
-    (tmp_path / "file").write_bytes(b"in the way")
-    result = run_here("run", sphere, "--target", egg, "--steps", 50_000, option, "file/egg.glb", cwd=tmp_path)
+@each_case("option", ["-o", "--checkpoint"])
+def test_a_place_that_cannot_be_written_is_told_before_the_first_step(option: str) -> None:
+    Path("file").write_bytes(b"in the way")
+    result = run_here(*FIT, "--steps", 50_000, option, "file/out.glb")
     assert result.exit_code == exit_code(errors.UnavailableError(""))
-    assert f"{what} cannot be written" in result.stderr
     assert f"with {option}" in result.stderr
     assert "step" not in result.stderr
-    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+    assert made().keys() == {"file"}
 
 
-def test_ctrl_c_writes_nothing_half_and_keeps_the_state(sphere: Path, egg: Path, tmp_path: Path) -> None:
-    command = meshdeform_command(
-        "run", sphere, "--target", egg, "--steps", 50_000, "-o", "egg.glb", "--checkpoint", "state"
-    )
+def test_ctrl_c_writes_nothing_half_and_keeps_the_state() -> None:
     # One step writes the state, so the run is known to be in the middle when it is there.
-    command += ["--param", "checkpoint_every_steps=1"]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as child:
+    often = ["--param", "checkpoint_every_steps=1", "--checkpoint", "state"]
+    command = [sys.executable, "-P", "-m", "meshdeform", *FIT, "--steps", "50000", "-o", "out.glb", *often]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
         give_up = threading.Timer(120.0, child.kill)
         give_up.start()
-        until("the state is written", lambda: (tmp_path / "state").exists() or child.poll() is not None)
+        until("the state is written", lambda: Path("state").exists() or child.poll() is not None)
         child.send_signal(signal.SIGINT)
         _, said = child.communicate()
         give_up.cancel()
@@ -197,13 +160,13 @@ def test_ctrl_c_writes_nothing_half_and_keeps_the_state(sphere: Path, egg: Path,
     assert re.search(
         r"^Interrupted at step \d+ of 50000\. The state is in state\.\nContinue with --resume state$", said, re.M
     )
-    assert [p.name for p in tmp_path.iterdir()] == ["state"]
+    assert made().keys() == {"state"}
 
 
-def test_files_are_written_all_or_none(tmp_path: Path) -> None:
-    (tmp_path / "a").write_bytes(b"old")
+def test_files_are_written_all_or_none(here: Path) -> None:
+    Path("a").write_bytes(b"old")
     with pytest.raises(OSError):
-        write_files({tmp_path / "a": b"new", tmp_path / "no" / "b": b"new"})
-    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("a", b"old")]
-    write_files({tmp_path / "a": b"new", tmp_path / "b": b"new"})
-    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a": b"new", "b": b"new"}
+        write_files({here / "a": b"new", here / "no" / "b": b"new"})
+    assert made() == {"a": b"old"}
+    write_files({here / "a": b"new", here / "b": b"new"})
+    assert made() == {"a": b"new", "b": b"new"}

@@ -128,9 +128,6 @@ def test_names_stay_when_others_join_and_never_meet(folder: Path) -> None:
     assert repeated == ["1"]
 
 
-# The ledger of a batch: it survives a torn line, is one process's own, and says what is damaged.
-
-
 def test_what_was_written_is_known_again(tmp_path: Path) -> None:
     with Ledger(tmp_path / "out") as ledger:
         identity = ledger.batch_id
@@ -161,60 +158,66 @@ def test_half_a_line_at_the_end_is_cut_off(tmp_path: Path, keep: int) -> None:
         assert set(once_more.last) == {"k1", "k3"}
 
 
-def test_a_folder_is_one_processs_own(tmp_path: Path) -> None:
-    with Ledger(tmp_path), pytest.raises(UnavailableError, match="Another `meshdeform batch`"):
-        Ledger(tmp_path)
-    with Ledger(tmp_path):
-        pass
-
-
-def test_a_damaged_line_is_named(tmp_path: Path) -> None:
+def test_a_ledger_is_one_processs_own_and_says_what_is_wrong(tmp_path: Path) -> None:
     with Ledger(tmp_path) as ledger:
         ledger.append("done", "k1", "vase")
+        with pytest.raises(UnavailableError, match="Another `meshdeform batch`"):
+            Ledger(tmp_path)
     with ledger.path.open("ab") as file:
         file.write(b"nonsense\n")
     with pytest.raises(ParameterError, match="line 3"):
         Ledger(tmp_path)
-
-
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
-    (tmp_path / "file").write_bytes(b"in the way")
     with pytest.raises(UnavailableError, match="cannot be written"):
-        Ledger(tmp_path / "file" / "out")
-
-
-# `batch --as-morph-targets`: the results of one asset as named morph targets of one file.
+        Ledger(ledger.path / "out")
 
 
 HEIGHTS = {"a mushroom": 2.0, "a vase": 3.0, "a rocket": None}
 
 
 class FakeRunner:
-    """Stretches an asset to the height of its prompt, or fails."""
+    """Stretches an asset to the height of its prompt, or fails; breaks down at the row of a name."""
 
-    def __init__(self, folder: Path, _share: object) -> None:
-        self._folder = folder
+    breaks_at = ""
+
+    def __init__(self, folder: Path, _share: object = None) -> None:
+        self._folder, self.done = folder, list[str]()
 
     def do(self, row: Row, _progress: ProgressView) -> RowOutcome:
+        path = row.path(self._folder, "result.glb")
+        path.parent.mkdir(exist_ok=True)
+        if row.name == self.breaks_at:
+            path.write_bytes(b"half")
+            raise UnavailableError("The disk is full.")
         height = HEIGHTS[row.request.prompt]
         if height is None:
             return RowOutcome("failed", 1.0, error={"code": "numerical_error", "detail": "", "advice": ""})
         source = load_asset(row.asset.read_bytes())
-        path = row.path(self._folder, "result.glb")
-        path.parent.mkdir(exist_ok=True)
         path.write_bytes(source.replace(source.surface.positions * [1, height, 1]))
+        for name in ("report.json", "preview.png"):
+            row.path(self._folder, name).write_text(row.name)
+        self.done.append(row.name)
         return RowOutcome("succeeded", 1.0)
 
     def close(self) -> None:
         """Close nothing."""
 
 
-def test_the_results_of_an_asset_are_the_targets_of_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+BALL = icosphere(1)
+
+
+@pytest.fixture
+def ball(tmp_path: Path) -> Path:
+    path = tmp_path / "ball.glb"
+    path.write_bytes(build_glb(BALL.verts.numpy(), BALL.faces.numpy()))
+    return path
+
+
+def test_the_results_of_an_asset_are_the_targets_of_one_file(
+    ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(runners, "LocalRunner", FakeRunner)
-    ball = icosphere(1).verts.numpy()
-    (tmp_path / "ball.glb").write_bytes(build_glb(ball, icosphere(1).faces.numpy()))
     prompts = [word for prompt in HEIGHTS for word in ("--prompt", prompt)]
-    command = ["batch", str(tmp_path / "ball.glb"), *prompts, "-o", str(tmp_path / "out"), "--as-morph-targets"]
+    command = ["batch", str(ball), *prompts, "-o", str(tmp_path / "out"), "--as-morph-targets"]
     done = CliRunner().invoke(app, [*command, "--json"])
     assert done.exit_code == 8, done.output  # one row failed
     made = json.loads(done.stdout.splitlines()[-1])["files"]["ball.targets.glb"]
@@ -225,50 +228,26 @@ def test_the_results_of_an_asset_are_the_targets_of_one_file(tmp_path: Path, mon
     assert "animations" not in root
     for target, height in zip(mesh["primitives"][0]["targets"], (2.0, 3.0), strict=True):
         moved = accessor(root, binary, target["POSITION"])
-        np.testing.assert_allclose(moved, ball * [0, height - 1, 0], atol=1e-6)
+        np.testing.assert_allclose(moved, BALL.verts.numpy() * [0, height - 1, 0], atol=1e-6)
 
 
-class NamingRunner:
-    """Writes the name of a row as its results; fails on the rows that it was given."""
+def test_an_interrupted_batch_resumes_under_the_same_names(
+    ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, runner, names = tmp_path / "out", FakeRunner(tmp_path / "out"), list[str]()
 
-    def __init__(self, folder: Path, breaks_on: str = "") -> None:
-        self.folder, self.breaks_on, self.done = folder, breaks_on, list[str]()
+    def go() -> None:
+        with Ledger(out) as ledger:
+            rows, _ = make_rows(
+                [Entry("1", ball, "a vase")], defaults={}, seeds=(3, 4, 5), known_names=ledger.known_names()
+            )
+            names[:] = [row.name for row in rows]
+            Session(ledger, as_json=False, quiet=True).run(rows, runner, 1, retry_failed=False)
 
-    def do(self, row: Row, _progress: ProgressView) -> RowOutcome:
-        (self.folder / row.name).mkdir(exist_ok=True)
-        for artifact in ("result.glb", "report.json", "preview.png"):
-            (self.folder / row.name / artifact).write_text(row.name)
-        if row.name == self.breaks_on:
-            raise UnavailableError("The disk is full.")
-        self.done.append(row.name)
-        return RowOutcome("succeeded", 1.0)
-
-    def close(self) -> None:
-        """Close nothing."""
-
-
-@pytest.fixture
-def duck(tmp_path: Path) -> Path:
-    path = tmp_path / "duck.glb"
-    path.write_bytes(b"one")
-    return path
-
-
-def test_an_interrupted_batch_resumes_under_the_same_names(duck: Path, tmp_path: Path) -> None:
-    out, entry = tmp_path / "out", Entry("1", duck, "a vase")
-    seeds = (3, 4, 5)
-    with Ledger(out) as ledger:
-        session = Session(ledger, as_json=False, quiet=True)
-        rows = make_rows([entry], defaults={}, seeds=seeds)[0]
-        with pytest.raises(UnavailableError):
-            session.run(rows, NamingRunner(out, "duck-a-vase-seed4"), 1, retry_failed=False)
-    with Ledger(out) as ledger:
-        session = Session(ledger, as_json=False, quiet=True)
-        again, runner = (
-            make_rows([entry], defaults={}, seeds=seeds, known_names=ledger.known_names())[0],
-            NamingRunner(out),
-        )
-        session.run(again, runner, 1, retry_failed=False)
-    assert [row.name for row in again] == [f"duck-a-vase-seed{n}" for n in seeds]
-    assert runner.done == ["duck-a-vase-seed4", "duck-a-vase-seed5"]
-    assert all((out / row.name / "result.glb").exists() for row in again)
+    monkeypatch.setattr(FakeRunner, "breaks_at", "ball-a-vase-seed4")
+    with pytest.raises(UnavailableError):
+        go()
+    monkeypatch.undo()
+    go()
+    assert names == runner.done == [f"ball-a-vase-seed{n}" for n in (3, 4, 5)]
+    assert all(load_asset((out / name / "result.glb").read_bytes()) for name in names)

@@ -10,18 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cases import each_case
-
 PROGRAM = Path(sys.executable).with_name("meshdeform")
-
-
-@pytest.fixture(scope="module")
-def bash() -> str:
-    """A bash, with the installed program beside this interpreter."""
-    found = shutil.which("bash")
-    if found is None or not PROGRAM.exists():
-        pytest.skip("bash or the installed program is missing")
-    return found
 
 
 OFFERED = {
@@ -35,9 +24,10 @@ OFFERED = {
 }
 
 
-@pytest.fixture(scope="module")
-def offered(bash: str) -> dict[str, set[str]]:
-    """What one bash offers after each of the lines."""
+def test_bash_offers_what_there_is() -> None:
+    bash = shutil.which("bash")
+    if bash is None or not PROGRAM.exists():
+        pytest.skip("bash or the installed program is missing")
     script = f"source <({PROGRAM} --show-completion bash)\n"
     for line in OFFERED:
         words = line.split(" ")
@@ -49,26 +39,5 @@ def offered(bash: str) -> dict[str, set[str]]:
     environment |= {"MESHDEFORM_URL": "http://127.0.0.1:1", "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
     done = subprocess.run([bash, "-c", script], capture_output=True, text=True, check=True, env=environment)
     assert done.stderr == ""
-    found = done.stdout.splitlines()
-    assert len(found) == len(OFFERED)
-    return {line: set(each.split()) for line, each in zip(OFFERED, found, strict=True)}
-
-
-@each_case("line", OFFERED)
-def test_bash_offers_what_there_is(offered: dict[str, set[str]], line: str) -> None:
-    assert offered[line] == OFFERED[line]
-
-
-@each_case("shell", ["bash", "zsh", "fish"])
-def test_every_shell_has_a_script(shell: str) -> None:
-    environment = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
-    command = [
-        sys.executable,
-        "-P",
-        "-c",
-        "import sys; sys.argv[0] = 'meshdeform'; from meshdeform.cli.app import main; main()",
-    ]
-    done = subprocess.run(
-        [*command, "--show-completion", shell], capture_output=True, text=True, check=True, env=environment
-    )
-    assert "_MESHDEFORM_COMPLETE" in done.stdout
+    offered = [set(line.split()) for line in done.stdout.splitlines()]
+    assert dict(zip(OFFERED, offered, strict=True)) == OFFERED

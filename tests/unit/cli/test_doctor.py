@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import sqlite3
@@ -26,8 +27,12 @@ def subject(folder: Path, **settings: object) -> Subject:
     return Subject(found, host="127.0.0.1", port=8765, url=None, api_key=None, timeout_s=1.0)
 
 
-def test_on_an_empty_folder_all_is_well_and_it_stays_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True)
+def no_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
+
+
+def test_on_an_empty_folder_all_is_well_and_it_stays_empty(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["doctor", "--json", "--data-dir", str(tmp_path / "data")])
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout)
@@ -37,7 +42,6 @@ def test_on_an_empty_folder_all_is_well_and_it_stays_empty(tmp_path: Path, monke
 
 
 def test_what_is_away_fails_with_advice_and_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "check_gpu", lambda _: iter([ok("gpu", "not asked in a unit test")]))
     # Accepts connections and never answers: what hangs whoever waits without a limit.
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         port = deaf.getsockname()[1]
@@ -81,21 +85,6 @@ def test_an_extra_that_is_half_there_fails(monkeypatch: pytest.MonkeyPatch) -> N
     assert found["extra redis"].status is Status.SKIP
 
 
-def test_a_folder_that_is_full_is_said_to_be_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from meshdeform.errors import UnavailableError
-    from meshdeform.storage import ObjectStore
-
-    def full(*_: object) -> None:
-        raise UnavailableError("No space is left.", advice="Free space.")
-
-    here = subject(tmp_path)
-    ObjectStore(here.settings.resolved_storage_url).put("assets/a", b"before")
-    monkeypatch.setattr(ObjectStore, "put", full)
-    (finding,) = checks.check_store(here)
-    assert (finding.status, finding.advice) == (Status.FAIL, "Free space.")
-    assert finding.detail.endswith(": No space is left.")
-
-
 def test_a_record_is_read_and_not_migrated(tmp_path: Path) -> None:
     from meshdeform.record.database import Database
 
@@ -109,28 +98,35 @@ def test_a_record_is_read_and_not_migrated(tmp_path: Path) -> None:
     assert finding.status is Status.OK
     assert "schema" in finding.detail
     for version, status in (("0001", Status.WARN), ("9999", Status.FAIL)):
-        with sqlite3.connect(path) as connection:
+        with contextlib.closing(sqlite3.connect(path)) as connection, connection:
             connection.execute("UPDATE alembic_version SET version_num = ?", (version,))
-        connection.close()
-        (finding,) = checks.check_database(here)
-        assert finding.status is status
-        with sqlite3.connect(path) as connection:
+            connection.commit()
+            (finding,) = checks.check_database(here)
+            assert finding.status is status
             assert connection.execute("SELECT version_num FROM alembic_version").fetchone() == (version,)
-        connection.close()
     path.write_bytes(b"no database at all" * 100)
     (finding,) = checks.check_database(here)
     assert finding.status is Status.FAIL
 
 
-def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
+def test_a_store_is_tried_and_left_as_it_was_and_one_that_is_full_is_said_to_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from meshdeform.errors import UnavailableError
     from meshdeform.storage import ObjectStore
+
+    def full(*_: object) -> None:
+        raise UnavailableError("No space is left.", advice="Free space.")
 
     here = subject(tmp_path)
     ObjectStore(here.settings.resolved_storage_url).put("kept", b"x")
-    before = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*"))
+    before = sorted(tmp_path.rglob("*"))
     (finding,) = checks.check_store(here)
     assert finding.status is Status.OK
-    assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before
+    assert sorted(tmp_path.rglob("*")) == before
+    monkeypatch.setattr(ObjectStore, "put", full)
+    (finding,) = checks.check_store(here)
+    assert (finding.status, finding.advice) == (Status.FAIL, "Free space.")
 
 
 def test_a_port_that_somebody_has(tmp_path: Path) -> None:

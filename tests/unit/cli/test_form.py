@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
 from meshdeform.cli.form import Form, ShortForm, form_command, overlaid, written
-from meshdeform.cli.request import make_request, make_settings
+from meshdeform.cli.request import make_settings
 
 
 class Prompted(BaseModel):
@@ -90,17 +90,3 @@ def test_the_options_of_every_command_write_parameters_that_exist(name: str) -> 
     assert len(flags) == len(set(flags)), "an option has the name of another"
     for leaf in getattr(command, "_leaves", None) or ():
         assert leaf.option.help, leaf.path
-
-
-def test_examples_of_parameters_can_be_typed() -> None:
-    command = typer.main.get_command(app).commands["run"]  # type: ignore[attr-defined]
-    command.get_params(typer.Context(command))
-    from meshdeform.requests.document import DeformParams
-
-    for leaf in command._leaves:
-        field = DeformParams.model_fields.get(leaf.path[0])
-        if leaf.form != "params" or field is None or len(leaf.path) > 1 or not field.examples:
-            continue
-        example = field.examples[0]
-        if isinstance(example, bool | str | int | float):
-            make_request("a vase", {leaf.path[0]: leaf.read(example if isinstance(example, bool) else str(example))})

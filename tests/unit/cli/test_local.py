@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
 from meshdeform.cli.local import LocalJob, ctrl_c_between_steps
+from meshdeform.cli.output import show_progress
 from meshdeform.errors import ModelError
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
@@ -18,14 +19,6 @@ from tests.cases import each_case
 from tests.fakes import FakePrior
 from tests.unit.assets.test_archive import image, scene
 from tests.unit.assets.test_replace import DOT
-
-
-class Silent:
-    """Tells nobody."""
-
-    def phase(self, name: str) -> None: ...
-
-    def step(self, step: int, total_steps: int, loss: float, eta_s: float | None = None) -> None: ...
 
 
 def test_the_prior_is_loaded_as_the_settings_say(tmp_path: Path) -> None:
@@ -38,8 +31,8 @@ def test_the_prior_is_loaded_as_the_settings_say(tmp_path: Path) -> None:
     asset = tmp_path / "a.glb"
     asset.write_bytes(b"is not read before the prior is there")
     settings = Settings(model="some/model", model_revision="v2", dtype="bfloat16", device="cpu")
-    with pytest.raises(ModelError, match="Enough"):
-        LocalJob(JobRequest(prompt="a vase"), {"asset": asset}, {}, settings, load=load).run(Silent())
+    with pytest.raises(ModelError, match="Enough"), show_progress(quiet=True) as silent:
+        LocalJob(JobRequest(prompt="a vase"), {"asset": asset}, {}, settings, load=load).run(silent)
     assert seen == [("some/model", {"device": "cpu", "revision": "v2", "dtype": "bfloat16"})]
 
 
@@ -52,51 +45,35 @@ def test_the_files_beside_a_gltf_come_along(tmp_path: Path) -> None:
     request = JobRequest.model_validate({"prompt": "an egg", "params": {"preset": "preview", "steps": 1}})
     files = {"asset": tmp_path / "model/scene.gltf"}
     job = LocalJob(request, files, outputs, Settings(device="cpu"), load=lambda *_, **__: FakePrior())
-    finished = job.run(Silent())
+    with show_progress(quiet=True) as silent:
+        finished = job.run(silent)
     assert image(outputs["result.glb"].read_bytes()) == image(finished.artifacts["result.glb"]) == DOT
 
 
-# `meshdeform run --kind`: what other kinds of job take, refused before a service is asked.
-
-
 @each_case(
-    ("arguments", "said"),
+    ("line", "said"),
     [
-        (["a mushroom", "--kind", "surface_fit"], "has no prompt"),
-        (["--kind", "surface_fit", "--compact"], "--compact"),
-        (["--kind", "surface_fit", "--preset", "preview"], "preset"),
-        (["--kind", "surface_fit", "--set", "base_faces=1"], "base_faces"),
-        (["--kind", "surface_fit", "--file", "target=ball.obj"], "reads base"),
-        (["--kind", "family_synthesize"], "collection=FILE"),
-        (["--kind", "family_synthesize", "--file", "collection=nowhere.zip"], "not a file"),
-        (["--kind", "unfold"], "surface_fit"),
-        (["a mushroom", "--checkpoint", "state"], "--checkpoint"),
+        ("mushroom --kind surface_fit --url", "has no prompt"),
+        ("--kind surface_fit --compact --url", "--compact"),
+        ("--kind surface_fit --preset preview --url", "preset"),
+        ("--kind surface_fit --set base_faces=1 --url", "base_faces"),
+        ("--kind surface_fit --file target=ball.obj --url", "reads base"),
+        ("--kind family_synthesize --url", "collection=FILE"),
+        ("--kind family_synthesize --file collection=nowhere.zip --url", "not a file"),
+        ("--kind unfold --url", "surface_fit"),
+        ("mushroom --checkpoint state --url", "--checkpoint"),
+        ("--kind surface_fit", "meshdeform surface-fit"),
+        ("mushroom --detach", "--url"),
     ],
 )
-def test_what_does_not_go_together_is_refused_by_name(
-    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_does_not_go_together_is_refused_before_a_service_is_asked(
+    line: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("ball.obj").write_text("v 0 0 0\n")
     monkeypatch.setattr("meshdeform.cli.options.connect", lambda *_: pytest.fail("the service was asked"))
-    result = CliRunner().invoke(app, ["run", "ball.obj", *arguments, "--url", "http://127.0.0.1:1"], terminal_width=200)
-    assert result.exit_code in (2, 3)
-    assert said in result.output
-
-
-@each_case(
-    ("arguments", "said"),
-    [
-        (["run", "ball.obj", "--kind", "surface_fit"], "meshdeform surface-fit"),
-        (["run", "ball.obj", "a mushroom", "--detach"], "--url"),
-    ],
-)
-def test_a_job_of_a_service_needs_its_address(
-    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("ball.obj").write_text("v 0 0 0\n")
-    result = CliRunner().invoke(app, arguments, terminal_width=200)
+    arguments = line.replace("--url", "--url http://127.0.0.1:1") if line.endswith("--url") else line
+    result = CliRunner().invoke(app, ["run", "ball.obj", *arguments.split()], terminal_width=200)
     assert result.exit_code in (2, 3)
     assert said in result.output
 

@@ -5,18 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 from typer.testing import CliRunner
 
-from meshdeform.assets import Limits, build_glb, load_asset
-from meshdeform.assets.build import Primitive
+from meshdeform.assets import Limits, load_asset
 from meshdeform.cli.app import app
-from meshdeform.kinds.sketch.families import FAMILIES, member_glb
+from meshdeform.kinds.sketch.families import member_glb
 from tests.cases import each_case
-from training.sketch.lines import View, joined, visible_lines
-from training.sketch.strokes import draw
+from tests.drawings import drawing_of
 
 run = CliRunner().invoke
 
@@ -25,8 +22,7 @@ run = CliRunner().invoke
 def drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A drawing of a vase in the current folder."""
     monkeypatch.chdir(tmp_path)
-    lines = visible_lines(joined(FAMILIES["vase"].solids({})), View(0, 20, 25))
-    draw(lines, np.random.default_rng(0), size=300).save("vase.png")
+    Path("vase.png").write_bytes(drawing_of("vase"))
 
 
 def test_a_drawing_becomes_three_meshes_and_a_picture() -> None:
@@ -110,17 +106,3 @@ def test_what_cannot_be_drawn_is_said(arguments: list[str], code: int, said: str
     assert found.exit_code == code, found.output
     assert said in found.stderr
     assert not list(Path().glob("*.glb"))
-
-
-def test_an_asset_takes_the_drawn_shape() -> None:
-    solid = joined(FAMILIES["goblet"].solids({}))
-    Path("asset.glb").write_bytes(build_glb([Primitive(solid.verts, solid.faces)]))
-    drawn = run(app, ["sketch", "vase.png", "-o", "vase.glb"])
-    assert drawn.exit_code == 0, drawn.output
-    made = run(app, ["run", "asset.glb", "--target", "vase.glb", "-o", "made.glb", "--steps", "2", "--json"])
-    assert made.exit_code == 0, made.output
-    assert json.loads(made.stdout)["fit"] is not None
-    Image.new("L", (200, 200), 255).save("empty.png")
-    empty = run(app, ["sketch", "empty.png", "-o", "other.glb", "--json"])
-    assert empty.exit_code == 3
-    assert json.loads(empty.stderr.splitlines()[-1])["code"] == "not_a_drawing"

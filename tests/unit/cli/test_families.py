@@ -1,0 +1,112 @@
+"""`meshdeform family-fit` and `family-synthesize`: a folder or ZIP in, a folder out, Ctrl-C, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from bench.parametric_families import family, labels_document, packed
+from meshdeform.cli.app import app
+from meshdeform.runs.family_fit import FamilyFitRun
+from tests.cases import each_case
+
+_SMALL = ["--points", "20", "--set", "samples=50", "--set", "iterations=2", "--set", "epochs=2"]
+_FILES = {
+    "report.json", "preview.png",
+    "wall.glb", "segmentation.npz", "correspondences.npz", "descriptors.npz", "family.safetensors"
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The current folder, with ten chairs as files and as a ZIP, and a family that was fitted to them."""
+    members = family("chairs", 10)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place := tmp_path_factory.mktemp("families"))
+        for name in ("chairs", "empty", "mine"):
+            Path(name).mkdir()
+        for member in members:
+            Path("chairs", member.name).write_bytes(member.glb())
+        Path("chairs/labels.json").write_text(json.dumps(labels_document("chairs", members, 10)), encoding="utf-8")
+        Path("chairs.zip").write_bytes(packed(members))
+        Path("labels.json").write_text(json.dumps(labels_document("chairs", members, 6)), encoding="utf-8")
+        for mine in ("mine.txt", "mine/report.json", "mine/preview.png"):
+            Path(mine).write_bytes(b"mine")
+        done("family-fit", "chairs", "-o", "fitted", *_SMALL, "-q")
+        yield place
+
+
+def done(*arguments: str) -> str:
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def names(folder: str) -> set[str]:
+    return {path.name for path in Path(folder).iterdir()}
+
+
+def test_a_fit_is_interrupted_and_resumed(monkeypatch: pytest.MonkeyPatch) -> None:
+    command = ["family-fit", "chairs.zip", "--labels", "labels.json", *_SMALL]
+    infer = FamilyFitRun._infer
+
+    def interrupted(self: FamilyFitRun) -> dict[str, float]:
+        signal.raise_signal(signal.SIGINT)
+        return infer(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FamilyFitRun, "_infer", interrupted)
+        stopped = CliRunner().invoke(app, [*command, "--checkpoint", "chairs.state"])
+    assert stopped.exit_code == 130, stopped.output
+    assert "Interrupted at step 11 of 14. The state is in chairs.state." in stopped.output
+    assert names("chairs-family") == set()
+    summary = json.loads(done(*command, "--resume", "chairs.state", "--json"))
+    assert summary["resumed"] is True
+    assert summary["accuracy"]["held_out"] == 4
+    assert set(summary["files"]) == _FILES == names("chairs-family")
+
+
+def test_a_fit_without_labelled_assets_leaves_none_of_an_earlier_one() -> None:
+    done("family-fit", "chairs", "-o", "twice", *_SMALL, "-q", "--embed-labels")
+    assert "labelled.zip" in names("twice")
+    done("family-fit", "chairs", "-o", "twice", *_SMALL, "-q")
+    assert names("twice") == _FILES
+
+
+def test_shapes_are_made_and_made_again() -> None:
+    command = ["family-synthesize", "fitted", "chairs", "-o", "new"]
+    summary = json.loads(done(*command, "--count", "1", "--json"))
+    assert set(summary["files"]) == names("new") > {"result.glb"}
+    assert len(summary["shapes"]) == 1
+    found = done(*command, "--mode", "search", "--member", "chair_0002", "--count", "2")
+    assert found.count("chair_0") == 2
+    assert names("new") == {"report.json", "preview.png", "wall.glb"}  # none of the shapes before
+
+
+@each_case(
+    ("line", "said"),
+    [
+        ("family-fit chairs.zip -o mine.txt", "cannot be written"),
+        ("family-fit chairs.zip -o mine", "was not written by an earlier run"),
+        ("family-fit chairs.zip --checkpoint mine.txt", "is not a checkpoint"),
+        ("family-fit chairs.zip --checkpoint chairs.zip", "is not a checkpoint"),
+        ("family-fit chairs.zip --points 5", "points"),
+        ("family-fit empty", "holds no asset"),
+        ("family-synthesize fitted", "The collection is missing."),
+        ("family-synthesize empty chairs", "There is no family.safetensors"),
+        ("family-synthesize fitted empty", "holds no asset"),
+        ("family-synthesize fitted chairs --mode complete", "takes one member"),
+        ("family-synthesize fitted chairs -o mine", "was not written by an earlier run"),
+    ],
+)
+def test_what_cannot_be_done_is_said_and_files_of_the_user_are_kept(line: str, said: str) -> None:
+    refused = CliRunner().invoke(app, line.split())
+    assert refused.exit_code not in {0, 1}, refused.output
+    assert said in refused.output.replace("\n", " ")
+    for mine in ("mine.txt", "mine/report.json", "mine/preview.png"):
+        assert Path(mine).read_bytes() == b"mine"
