@@ -31,9 +31,9 @@ def test_compose_files_are_of_the_specification_and_name_settings_and_images_tha
     for service in document["services"].values():
         used = {key for key in service.get("environment", {}) if key.startswith("MESHDEFORM_")}
         assert used <= known
-        if "build" in service:
-            assert (repository / service["build"]["dockerfile"]).is_file()
-        elif "image" in service:
+        if dockerfile := service.get("build", {}).get("dockerfile"):
+            assert (repository / dockerfile).is_file()
+        if "image" in service and "build" not in service:
             # Down to the last number: 16.10, not 16.
             assert re.fullmatch(r"[\w/]+:v?\d+\.\d+[\w.-]*", service["image"])
 
