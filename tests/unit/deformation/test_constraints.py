@@ -173,20 +173,6 @@ def test_the_gradient_is_right_with_all_constraints_at_once(carrier: str) -> Non
         assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(float((tensor.grad * way).sum()), rel=1e-6, abs=1e-8), name
 
 
-def test_what_nobody_may_move_gets_no_gradient() -> None:
-    carried = variables("surface", freedom=freedom_around(BALL, CAP, 0.5), falloff=0.5)
-    verts = placed(carried)
-    (verts[torch.from_numpy(CAP)] ** 3).sum().backward()
-    assert (carried.tensors["jacobians"].grad == 0).all()
-    carried = variables("surface", freedom=freedom_around(BALL, CAP, 0.5), falloff=0.5)
-    (placed(carried) ** 3).sum().backward()
-    gradient = carried.tensors["jacobians"].grad
-    inside = torch.from_numpy(CAP[BALL.faces.numpy()].all(1))
-    assert gradient is not None
-    assert (gradient[inside] == 0).all()
-    assert (gradient[~inside].abs().amax((1, 2)) > 0).all()
-
-
 @each_case("carrier", [Carrier.SURFACE, Carrier.LATTICE])
 def test_the_whole_of_a_large_mesh_keeps_its_bits_too(carrier: Carrier) -> None:
     whole = FINE

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, load_checkpoint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.rasterizer import rasterize
-from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.groups import grouped
 from tests.cases import each_case
-from training.prior.families import member
+from tests.unit.deformation.test_controls import sled
 
 STYLE = RenderStyle(view_size=32, supersample=2)
 
@@ -35,12 +30,6 @@ def params(**changes: object) -> ResolvedParams:
 def ellipsoid() -> TriangleMesh:
     sphere = icosphere(3, 0.6)
     return TriangleMesh(sphere.verts * torch.tensor([0.6, 1.4, 0.9], dtype=torch.float64), sphere.faces)
-
-
-def distance(verts: Tensor, target: Tensor) -> float:
-    """Mean distance between the two sets of vertices, both ways."""
-    a, b = verts.numpy(), target.numpy()
-    return float((cKDTree(b).query(a)[0].mean() + cKDTree(a).query(b)[0].mean()) / 2)
 
 
 def run(deformation: Deformation, steps: int | None = None) -> list[dict[str, float]]:
@@ -72,11 +61,11 @@ def test_parts_that_must_move_apart_do_so_in_a_lattice() -> None:
     assert found[Carrier.AUTO] < 0.15
 
 
-def test_the_same_seed_gives_the_same_result_and_another_seed_another() -> None:
+def test_another_seed_gives_another_result() -> None:
     results = []
     for seed in (3, 3, 4):
         deformation = Deformation(
-            icosphere(2, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=8, seed=seed)
+            icosphere(1, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=4, seed=seed)
         )
         run(deformation)
         results.append(deformation.verts())
@@ -85,15 +74,16 @@ def test_the_same_seed_gives_the_same_result_and_another_seed_another() -> None:
 
 
 @each_case("stop", [1, 7, 19])
-def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int) -> None:
-    settings = params(steps=20, seed=11)
+@each_case("preset, source", [("preview", icosphere(2, 0.6)), ("preview", sled()), ("paper", icosphere(2, 0.6))])
+def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int, preset: str, source: TriangleMesh) -> None:
+    settings = params(preset=preset, steps=20, seed=11)
     guidance = TargetGuidance(ellipsoid(), style=STYLE)
-    whole = Deformation(icosphere(2, 0.6), guidance, settings)
+    whole = Deformation(source, guidance, settings)
     run(whole)
-    first = Deformation(icosphere(2, 0.6), guidance, settings)
+    first = Deformation(source, guidance, settings)
     run(first, stop)
     stored = dump_checkpoint(first.checkpoint(), "run")
-    second = Deformation(icosphere(2, 0.6), guidance, settings, checkpoint=load_checkpoint(stored, "run"))
+    second = Deformation(source, guidance, settings, checkpoint=load_checkpoint(stored, "run"))
     assert second.step == stop
     rest = run(second)
     assert len(rest) == 20 - stop
@@ -102,20 +92,16 @@ def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int) -> None:
         assert torch.equal(second.checkpoint().tensors[name], value), name
 
 
-def test_a_checkpoint_of_another_mesh_is_refused() -> None:
+def test_a_checkpoint_is_of_its_mesh_and_does_not_change_with_the_run() -> None:
     guidance = TargetGuidance(ellipsoid(), style=STYLE)
-    state = Deformation(icosphere(1, 0.6), guidance, params(steps=2)).checkpoint()
-    with pytest.raises(CheckpointError, match="mesh"):
-        Deformation(icosphere(2, 0.6), guidance, params(steps=2), checkpoint=state)
-
-
-def test_checkpoints_do_not_change_with_the_run() -> None:
-    deformation = Deformation(icosphere(1, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=4))
+    deformation = Deformation(icosphere(1, 0.6), guidance, params(steps=4))
     run(deformation, 2)
     state: Checkpoint = deformation.checkpoint()
     kept = {k: v.clone() for k, v in state.tensors.items()}
     run(deformation)
     assert all(torch.equal(kept[k], v) for k, v in state.tensors.items())
+    with pytest.raises(CheckpointError, match="mesh"):
+        Deformation(icosphere(2, 0.6), guidance, params(steps=4), checkpoint=state)
 
 
 def test_another_run_begins_with_the_shape_of_a_checkpoint_and_nothing_else_of_it() -> None:
@@ -199,37 +185,3 @@ def test_a_loss_that_is_not_finite_stops_the_run_with_the_step() -> None:
     with pytest.raises(NumericalError, match="step 3"):
         run(deformation)
     assert deformation.step == 2
-
-
-def test_the_loop_against_an_oracle_from_a_sphere_to_a_horse() -> None:
-    """All parts together, with an answer that is known: four legs, a neck and a head out of 5,120 triangles.
-
-    The distance is the mean from the result's vertices to the target's surface and back, the source's radius being 0.6.
-    """
-    part = member("horse", (), np.random.default_rng(0))
-    verts = torch.as_tensor(np.asarray(part.verts), dtype=torch.float64)
-    verts = (verts - (verts.amin(0) + verts.amax(0)) / 2) * 0.6
-    target = TriangleMesh(verts, torch.as_tensor(np.asarray(part.faces), dtype=torch.int64))
-    source = icosphere(4, 0.6)
-    deformation = Deformation(source, TargetGuidance(target), params(steps=200))
-    run(deformation)
-    seen = _seen_surface(target)
-    before, after = distance(source.verts, seen), distance(deformation.verts(), seen)
-    assert before > 0.15
-    assert after < 0.03
-    quality = measure(source.verts.numpy(), source.faces.numpy(), deformation.verts().numpy())
-    assert quality.flipped_faces == 0
-    assert quality.collapsed_faces == 0
-
-
-def _seen_surface(mesh: TriangleMesh) -> Tensor:
-    """Points of the surface that some camera sees: the parts of the horse overlap inside, where no result can reach."""
-    renderer = Renderer(mesh.faces, mesh.verts.shape[0], RenderStyle(view_size=64))
-    visible: set[int] = set()
-    for azimuth in range(0, 90, 15):
-        for elevation in (0.0, 15.0, 30.0):
-            cameras = fixed_cameras(float(azimuth), elevation)
-            clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
-            visible.update(rasterize(clip, renderer.faces, 256, 256).face_ids.unique().tolist())
-    faces = mesh.faces[sorted(visible - {-1})]
-    return mesh.verts[faces].mean(1)

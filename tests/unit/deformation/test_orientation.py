@@ -14,7 +14,6 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Mixture, Orientation, OrientationSource, find_orientation
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.rendering.cameras import Cameras, Frame, fixed_cameras
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
@@ -82,13 +81,6 @@ def test_a_turned_source_with_its_angle_gives_the_same_result_turned() -> None:
     assert float((other.verts() - expected).norm()) < 0.05 * moved
 
 
-def test_the_search_does_not_change_the_run_that_keeps_the_front() -> None:
-    """It has its own generator: a run that found nothing is the run that did not search."""
-    searched, kept = (deformation(placed("sphere"), orientation=mode) for mode in ("auto", "keep"))
-    assert [step.losses for step in searched] == [step.losses for step in kept]
-    assert torch.equal(searched.verts(), kept.verts())
-
-
 def test_a_resumed_run_has_the_turn_of_its_checkpoint_and_does_not_search(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = placed("quadruped", 180.0)
     whole = deformation(mesh, steps=4)
@@ -120,12 +112,6 @@ def test_a_continued_run_takes_the_turn_of_its_origin(monkeypatch: pytest.Monkey
         guidance = score_distillation(prior(), "a fish", settings)
         found = Deformation(mesh, guidance, settings, initial=initial).orientation
         assert (found.turn_deg, found.source) == expected
-
-
-def test_a_target_has_no_front() -> None:
-    settings = params(guidance="target")
-    mesh = placed("quadruped")
-    assert Deformation(mesh, TargetGuidance(mesh), settings).orientation == Orientation()
 
 
 class _Grades:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from meshdeform.deformation.path import ShapePath
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.mesh import TriangleMesh, edges_of
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
@@ -45,26 +45,9 @@ def turned(verts: Tensor, degrees: float) -> Tensor:
     return verts @ torch.tensor([[c, 0, -s], [0, 1, 0], [s, 0, c]], dtype=torch.float64)
 
 
-def twist(verts: Tensor, degrees: float) -> Tensor:
-    angle = math.radians(degrees) * (verts[:, 1] / LENGTH + 0.5)
-    x, y, z = verts.unbind(1)
-    return torch.stack([x * angle.cos() + z * angle.sin(), y, z * angle.cos() - x * angle.sin()], 1)
-
-
 def volume(mesh: TriangleMesh, verts: Tensor) -> float:
     a, b, c = verts[mesh.faces].unbind(1)
     return float((a * torch.linalg.cross(b, c)).sum() / 6)
-
-
-def length_along(verts: Tensor) -> float:
-    """Return the mean length of the bar's edges that are along Y at rest."""
-    a, b = edges_of(BAR.faces).edges.T
-    along = (BAR.verts[a] - BAR.verts[b])[:, [0, 2]].abs().sum(1) < 1e-9
-    return float((verts[a] - verts[b]).norm(dim=1)[along].mean())
-
-
-def flips(mesh: TriangleMesh, verts: Tensor) -> int:
-    return measure(mesh.verts.numpy(), mesh.faces.numpy(), verts.numpy()).flipped_faces
 
 
 @each_case("mesh", [BAR, train()])
@@ -79,25 +62,13 @@ def test_the_ends_are_exact(mesh: TriangleMesh) -> None:
 
 
 @each_case("share", SHARES)
-def test_a_bend_of_120_degrees_keeps_lengths_and_volume_where_straight_lines_do_not(share: float) -> None:
-    result = bend(BAR.verts, 120)
-    shape = ShapePath(BAR, result).at(share)
-    # A bend by that share of the angle, up to 0.3 % of the length.
-    assert_close(shape, bend(BAR.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
-    straight = (1 - share) * BAR.verts + share * result
-    whole = volume(BAR, BAR.verts)
-    assert abs(volume(BAR, shape) / whole - 1) < 0.002
-    assert volume(BAR, straight) / whole < 0.8
-    assert abs(length_along(shape) / length_along(BAR.verts) - 1) < 0.002
-    assert length_along(straight) / length_along(BAR.verts) < 0.9
-    assert flips(BAR, shape) == 0
-
-
-@each_case("share", SHARES)
-def test_components_stay_together(share: float) -> None:
-    mesh = train()
-    shape = ShapePath(mesh, bend(mesh.verts, 120)).at(share)
-    assert_close(shape, bend(mesh.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
+def test_a_bend_of_120_degrees_keeps_lengths_and_volume_and_parts_together(share: float) -> None:
+    for mesh in (BAR, train()):
+        shape = ShapePath(mesh, bend(mesh.verts, 120)).at(share)
+        # A bend by that share of the angle, up to 0.3 % of the length.
+        assert_close(shape, bend(mesh.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
+        assert abs(volume(mesh, shape) / volume(mesh, mesh.verts) - 1) < 0.002
+        assert measure(mesh.verts.numpy(), mesh.faces.numpy(), shape.numpy()).flipped_faces == 0
 
 
 @each_case("degrees", [179.9, 180.0, 180.1])
@@ -109,13 +80,6 @@ def test_a_half_turn_is_a_turn_of_all_faces_in_one_direction(degrees: float) -> 
     assert abs(volume(mesh, half) / volume(mesh, mesh.verts) - 1) < 0.02
     centres = half[: len(half) // 2].mean(0), half[len(half) // 2 :].mean(0)
     assert float((centres[1] - centres[0]).norm()) == pytest.approx(3.0, abs=0.02)
-
-
-@each_case("share", SHARES)
-def test_a_twist_by_more_than_a_half_turn(share: float) -> None:
-    shape = ShapePath(BAR, twist(BAR.verts, 300)).at(share)
-    assert abs(volume(BAR, shape) / volume(BAR, twist(BAR.verts, 300 * share)) - 1) < 0.02
-    assert flips(BAR, shape) == 0
 
 
 def test_beyond_the_result_it_goes_on() -> None:
@@ -136,15 +100,6 @@ def test_what_both_ends_have_in_the_same_place_stays() -> None:
     result = torch.where(still[:, None], BAR.verts, BAR.verts + (BAR.verts[:, 1:2] + 1.0) ** 2)
     half = ShapePath(BAR, result).at(0.5)
     assert float((half - BAR.verts)[BAR.verts[:, 1] < -1.5].abs().max()) < 0.005 * LENGTH
-
-
-def test_collapsed_faces_and_flat_results() -> None:
-    # A box with a face without area, flattened to a sheet: its faces have no rotation of their own.
-    verts = torch.cat([box(2).verts, box(2).verts[:2].mean(0, keepdim=True)])
-    mesh = TriangleMesh(verts, torch.cat([box(2).faces, torch.tensor([[0, 1, len(verts) - 1]])]))
-    flat = verts * torch.tensor([1.0, 0.0, 1.0])
-    half = ShapePath(mesh, flat.double()).at(0.5)
-    assert_close(half, (verts + flat) / 2, atol=1e-6, rtol=0)
 
 
 def test_another_number_of_vertices_is_refused() -> None:

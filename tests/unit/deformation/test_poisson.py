@@ -19,6 +19,7 @@ from tests.close import assert_close
 from training.shapes import box, cylinder, grid, torus, uv_sphere
 
 F64 = torch.float64
+BALL = icosphere(1)
 MESHES = [
     icosphere(2),
     box(3),
@@ -27,6 +28,10 @@ MESHES = [
     uv_sphere(8, 40),
     cylinder(capped=False),
     join(icosphere(1), grid(2), torus(n=8, m=5)),
+    # Doubled, flipped and not a manifold.
+    TriangleMesh(
+        BALL.verts, torch.cat([BALL.faces, BALL.faces[:7], BALL.faces[3:9].flip(1), torch.tensor([[0, 1, 2]])])
+    ),
 ]
 
 
@@ -80,12 +85,6 @@ def test_the_backward_pass_is_the_gradient(mesh: TriangleMesh) -> None:
     assert torch.autograd.gradcheck(system.solve, (random(len(mesh.faces), 3, 3).requires_grad_(),))
 
 
-def test_the_gradient_through_collapsed_faces() -> None:
-    mesh = soup([[0, 0, 0], [2, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0]], [[0, 1, 3], [0, 1, 2], [0, 4, 2], [2, 4, 1]])
-    system = PoissonSystem(mesh)
-    assert torch.autograd.gradcheck(system.solve, (random(4, 3, 3).requires_grad_(),))
-
-
 def soup(verts: list[list[float]], faces: list[list[int]]) -> TriangleMesh:
     return TriangleMesh(torch.tensor(verts, dtype=F64), torch.tensor(faces, dtype=torch.int64).reshape(-1, 3))
 
@@ -101,21 +100,6 @@ def test_unused_vertices_keep_their_place() -> None:
     found[0].sum().backward()
     assert variable.grad is not None
     assert variable.grad.abs().max() == 0
-
-
-def test_a_mesh_without_faces_stays() -> None:
-    mesh = soup([[0, 0, 0], [1, 2, 3]], [])
-    assert torch.equal(PoissonSystem(mesh).solve(torch.zeros(0, 3, 3, dtype=F64)), mesh.verts)
-
-
-def test_doubled_flipped_and_non_manifold_faces_are_normal_input() -> None:
-    ball = icosphere(1)
-    fin = torch.tensor([[0, 1, 2]])
-    mesh = TriangleMesh(ball.verts, torch.cat([ball.faces, ball.faces[:7], ball.faces[3:9].flip(1), fin]))
-    system = PoissonSystem(mesh)
-    wanted = mesh.verts + 0.1 * random(*mesh.verts.shape)
-    found = system.solve(jacobians_from_verts(gradient_operator(mesh), wanted))
-    assert_close(centred(system, found), centred(system, wanted), atol=1e-11, rtol=0)
 
 
 def test_a_vertex_within_a_collapsed_edge_follows_that_edge() -> None:
@@ -140,7 +124,7 @@ def test_what_only_a_collapsed_face_connects_turns_as_one() -> None:
     assert_close(centred(system, found), centred(system, mesh.verts) @ turn.T, atol=1e-8, rtol=0)
 
 
-@each_case("height", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13, 1e-16, 0.0])
+@each_case("height", [1e-2, 1e-6, 1e-10, 1e-16, 0.0])
 def test_needles_of_any_thinness_do_not_break_the_factor(height: float) -> None:
     """A grid whose rows are squeezed: every other row of triangles is that thin."""
     flat = grid(8)

@@ -75,11 +75,6 @@ def test_bodies_keep_their_shape_and_everything_else_is_as_without_them() -> Non
             assert (weights * (turned - plain[verts]) ** 2).sum() > error
 
 
-def test_a_field_without_bodies_is_the_plain_one_bit_for_bit() -> None:
-    assert torch.equal(placed(bent(LatticeField(CART, bodies=[]))), placed(bent(LatticeField(CART))))
-    assert_close(placed(LatticeField(CART, bodies=BODIES)), CART.verts, atol=1e-12, rtol=0)
-
-
 @each_case("mode", [RIGID, SIMILARITY])
 @each_case("shape", ["round", "flat", "line", "point"])
 def test_the_gradient_is_that_of_finite_differences(mode: Rigidity, shape: str) -> None:

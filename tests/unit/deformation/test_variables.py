@@ -21,13 +21,6 @@ KINDS = (JacobianField, VertexDisplacements)
 
 
 @each_case("kind", KINDS)
-def test_they_begin_at_rest_without_any_strain(kind: Callable[[TriangleMesh], Variables]) -> None:
-    variables = kind(MESH)
-    assert_close(placed(variables), MESH.verts, atol=1e-9, rtol=0)
-    assert float(variables.jacobian_penalty().detach()) == pytest.approx(0.0, abs=1e-12)
-
-
-@each_case("kind", KINDS)
 def test_a_stretch_is_measured_alike(kind: Callable[[TriangleMesh], Variables]) -> None:
     variables = kind(MESH)
     stretch = torch.tensor([1.0, 1.5, 1.0], dtype=torch.float64)
@@ -40,21 +33,6 @@ def test_a_stretch_is_measured_alike(kind: Callable[[TriangleMesh], Variables]) 
     # Along a normal there is no edge that could say how it is stretched; what there is, is bounded by the whole.
     strain = float(variables.jacobian_penalty().detach())
     assert 0.5 * 0.25 < strain <= 0.25 + 1e-9
-
-
-def test_a_pull_on_one_vertex_moves_it_alone_or_the_surface_with_it() -> None:
-    reach = {}
-    for kind in KINDS:
-        variables = kind(MESH)
-        before = placed(variables)
-        before[0, 1].backward()
-        with torch.no_grad():
-            for tensor in variables.tensors.values():
-                tensor += 0.1 * tensor.grad
-        moved = (placed(variables).detach() - before.detach()).norm(dim=1)
-        reach[kind] = float((moved > 0.05 * moved.max()).double().mean())
-    assert reach[VertexDisplacements] < 0.02
-    assert reach[JacobianField] > 0.2
 
 
 def test_a_checkpoint_of_the_other_kind_is_refused() -> None:
@@ -125,11 +103,3 @@ def test_every_step_is_that_of_torch_to_the_last_bit(dtype: torch.dtype) -> None
     for mine, its in zip(ours, theirs, strict=True):
         assert torch.equal(mine, its)
         assert torch.equal(pair[0].state[mine]["exp_avg_sq"], pair[1].state[its]["exp_avg_sq"])
-
-
-def test_what_has_no_gradient_stays() -> None:
-    x = torch.ones(3, requires_grad=True)
-    optimizer = Adam([{"params": [x], "lr": 0.1}])
-    optimizer.step()
-    assert torch.equal(x, torch.ones(3))
-    assert optimizer.state == {}
