@@ -29,14 +29,6 @@ def test_the_papers_suite_is_listed_whole_with_the_papers_parameters() -> None:
     assert (found["model"], found["checkpoints"], found["warnings"]) == ("some/checkpoint", [100, 5000], [])
 
 
-def test_for_people_there_is_a_line_for_each_deformation() -> None:
-    text = listing(plan("small", "builtin", judge="builtin"), limit=12)
-    lines = text.splitlines()
-    assert sum(line.endswith("(seed 0)") for line in lines) == 12
-    assert "12 deformations, 2,400 steps, into somewhere" in text
-    assert "warning" not in text
-
-
 @each_case(("model", "said"), [("some/checkpoint", "--judge none"), ("builtin", "--prior sd")])
 def test_what_the_run_would_refuse_is_said(model: str, said: str) -> None:
     assert said in listing(plan("paper", model, judge="builtin"))
