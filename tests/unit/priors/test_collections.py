@@ -13,8 +13,8 @@ from meshdeform.priors.builtin.teaching.deformed import Part, normalised
 from meshdeform.priors.builtin.teaching.pictures import four_views
 from tests.cases import each_case
 from training.collections.members import RealShapes
-from training.collections.nouns import NOUNS, noun_of
-from training.collections.scan import Drawn, Found, candidates, counts, same, scan, set_fronts, standing_alike
+from training.collections.nouns import noun_of
+from training.collections.scan import Drawn, Found, counts, same, scan, set_fronts
 from training.collections.sources import HELD_OUT, JUDGE, PRIOR, collection_of, pack_of, split_of
 from training.prior.families import member
 
@@ -38,13 +38,6 @@ KAYKIT, KENNEY = "KayKit-Game-Assets+Furniture/addons/furniture/Assets/gltf", "K
 )
 def test_the_words_of_a_name_say_what_a_file_shows(name: str, noun: str | None) -> None:
     assert noun_of(name) == noun
-
-
-def test_a_phrase_belongs_to_one_noun() -> None:
-    table = (Path(scan.__code__.co_filename).parent / "nouns.txt").read_text().replace("\n    ", " ").splitlines()[2:]
-    phrases = [phrase.strip() for line in table for phrase in line.partition(": ")[2].split(";")]
-    assert len(phrases) == len(set(phrases))
-    assert [line.partition(":")[0] for line in table] == sorted(NOUNS)
 
 
 def test_a_pack_is_an_authors_set_of_things() -> None:
@@ -103,13 +96,6 @@ def test_a_packs_habit_turns_its_files_and_a_clear_front_turns_one() -> None:
     assert fronts["alone"] == 0
 
 
-def test_a_long_thing_that_lies_where_others_stand_is_left_out() -> None:
-    sword = member("sword", (), np.random.default_rng(0))
-    lying = Part(sword.verts[:, [0, 2, 1]], sword.faces)
-    files = [_seen("sword", sword, "a"), _seen("sword", sword, "b"), _seen("sword", lying, "c")]
-    assert [found.path for found, _ in standing_alike(files)] == ["a", "b"]
-
-
 @pytest.fixture(scope="module")
 def scanned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of collections with a copy, an unreadable file, a tile and an asset of the tests; its index."""
@@ -121,16 +107,6 @@ def scanned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / KENNEY / "chair.glb").write_bytes(b"glTF")
     scan(folder, folder / "out", [EXAMPLES / "sphere.glb"])
     return folder / "out"
-
-
-def test_of_a_market_of_many_creators_only_the_authors_models_are_taken(tmp_path: Path) -> None:
-    for name, info in {"can": '{"creator": "kenney"}', "pan": '{"creator": "somebody"}', "pot": None}.items():
-        folder = tmp_path / "pmndrs+market-assets" / "files" / "models" / name
-        folder.mkdir(parents=True)
-        (folder / "model.gltf").touch()
-        if info:
-            (folder / "info.json").write_text(info)
-    assert [found.noun for found, _ in candidates(tmp_path)] == ["can"]
 
 
 def test_a_scan_keeps_each_shape_once_and_says_what_it_left_out(scanned: Path) -> None:

@@ -24,10 +24,8 @@ from training.prior.held_out import (
     FOURTH_EDITION,
     SECOND_EDITION,
     THIRD_EDITION,
-    attributes_of,
     held_out_pairs,
     is_held_out,
-    unseen_pairs,
 )
 
 
@@ -148,22 +146,14 @@ def test_every_suggestion_is_a_prompt_that_is_accepted(words: list[str]) -> None
         ("a chair with thick legs", "'short' or 'long'"),
         ("a big dog", "scaled to fit"),
         ("a dog with long legs and short legs", "opposite"),
+        ("a tall thin bent twisted vase", "at most 3"),
+        ("  ", r"\w"),
+        ("?!", r"\w"),
     ],
 )
 def test_what_cannot_be_made_is_refused(prompt: str, says: str) -> None:
-    with pytest.raises(VocabularyError, match=says):
+    with pytest.raises((PromptError, VocabularyError), match=says):
         parse(prompt)
-
-
-@each_case("prompt", ["", "  ", "?!"])
-def test_an_empty_prompt_is_its_own_error(prompt: str) -> None:
-    with pytest.raises(PromptError):
-        parse(prompt)
-
-
-def test_too_many_attributes_are_refused() -> None:
-    with pytest.raises(PromptError, match="at most 3"):
-        parse("a tall thin bent twisted vase")
 
 
 @st.composite
@@ -182,21 +172,9 @@ def _parsed(draw: st.DrawFn) -> ParsedPrompt:
 def test_plain_english_of_a_meaning_parses_back_to_it(parsed: ParsedPrompt) -> None:
     assert parse(str(parsed)) == parsed
     assert parse(str(parsed).upper()) == parsed
-
-
-@given(_parsed())
-def test_tokens_number_the_vocabulary(parsed: ParsedPrompt) -> None:
     numbers = tokenise(parsed)
     assert len(numbers) == SEQUENCE_LENGTH
     assert tuple(VOCABULARY[number] for number in numbers if number) == parsed.tokens
-
-
-def test_every_synonym_leads_to_a_word_that_is_known() -> None:
-    assert set(vocabulary.NOUN_SYNONYMS.values()) <= set(NOUNS)
-    assert set(vocabulary.ADJECTIVE_SYNONYMS.values()) <= set(vocabulary.ADJECTIVES)
-    assert set(vocabulary.PART_SYNONYMS.values()) <= set(vocabulary.PARTS)
-    assert not set(vocabulary.NOUN_SYNONYMS) & set(NOUNS)
-    assert {part for parts in NOUNS.values() for part in parts} == set(vocabulary.PARTS)
 
 
 def test_the_vocabulary_is_as_large_as_promised_and_has_no_doubles() -> None:
@@ -228,6 +206,8 @@ def test_the_grammar_needs_neither_torch_nor_numpy() -> None:
         ("a short neck giraffe", "a giraffe with a short neck"),
         ("blurry", None),
         ("", None),
+        ("a rabbit", None),
+        ("Rabbits", None),
     ],
 )
 def test_a_negative_prompt_is_a_prompt_or_attributes_of_the_prompts_noun(negative: str, meaning: str | None) -> None:
@@ -236,41 +216,6 @@ def test_a_negative_prompt_is_a_prompt_or_attributes_of_the_prompts_noun(negativ
             parse_negative(negative, "a rabbit")
     else:
         assert str(parse_negative(negative, "a rabbit")) == meaning
-
-
-@each_case("negative", ["a thin vase", "thin", "Thin vases"])
-def test_a_negative_prompt_that_is_the_prompt_is_refused(negative: str) -> None:
-    with pytest.raises(PromptError, match="means the same"):
-        parse_negative(negative, "a thin vase")
-
-
-@pytest.mark.training
-def test_about_a_tenth_of_the_pairs_is_held_out() -> None:
-    pairs = held_out_pairs()
-    assert len(set(pairs)) == len(pairs)
-    assert 0.07 < len(pairs) / sum(len(attributes_of(noun)) for noun in NOUNS) < 0.13
-    for noun, attribute in pairs:
-        assert parse(str(ParsedPrompt(noun, (attribute,)))).attributes == (attribute,)
-
-
-@pytest.mark.training
-def test_every_noun_keeps_most_of_its_attributes_and_every_attribute_most_of_its_nouns() -> None:
-    for noun in NOUNS:
-        able = attributes_of(noun)
-        assert sum(not is_held_out(noun, attribute) for attribute in able) >= 0.6 * len(able), noun
-    for attribute in ATTRIBUTES:
-        nouns = [noun for noun in NOUNS if attribute in attributes_of(noun)]
-        assert nouns
-        assert sum(not is_held_out(noun, attribute) for noun in nouns) > 0.5 * len(nouns), attribute
-
-
-@pytest.mark.training
-def test_unseen_pairs_have_a_word_that_the_first_edition_had_not() -> None:
-    assert len(unseen_pairs()) >= 15
-    assert set(unseen_pairs()) < set(held_out_pairs())
-    for noun, attribute in held_out_pairs():
-        new = bool({noun, attribute.degree, attribute.part} & (SECOND_EDITION | THIRD_EDITION | FOURTH_EDITION))
-        assert ((noun, attribute) in unseen_pairs()) == new
 
 
 def test_the_rule_is_a_matter_of_names_alone() -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from meshdeform.errors import DependencyError, ModelError
-from meshdeform.priors import catalogue, check_model
+from meshdeform.priors import check_model
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, parse
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.priors.catalogue import EXAMPLES, list_models
@@ -74,20 +74,19 @@ def test_a_hub_id_is_found_in_the_cache_with_its_commit(hub_cache: Path) -> None
     for revision in ("", "main", COMMIT):
         check_model(HUB_ID, revision)
         assert find(HUB_ID, revision).revision == COMMIT
+    with pytest.raises(ModelError, match="at revision v2 is not"):
+        check_model(HUB_ID, "v2")
 
 
 @each_case("revision", ["", "fp16"])
-def test_a_hub_id_that_is_not_here_names_the_command_and_the_setting(tmp_path: Path, revision: str) -> None:
+def test_a_hub_id_that_is_not_here_names_the_command_and_the_setting(revision: str) -> None:
     with pytest.raises(ModelError, match="is not on this machine") as caught:
         check_model("nobody/nothing", revision)
     command = f"hf download nobody/nothing{' --revision fp16' if revision else ''}"
     assert command in caught.value.advice_text
     assert "MESHDEFORM_MODEL" in caught.value.advice_text
-
-
-def test_an_unknown_revision_of_a_cached_model_is_not_here(hub_cache: Path) -> None:
-    with pytest.raises(ModelError, match="at revision v2 is not"):
-        check_model(HUB_ID, "v2")
+    found = list_models("nobody/nothing")[0]
+    assert (found.title, found.available, found.vocabulary) == ("nothing", False, None)
 
 
 @each_case("name", ["/no/such/folder", "./nothing", "a/b/c", "../up", "two words", "-rf/x"])
@@ -127,9 +126,12 @@ def test_pickled_weights_are_refused_by_name(checkpoint: Path, pickle: str) -> N
     assert "save_pretrained" in caught.value.advice_text
 
 
-def test_half_precision_files_are_taken_where_there_are_no_others(checkpoint: Path) -> None:
-    weights = checkpoint / "vae" / "diffusion_pytorch_model.safetensors"
-    weights.rename(weights.with_name("diffusion_pytorch_model.fp16.safetensors"))
+def test_files_of_half_precision_are_taken_if_asked_for_or_where_there_are_no_others(checkpoint: Path) -> None:
+    for name in ("text_encoder/model", "unet/diffusion_pytorch_model", "vae/diffusion_pytorch_model"):
+        shutil.copy(checkpoint / f"{name}.safetensors", checkpoint / f"{name}.fp16.safetensors")
+    assert {part.variant for part in find(str(checkpoint)).parts.values()} == {""}
+    assert {part.variant for part in find(str(checkpoint), half=True).parts.values()} == {"fp16"}
+    (checkpoint / "vae" / "diffusion_pytorch_model.safetensors").unlink()
     parts = find(str(checkpoint)).parts
     assert (parts["vae"].variant, parts["unet"].variant) == ("fp16", "")
 
@@ -146,24 +148,25 @@ def test_weights_in_several_files_are_all_needed(checkpoint: Path) -> None:
     assert names == ["part-1.safetensors", "part-2.safetensors"]
 
 
-def test_a_git_lfs_pointer_is_not_taken_for_weights(checkpoint: Path) -> None:
-    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 3460000000\n"
-    (checkpoint / "unet" / "diffusion_pytorch_model.safetensors").write_text(pointer)
-    with pytest.raises(ModelError, match="git-lfs pointer"):
+@each_case(
+    ("file", "text", "words"),
+    [
+        ("model_index.json", "{", r"model_index\.json"),
+        ("model_index.json", "[]", r"model_index\.json"),
+        ("model_index.json", '{"_class_name": "StableDiffusionXLPipeline"}', "is a StableDiffusionXLPipeline"),
+        (
+            "unet/diffusion_pytorch_model.safetensors",
+            "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 3460000000\n",
+            "git-lfs pointer",
+        ),
+    ],
+)
+def test_a_file_that_is_no_such_file_is_one_clear_error(checkpoint: Path, file: str, text: str, words: str) -> None:
+    before = (checkpoint / file).read_text()
+    (checkpoint / file).write_text(text)
+    with pytest.raises(ModelError, match=words):
         check_model(str(checkpoint))
-
-
-@each_case("text", ["{", "[]", ""])
-def test_a_broken_index_is_one_clear_error(checkpoint: Path, text: str) -> None:
-    (checkpoint / "model_index.json").write_text(text)
-    with pytest.raises(ModelError, match=r"model_index\.json"):
-        check_model(str(checkpoint))
-
-
-def test_another_kind_of_pipeline_is_refused(checkpoint: Path) -> None:
-    (checkpoint / "model_index.json").write_text('{"_class_name": "StableDiffusionXLPipeline"}')
-    with pytest.raises(ModelError, match="is a StableDiffusionXLPipeline"):
-        check_model(str(checkpoint))
+    (checkpoint / file).write_text(before)
 
 
 def without(monkeypatch: pytest.MonkeyPatch, *missing: str) -> None:
@@ -184,11 +187,6 @@ def test_an_environment_that_runs_no_models_leaves_it_to_the_worker(monkeypatch:
     without(monkeypatch, "torch", "diffusers", "transformers")
     check_model("nobody/nothing")
     check_model("/only/on/the/worker")
-
-
-def test_builtin_needs_no_files_of_these(monkeypatch: pytest.MonkeyPatch) -> None:
-    without(monkeypatch, "torch", "diffusers", "transformers")
-    check_model("builtin")
 
 
 def test_checking_loads_neither_torch_nor_numpy(checkpoint: Path) -> None:
@@ -233,20 +231,7 @@ def test_the_default_comes_first_and_each_model_once() -> None:
     assert [model.title for model in found] == ["one", "Builtin", "two"]
 
 
-def test_a_model_that_is_not_there_says_why() -> None:
-    model = list_models("/nowhere/sd21/")[0]
-    assert (model.title, model.available, model.vocabulary) == ("sd21", False, None)
-    assert model.problem is not None
-    assert "/nowhere/sd21" in model.problem or "diffusers" in model.problem
-
-
 def test_a_folder_has_the_licence_that_its_card_states(tmp_path: Path) -> None:
     (tmp_path / "README.md").write_text("---\nlicense: mit\n---\nA model.")
     builtin, model = list_models("builtin", [str(tmp_path)])
     assert (builtin.licence, model.licence) == ("Apache-2.0", "mit")
-
-
-def test_where_no_model_could_run_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(catalogue.importlib.util, "find_spec", lambda name: None)
-    model = list_models("owner/one")[0]
-    assert (model.available, model.problem) == (None, None)

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import json
 import shutil
-import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 import safetensors.torch
@@ -19,29 +17,19 @@ from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
-from meshdeform.client import Client
 from meshdeform.errors import ModelError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
-from meshdeform.priors.model_files import find
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
-from meshdeform.requests.groups import grouped
-from meshdeform.runs import start_run
-from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.fakes import build_tiny_stable_diffusion
-from tests.integration.conftest import DEADLINE_S, serving
-from tests.worker_world import working
 
 SCHEDULER = {"beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear", "num_train_timesteps": 1000}
 PNDM = SCHEDULER | {"_class_name": "PNDMScheduler", "skip_prk_steps": True, "set_alpha_to_one": False}
 DDIM = SCHEDULER | {"_class_name": "DDIMScheduler", "clip_sample": False, "steps_offset": 1}
 VELOCITY = DDIM | {"prediction_type": "v_prediction"}
 EULER = SCHEDULER | {"_class_name": "EulerDiscreteScheduler", "timestep_spacing": "trailing"}
-WHOLE = {"preset": "preview", "steps": 1, "safeguard": "none"}
 TAKEN = ("sd15", "sd21-base", "sd21-v", "zero-snr", "sd21-fp16", "sd15-parts")
-SERVED = ("sd21-v", "sd21-fp16", "sd15-parts")
-"""Of these a service runs a job, too: one of each way in which folders differ."""
 
 
 def change(path: Path, **members: object) -> None:
@@ -114,49 +102,6 @@ def test_each_layout_goes_through_run(layouts: Path, ball: Path, tmp_path: Path)
     # The same weights in several files make the same result; another edition, schedule or precision another one.
     assert moved["sd15-parts"] == moved["sd15"]
     assert len(set(moved.values())) == len(TAKEN) - 1
-
-
-@pytest.fixture
-def service(layouts: Path, tmp_path: Path, redis_server_url: str) -> Iterator[tuple[str, list[str]]]:
-    """A service that offers every layout; its URL, and the models that its worker loaded."""
-    settings = Settings(
-        data_dir=tmp_path / "data",
-        redis_url=redis_server_url,
-        queue=f"test-{uuid.uuid4().hex}",
-        allowed_models=[str(layouts / name) for name in TAKEN],
-    )
-    loaded: list[str] = []
-
-    def load(model: str) -> Any:
-        loaded.append(Path(model).name)
-        return load_prior(model, device="cpu")
-
-    with serving(settings) as url, working(settings, start_run, load):
-        yield url, loaded
-
-
-def test_layouts_go_through_a_service(service: tuple[str, list[str]], layouts: Path, ball: Path) -> None:
-    url, loaded = service
-    with Client(url) as client:
-        models = {model.id: model for model in client.models().models}
-        assert all(models[name].available for name in TAKEN), models
-        jobs = {name: client.submit(ball, "a pear", params=grouped({**WHOLE, "model": name})) for name in SERVED}
-        reports = {}
-        for name, job in jobs.items():
-            done = client.wait(job, timeout_s=DEADLINE_S)
-            assert done.state.value == "succeeded", done.error
-            reports[name] = json.loads(client.read(job.id, "report.json"))
-            assert str(layouts) not in json.dumps(reports[name])
-        for name in SERVED:
-            guidance = reports[name]["guidance"]
-            assert (guidance["id"], guidance["sha256"]) == (name, find(str(layouts / name)).sha256())
-        assert tuple(loaded) == SERVED
-        tokenizer = layouts / "sd21-v" / "tokenizer"
-        aside = tokenizer.rename(tokenizer.with_name("aside"))
-        with pytest.raises(ModelError, match="has no tokenizer") as caught:
-            client.submit(ball, "a pear", params=grouped({**WHOLE, "model": "sd21-v"}))
-        assert str(layouts) not in str(caught.value)
-        aside.rename(tokenizer)
 
 
 def test_a_schedule_that_ends_in_pure_noise_gives_finite_noise(layouts: Path) -> None:

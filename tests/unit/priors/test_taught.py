@@ -316,11 +316,3 @@ def test_the_shipped_rehearsal_shows_every_noun_and_is_what_its_command_draws(tm
         assert torch.equal(one.single, other.single)
     assert len(again.training) == 6
     assert len(again.held_out) == 2
-
-
-@each_case("content", [b"", b"no zip"])
-def test_a_damaged_rehearsal_says_what_to_do(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "rehearsal.zip"
-    path.write_bytes(content)
-    with pytest.raises(ModelError, match=r"rehearsal.zip.*cannot be read"):
-        shipped_pictures(BUILTIN_WORDS, path)

@@ -11,7 +11,6 @@ from meshdeform.judge.scoring import JudgeNetwork, read_judge
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from meshdeform.priors.builtin.vocabulary import NOUNS
-from tests.cases import each_case
 from training.judge import train as judge_training
 from training.prior import train
 
@@ -37,13 +36,6 @@ def test_the_prior_is_trained_for_a_step_and_written(tmp_path: Path, monkeypatch
     assert network.config == small
     assert metadata["steps"] == "1"
     assert sorted(path.name for path in cache.iterdir()) == ["bowl.safetensors", "heart.safetensors"]
-
-
-@each_case("odds", ["dragonfly=1", "bowl", "bowl=-1", "bowl=often"])
-def test_odds_that_are_no_noun_and_number_are_refused(odds: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["train", "--cache", "nowhere", "--odds", odds])
-    with pytest.raises(SystemExit, match="2"):
-        train.main()
 
 
 def test_the_judge_is_trained_for_a_step_calibrated_and_written(

@@ -48,7 +48,3 @@ def test_every_route_asks_who_it_is_but_those_that_are_named_here(document: dict
 )
 def test_guesses_are_counted_for_a_sender_not_for_each_of_its_addresses(host: str, counted_for: str) -> None:
     assert _peer(Request({"type": "http", "client": (host, 1)})) == counted_for
-
-
-def test_a_sender_without_an_address_is_one_too() -> None:
-    assert _peer(Request({"type": "http", "client": None})) == ""

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from meshdeform.errors import UnavailableError
 from service.http.limits import _MOST_BUCKETS, Buckets, FairSlots, Rate, RateLimiter
-from tests.cases import each_case
 
 
 async def settle() -> None:
@@ -100,11 +99,6 @@ def test_waiting_ends_with_an_error_that_says_why() -> None:
 # The bucket's arithmetic, with a clock of the test's own.
 
 
-@each_case(("per_minute", "burst"), [(1, 1), (5, 5), (10, 10), (60, 10), (100, 10), (600, 60), (6000, 600)])
-def test_a_tenth_may_come_at_once(per_minute: int, burst: int) -> None:
-    assert Rate.of(per_minute).burst == burst
-
-
 def test_a_burst_then_one_for_each_interval() -> None:
     buckets, rate = Buckets(), Rate(per_minute=60, burst=3)
     first = [buckets.take("key", rate, now=100.0) for _ in range(4)]
@@ -141,14 +135,6 @@ def test_who_waits_as_long_as_told_gets_in() -> None:
         if verdict.wait_s:
             now += verdict.wait_s
             assert not buckets.take("key", rate, now).wait_s
-
-
-def test_what_is_given_back_does_not_count() -> None:
-    buckets, rate = Buckets(), Rate(per_minute=1, burst=1)
-    assert not buckets.take("peer", rate, now=0.0).wait_s
-    buckets.give_back("peer", rate)
-    assert not buckets.take("peer", rate, now=0.0).wait_s
-    assert buckets.take("peer", rate, now=0.0).wait_s
 
 
 def test_an_attack_from_many_addresses_does_not_fill_the_memory() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from bench.parametric_families import CLASSES, PARTS, family
+from bench.parametric_families import PARTS, family
 from meshdeform.assets import load_asset
 from meshdeform.kinds.families.collection import Collection, sample_shape, turned_alike
 from meshdeform.kinds.families.inference import Inference
@@ -49,48 +49,6 @@ def stacked(shapes):
         torch.from_numpy(np.stack([getattr(s, n) for s in shapes])).float() for n in ("points", "normals")
     )
     return points, normals, torch.stack([s.features for s in shapes]), torch.stack([s.neighbours for s in shapes])
-
-
-def test_the_members_of_a_family_are_closed_and_correspond():
-    for name in PARTS:
-        members = family(name, 2 * len(CLASSES[name]))
-        assert [m.kind for m in members[: len(CLASSES[name])]] == list(CLASSES[name])
-        for member in members:
-            surface = load_asset(member.glb(), member.name).surface
-            assert len(surface.triangles) == len(member.parts())
-            for _, solid in member.solids.values():
-                a, b, c = solid.verts[solid.faces].transpose(1, 0, 2)
-                assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
-        shape = sample_shape(surface.positions, surface.triangles, 30, 0)
-        itself = member.counterparts(member, shape.triangles, shape.weights)
-        np.testing.assert_allclose((itself - shape.centre) / shape.diagonal, shape.points, atol=1e-6)
-
-
-def test_copies_stretched_along_the_axes_are_matched_exactly():
-    torch.manual_seed(0)
-    _, (shape,), _ = sampled("chairs", 1, 80)
-    points, normals, features, neighbours = (each[0] for each in stacked([shape]))
-    order = [torch.arange(80)] + [torch.randperm(80) for _ in range(9)]
-    copies = []
-    for number, places in enumerate(order):
-        matrix = torch.diag(0.6 + 0.8 * torch.rand(3)) if number else torch.eye(3)
-        moved = points[places] @ matrix.T
-        moved = moved - (moved.amax(0) + moved.amin(0)) / 2
-        copies.append(moved / (moved.amax(0) - moved.amin(0)).norm())
-    inverse = [p.argsort() for p in order]
-    found = Collection.of(
-        torch.stack(copies),
-        torch.stack([normals[p] for p in order]),
-        torch.stack([features[p] for p in order]),
-        torch.stack([inverse[i][neighbours[p]] for i, p in enumerate(order)]),
-        turn=False,
-    )
-    inference = Inference.start(found, torch.full((10, 80), -1), 40, 4)
-    for _ in range(15):
-        inference.step()
-    for t in range(1, 10):
-        assert torch.equal(order[t][dense_matches(inference, 0, t)], torch.arange(80))
-        assert torch.equal(inference.parts[t].argmax(1), inference.parts[0].argmax(1)[order[t]])
 
 
 def test_parts_and_correspondences_are_found_from_few_labels():

@@ -7,7 +7,7 @@ import math
 import torch
 
 from meshdeform.kinds.families.learning import Learning
-from meshdeform.kinds.families.machine import STRONGEST, BetaMachine, layer_sizes
+from meshdeform.kinds.families.machine import STRONGEST, BetaMachine
 
 
 def planted(shapes=300, strength=200.0):
@@ -53,21 +53,6 @@ def test_samples_of_a_planted_machine_recover_its_parameters():
     assert 0.5 < float(expected / variance) < 2
     assert all((machine.weights[name] >= 0).all() for name in ("a0", "b0", "a", "b", "c", "d"))
     assert math.isfinite(learning.best_error)
-
-
-def test_the_top_layer_tells_two_kinds_apart_which_both_parts_show():
-    # The parts meet in the second layer alone.
-    random = torch.Generator().manual_seed(3)
-    labels = torch.tensor([0] * 6 + [1] * 6)
-    kind = (torch.arange(40) % 2).float()
-    low = torch.rand(12, 3, generator=random) * 0.2 + 0.3
-    mean = low + 0.1 * torch.sign(torch.randn(12, 3, generator=random)) * kind[:, None, None]
-    points = mean + 0.01 * torch.randn(40, 12, 3, generator=random)
-    exists = torch.ones(40, 12)
-    learning = learned(points, exists, labels, random, 300, (4, 3, 2))
-    machine = learning.finished()
-    residual = (machine.reconstruct(machine.infer(points, exists).h3.round(), exists)[0] - points).square().mean()
-    assert float(residual / points.var(0).mean()) < 0.5
 
 
 def test_a_coordinate_that_never_varies_gets_no_endless_exponents():
@@ -116,7 +101,3 @@ def test_a_blow_up_goes_back_to_the_best_weights_at_half_the_rate():
     learning.step(5)
     assert learning.rate == rate / 2
     assert all(torch.equal(learning.machine.weights[name], value) for name, value in best.items())
-
-
-def test_layers_have_the_sizes_of_the_thesis():
-    assert layer_sizes(500) == (150, 30, 12)

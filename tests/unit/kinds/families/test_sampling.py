@@ -12,7 +12,7 @@ import torch
 from meshdeform.kinds.families.assembly import Assembler, sewn
 from meshdeform.kinds.families.boundary import boundary_defects, without_strays
 from meshdeform.kinds.families.cut import shortened
-from meshdeform.kinds.families.embedded import Embedding, Pull, axis_fit
+from meshdeform.kinds.families.embedded import Embedding, Pull
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.sampling import FreeEnergy, between, completed, sampled, to_machine
 from meshdeform.kinds.sketch.solids import tube
@@ -139,19 +139,6 @@ def test_a_shape_of_one_member_has_its_parts_with_unclean_boundaries_too(pairs):
         assert assembler.chosen(replace(drawn, sources={0: sources})) == {0: member}
 
 
-def test_stray_patches_go_to_the_part_around_them_and_limbs_stay(limb):
-    solid, height = limb
-    parts = (height > 0.5).astype(np.uint8)
-    spotted = parts.copy()
-    spotted[np.flatnonzero(height < 0.3)[:6]] = 1
-    np.testing.assert_array_equal(without_strays(solid.verts, solid.faces, spotted), parts)
-    # Separate solids of one part are no strays, however small they are.
-    verts = np.concatenate([solid.verts, 0.1 * solid.verts + 5])
-    faces = np.concatenate([solid.faces, solid.faces + len(solid.verts)])
-    both = np.concatenate([parts, np.ones_like(parts)])
-    np.testing.assert_array_equal(without_strays(verts, faces, both), both)
-
-
 def test_a_piece_of_the_mesh_is_of_the_part_that_has_most_of_it(limb):
     solid, height = limb
     verts = np.concatenate([solid.verts, solid.verts + 5])
@@ -173,18 +160,6 @@ def test_a_boundary_is_made_shorter_where_that_costs_less_area():
     areas = np.ones(8)
     for price, best in ((0.4, row), (0.6, np.repeat([0, 1], 4)), (5.0, np.zeros(8, int))):
         np.testing.assert_array_equal(shortened(row, areas, faces, np.full(7, price)), best)
-
-
-def test_pulls_to_where_points_are_move_nothing():
-    points = np.random.default_rng(0).random((40, 3))
-    scale, shift = axis_fit(points, points.copy())
-    assert scale.tolist() == [1, 1, 1]
-    assert shift.tolist() == [0, 0, 0]
-    piece = np.zeros(40, np.int64)
-    graph = Embedding(points, piece)
-    graph.solve([Pull(points, points.copy(), piece, 1.0)])
-    assert not graph.displacement(points + 0.01, piece).any()
-    np.testing.assert_array_equal(graph.linear(points, piece), np.tile(np.eye(3), (40, 1, 1)))
 
 
 def test_a_turn_is_followed_without_shear_and_other_pieces_stay():
