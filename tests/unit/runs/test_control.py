@@ -12,12 +12,12 @@ import torch
 from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.requests.selection import Selection, check_selections
+from meshdeform.requests.selection import Selection
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.control import Control, SelectableSurface, read_control
@@ -101,16 +101,6 @@ def test_a_region_of_nothing_is_refused_with_what_there_is(where: dict[str, Any]
         controlled(regions=[{"node": "Lamp"}, where])
     assert advice in str(refused.value.advice_text)
     assert refused.value.extra["errors"][0]["loc"] == ["params", "control", "regions", 1, next(iter(where))]
-
-
-def test_names_are_checked_without_the_geometry() -> None:
-    summary = ASSET.summary
-    lists = {name: getattr(summary, name) for name in ("nodes", "mesh_names", "materials", "joints")}
-    assert [item["name"] for item in summary.joints] == ["Root", "Arm"]
-    check_selections("regions", [Selection(node="Body"), Selection(joint={"name": "Arm"}), Selection(faces=[9])], lists)
-    with pytest.raises(ParameterError, match="no mesh named"):
-        check_selections("regions", [Selection(mesh="tors")], lists)
-    check_selections("regions", [Selection(mesh="tors")], {})
 
 
 def controlled(asset: Asset = ASSET, **params: Any) -> Control:
@@ -242,16 +232,3 @@ def test_a_run_obeys_all_of_it_and_a_resumed_one_bit_for_bit() -> None:
     assert report["symmetry"]["added_deviation"] < 1e-6
     assert report["handles"][0]["distance"] < 1e-6
     assert finished(asset, stop=7, **params)[0] == result
-
-
-@each_case("carrier, kind", [("auto", "lattice"), ("lattice", "lattice")])
-def test_separate_parts_are_kept(carrier: str, kind: str) -> None:
-    pair = join(BALL, TriangleMesh(0.5 * BALL.verts + torch.tensor([1.6, 0, 0]), BALL.faces))
-    both = build_glb(pair.verts.numpy(), pair.faces.numpy())
-    result, report = finished(both, regions=[{"component": 1}], carrier=carrier)
-    written, count = load_asset(result).surface.positions, len(POINTS)
-    source = load_asset(both).surface.positions
-    assert report["carrier"]["kind"] == kind
-    assert np.array_equal(written[count:], source[count:])
-    assert np.abs(written[:count] - source[:count]).max() > 0.02
-    assert "symmetry" not in report

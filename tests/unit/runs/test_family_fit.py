@@ -176,15 +176,6 @@ def _check_report(report):
     assert [asset["labels"] for asset in report["assets"]] == ["given"] * 6 + ["held out"] * 4
 
 
-def test_without_labels_parts_are_numbered(glbs):
-    run = begin(packed(glbs), embed_labels=False, parts=3, iterations=1, epochs=1)
-    for _ in run:
-        pass
-    report = json.loads(run.finish()["report.json"].data)
-    assert report["parts"] == ["part 1", "part 2", "part 3"]
-    assert report["accuracy"] is None
-
-
 def test_a_collection_that_is_none_is_refused(glbs):
     first = next(iter(glbs.values()))
     two = {"parts": ["a", "b"]}

@@ -21,7 +21,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
+from meshdeform.runs.text_deform_kind import check
 from tests.cases import each_case
 from tests.fakes import FakePrior
 from tests.unit.assets.playing import Player
@@ -68,13 +68,6 @@ def test_pictures_and_their_directions_belong_together() -> None:
     with pytest.raises(PromptError):
         check(request(silhouettes=BOTH[:1]), default_model="builtin", pictures=["silhouette_1"])
     assert check(request("a vase", silhouettes=BOTH[:1]), default_model="builtin", pictures=["silhouette_1"])
-
-
-def test_a_branch_keeps_the_pictures_that_it_uses() -> None:
-    assert TEXT_DEFORM.inherits(request(silhouettes=BOTH)) == {"asset", "silhouette_1", "silhouette_2"}
-    assert TEXT_DEFORM.inherits(request("a vase")) == {"asset"}
-    goal = TEXT_DEFORM.goal(request(silhouettes=BOTH), {"asset": "a.glb", "silhouette_1": "front.png"})
-    assert goal == "like front"
 
 
 def test_the_report_has_the_overlap_of_every_view_before_and_after() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 import torch
@@ -14,13 +12,10 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
-from meshdeform.requests.document import DeformParams, JobRequest, resolve
+from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import RigidSelector
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from meshdeform.runs.control import SelectableSurface, inspect_parts, select_bodies
-from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
 from training.shapes import box, torus
 
@@ -95,36 +90,6 @@ def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:
     for params in ({"preset": "paper"}, {"carrier": "surface"}):
         with pytest.raises(ParameterError, match="need the lattice"):
             resolve(DeformParams.model_validate(grouped({**params, "rigid": [{"component": 0}]})))
-
-
-def test_a_run_keeps_the_wheels_and_says_so_in_its_report() -> None:
-    params = {
-        "preset": "preview",
-        "steps": 8,
-        "control": {"rigid": [{"node": "axle"}, {"node": "hub", "mode": "similarity"}]},
-    }
-    job = JobRequest.model_validate({"prompt": "an egg", "params": grouped(params)})
-    run = text_deform.start(job_input(asset=cart(), filename="a.glb", request=job, prior=FakePrior()))
-    checkpoint = None
-    for step in run:
-        checkpoint = run.checkpoint() if step.step == 5 else checkpoint
-    resumed = text_deform.start(
-        job_input(asset=cart(), filename="a.glb", request=job, prior=FakePrior(), checkpoint=checkpoint)
-    )
-    assert list(resumed)
-    assert np.array_equal(run.positions(), resumed.positions())
-    before, after = ASSET.surface.positions, run.positions()
-    assert np.abs(after - before).max() > 0.01
-    for node, scaled in ((1, False), (2, False), (3, True)):
-        rows = np.flatnonzero(np.isin(np.arange(len(before)), ASSET.surface.triangles[ASSET.parts().in_node(node)]))
-        rows = rows[: len(rows) // 2] if not scaled else rows  # the first of two wheels
-        lengths = [np.linalg.norm(points[rows[1:]] - points[rows[0]], axis=1) for points in (before, after)]
-        ratio = lengths[1] / lengths[0]
-        np.testing.assert_allclose(ratio, ratio[0] if scaled else 1.0, atol=1e-9)
-    report = json.loads(run.finish()["report.json"].data)
-    assert report["rigid"]["bodies"] == 5
-    assert report["rigid"]["vertices"] == 4 * WHEEL + BOX
-    assert report["rigid"]["max_deviation"] < 1e-6
 
 
 def test_inspection_proposes_the_wheels_by_their_node_and_its_selectors_select_them() -> None:

@@ -31,7 +31,6 @@ from meshdeform.runs.verdict import (
     worse_than_source,
 )
 from tests.cases import each_case
-from training.evaluation.sources import source_mesh
 from training.judge.members import HELD_OUT, seeded
 from training.prior.families import member
 from training.shapes import box
@@ -194,18 +193,6 @@ def test_the_joints_of_a_person_say_what_the_shape_does_not(joints: list[str], p
     assert (known.noun == "person") is person
     assert not (person and (known.built or not known.sure))
     assert recognise(box(3), "chair", joints).noun == "chair"
-
-
-def test_a_noun_that_is_given_is_taken() -> None:
-    known = recognise(icosphere(2), "chair")
-    assert known.to_dict() == {"noun": "chair", "probability": 1.0, "recognised": True}
-
-
-def test_a_source_is_recognised_by_the_judge() -> None:
-    known = recognise(source_mesh("vase"))
-    assert known.noun == "vase"
-    assert known.sure
-    assert known.built
 
 
 @each_case(
