@@ -1,6 +1,6 @@
 """Measure parts, correspondences and sub-classes of the parametric families, by the files that a fit writes.
 
-    python -m bench.family_accuracy 50 --families chairs airplanes bicycles
+    python -m bench.family_accuracy 50
 
 Each family is fitted by the whole job, ten members labelled and the others held out, on one thread.
 
@@ -20,7 +20,6 @@ import json
 import time
 import zipfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,28 +29,24 @@ from numpy.typing import NDArray
 from bench.jobs import artifacts, start
 from bench.parametric_families import CLASSES, PARTS, Member, family, labels_document, packed
 from meshdeform.assets import load_asset
-from meshdeform.cli.kinds import packed as folder_packed
 
 _LABELLED, _EXAMPLES, _DRAWS, _PAIRS, _WITHIN = 10, 10, 200, 60, 0.05
 
 Arrays = dict[str, NDArray[Any]]
 
 
-def collection_of(name: str, count: int, seed: int = 0) -> bytes:
-    """Return the ZIP of `count` members of a parametric family, ten of them labelled, or of a folder of assets."""
-    if name not in PARTS:
-        return folder_packed(Path(name), 2**30, None)
-    members = family(name, count, seed)
+def collection_of(name: str, members: list[Member]) -> bytes:
+    """Return the ZIP of members of a parametric family, ten of them labelled."""
     buffer = io.BytesIO(packed(members))
     with zipfile.ZipFile(buffer, "a") as archive:
-        archive.writestr(zipfile.ZipInfo("labels.json"), json.dumps(labels_document(name, members, 10)))
+        archive.writestr(zipfile.ZipInfo("labels.json"), json.dumps(labels_document(name, members, _LABELLED)))
     return buffer.getvalue()
 
 
-def fitted(data: bytes, params: dict[str, int]) -> tuple[float, dict[str, bytes]]:
+def fitted(data: bytes) -> tuple[float, dict[str, bytes]]:
     """Return the CPU seconds of a fit, and the artifacts."""
     begun = time.process_time()
-    made = artifacts(start({"kind": "family_fit", "params": params}, {"collection": (data, "members.zip")}))
+    made = artifacts(start({"kind": "family_fit"}, {"collection": (data, "members.zip")}))
     return time.process_time() - begun, made
 
 
@@ -113,16 +108,13 @@ def classified(members: list[Member], descriptors: NDArray[np.float32]) -> float
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("count", type=int, help="members of each family")
-    parser.add_argument("--families", choices=sorted(PARTS), nargs="+", default=sorted(PARTS))
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=NUMBER", help="a parameter of the job")
     options = parser.parse_args()
-    if options.count < (least := (_EXAMPLES + 1) * max(len(CLASSES[name]) for name in options.families)):
+    if options.count < (least := (_EXAMPLES + 1) * max(len(CLASSES[name]) for name in PARTS)):
         parser.error(f"ten examples of each sub-class and one more are {least} members")
-    params = {name: int(value) for name, value in (each.split("=") for each in options.set)}
     torch.set_num_threads(1)
-    for name in options.families:
+    for name in PARTS:
         members = family(name, options.count)
-        seconds, made = fitted(collection_of(name, options.count), params)
+        seconds, made = fitted(collection_of(name, members))
         segments, places, looks = (
             dict(np.load(io.BytesIO(made[f"{file}.npz"])))
             for file in ("segmentation", "correspondences", "descriptors")

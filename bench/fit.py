@@ -1,4 +1,4 @@
-"""Fit meshes to meshes, ours and two peers on the same pairs: ``python bench/fit.py ASSETS [-o FOLDER] [--only WORD]``.
+"""Fit meshes to meshes, ours and two peers on the same pairs: ``python -m bench.fit ASSETS SHEET [--only WORD]``.
 
 ASSETS is a folder with spot.obj, cow.obj, Duck.glb, CesiumMilkTruck.glb and further files that we read. The pairs are a
 sphere to each file, spot to cow and back, Duck to monkey.glb (if it is there), the truck to a box, spot to a scan of
@@ -21,6 +21,7 @@ import numpy as np
 import torch
 import trimesh
 from numpy.typing import NDArray
+from PIL import Image
 from trimesh.registration import nricp_amberg, nricp_sumner
 
 from meshdeform.assets import load_asset
@@ -98,41 +99,22 @@ def peer(method: Callable[..., Floats]) -> Callable[[TriangleMesh, TriangleMesh]
     return run
 
 
-def draw(verts: list[Floats], faces: list[torch.Tensor], path: Path) -> None:
-    """Draw meshes below each other from four sides."""
-    from PIL import Image
-
-    rows = []
+def row(verts: list[Floats], faces: list[torch.Tensor]) -> Floats:
+    """Draw meshes side by side, from their front and a little from the side and above."""
+    drawn = []
     for points, corners in zip(verts, faces, strict=True):
-        cameras = fixed_cameras(30.0, 15.0)
-        image = Renderer(corners, len(points), STYLE).render(torch.from_numpy(np.ascontiguousarray(points)), cameras)
-        rows.append(np.concatenate(list(image.numpy()), 1))
-    Image.fromarray((255 * np.concatenate(rows)).clip(0, 255).astype(np.uint8)).save(path)
-
-
-def write_sheet(folder: Path, names: list[str], path: Path) -> None:
-    """Put the first view of each shape side by side, a row for each pair, from the pictures that `draw` made."""
-    from PIL import Image
-
-    rows = []
-    for name in names:
-        with Image.open(folder / f"{name}.png") as image:
-            drawn = np.asarray(image)
-        size = STYLE.view_size
-        rows.append(np.concatenate([drawn[top : top + size, :size] for top in range(0, len(drawn), size)], 1))
-    Image.fromarray(np.concatenate(rows)).save(path)
+        renderer = Renderer(corners, len(points), STYLE)
+        drawn.append(renderer.render(torch.from_numpy(np.ascontiguousarray(points)), fixed_cameras(30.0, 15.0))[0])
+    return np.concatenate([image.numpy() for image in drawn], 1)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("assets", type=Path)
-    parser.add_argument("-o", "--output", type=Path, help="folder for pictures: target, ours, Amberg, Sumner")
-    parser.add_argument("--sheet", type=Path, help="one picture of all pairs that were fitted")
+    parser.add_argument("sheet", type=Path, help="a picture: target, ours, Amberg and Sumner of each pair")
     parser.add_argument("--only", action="append", help="pairs whose name contains this")
     arguments = parser.parse_args()
-    if arguments.sheet and not arguments.output:
-        parser.error("--sheet needs --output")
-    drawn = []
+    drawn: list[Floats] = []
     torch.set_num_threads(1)
     methods = {"ours": ours, "Amberg": peer(nricp_amberg), "Sumner": peer(nricp_sumner)}
     warm_up = Frame.around(icosphere(1).verts).place(icosphere(1))
@@ -167,12 +149,11 @@ def main() -> None:
             )
             print(f"| {name} | {method} | {' | '.join(cells)} |", flush=True)
             shapes.append(verts)
-        if arguments.output is not None:
-            arguments.output.mkdir(parents=True, exist_ok=True)
-            draw(shapes, [target.faces, *[rest.faces] * (len(shapes) - 1)], arguments.output / f"{name}.png")
-            drawn.append(name)
-    if arguments.sheet:
-        write_sheet(arguments.output, drawn, arguments.sheet)
+        drawn.append(row(shapes, [target.faces, *[rest.faces] * (len(shapes) - 1)]))
+    # A method that failed leaves its place empty.
+    wide = max(each.shape[1] for each in drawn)
+    sheet = np.concatenate([np.pad(each, ((0, 0), (0, wide - each.shape[1]), (0, 0))) for each in drawn])
+    Image.fromarray((255 * sheet).clip(0, 255).astype(np.uint8)).save(arguments.sheet)
 
 
 if __name__ == "__main__":

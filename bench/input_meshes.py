@@ -23,21 +23,10 @@ _Faces = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Input:
-    """A mesh and the position of its node.
+    """A mesh, what is difficult about it, and the translation of its node.
 
-    Attributes
-    ----------
-    special : str
-        Description of the difficulty.
-    verts : (V, 3) float64
-    faces : (F, 3) int64
-    translation : tuple of 3 floats
-        Translation of its node.
-    meets : bool
-        Whether its components cut or touch each other at rest. Cuts between components are then not counted, only
-        those within a component.
-    file : str
-        The name in `bench.input_files.FILES` of the way to pack it.
+    `meets`: its components cut or touch each other at rest, so that only cuts within a component count. `file`: the way
+    to pack it, by its name in `bench.input_files.FILES`.
     """
 
     special: str
