@@ -121,7 +121,7 @@ def finished(thread: Any) -> Any:
     return thread.status
 
 
-def test_from_posting_to_the_result(service: Service) -> None:
+def test_from_posting_to_the_result_or_the_refusal(service: Service) -> None:
     ball, egg = part(matrix=turned()), part(height=1.6)
     target, asset = glb.write_glb([egg]), glb.write_glb([ball])
     thread = job_module.JobThread(str(service.http.base_url), "", asset, 'odd "näme".glb', TARGET, target)
@@ -133,10 +133,6 @@ def test_from_posting_to_the_result(service: Service) -> None:
     assert np.abs(moved - ball.positions).max() > 1e-3
     assert thread.result == service.artifact(status.job_id, "result.glb")
     assert client_module.Client(str(service.http.base_url)).version()
-
-
-def test_a_refusal_is_told_with_its_advice(service: Service) -> None:
-    asset = glb.write_glb([part()])
     thread = job_module.JobThread(str(service.http.base_url), "", asset, "a.glb", {"prompt": "a quixotic zeitgeist"})
     thread.start()
     status = finished(thread)

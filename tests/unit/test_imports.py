@@ -91,6 +91,7 @@ def among(loaded: dict[str, str], unwanted: list[str]) -> dict[str, str]:
 
 
 def test_nothing_loads_what_it_does_not_need_and_a_new_server_keeps_nothing_of_its_start(tmp_path: Path) -> None:
+    assert among(loaded_by("meshdeform.cli.app"), ["pydantic", "fastapi", "redis", "numpy", *HEAVY]) == {}  # for --help
     assert among(loaded_by(*NUMPY_FREE), ["numpy", *HEAVY]) == {}
     assert among(loaded_by(*TORCH_FREE), ["torch", "diffusers", "transformers"]) == {}
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("MESHDEFORM", "OTEL"))}

@@ -46,15 +46,6 @@ def run_here(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
-def test_help_loads_neither_torch_nor_numpy_nor_pydantic() -> None:
-    program = (
-        "import sys, meshdeform.cli.app\n"
-        "print([name for name in ('torch', 'numpy', 'pydantic', 'fastapi', 'redis') if name in sys.modules])"
-    )
-    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert loaded.stdout.strip() == "[]"
-
-
 @each_case(
     ("arguments", "code", "said"),
     [

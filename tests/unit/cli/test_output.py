@@ -19,25 +19,15 @@ from meshdeform.cli.output import ago, duration, plain, table
 from tests.cases import each_case
 
 
-def test_durations_and_ages() -> None:
+def test_what_is_printed_is_short_and_nothing_from_outside_commands_the_terminal() -> None:
     said = [duration(seconds) for seconds in (0.2, 59.4, 59.6, 125, 4800)]
     assert said == ["0 s", "59 s", "1 min 00 s", "2 min 05 s", "1 h 20 min"]
     assert [ago(s) for s in (-3, 12, 200, 7300, 200_000)] == ["0 s ago", "12 s ago", "3 min ago", "2 h ago", "2 d ago"]
-
-
-def test_nothing_from_outside_commands_the_terminal() -> None:
     assert plain("a \x1b[31mred\x07 vase\u202e\n") == "a [31mred vase\n"
     assert table(("A", "B"), [("x\ny\x1b", "1"), ("long", "")]) == "A     B\nx y   1\nlong"
-
-
-def test_time_left_by_the_pace() -> None:
-    now = [0.0]
-    pace = output.Pace(lambda: now[0])
-    assert pace.eta_s(1, 11) is None
-    now[0] = 2.0
-    assert pace.eta_s(2, 11) == pytest.approx(18.0)
-    now[0] = 22.0
-    assert pace.eta_s(12, 11) == pytest.approx(0.0)
+    clock = iter([0.0, 2.0, 22.0])
+    pace = output.Pace(lambda: next(clock))
+    assert [pace.eta_s(step, 11) for step in (1, 2, 12)] == [None, pytest.approx(18.0), pytest.approx(0.0)]
 
 
 def test_lines_are_bounded_and_have_no_control_characters(
@@ -68,21 +58,9 @@ def test_lines_are_bounded_and_have_no_control_characters(
 
 def job(state: str, error: dict[str, Any] | None = None) -> JobView:
     file = {"filename": "a.glb", "size": 1, "sha256": "0" * 64}
-    return JobView.model_validate(
-        {
-            "id": "job_x",
-            "kind": "text_deform",
-            "state": state,
-            "prompt": "a vase",
-            "params": {},
-            "output": {},
-            "metadata": {},
-            "asset": file,
-            "error": error,
-            "created_at": datetime.now(UTC),
-            "progress": {},
-        }
-    )
+    empty: dict[str, Any] = {name: {} for name in ("params", "output", "metadata", "progress")}
+    about = {"id": "job_x", "kind": "text_deform", "state": state, "prompt": "a vase", "asset": file, "error": error}
+    return JobView.model_validate({**about, **empty, "created_at": datetime.now(UTC)})
 
 
 def test_how_a_job_ended_is_an_exit_code_and_a_problem_document() -> None:
