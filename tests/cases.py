@@ -31,11 +31,13 @@ def each_case(
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         signature = inspect.signature(test)
         others = [parameter for name, parameter in signature.parameters.items() if name not in wanted]
-        others.append(inspect.Parameter(_FIXTURE, inspect.Parameter.KEYWORD_ONLY))
+        within = _FIXTURE in signature.parameters  # of another `each_case`, or of the test itself
+        if not within:
+            others.append(inspect.Parameter(_FIXTURE, inspect.Parameter.KEYWORD_ONLY))
 
         @functools.wraps(test)
         def over_all_cases(**fixtures: Any) -> None:
-            subtests = fixtures.pop(_FIXTURE)
+            subtests = fixtures[_FIXTURE] if within else fixtures.pop(_FIXTURE)
             labels = _labels(table, ids)  # here, because every worker of the tests imports every file
             for label, values in zip(labels, table, strict=True):
                 with subtests.test(label):
