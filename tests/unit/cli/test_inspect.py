@@ -9,15 +9,14 @@ from pathlib import Path
 import pytest
 import torch
 import typer
-from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb
-from meshdeform.cli.app import app
 from meshdeform.cli.request import read_handle, read_name, read_region, read_rigid
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import join
 from meshdeform.requests.document import DeformParams
 from tests.cases import each_case
+from tests.unit.cli.lines import done, refused
 from training.evaluation.sources import source_mesh
 from training.shapes import box, torus
 
@@ -39,16 +38,13 @@ def test_inspect_finds_the_side_that_a_prompt_would_make_the_front(tmp_path: Pat
     animal = source_mesh("quadruped")
     path = tmp_path / "animal.glb"
     path.write_bytes(build_glb(animal.verts.numpy() * [-1, 1, -1], animal.faces.numpy()))  # its head is at -Z
-    arguments = ["inspect", str(path), "--prompt", "a giraffe", "--set", "preset=preview", "--source-noun", "dog"]
-    found = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)["orientation"]
+    arguments = ["inspect --set preset=preview --source-noun dog --prompt", "a giraffe", str(path)]
+    found = json.loads(done(*arguments, "--json").stdout)["orientation"]
     assert found["source"] == "found"
     assert abs(abs(found["turn_deg"]) - 180) <= 15
     assert found["margin"] > 0.05
-    shown = CliRunner().invoke(app, [*arguments, "--set", "orientation=keep"])
-    assert shown.exit_code == 0, shown.output
-    refused = CliRunner().invoke(app, ["inspect", str(path), "--prompt", "a giraf"])
-    assert refused.exit_code == 3
-    assert "giraffe" in refused.output
+    done(*arguments, "--set", "orientation=keep")
+    assert "giraffe" in refused("inspect --prompt", "a giraf", str(path))
 
 
 def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None:
@@ -59,10 +55,9 @@ def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None
     cart = join(box(1), *wheels)
     path = tmp_path / "cart.glb"
     path.write_bytes(build_glb(cart.verts.numpy(), cart.faces.numpy(), material="clay"))
-    shown = CliRunner().invoke(app, ["inspect", str(path)])
-    assert shown.exit_code == 0, shown.output
+    shown = done("inspect", str(path))
     assert "2 congruent round components: 1, 2. Keep them with --rigid component=1 --rigid component=2" in shown.output
-    found = json.loads(CliRunner().invoke(app, ["inspect", str(path), "--json"]).stdout)
+    found = json.loads(done("inspect --json", str(path)).stdout)
     assert [item["triangles"] for item in found["components"]] == [12, 256, 256]
     assert found["symmetry"] == ["x", "z"]
     assert found["box"]["max"] == pytest.approx([0.69, 0.5, 0.5])
