@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import NotFoundError, UnavailableError
 from meshdeform.record.reconciler import remove_unreachable
 from meshdeform.record.schema import uploads
 from meshdeform.settings import Settings
@@ -189,8 +189,11 @@ def test_an_upload_whose_time_is_over_is_removed_with_its_bytes(api: Api) -> Non
     with database.write() as connection:
         connection.execute(uploads.update().values(expires_at=database.now(-1.0)))
     check_problem(api.http.get(f"/v1/uploads/{opened['id']}"), 404, "not_found")
+    assert api.store.appended_size(opened["id"]) == 10
     remove_unreachable(api.record, api.store)
     assert not api.store.exists(key)
+    with pytest.raises(NotFoundError):
+        api.store.appended_size(opened["id"])
     assert api.http.head(opened["url"]).status_code == 404
     with database.read() as connection:
         assert connection.execute(uploads.select()).all() == []

@@ -327,3 +327,10 @@ def test_an_obj_has_no_more_parts_than_a_scene_may_have() -> None:
     data = NINE + b"".join(b"g %d\nf 1 2 3\n" % k for k in range(20))
     with pytest.raises(AssetTooLargeError, match="20 parts"):
         load_asset(data, "a.obj", Limits(max_primitives=19))
+
+
+def test_metal_and_roughness_are_read() -> None:
+    files = {"a.obj": TEXTURED.encode(), "lib.mtl": b"newmtl wood\nPm 0.25\nPr 0.5\n"}
+    root, _, _ = unpack(load_asset(packed(files), "a.zip").to_bytes())
+    look = root["materials"][0]["pbrMetallicRoughness"]
+    assert (look["metallicFactor"], look["roughnessFactor"]) == (0.25, 0.5)
