@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 from torch import Tensor
 
 from meshdeform.deformation.poisson import completed_jacobians, jacobians_from_verts
+from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, face_areas, face_normals, gradient_operator
 from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
@@ -42,6 +44,8 @@ def test_edges_go_to_edges(mesh: TriangleMesh) -> None:
 def test_the_maps_own_jacobian_forgets_the_normal_and_the_completed_one_scales_it() -> None:
     mesh = icosphere(1)
     verts = noise(mesh)
+    with pytest.raises(ShapeError):
+        jacobians_from_verts(gradient_operator(mesh), verts[1:])
     normals = face_normals(mesh.verts, mesh.faces)[:, :, None]
     plain = jacobians_from_verts(gradient_operator(mesh), verts)
     assert float((plain @ normals).abs().max()) < 1e-13

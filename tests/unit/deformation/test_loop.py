@@ -123,29 +123,29 @@ def test_another_run_begins_with_the_shape_of_a_checkpoint_and_nothing_else_of_i
         Deformation(icosphere(1, 0.6), guidance, params(steps=3), initial=shape)
 
 
-class _OutOfMemory:
-    """Fails once in the third step, after it has drawn random numbers."""
+class _Troubled(TargetGuidance):
+    """Fails in the third step, after it has drawn random numbers: once for want of memory, or with no number."""
 
-    style = STYLE
-    identity = {"kind": "out of memory"}  # noqa: RUF012
-
-    def __init__(self) -> None:
-        self.guidance = TargetGuidance(ellipsoid(), style=STYLE)
-        self.failed = True
+    def __init__(self, trouble: Exception | float | None = None) -> None:
+        super().__init__(ellipsoid(), style=STYLE)
+        self.trouble = trouble
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
         torch.randn(3, generator=context.generator)
-        if context.step == 2 and not self.failed:
-            self.failed = True
-            raise torch.OutOfMemoryError("CUDA out of memory.")
-        return self.guidance.loss(image, context)
+        loss, logs = super().loss(image, context)
+        if context.step == 2 and self.trouble is not None:
+            trouble, self.trouble = self.trouble, None
+            if isinstance(trouble, Exception):
+                raise trouble
+            loss = loss * trouble
+        return loss, logs
 
 
 def test_a_step_that_raises_leaves_the_state_as_it_was() -> None:
-    settings, guidance = params(steps=6, seed=3), _OutOfMemory()
-    whole = Deformation(icosphere(1, 0.6), guidance, settings)
+    settings = params(steps=6, seed=3)
+    whole = Deformation(icosphere(1, 0.6), _Troubled(), settings)
     run(whole)
-    guidance.failed = False
+    guidance = _Troubled(torch.OutOfMemoryError("CUDA out of memory."))
     broken = Deformation(icosphere(1, 0.6), guidance, settings)
     with pytest.raises(torch.OutOfMemoryError):
         run(broken)
@@ -156,6 +156,13 @@ def test_a_step_that_raises_leaves_the_state_as_it_was() -> None:
     for name, value in whole.checkpoint().tensors.items():
         assert torch.equal(resumed.checkpoint().tensors[name], value), name
         assert torch.equal(broken.checkpoint().tensors[name], value), name
+
+
+def test_a_loss_that_is_not_finite_stops_the_run_with_the_step() -> None:
+    deformation = Deformation(icosphere(1, 0.6), _Troubled(float("nan")), params(steps=5))
+    with pytest.raises(NumericalError, match="step 3"):
+        run(deformation)
+    assert deformation.step == 2
 
 
 def test_an_optimiser_that_fails_in_the_midst_leaves_no_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,18 +177,3 @@ def test_an_optimiser_that_fails_in_the_midst_leaves_no_checkpoint(monkeypatch: 
         run(deformation)
     with pytest.raises(CheckpointError, match="failed while it updated"):
         deformation.checkpoint()
-
-
-class _Broken:
-    style = STYLE
-    identity = {"kind": "broken"}  # noqa: RUF012
-
-    def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
-        return image.sum() * (float("nan") if context.step == 2 else 1.0), {}
-
-
-def test_a_loss_that_is_not_finite_stops_the_run_with_the_step() -> None:
-    deformation = Deformation(icosphere(1, 0.6), _Broken(), params(steps=5))
-    with pytest.raises(NumericalError, match="step 3"):
-        run(deformation)
-    assert deformation.step == 2

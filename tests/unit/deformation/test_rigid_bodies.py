@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body, RigidBodies
 from meshdeform.deformation.stand_in import carry, chosen_carrier
 from meshdeform.deformation.surface_guard import SurfaceGuard
@@ -16,10 +15,8 @@ from meshdeform.deformation.variables import Adam, placed
 from meshdeform.geometry.intersections import cutting_pairs
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
-from meshdeform.guidance.target import TargetGuidance
-from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier, Rigidity
-from meshdeform.requests.document import DeformParams, Safeguard, resolve
+from meshdeform.requests.document import Safeguard
 from tests.cases import each_case
 from tests.close import assert_close
 from training.shapes import box, torus
@@ -115,34 +112,6 @@ def test_rigid_bodies_choose_the_lattice() -> None:
     assert chosen_carrier(Carrier.AUTO, ball, rigid=True) is Carrier.LATTICE
     with pytest.raises(ValueError, match="lattice"):
         carry(Carrier.SURFACE, ball, bodies=[Body(np.arange(10))])
-
-
-def test_a_guarded_run_with_bodies_resumes_bit_for_bit_and_keeps_them() -> None:
-    params = resolve(DeformParams.model_validate({"steps": 12, "learning_rate": 0.05, "guidance": {"kind": "target"}}))
-    goal = TriangleMesh(CART.verts * torch.tensor([1.3, 0.7, 1.0]), CART.faces)
-
-    def start(checkpoint=None) -> Deformation:
-        guidance = TargetGuidance(goal, style=RenderStyle(view_size=16, supersample=1))
-        return Deformation(
-            CART,
-            guidance,
-            params,
-            checkpoint=checkpoint,
-            variables=lambda mesh: carry(params.carrier, mesh, bodies=BODIES),
-        )
-
-    whole = start()
-    middle = None
-    for step in whole:
-        if step.step == 6:
-            middle = whole.checkpoint()
-    assert middle is not None
-    resumed = start(middle)
-    for _ in resumed:
-        pass
-    assert torch.equal(whole.verts(), resumed.verts())
-    assert float((whole.verts() - CART.verts).abs().max()) > 0.05
-    assert_close(lengths(whole.verts()[LEFT]), lengths(CART.verts[LEFT]), atol=1e-12, rtol=0)
 
 
 def test_a_body_may_come_to_cut_what_is_within_half_a_cell_of_it() -> None:

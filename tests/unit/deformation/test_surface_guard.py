@@ -133,15 +133,19 @@ def test_what_was_broken_at_rest_may_stay() -> None:
     assert guard.correct(optimizer) == 0
 
 
-@each_case("safeguard", list(Safeguard))
-def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeguard) -> None:
+PAPER = {"preset": "paper", "guidance": {"kind": "target"}}
+FEW_CONTROLS = {"preset": "preview", "guidance": {"orientation": "keep"}}
+
+
+@each_case("safeguard, given", [*((each, PAPER) for each in Safeguard), (Safeguard.INTERSECTIONS, FEW_CONTROLS)])
+def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeguard, given: dict[str, object]) -> None:
     mesh = icosphere(2, 0.6)
     plate = TriangleMesh(mesh.verts * torch.tensor([1.4, 0.02, 1.4], dtype=torch.float64), mesh.faces)
     guidance = TargetGuidance(plate)
     params = resolve(
         DeformParams.model_validate(
             {
-                "guidance": {"kind": "target"}, "preset": "paper", "steps": 37, "learning_rate": 0.08,
+                **given, "steps": 37, "learning_rate": 0.08,
                 "safeguard": safeguard, "normal_weight": 0.0, "laplacian_weight": 0.0, "jacobian_reg_weight": 0.0,
             }
         )

@@ -13,15 +13,13 @@ from meshdeform.assets import build_glb
 from meshdeform.errors import AssetFormatError, NumericalError, ParameterError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_cross
 from meshdeform.geometry.shapes import join
-from meshdeform.priors.builtin.grammar import parse
 from tests.cases import each_case
 from tests.unit.rendering.test_shading import encoded, textured
-from training.evaluation.measures import chamfer_distance, displacement, measures, surface_points
+from training.evaluation.measures import chamfer_distance, displacement, measures
 from training.evaluation.mesh_file import read_ply, read_texels, write_ply, write_texels
 from training.evaluation.relaxed import geodesic_sphere
 from training.evaluation.sources import SOURCES, source_mesh, source_texels
 from training.evaluation.suite import SUITES, find_suite
-from training.prior.held_out import is_held_out
 from training.shapes import box, grid
 
 
@@ -45,14 +43,6 @@ def test_known_meshes_have_known_figures() -> None:
     c, s = math.cos(0.5), math.sin(0.5)
     slid = measures(sphere, moved(sphere, [[c, 0, s], [0, 1, 0], [-s, 0, c]]))
     assert (slid["displacement"] > 0.1, slid["chamfer"] < 0.01) == (True, True)
-
-
-def test_points_are_uniform_by_area() -> None:
-    # Two triangles of areas 1 and 3.
-    verts = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [9, 0, 0], [9, 2, 0], [6, 0, 0]], float)
-    points = surface_points(verts, np.array([[0, 1, 2], [3, 4, 5]]), 20_000, 0)
-    assert (points[:, 0] > 3).mean() == pytest.approx(0.75, abs=0.01)
-    assert points[points[:, 0] <= 3].mean(0) == pytest.approx([1 / 3, 2 / 3, 0], abs=0.02)
 
 
 def test_other_faces_and_broken_positions_are_refused() -> None:
@@ -119,18 +109,6 @@ def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count:
     items = suite.items()
     assert len(items) == len(set(items)) == len({item.name for item in items}) == count
     assert set(suite.sources) <= set(SOURCES)
-
-
-@each_case("name", ["small", "full"])
-def test_the_builtin_prior_understands_each_prompt_and_no_two_are_of_one_noun(name: str) -> None:
-    nouns = [parse(prompt).noun for prompt in SUITES[name].prompts]
-    assert len(nouns) == len(set(nouns)) == 12
-
-
-@each_case(("name", "held_out"), [("unseen", True), ("seen", False)])
-def test_the_training_showed_either_none_of_the_pairs_or_all(name: str, held_out: bool) -> None:
-    for prompt in map(parse, SUITES[name].prompts):
-        assert [is_held_out(prompt.noun, attribute) for attribute in prompt.attributes] == [held_out]
 
 
 def test_seeds_can_be_replaced_and_unknown_suites_are_refused() -> None:

@@ -8,13 +8,10 @@ from typing import Any
 import pytest
 
 from meshdeform.errors import ParameterError, WorkerLostError
-from meshdeform.geometry.mesh import TriangleMesh
 from tests.cases import each_case
 from tests.unit.evaluation.arithmetic import broken, squares
-from tests.unit.evaluation.stand_ins import HeightJudge
 from training.evaluation.pool import each
-from training.evaluation.relaxed import geodesic_sphere
-from training.evaluation.retrieval import judgement, load_judge, ranked, wilson
+from training.evaluation.retrieval import load_judge, ranked, wilson
 from training.evaluation.summary import states_of, summarise
 from training.evaluation.tables import table
 
@@ -92,17 +89,6 @@ def test_the_best_is_rank_one_with_the_softmax_as_probability_and_a_tie_is_no_hi
     assert ranked(scores, "a") == {"rank": 3, "hit": False, "probability": pytest.approx(0.125), "retrieved": "c"}
     assert ranked({"a": 1.0, "b": 1.0}, "b")["rank"] == 2
     assert ranked({"a": -1e5, "b": -2e5}, "b")["probability"] == 0.0
-
-
-def test_a_judgement_ranks_prompts_and_nouns() -> None:
-    prompts = ("a fish", "a mushroom")
-    sphere = geodesic_sphere(2)
-    tall = TriangleMesh(sphere.verts * sphere.verts.new_tensor([1, 1.5, 1]), sphere.faces)
-    found = judgement(HeightJudge(), tall, prompts, "a mushroom")
-    assert (found["rank"], found["retrieved"], found["noun_rank"]) == (1, "a mushroom", 1)
-    assert found["log_likelihoods"]["a mushroom"] == pytest.approx(0, abs=1e-3)
-    missed = judgement(HeightJudge(), tall, prompts, "a fish")
-    assert (missed["hit"], missed["retrieved"], missed["noun_hit"]) == (False, "a mushroom", False)
 
 
 @each_case("name", ["nonsense", "no.such.module:Judge", "tests.unit.evaluation.stand_ins:Nobody"])

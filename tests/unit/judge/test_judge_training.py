@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -14,7 +12,6 @@ from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge.measure import prompts_of
 from training.judge.members import (
     HELD_OUT,
-    NOTHING,
     TRAINING,
     ViewSet,
     counts_of,
@@ -46,20 +43,6 @@ def test_every_noun_has_shapes_of_other_code_that_are_closed_and_face_outward() 
         # The surface is closed: its faces' areas, as vectors, cancel out.
         areas = np.cross(b - a, c - a)
         assert np.linalg.norm(areas.sum(0)) < 0.05 * np.linalg.norm(areas, axis=1).sum()
-
-
-def test_a_set_comes_back_from_its_cache_and_only_what_is_missing_is_drawn(tmp_path: Path) -> None:
-    drawn = ViewSet.cached(tmp_path, counts_of(["vase"], 2, 1, 3))
-    assert torch.equal(drawn.images[-3:], ViewSet.drawn(TRAINING, NOTHING, 3).images)
-    written = {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-    assert set(written) == {"vase.safetensors", "other.vase.safetensors", "nothing.safetensors"}
-    more = ViewSet.cached(tmp_path, counts_of(["vase", "pear"], 2, 1, 4))
-    assert torch.equal(more.images[:2], drawn.images[:2])
-    assert more.noun.tolist() == [KIND[noun] for noun in ("vase", "vase", "pear", "pear", "vase", "pear")] + [-1] * 4
-    assert torch.equal(more.images[-4:-1], drawn.images[-3:])
-    again = {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-    assert again["vase.safetensors"] == written["vase.safetensors"]
-    assert again["nothing.safetensors"] != written["nothing.safetensors"]
 
 
 def test_training_learns_a_handful_of_meshes_and_is_repeatable(small: ViewSet) -> None:

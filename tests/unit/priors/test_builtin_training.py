@@ -13,7 +13,7 @@ from meshdeform.priors.builtin.teaching.teacher import TrainConfig
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.close import assert_close
 from training.prior import mix, train, warm_start
-from training.prior.dataset import PictureFolder, draw_prompt, draw_set
+from training.prior.dataset import draw_prompt
 from training.prior.families import member
 from training.prior.held_out import held_out_pairs, is_held_out
 from training.prior.train import PriorTrainer
@@ -50,17 +50,6 @@ def test_drawn_prompts_never_have_what_is_held_out_unless_asked() -> None:
     drawn_all = (draw_prompt(noun, rng, held_out=True) for noun in ("pig", "bell") for _ in range(300))
     every = {(prompt.noun, attribute) for prompt in drawn_all for attribute in prompt.attributes}
     assert any(is_held_out(noun, attribute) for noun, attribute in every)
-
-
-def test_a_drawn_noun_is_the_same_again_and_its_file_gives_it_back(tmp_path: Path) -> None:
-    first = draw_set("heart", members=2, pictures_each=2, seed=3)
-    assert first.single.tolist() == [False, False, True] * 2
-    for _ in range(2):
-        kept = PictureFolder.cached(tmp_path, ["heart"], 2, 2, 3).sets["heart"]
-        for field in ("images", "tokens", "azimuth_deg", "single"):
-            assert torch.equal(getattr(first, field), getattr(kept, field)), field
-    other_seed = PictureFolder.cached(tmp_path, ["heart"], 2, 2, 4).sets["heart"]
-    assert not torch.equal(first.images, other_seed.images)
 
 
 @pytest.mark.usefixtures("small_network")

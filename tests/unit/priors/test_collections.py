@@ -8,14 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import Part, normalised
-from meshdeform.priors.builtin.teaching.pictures import four_views
 from tests.cases import each_case
-from training.collections.members import RealShapes
 from training.collections.nouns import noun_of
-from training.collections.scan import Drawn, Found, counts, same, scan, set_fronts
-from training.collections.sources import HELD_OUT, JUDGE, PRIOR, collection_of, pack_of, split_of
+from training.collections.scan import Drawn, counts, same, scan
+from training.collections.sources import HELD_OUT, JUDGE, split_of
 from training.prior.families import member
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -40,16 +37,6 @@ def test_the_words_of_a_name_say_what_a_file_shows(name: str, noun: str | None) 
     assert noun_of(name) == noun
 
 
-def test_a_pack_is_an_authors_set_of_things() -> None:
-    assert pack_of(f"{KAYKIT}/chair_A.gltf") == "KayKit-Game-Assets+Furniture/furniture"
-    assert pack_of("trebeljahr+quaternius-showcase/public/glb/ships_pack/Boat.glb").endswith("showcase/ships_pack")
-    assert pack_of("pmndrs+market-assets/files/models/pan/model.gltf") == "pmndrs+market-assets"
-    collection = collection_of(f"{KENNEY}/chair.glb")
-    assert collection is not None
-    assert collection.author == "Kenney"
-    assert collection_of("somebody+else/chair.glb") is None
-
-
 def test_the_judge_sees_other_authors_than_the_prior_or_another_pack() -> None:
     several = [(f"q{k}", "Quaternius", "p") for k in range(40)]
     several += [("y", "Kay Lousberg", "f"), ("t", "Tim Steer", "b"), ("k", "Kenney", "c")]
@@ -63,37 +50,16 @@ def test_the_judge_sees_other_authors_than_the_prior_or_another_pack() -> None:
     assert JUDGE not in split_of(one[:2]).values()
 
 
-def _turned(part: Part, quarters: int) -> Part:
-    for _ in range(quarters % 4):
-        part = Part(part.verts[:, [2, 1, 0]] * [1.0, 1.0, -1.0], part.faces)
-    return part
-
-
-def _seen(noun: str, part: Part, path: str = "", pack: str = "pack") -> tuple[Found, Drawn]:
-    return Found(path or noun, noun, "Kenney", pack, "name"), Drawn.of(normalised(part))
-
-
 def test_copies_are_known_by_their_shape_whatever_their_size_turn_and_triangles() -> None:
     chair = normalised(member("chair", (), np.random.default_rng(1)))
     middles = chair.verts[chair.faces].mean(1)
     split = np.concatenate(
         [np.c_[chair.faces[:, [k, (k + 1) % 3]], np.arange(len(middles)) + len(chair.verts)] for k in range(3)]
     )
-    copy = normalised(_turned(Part(3.0 * np.concatenate([chair.verts, middles]), split), 1))
+    quarter = np.concatenate([chair.verts, middles])[:, [2, 1, 0]] * [3.0, 3.0, -3.0]
     other = normalised(member("chair", (), np.random.default_rng(2)))
-    assert same(Drawn.of(chair), Drawn.of(copy))
+    assert same(Drawn.of(chair), Drawn.of(normalised(Part(quarter, split))))
     assert not same(Drawn.of(chair), Drawn.of(other))
-
-
-def test_a_packs_habit_turns_its_files_and_a_clear_front_turns_one() -> None:
-    rng = np.random.default_rng(0)
-    files = [_seen(noun, _turned(member(noun, (), rng), 1), noun) for noun in ("chair", "sofa", "armchair", "penguin")]
-    files.append(_seen("wardrobe", _turned(member("cabinet", (), rng), 1), "without a family"))
-    files.append(_seen("chair", member("chair", (), rng), "alone", pack="other"))
-    set_fronts(files)
-    fronts = {found.path: found.front_deg for found, _ in files}
-    assert {fronts[noun] for noun in ("chair", "sofa", "armchair", "penguin", "without a family")} == {90}
-    assert fronts["alone"] == 0
 
 
 @pytest.fixture(scope="module")
@@ -120,17 +86,3 @@ def test_a_scan_keeps_each_shape_once_and_says_what_it_left_out(scanned: Path) -
     assert index["left_out"] == [f"{KENNEY}/rock.glb", f"{KENNEY}/vase.glb"]
     assert list(index["refused"]) == [f"{KENNEY}/chair.glb"]
     assert counts(index["members"]).splitlines()[1].startswith("bench | ")
-
-
-def test_members_are_drawn_from_the_shapes_of_one_split(scanned: Path) -> None:
-    real = RealShapes(scanned, JUDGE)
-    assert ("vase" in real, "chair" in real) == (True, False)
-    one, again, other = (real.draw("vase", (), np.random.default_rng(seed)) for seed in (1, 1, 2))
-    assert np.array_equal(one.verts, again.verts)
-    assert not np.array_equal(one.verts, other.verts)
-    assert np.linalg.norm(one.verts, axis=1).max() == pytest.approx(1.0)
-    tall = real.draw("vase", [Attribute("whole", "tall")], np.random.default_rng(1))
-    heights = [np.ptp(part.verts[:, 1]) / np.ptp(part.verts[:, 0]) for part in (one, tall)]
-    assert heights[1] > 1.3 * heights[0]
-    assert "vase" not in RealShapes(scanned, PRIOR)
-    assert four_views(one).shape == (4, 64, 64, 3)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
-from safetensors.torch import save_file
+from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from meshdeform.assets import check_asset_subprocess
@@ -38,21 +38,17 @@ from training.prior.held_out import FOURTH_EDITION, THIRD_EDITION
 from training.prior.rehearsal import rehearsal
 
 
-@each_case(
-    ("name", "noun"),
-    [
-        ("a gnome", "gnome"),
-        ("The Teddy Bear", "teddy-bear"),
-        ("teddy-bear", "teddy-bear"),
-        (" an oil can ", "oil-can"),
-    ],
-)
+@each_case(("name", "noun"), [("a gnome", "gnome"), ("The Teddy Bear", "teddy-bear"), ("teddy-bear", "teddy-bear")])
 def test_a_name_becomes_one_noun(name: str, noun: str) -> None:
     new = new_noun(name, BUILTIN_WORDS, synonyms=["dwarf", name])
     assert (new.noun, new.synonyms, new.replaces) == (noun, ("dwarf",), False)
     assert new.words.tokens == (*BUILTIN_WORDS.tokens, noun)
     assert new.words.synonyms["dwarf"] == noun
-    assert noun not in BUILTIN_WORDS.nouns
+    again = new_noun("a chair", BUILTIN_WORDS, replace_known=True)
+    assert (again.replaces, again.words.tokens) == (True, BUILTIN_WORDS.tokens)
+    synonym, meaning = next(iter(BUILTIN_WORDS.synonyms.items()))
+    own = new_noun(synonym, BUILTIN_WORDS)
+    assert (own.replaces, synonym in own.words.synonyms, meaning in own.words.nouns) == (False, False, True)
 
 
 @each_case(
@@ -62,9 +58,7 @@ def test_a_name_becomes_one_noun(name: str, noun: str) -> None:
         ("a théière", [], "no noun"),
         ("x" * 41, [], "no noun"),
         ("one two three four five", [], "no noun"),
-        ("a tall", [], "another role"),
         ("a neck", [], "another role"),
-        ("a chair", [], "knows 'chair' already"),
         ("chairs", [], "knows 'chair' already"),
         ("a gnome", ["vase"], "a noun of its own"),
         ("a gnome", ["neck"], "another role"),
@@ -73,17 +67,6 @@ def test_a_name_becomes_one_noun(name: str, noun: str) -> None:
 def test_a_name_that_cannot_be_taught_is_refused(name: str, synonyms: list[str], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
         new_noun(name, BUILTIN_WORDS, synonyms=synonyms)
-
-
-def test_a_known_noun_keeps_its_number_if_it_is_replaced_and_a_synonym_becomes_a_noun() -> None:
-    again = new_noun("a chair", BUILTIN_WORDS, replace_known=True)
-    assert again.replaces
-    assert again.words.tokens == BUILTIN_WORDS.tokens
-    synonym, meaning = next(iter(BUILTIN_WORDS.synonyms.items()))
-    own = new_noun(synonym, BUILTIN_WORDS)
-    assert not own.replaces
-    assert synonym not in own.words.synonyms
-    assert meaning in own.words.nouns
 
 
 def test_folders_are_named_by_attributes() -> None:
@@ -201,21 +184,19 @@ def _packed(header: dict[str, Any], rest: bytes) -> bytes:
     ("change", "words"),
     [
         (lambda state: state.pop("stem.bias"), "do not fit"),
-        (lambda state: state.update({"stem.bias": state["stem.bias"][:1]}), "do not fit"),
+        (lambda state: state.update({"stem.bias": state["stem.bias"][:1].clone()}), "do not fit"),
         (lambda state: state["stem.bias"].fill_(float("nan")), "not finite"),
     ],
 )
-def test_tensors_that_do_not_fit_are_refused(change: Any, words: str) -> None:
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_small_weights(Path(folder) / "a.safetensors")
-        with safe_open(path, framework="pt") as file:
-            metadata, state = file.metadata(), {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
-        change(state)
-        save_file({name: tensor.clone() for name, tensor in state.items()}, path, metadata)
-        with pytest.raises(ModelError, match=words):
-            load_prior(str(path), device="cpu")
+def test_tensors_that_do_not_fit_are_refused(tmp_path: Path, change: Any, words: str) -> None:
+    path = write_small_weights(tmp_path / "a.safetensors")
+    with safe_open(path, framework="pt") as file:
+        metadata = file.metadata()
+    state = load_file(path)
+    change(state)
+    save_file(state, path, metadata)
+    with pytest.raises(ModelError, match=words):
+        load_prior(str(path), device="cpu")
 
 
 def test_a_prior_with_taught_words_reads_its_own_words_only(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from meshdeform.errors import ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import check_request
 from meshdeform.settings import Settings
@@ -23,13 +23,39 @@ def check(request: dict[str, Any], *, has_target: bool = False, **settings: Any)
     )
 
 
-def test_files_that_a_kind_needs_or_does_not_read_are_refused() -> None:
-    request = JobRequest(prompt="a mushroom")
-    with pytest.raises(ParameterError, match="`asset` is missing"):
-        check_request(request, Settings(), files=[])
-    with pytest.raises(ParameterError, match="does not read `pose`") as caught:
-        check_request(request, Settings(), files=["asset", "pose"])
-    assert caught.value.extra["errors"][0]["loc"] == ["pose"]
+GUIDANCE = ["params", "guidance"]
+
+
+def vase(**guidance: str) -> dict[str, Any]:
+    return {"prompt": "a tall vase", "params": {"guidance": guidance}}
+
+
+@each_case(
+    ("request", "files", "error", "words", "place"),
+    [
+        ({"prompt": "a mushroom"}, [], ParameterError, "`asset` is missing", ["asset"]),
+        ({"prompt": "a mushroom"}, ["asset", "pose"], ParameterError, "does not read `pose`", ["pose"]),
+        (
+            {"params": {"guidance": {"kind": "target"}}},
+            ["asset"],
+            ParameterError,
+            "second mesh",
+            ["params", "guidance"],
+        ),
+        ({"prompt": "a mushroom"}, ["asset", "target"], ParameterError, "A target was sent", GUIDANCE),
+        ({"prompt": "  \n"}, ["asset"], PromptError, "prompt", ["prompt"]),
+        ({"prompt": "a quixotic zeitgeist"}, ["asset"], VocabularyError, "quixotic", ["prompt"]),
+        (vase(negative_prompt="blurry"), ["asset"], VocabularyError, "blurry", [*GUIDANCE, "negative_prompt"]),
+        (vase(negative_prompt="tall"), ["asset"], PromptError, "means the same", [*GUIDANCE, "negative_prompt"]),
+        (vase(source_noun="zeitgeist"), ["asset"], VocabularyError, "zeitgeist", [*GUIDANCE, "source_noun"]),
+    ],
+)
+def test_what_cannot_run_is_refused_with_its_place(
+    request: dict[str, Any], files: list[str], error: type[MeshdeformError], words: str, place: list[str]
+) -> None:
+    with pytest.raises(error, match=words) as caught:
+        check_request(JobRequest.model_validate(request), Settings(), files=files)
+    assert [each["loc"] for each in caught.value.extra.get("errors", [{"loc": place}])] == [place]
 
 
 def test_what_can_run_passes() -> None:
@@ -37,43 +63,8 @@ def test_what_can_run_passes() -> None:
     check({"prompt": "a mushroom", "params": {"guidance": {"model": "builtin"}}}, model="some/other")
     check({"params": {"guidance": {"kind": "target"}}}, has_target=True)
     check({"prompt": "anything at all", "params": {"guidance": {"kind": "target"}}}, has_target=True)
-
-
-def test_a_negative_prompt_of_the_builtin_prior_is_of_its_grammar() -> None:
-    check({"prompt": "a vase", "params": {"guidance": {"negative_prompt": "fat"}}})
-    with pytest.raises(VocabularyError, match="blurry") as caught:
-        check({"prompt": "a vase", "params": {"guidance": {"negative_prompt": "blurry"}}})
-    assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "guidance", "negative_prompt"]]
-    with pytest.raises(PromptError, match="means the same"):
-        check({"prompt": "a tall vase", "params": {"guidance": {"negative_prompt": "tall"}}})
-
-
-def test_what_the_source_is_must_be_a_word_of_the_builtin_prior() -> None:
-    check({"prompt": "a giraffe", "params": {"guidance": {"source_noun": "dog", "negative_prompt": "a dog"}}})
-    with pytest.raises(VocabularyError, match="zeitgeist") as caught:
-        check({"prompt": "a giraffe", "params": {"guidance": {"source_noun": "zeitgeist"}}})
-    assert [error["loc"] for error in caught.value.extra["errors"]] == [["params", "guidance", "source_noun"]]
-
-
-@each_case("prompt", ["", "  \n"])
-def test_an_empty_prompt_is_refused(prompt: str) -> None:
-    with pytest.raises(PromptError):
-        check({"prompt": prompt})
-
-
-def test_a_prompt_outside_the_vocabulary_is_refused_with_the_vocabulary() -> None:
-    with pytest.raises(VocabularyError) as caught:
-        check({"prompt": "a quixotic zeitgeist"})
-    assert "mushroom" in caught.value.extra["nouns"]
-    assert "Stable Diffusion" in caught.value.advice_text
-
-
-def test_target_and_guidance_go_together() -> None:
-    with pytest.raises(ParameterError, match="second mesh") as caught:
-        check({"params": {"guidance": {"kind": "target"}}})
-    assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance"]
-    with pytest.raises(ParameterError, match="A target was sent"):
-        check({"prompt": "a mushroom"}, has_target=True)
+    check(vase(negative_prompt="fat"))
+    check(vase(source_noun="dog", negative_prompt="a dog"))
 
 
 def test_a_model_that_the_server_does_not_run_is_refused_with_those_that_it_does() -> None:

@@ -17,7 +17,7 @@ from meshdeform.geometry.weld import weld
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.requests.selection import Selection
+from meshdeform.requests.selection import Selection, check_selections
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.control import Control, SelectableSurface, read_control
@@ -101,6 +101,16 @@ def test_a_region_of_nothing_is_refused_with_what_there_is(where: dict[str, Any]
         controlled(regions=[{"node": "Lamp"}, where])
     assert advice in str(refused.value.advice_text)
     assert refused.value.extra["errors"][0]["loc"] == ["params", "control", "regions", 1, next(iter(where))]
+
+
+def test_names_are_checked_without_the_geometry() -> None:
+    summary = ASSET.summary
+    lists = {name: getattr(summary, name) for name in ("nodes", "mesh_names", "materials", "joints")}
+    assert [item["name"] for item in summary.joints] == ["Root", "Arm"]
+    check_selections("regions", [Selection(node="Body"), Selection(joint={"name": "Arm"}), Selection(faces=[9])], lists)
+    with pytest.raises(ParameterError, match="no mesh named"):
+        check_selections("regions", [Selection(mesh="tors")], lists)
+    check_selections("regions", [Selection(mesh="tors")], {})
 
 
 def controlled(asset: Asset = ASSET, **params: Any) -> Control:

@@ -113,19 +113,15 @@ def test_a_prompt_with_a_region_reaches_its_faces_and_no_others() -> None:
     assert close(over[IN_BOX], (0.25 * pear + 0.75 * vase)[IN_BOX])
 
 
-def test_the_pull_begins_at_the_border_and_never_adds_up_to_more_than_one_prompts() -> None:
-    given = [{**VASE, "weight": 3, "regions": [ABOVE]}]
-    everywhere, region = start("a pear", *given, falloff=0.2)._facts.goal.shares
-    assert region[~IN_BOX].max() == 0
-    np.testing.assert_allclose(everywhere + 3 * region, 1.0)
-    assert everywhere[~IN_BOX].min() == 1.0
-    order = np.argsort(MIDDLES[IN_BOX][:, 1])
-    along = region[IN_BOX][order]
-    assert along[0] < 0.1 < along[len(along) // 3] < along[-1] == pytest.approx(0.25)
-    assert 3 * along[-1] + everywhere[np.argmax(MIDDLES[:, 1])] == pytest.approx(1.0)
-    # A region narrower than its fall-off reaches the whole weight in its middle.
-    (narrow,) = start("", {**VASE, "regions": [ABOVE]}, falloff=1.0)._facts.goal.shares
-    assert narrow.max() == 1.0
+def test_a_symmetry_mirrors_the_regions() -> None:
+    left = {**VASE, "regions": [{"box": {"min": [0, -2, -2], "max": [2, 2, 2]}}]}
+    (share,) = start("", left, falloff=0.0)._facts.goal.shares
+    (mirrored,) = start("", left, falloff=0.0, symmetry="x")._facts.goal.shares
+    inside = MIDDLES[:, 0] > 0.2
+    assert share[inside].all()
+    assert not share[MIDDLES[:, 0] < 0].any()
+    assert mirrored[np.abs(MIDDLES[:, 0]) > 0.2].all()
+    assert not mirrored.all()
 
 
 def test_a_resumed_run_equals_an_uninterrupted_one_and_the_report_names_each_prompt() -> None:

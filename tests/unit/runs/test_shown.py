@@ -20,7 +20,6 @@ from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from meshdeform.runs.surfaces import Shown, pose_in_frame, welded_surface
 from meshdeform.runs.verdict import likeness_and_before
-from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import TURN, arm
 
@@ -72,22 +71,6 @@ def test_what_has_no_skin_is_shown_as_it_is_to_the_last_bit() -> None:
     assert shown.source is welded.mesh
     assert torch.equal(shown.result.verts, moved)
     assert "posed_quality" not in run(asset.to_bytes())[2]
-
-
-def test_a_pose_that_hides_all_is_not_what_is_measured() -> None:
-    ball, builder = icosphere(1), Builder()
-    follows = {"JOINTS_0": np.array([[2, 0, 0, 0]], np.uint8), "WEIGHTS_0": np.array([[1, 0, 0, 0]], np.float32)}
-    repeated = {name: values.repeat(len(ball.verts), 0) for name, values in follows.items()}
-    builder.node(
-        builder.mesh(builder.primitive(ball.verts.numpy(), ball.faces.numpy().astype(np.uint16), **repeated)), skin=0
-    )
-    builder.root["skins"] = [{"joints": [builder.node(), builder.node(), builder.node(scale=[0, 0, 0])]}]
-    asset = load_asset(builder.glb())
-    assert not asset.posed().positions.any()
-    welded = welded_surface(asset)
-    shown = Shown.of(asset, asset, welded, welded.mesh.verts)
-    assert not shown.posed
-    assert shown.source is welded.mesh
 
 
 def test_the_pose_of_the_nodes_is_a_map_of_each_vertex_in_the_frame() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from pydantic import ValidationError
+from safetensors.numpy import save
 from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb, load_asset
@@ -174,6 +175,7 @@ def test_a_resumed_run_writes_the_same_file(ring: bytes) -> None:
     assert resumed.step == 2
     list(resumed)
     assert resumed.finish()["surface.ndf"] == run.finish()["surface.ndf"]
+    assert begin(ring, checkpoint=run.checkpoint()).finish()["surface.ndf"] == run.finish()["surface.ndf"]
     with pytest.raises(CheckpointError):
         begin(ring, checkpoint=state, seed=1)
     branch = begin(ring, initial=state, seed=1)
@@ -223,6 +225,29 @@ def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
         )
         with pytest.raises(ParameterError, match=f"Anchor 2 names a point of the {part} that lies outside"):
             start_run(RunInput(request, {"asset": surface}))
+
+
+def octahedron() -> bytes:
+    """Return a network whose value is nearly |x| + |y| + |z| - 1."""
+    slope = 20.0
+    weight = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32) * slope
+    tensors = {
+        "layers.0.weight": weight,
+        "layers.0.bias": np.zeros(6, np.float32),
+        "layers.1.weight": np.full((1, 6), 1 / slope, np.float32),
+        "layers.1.bias": np.array([-1.0], np.float32),
+    }
+    return save(tensors, {"activation": "softplus", "bounds": "[-1.5,-1.5,-1.5,1.5,1.5,1.5]"})
+
+
+def test_an_octahedron_is_fitted_from_a_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("meshdeform.kinds.surface_fit.surface_sources._CELLS", 16)
+    run = begin(octahedron(), "octahedron.safetensors", steps=1)
+    list(run)
+    report = json.loads(run.finish()["report.json"].data)
+    assert report["input"]["described_by"] == "network"
+    assert report["input"]["genus"] == 0
+    assert report["levels"][1]["distance"]["mean"] < 0.02
 
 
 def test_what_cannot_be_fitted_is_refused_with_the_reason() -> None:

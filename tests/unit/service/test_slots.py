@@ -109,6 +109,8 @@ def test_a_burst_then_one_for_each_interval() -> None:
     assert buckets.take("key", rate, now=101.0).wait_s == 0.0
     assert buckets.take("key", rate, now=101.0).wait_s == pytest.approx(1.0)
     assert buckets.take("another", rate, now=101.0).wait_s == 0.0
+    buckets.give_back("another", rate)
+    assert [buckets.take("another", rate, now=101.0).remaining for _ in range(2)] == [2, 1]
 
 
 @given(

@@ -7,7 +7,6 @@ import pytest
 import torch
 from scipy.spatial import cKDTree
 
-from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.kinds.surface_fit.base_mesh import base_of
@@ -118,33 +117,3 @@ def test_a_fit_is_folded_only_if_step_after_step_is(
     # Of the first steps of a detailed surface one or the other has two in a hundred: that is not folded.
     assert weighted(3) < 3
     assert weighted(40) > 300
-
-
-def test_a_resumed_fit_equals_an_uninterrupted_one(
-    sphere: tuple[Surface, FieldFrame, np.ndarray, np.ndarray],
-) -> None:
-    options = FitOptions(steps=8, octaves=1, width=8, depth=1, batch_faces=6, seed=5)
-    whole = FieldFit(*sphere, options)
-    steps = iter(whole)
-    for _ in range(3):
-        next(steps)
-    state = whole.checkpoint()
-    list(steps)
-    resumed = FieldFit(*sphere, options, checkpoint=state)
-    assert resumed.step == 3
-    late = whole.checkpoint()
-    list(resumed)
-    for one, other in zip(whole.field.tensors, resumed.field.tensors, strict=True):
-        assert torch.equal(one, other)
-    assert whole.rounding == resumed.rounding
-    # The field of the end is what a file can hold, and what another resumption goes on with.
-    for one, other in zip(whole.field.tensors, rounded(whole.field.tensors, whole.rounding), strict=True):
-        assert torch.equal(one, other)
-    again = FieldFit(*sphere, options, checkpoint=late)
-    assert again.rounding == whole.rounding
-    assert torch.equal(again.field.features, whole.field.features)
-    branch = FieldFit(*sphere, options, initial=state.tensors)
-    assert branch.step == 0
-    assert torch.equal(branch.field.features.detach(), state.tensors["field.0"])
-    with pytest.raises(CheckpointError, match="another base or network"):
-        FieldFit(*sphere, FitOptions(steps=8, width=9), checkpoint=state)
