@@ -66,7 +66,7 @@ _FILTERS = {
 }
 _PROXY = """
 [DEFAULT]
-bind_ip = {host}
+bind_ip = 127.0.0.1
 bind_port = {port}
 workers = 0
 user = {user}
@@ -98,7 +98,6 @@ class S3Server:
     """Where it is and who may ask."""
 
     port: int
-    host: str = "127.0.0.1"
     key: str = "test:tester"
     secret: str = "secret12345"
     region: str = "us-east-1"
@@ -106,12 +105,12 @@ class S3Server:
     @property
     def endpoint(self) -> str:
         """Its URL."""
-        return f"http://{self.host}:{self.port}"
+        return f"http://127.0.0.1:{self.port}"
 
-    def settings(self, port: int | None = None) -> dict[str, str]:
-        """The environment variables that lead to it, or to a proxy in front of it on another port."""
+    def settings(self) -> dict[str, str]:
+        """The environment variables that lead to it."""
         return {
-            "AWS_ENDPOINT_URL": f"http://{self.host}:{port or self.port}",
+            "AWS_ENDPOINT_URL": self.endpoint,
             "AWS_ACCESS_KEY_ID": self.key,
             "AWS_SECRET_ACCESS_KEY": self.secret,
             "AWS_REGION": self.region,
@@ -137,14 +136,14 @@ class S3Server:
 
 
 @contextlib.contextmanager
-def s3_server(folder: Path, host: str = "127.0.0.1") -> Iterator[S3Server]:
-    """Run a Swift that speaks S3 on that address; only its front listens there."""
+def s3_server(folder: Path) -> Iterator[S3Server]:
+    """Run a Swift that speaks S3."""
     python = ENVIRONMENT / "bin/python"
     if not (ENVIRONMENT / "installed").is_file():
         raise NotInstalledError("OpenStack Swift, the S3 server of the tests, is not installed (scripts/test does it)")
     _check_attributes(folder)
     ports = dict(zip(("account", "container", "object", "proxy"), _free_ports(4), strict=True))
-    _configure(folder, ports, host)
+    _configure(folder, ports)
     subprocess.run([python, "-c", _RINGS, folder, json.dumps(ports)], check=True, env=_environment(folder))
     children: list[tuple[int, subprocess.Popen[bytes], Path]] = []
     try:
@@ -161,8 +160,8 @@ def s3_server(folder: Path, host: str = "127.0.0.1") -> Iterator[S3Server]:
                 )
             children.append((port, child, log))
         for port, child, log in children:
-            wait_for_port(port, child, log, host if port == ports["proxy"] else "127.0.0.1")
-        server = S3Server(ports["proxy"], host)
+            wait_for_port(port, child, log)
+        server = S3Server(ports["proxy"])
         _wait_until_healthy(server, children[-1][2])
         yield server
     finally:
@@ -170,7 +169,7 @@ def s3_server(folder: Path, host: str = "127.0.0.1") -> Iterator[S3Server]:
             _stop(child)
 
 
-def _configure(folder: Path, ports: dict[str, int], host: str) -> None:
+def _configure(folder: Path, ports: dict[str, int]) -> None:
     (folder / "devices/d1").mkdir(parents=True)
     (folder / "swift.conf").write_text(_SWIFT)
     known = {"folder": folder, "user": _user(), "region": S3Server.region, "secret": S3Server.secret}
@@ -181,7 +180,7 @@ def _configure(folder: Path, ports: dict[str, int], host: str) -> None:
         f"[filter:{name}]\nuse = egg:swift#{'memcache' if name == 'cache' else name}\n{options.format(**known)}\n"
         for name, options in _FILTERS.items()
     )
-    proxy = _PROXY.format(host=host, port=ports["proxy"], pipeline=" ".join(_FILTERS), **known)
+    proxy = _PROXY.format(port=ports["proxy"], pipeline=" ".join(_FILTERS), **known)
     (folder / "proxy.conf").write_text(proxy + filters)
 
 

@@ -32,11 +32,11 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def wait_for_port(port: int, child: subprocess.Popen[bytes], log: Path, host: str = "127.0.0.1") -> None:
+def wait_for_port(port: int, child: subprocess.Popen[bytes], log: Path) -> None:
     """Return when something accepts connections; fail with the log when the child ends or time is up."""
     deadline = time.monotonic() + DEADLINE_S
     while time.monotonic() < deadline and child.poll() is None:
-        with contextlib.suppress(OSError), socket.create_connection((host, port), timeout=1):
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             return
         time.sleep(0.02)
     raise RuntimeError(f"{child.args} does not answer on port {port}:\n{log.read_text(errors='replace')[-2000:]}")
@@ -54,23 +54,23 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
 class RedisServer:
     """A Redis on a port of its own that can be killed and started again. It keeps nothing: the worst of all Redises."""
 
-    def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
+    def __init__(self, folder: Path) -> None:
         try:
             self._program = find_redis_server()
         except DependencyError as missing:
             raise NotInstalledError(missing.advice_text) from None
-        self._folder, self._host, self.port = folder, host, free_port()
+        self._folder, self.port = folder, free_port()
         self._child: subprocess.Popen[bytes] | None = None
-        self.url = f"redis://{host}:{self.port}/0"
+        self.url = f"redis://127.0.0.1:{self.port}/0"
 
     def start(self) -> None:
         """Start it and return when it answers."""
-        command = [self._program, "--port", str(self.port), "--bind", self._host, "--dir", str(self._folder)]
+        command = [self._program, "--port", str(self.port), "--bind", "127.0.0.1", "--dir", str(self._folder)]
         command += ["--save", "", "--appendonly", "no", "--protected-mode", "no"]
         log = self._folder / "redis.log"
         with log.open("ab") as output:
             self._child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=output)
-        wait_for_port(self.port, self._child, log, self._host)
+        wait_for_port(self.port, self._child, log)
 
     @property
     def pid(self) -> int:
@@ -126,15 +126,14 @@ def _unprivileged() -> list[str]:
 class PostgresServer:
     """A PostgreSQL cluster of its own that can be killed and started again; the superuser is `meshdeform`.
 
-    Others may enter its folder: PostgreSQL does not run as root. All on the network of `host` are trusted. Unless it
-    is `durable` it does not sync, and loses what it has when the machine dies, not when it does. A `standby_of` another
-    one is a copy of it that follows it, once it is started, until it is promoted.
+    Others may enter its folder: PostgreSQL does not run as root. Unless it is `durable` it does not sync, and loses
+    what it has when the machine dies, not when it does. A `standby_of` another one is a copy of it that follows it,
+    once it is started, until it is promoted.
     """
 
     def __init__(
         self,
         folder: Path,
-        host: str = "127.0.0.1",
         *,
         durable: bool = False,
         options: dict[str, str] | None = None,
@@ -142,7 +141,7 @@ class PostgresServer:
     ) -> None:
         self._binaries, self._runas = _postgres_binaries(), _unprivileged()
         self._options = [word for name, value in (options or {}).items() for word in ("-c", f"{name}={value}")]
-        self.folder, self._data, self._host, self._durable = folder, folder / "data", host, durable
+        self.folder, self._data, self._durable = folder, folder / "data", durable
         self.port = free_port()
         self._child: subprocess.Popen[bytes] | None = None
         if self._runas:
@@ -153,25 +152,22 @@ class PostgresServer:
         if standby_of is not None:
             make = [self._binaries / "pg_basebackup", "-R", "-c", "fast", "-D", self._data, "-d", standby_of.url]
         subprocess.run([*self._runas, *make], check=True, cwd=folder, stdout=subprocess.DEVNULL)
-        if host != "127.0.0.1":
-            with (self._data / "pg_hba.conf").open("a") as rules:
-                rules.write("host all all samenet trust\n")
 
     @property
     def url(self) -> str:
         """The database `postgres` on it."""
-        return f"postgresql://meshdeform@{self._host}:{self.port}/postgres"
+        return f"postgresql://meshdeform@127.0.0.1:{self.port}/postgres"
 
     def start(self) -> None:
         """Start it and return when it answers."""
         log = self.folder / "postgres.log"
         command = [*self._runas, self._binaries / "postgres", "-D", self._data, "-k", self.folder]
-        command += ["-h", self._host, "-p", str(self.port), *self._options] + ([] if self._durable else ["-F"])
+        command += ["-h", "127.0.0.1", "-p", str(self.port), *self._options] + ([] if self._durable else ["-F"])
         with log.open("ab") as output:
             self._child = subprocess.Popen(
                 command, cwd=self.folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output
             )
-        wait_for_port(self.port, self._child, log, self._host)
+        wait_for_port(self.port, self._child, log)
         self._wait_for_recovery(log)
 
     @property
@@ -184,7 +180,7 @@ class PostgresServer:
 
     def _wait_for_recovery(self, log: Path) -> None:
         # After a crash it accepts connections long before it has read its log, and refuses every session until then.
-        command = [self._binaries / "pg_isready", "-q", "-t", "1", "-h", self._host, "-p", str(self.port)]
+        command = [self._binaries / "pg_isready", "-q", "-t", "1", "-h", "127.0.0.1", "-p", str(self.port)]
         deadline = time.monotonic() + DEADLINE_S
         while subprocess.run(command, check=False, cwd=self.folder).returncode != 0:
             if time.monotonic() > deadline or (self._child is not None and self._child.poll() is not None):

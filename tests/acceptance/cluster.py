@@ -16,7 +16,7 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -171,9 +171,8 @@ class Cluster(Followed):
         database_url: str = "",
         storage_url: str = "",
         environment: Mapping[str, str] | None = None,
-        api_host: str = "127.0.0.1",
     ) -> None:
-        self.folder, self.redis, self._api_host = folder, redis, api_host
+        self.folder, self.redis = folder, redis
         # What our own client of the record says while its server is down is no news, and a log that is kept would keep
         # the errors, which have the frames, which have the sockets.
         logging.disable()
@@ -194,21 +193,18 @@ class Cluster(Followed):
         self.queue = JobQueue(self._environment["MESHDEFORM_REDIS_URL"], "meshdeform")
         self.parts: dict[str, Part] = {}
         self._port = free_port()
-        self.http = httpx.Client(base_url=f"http://{api_host}:{self._port}", timeout=DEADLINE_S)
+        self.http = httpx.Client(base_url=f"http://127.0.0.1:{self._port}", timeout=DEADLINE_S)
         self._asset: StoredFile | None = None
 
-    def start_api(self, *, inside: Sequence[str] = (), **environment: str) -> Part:
-        """Start the API, and return when it answers. `inside` is a command that starts commands somewhere else."""
-        command = [*inside, sys.executable, "-m", "meshdeform", "api", "--port", str(self._port)]
-        command += ["--host", self._api_host]
-        part = self._start("api", command, environment)
+    def start_api(self, **environment: str) -> Part:
+        """Start the API, and return when it answers."""
+        part = self._start("api", [sys.executable, "-m", "meshdeform", "api", "--port", str(self._port)], environment)
         until("the API answers", lambda: self.http.get("/healthz").status_code == 200)
         return part
 
-    def start_worker(self, name: str = "worker", *, inside: Sequence[str] = (), **environment: str) -> Part:
+    def start_worker(self, name: str = "worker", **environment: str) -> Part:
         """Start a supervisor, which starts its worker."""
-        command = [*inside, sys.executable, "-m", "tests.fake_worker", "--supervised"]
-        return self._start(name, command, environment)
+        return self._start(name, [sys.executable, "-m", "tests.fake_worker", "--supervised"], environment)
 
     def _start(self, name: str, command: list[str], environment: Mapping[str, str]) -> Part:
         log = self.folder / f"{name}.log"

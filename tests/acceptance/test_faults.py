@@ -24,7 +24,6 @@ pytestmark = pytest.mark.acceptance
 
 WORKER_POINTS = [name for name in FAILPOINTS if name.startswith("worker.")]
 API_POINTS = [name for name in FAILPOINTS if name.startswith("api.")]
-SUPERVISOR_POINTS = ["worker.told", "worker.step", "worker.checkpoint.stored", "worker.results.stored"]
 """Where the suite kills a supervisor; the other points of its worker differ little, and are `-m long`."""
 STEPS = 12
 SELDOM = 20
@@ -82,9 +81,6 @@ def test_a_worker_killed_at_every_failpoint_loses_nothing(cluster: Cluster, tmp_
         assert job.attempt == (1 if point in ("worker.told", "worker.ended") else 2), point
 
 
-# A newer version beside this one
-
-
 # SIGKILL of the API
 
 
@@ -115,12 +111,9 @@ def test_an_api_killed_at_every_failpoint_makes_one_job_of_a_repeated_request(cl
 # SIGKILL of the supervisor, with its worker
 
 
-@pytest.mark.parametrize("points", [SUPERVISOR_POINTS, pytest.param(WORKER_POINTS, marks=pytest.mark.long)], ids=len)
-def test_a_supervisor_killed_at_every_failpoint_of_its_worker_loses_nothing(
-    cluster: Cluster, points: list[str]
-) -> None:
+def test_a_supervisor_killed_at_every_failpoint_of_its_worker_loses_nothing(cluster: Cluster) -> None:
     job_id = cluster.submit(STEPS)
-    for point in points:
+    for point in WORKER_POINTS:
         killed = cluster.start_worker(point, **waiting_at(cluster, [point]))
         until("the worker is there", (cluster.folder / f"{point}.reached").exists)
         family = killed.children()
@@ -135,22 +128,13 @@ def test_a_supervisor_killed_at_every_failpoint_of_its_worker_loses_nothing(
     cluster.check(job_id, steps=STEPS)
 
 
-@pytest.mark.parametrize(
-    "point",
-    [
-        "reconciler.reclaimed",
-        *(pytest.param(name, marks=pytest.mark.long) for name in ("supervisor.reclaimed", "reconciler.told")),
-    ],
-)
-def test_a_supervisor_killed_while_it_takes_a_job_back_loses_nothing(
-    cluster: Cluster, point: str, tmp_path: Path
-) -> None:
-    points = f"worker.step=kill@6;{tmp_path / 'worker-died'},{point}=kill;{tmp_path / 'supervisor-died'}"
-    job_id = cluster.submit(STEPS)
-    first = cluster.start_worker("first", MESHDEFORM_FAILPOINTS=points)
-    first.process.wait(timeout=60)
-    cluster.start_worker("second")
-    cluster.check(job_id, steps=STEPS)
+def test_a_supervisor_killed_while_it_takes_a_job_back_loses_nothing(cluster: Cluster, tmp_path: Path) -> None:
+    job_id = cluster.submit(24)
+    for point in ("supervisor.reclaimed", "reconciler.reclaimed", "reconciler.told"):
+        points = f"worker.step=kill@6;{tmp_path / point}-1,{point}=kill;{tmp_path / point}-2"
+        cluster.start_worker(point, MESHDEFORM_FAILPOINTS=points).process.wait(timeout=60)
+    cluster.start_worker("last")
+    cluster.check(job_id, steps=24)
 
 
 # SIGKILL of Redis, which forgets everything
@@ -190,8 +174,11 @@ def test_a_redis_that_is_away_for_a_while_delays_jobs_only(running: Cluster) -> 
     posted = running.post(STEPS)
     assert posted.status_code == 202, posted.text
     running.check(job_id, steps=400)
-    running.redis.start()
+    # An idle worker asks the record meanwhile.
     running.check(posted.json()["id"], steps=STEPS)
+    running.redis.start()
+    until("the worker hears it again", lambda: "Redis is back" in running.parts["worker"].log)
+    running.check(running.submit(STEPS), steps=STEPS)
 
 
 # A worker that sleeps past its lease

@@ -18,18 +18,18 @@ STEPS = 200
 
 
 @contextmanager
-def cluster_with(folder: Path, **urls: str) -> Iterator[Cluster]:
-    """A deployment whose leases outlast the outages of this file: what is tried here is not a lost worker."""
+def cluster_with(folder: Path, lease_s: int = 60, **urls: str) -> Iterator[Cluster]:
+    """A deployment whose leases outlast the outages of this file, where what is tried is not a lost worker."""
     with running_redis(folder) as redis:
-        made = Cluster(folder, redis, environment={"MESHDEFORM_LEASE_S": "60"}, **urls)
+        made = Cluster(folder, redis, environment={"MESHDEFORM_LEASE_S": str(lease_s)}, **urls)
         try:
             yield made
         finally:
             made.clean_up()
 
 
-@pytest.mark.parametrize("empty", [False, True], ids=["missing", "empty"])
-def test_a_folder_that_is_not_mounted_costs_no_attempt(tmp_path: Path, empty: bool) -> None:
+def test_a_folder_that_is_not_mounted_costs_no_attempt(tmp_path: Path) -> None:
+    """Nor is the empty folder in its place taken for a new store."""
     with cluster_with(tmp_path) as cluster:
         cluster.start_api()
         worker = cluster.start_worker()
@@ -37,9 +37,7 @@ def test_a_folder_that_is_not_mounted_costs_no_attempt(tmp_path: Path, empty: bo
         cluster.at_step(running, 20)
         store, elsewhere = tmp_path / "objects", tmp_path / "elsewhere"
         store.rename(elsewhere)
-        if empty:
-            store.mkdir()
-        # What starts while the store is away must not take the empty folder for a new store.
+        store.mkdir()
         cluster.parts["api"].kill()
         cluster.start_api()
         answers = [cluster.post(), cluster.http.get(f"/v1/jobs/{running}/asset"), cluster.http.get("/readyz")]
@@ -47,9 +45,8 @@ def test_a_folder_that_is_not_mounted_costs_no_attempt(tmp_path: Path, empty: bo
         assert answers[-1].json()["store"]["status"] == "unavailable"
         until("a checkpoint is missed", lambda: "is not stored: " in worker.log)
         until("an upload failed", lambda: "result.glb: " in worker.log)
-        assert not empty or list(store.iterdir()) == []
-        if empty:
-            store.rmdir()
+        assert list(store.iterdir()) == []
+        store.rmdir()
         elsewhere.rename(store)
         for job_id, steps in ((running, STEPS), (queued, 12)):
             assert cluster.check(job_id, steps=steps).attempt == 1
@@ -74,21 +71,38 @@ def test_a_supervisor_waits_for_a_record_that_is_not_up_yet(
 def test_a_record_that_takes_no_writes_or_no_logins_ends_no_supervisor(
     way: str, tmp_path: Path, postgres_url: str
 ) -> None:
-    with database_to_shut(postgres_url) as database, running_redis(tmp_path) as redis:
-        cluster = Cluster(tmp_path, redis, database_url=database.url)
-        try:
-            supervisor = cluster.start_worker()
-            job_id = cluster.submit(STEPS, every=20)
-            cluster.at_step(job_id, 20)
-            database.shut(way)
-            # The first that a supervisor writes when its worker dies.
-            supervisor.child().kill()
-            until("the lease is not given up", lambda: "stays claimed until its lease expires" in supervisor.log)
-            until("the reconciler waits", lambda: "the reconciler will retry" in supervisor.log)
-            assert supervisor.process.poll() is None
-            database.open(way)
-            cluster.check(job_id, steps=STEPS)
-            assert supervisor.process.poll() is None
-            assert "Traceback" not in supervisor.log
-        finally:
-            cluster.clean_up()
+    with database_to_shut(postgres_url) as database, cluster_with(tmp_path, 5, database_url=database.url) as cluster:
+        supervisor = cluster.start_worker()
+        job_id = cluster.submit(STEPS, every=20)
+        cluster.at_step(job_id, 20)
+        database.shut(way)
+        # The first that a supervisor writes when its worker dies.
+        supervisor.child().kill()
+        until("the lease is not given up", lambda: "stays claimed until its lease expires" in supervisor.log)
+        until("the reconciler waits", lambda: "the reconciler will retry" in supervisor.log)
+        assert supervisor.process.poll() is None
+        database.open(way)
+        cluster.check(job_id, steps=STEPS)
+        assert supervisor.process.poll() is None
+        assert "Traceback" not in supervisor.log
+
+
+def test_a_worker_that_is_cut_off_loses_its_job_to_another_one(
+    tmp_path: Path, postgres_port: int, postgres_url: str
+) -> None:
+    """Its connections hang, as those of a host whose cable is pulled, and it goes on with its steps meanwhile."""
+    direct = postgres_url.replace("+pg8000", "")
+    with FaultProxy(postgres_port) as proxy, cluster_with(tmp_path, 5, database_url=direct) as cluster:
+        through = direct.replace(f":{postgres_port}/", f":{proxy.port}/")
+        cut_off = cluster.start_worker("cut off", MESHDEFORM_DATABASE_URL=through, FAKE_STEP_S="0.05")
+        job_id = cluster.submit(STEPS, every=20)
+        cluster.at_step(job_id, 20)
+        proxy.hang()
+        other = cluster.start_worker("other")
+        assert cluster.check(job_id, steps=STEPS).attempt == 2
+        last = cluster.events(job_id)[-1].seq
+        proxy.pass_through()
+        other.stop()
+        cluster.check(cluster.submit(12), steps=12)
+        until("it noticed", lambda: "lost its lease" in cut_off.log)
+        assert cluster.events(job_id)[-1].seq == last

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -41,21 +40,6 @@ def usual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield made
 
 
-@pytest.fixture(scope="module")
-def impatient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    """One whose steps may take four seconds, and whose jobs have two attempts."""
-    with deployed(
-        tmp_path_factory.mktemp("impatient"), MESHDEFORM_STEP_TIMEOUT_S="4", MESHDEFORM_MAX_ATTEMPTS="2"
-    ) as made:
-        yield made
-
-
-def test_jobs_are_run_by_a_process_that_holds_no_torch(usual: Cluster) -> None:
-    for _ in range(3):
-        usual.check(usual.submit(STEPS), steps=STEPS)
-    assert "libtorch" not in Path(f"/proc/{usual.parts['worker'].child().pid}/maps").read_text()
-
-
 def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(usual: Cluster) -> None:
     # Two attempts may be lost: this one is none.
     worker = usual.parts["worker"]
@@ -69,14 +53,12 @@ def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(usual:
     assert worker.child().pid != first
 
 
-def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(impatient: Cluster) -> None:
-    worker = impatient.parts["worker"]
-    noticed = worker.log.count("has made no progress")
-    job = impatient.check(impatient.submit(STEPS, prompt="hangs"), state=JobState.FAILED)
-    assert job.error is not None
-    assert (job.error.code, job.attempt) == ("worker_lost", 2)
-    assert worker.log.count("has made no progress") == noticed + 2
-    impatient.check(impatient.submit(STEPS), steps=STEPS)
+def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(tmp_path: Path) -> None:
+    with deployed(tmp_path, MESHDEFORM_STEP_TIMEOUT_S="4", MESHDEFORM_MAX_ATTEMPTS="2") as impatient:
+        job = impatient.check(impatient.submit(STEPS, prompt="hangs"), state=JobState.FAILED)
+        assert job.error is not None
+        assert (job.error.code, job.attempt) == ("worker_lost", 2)
+        impatient.check(impatient.submit(STEPS), steps=STEPS)
 
 
 @each_case("trouble", ["hangs", "freezes"])
@@ -90,30 +72,12 @@ def test_a_cancellation_does_not_wait_for_a_step_that_does_not_end(usual: Cluste
         until("it is frozen", (usual.folder / "frozen").exists)
     process = worker.child()
     usual.record.request_cancel(job_id)
-    asked = time.monotonic()
     job = usual.check(job_id, state=JobState.CANCELED)
-    assert time.monotonic() - asked < 30.0  # a step may take ten minutes
     assert job.attempt == 1
     assert [e.type for e in usual.events(job_id)].count("canceled") == 1
     until("the process is replaced", lambda: not process.is_running() and worker.child())
     usual.check(usual.submit(STEPS), steps=STEPS)
     assert usual.job(job_id) == job
-
-
-def test_an_idle_worker_takes_jobs_while_redis_is_away_and_afterwards(usual: Cluster) -> None:
-    worker = usual.parts["worker"]
-    usual.check(usual.submit(STEPS), steps=STEPS)
-    process = worker.child()
-    usual.redis.kill()
-    try:
-        jobs_away = [usual.check(usual.submit(STEPS), steps=STEPS) for _ in range(2)]
-        assert [job.attempt for job in jobs_away] == [1, 1]
-        assert "Redis is away: this worker asks the record" in worker.log
-    finally:
-        usual.redis.start()
-    until("Redis is back", lambda: "Redis is back" in worker.log)
-    usual.check(usual.submit(STEPS), steps=STEPS)
-    assert worker.child() == process
 
 
 def test_a_worker_starts_works_and_stops_while_redis_is_away(tmp_path: Path) -> None:
