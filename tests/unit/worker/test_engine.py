@@ -43,9 +43,16 @@ def test_the_settings_decide_the_revision_and_the_precision(
     ]
 
 
-@each_case("model", ["builtin", "some/model"])
-def test_a_small_job_runs_before_the_first_one(model: str, caplog: pytest.LogCaptureFixture) -> None:
+@each_case(("model", "asked"), [("builtin", True), ("some/model", False)])
+def test_a_small_job_runs_before_the_first_one(
+    model: str, asked: bool, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tests.fakes import FakePrior
+
+    prior = FakePrior()
+    monkeypatch.setattr("meshdeform.priors.load_prior", lambda *_, **__: prior)
     torch_engine(Settings(model=model, device="cpu"))
+    assert bool(prior.timesteps) == asked
     assert [record.message for record in caplog.records if record.levelname == "ERROR"] == []
 
 

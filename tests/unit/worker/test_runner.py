@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.errors import CheckpointError, ModelError, NumericalError, StoredFileError
+from meshdeform.errors import CheckpointError, ModelError, NumericalError
 from meshdeform.record.leases import Turns
 from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.schema import jobs
@@ -25,7 +25,7 @@ from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.fake_kind import OutOfMemoryError
 from tests.unit.plain.shapes import chair, plain_glb
-from tests.worker_world import EVERY, STEPS, World, away, fail_for_a_while, new_world
+from tests.worker_world import STEPS, World, away, fail_for_a_while, new_world
 from worker.attempt import is_out_of_memory
 
 
@@ -47,20 +47,12 @@ def test_a_job_succeeds_with_its_results_and_its_checkpoints(world: World) -> No
     (given,) = world.kind.started
     file = InputFile(b"an asset", "a.glb", hashlib.sha256(b"an asset").hexdigest())
     assert given.files == {"asset": file, "target": file}
-
-
-def test_a_run_gets_the_parameters_as_they_were_resolved_at_the_door(world: World) -> None:
-    job = world.run(world.create())
+    assert given.resolved is None
+    assert world.priors == []
+    # The parameters as they were resolved at the door, and a prior where the kind needs one.
     resolved = resolve(job.request.params)
     world.run(world.record.create(NewJob(job.request, job.files, resolved=resolved)))
-    before, after = world.kind.started
-    assert before.resolved is None
-    assert after.resolved == resolved.model_dump(mode="json")
-
-
-def test_a_kind_that_needs_a_prior_loads_it_through_the_worker(world: World) -> None:
-    world.run(world.create())
-    assert world.priors == []
+    assert world.kind.started[-1].resolved == resolved.model_dump(mode="json")
     world.run(world.create(guidance="sds"))
     assert world.priors == ["builtin"]
 
@@ -71,26 +63,25 @@ def test_a_duplicate_delivery_does_nothing(world: World) -> None:
     assert len(world.kind.started) == 1
 
 
-def test_an_expected_error_fails_the_job_with_its_code_and_advice(world: World) -> None:
+def raising(error: Exception) -> Any:
+    """Return what raises it in a step."""
+
     def fail(step: int) -> None:
-        raise NumericalError("The loss is not finite.", advice="Try less.")
+        raise error
 
-    world.kind.on_step = fail
-    job = world.run(world.create())
-    assert job.state is JobState.FAILED
-    assert job.error is not None
-    assert (job.error.code, job.error.detail, job.error.advice) == (
-        "numerical_failure",
-        "The loss is not finite.",
-        "Try less.",
-    )
+    return fail
 
 
-def test_an_unforeseen_error_is_internal_and_tells_only_the_log(world: World, caplog: pytest.LogCaptureFixture) -> None:
-    def fail(step: int) -> None:
-        raise OSError(28, "No space left on device", "/secret/path")
-
-    world.kind.on_step = fail
+def test_an_error_fails_the_job_with_its_code_or_as_an_internal_one_that_tells_only_the_log(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.kind.on_step = raising(NumericalError("The loss is not finite.", advice="Try less."))
+    expected = world.run(world.create())
+    assert expected.state is JobState.FAILED
+    assert expected.error is not None
+    assert (expected.error.code, expected.error.detail) == ("numerical_failure", "The loss is not finite.")
+    assert expected.error.advice == "Try less."
+    world.kind.on_step = raising(OSError(28, "No space left on device", "/secret/path"))
     with caplog.at_level(logging.ERROR):
         job = world.create()
         for state in (JobState.QUEUED, JobState.QUEUED, JobState.FAILED):
@@ -137,20 +128,10 @@ def test_a_failure_that_may_pass_is_tried_again_later_and_goes_on_from_its_check
     assert world.result(world.run(plain)) == world.result(done)
 
 
-def test_a_job_that_waits_after_a_failure_is_canceled_at_once(world: World) -> None:
-    def fail(step: int) -> None:
-        raise StoredFileError("The stored copy is damaged.")
-
-    world.kind.on_step = fail
-    job = world.run(world.create())
-    assert (job.state, job.error and job.error.code) == (JobState.QUEUED, "file_damaged")
-    assert world.record.request_cancel(job.id).state is JobState.CANCELED
-    assert world.record.get(job.id).error is None
-
-
-def test_a_cancel_stops_the_job(world: World) -> None:
-    job = world.create(steps=50_000)
-    world.kind.on_step = lambda step: world.record.request_cancel(job.id) and None if step == 5 else None
+@each_case(("steps", "at"), [(50_000, 5), (STEPS, STEPS)], ids=["early", "in the last step"])
+def test_a_cancel_stops_the_job(world: World, steps: int, at: int) -> None:
+    job = world.create(steps=steps)
+    world.kind.on_step = lambda step: world.record.request_cancel(job.id) and None if step == at else None
     # The channel is deaf here: the record alone must be enough, at the next heartbeat.
     world.runner(settings=Settings(lease_s=1.0)).run(job.id)
     job = world.record.get(job.id)
@@ -158,15 +139,15 @@ def test_a_cancel_stops_the_job(world: World) -> None:
     assert world.record.artifacts(job.id) == []
 
 
-@pytest.mark.parametrize(("stop", "state"), [("cancel", JobState.CANCELED), ("shutdown", JobState.QUEUED)])
+STOPS = [("cancel", JobState.CANCELED), ("shutdown", JobState.QUEUED)]
+
+
+@pytest.mark.parametrize(("stop", "state"), STOPS)
 def test_a_start_that_takes_long_hears_that_it_must_stop(world: World, stop: str, state: JobState) -> None:
     job = world.create()
 
     def start(given: RunInput) -> JobRun:
-        if stop == "cancel":
-            world.record.request_cancel(job.id)
-        else:
-            world.stop = True
+        ask_to_stop(world, job, stop)
         until_at = time.monotonic() + 30
         while time.monotonic() < until_at:
             given.on_wait()
@@ -177,36 +158,20 @@ def test_a_start_that_takes_long_hears_that_it_must_stop(world: World, stop: str
     assert world.record.get(job.id).state is state
 
 
-def test_a_cancel_during_the_last_step_still_cancels(world: World) -> None:
-    job = world.create()
-    world.kind.on_step = lambda step: world.record.request_cancel(job.id) and None if step == STEPS else None
-    assert world.run(job).state is JobState.CANCELED
-
-
-def test_a_stopping_worker_hands_the_job_back_after_its_step(world: World) -> None:
+@each_case(("at", "kept"), [(17, [17, 10]), (STEPS, [50, 40, 30, 20, 10])])
+def test_a_stopping_worker_hands_the_job_back_after_its_step(world: World, at: int, kept: list[int]) -> None:
     whole = world.create()
     world.run(whole)
-
     job = world.create()
-    world.kind.on_step = lambda step: setattr(world, "stop", step == 17)
+    world.kind.on_step = lambda step: setattr(world, "stop", step == at)
     handed_back = world.run(job)
     assert (handed_back.state, handed_back.attempt) == (JobState.QUEUED, 1)
-    assert world.kept(job) == [17, 10]
-
+    assert world.kept(job) == kept
     world.stop, world.kind.on_step = False, lambda step: None
     done = world.run(job)
     assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
-    assert world.kind.started_at == [0, 0, 17]
+    assert world.kind.started_at[-1] == at
     assert world.result(job) == world.result(whole)
-
-
-def test_a_job_handed_back_after_its_last_step_only_finishes(world: World) -> None:
-    job = world.create()
-    world.kind.on_step = lambda step: setattr(world, "stop", step == STEPS)
-    assert world.run(job).state is JobState.QUEUED
-    world.stop = False
-    assert world.run(job).state is JobState.SUCCEEDED
-    assert world.kind.started_at == [0, STEPS]
 
 
 def test_a_job_makes_room_for_one_that_has_waited_and_goes_on_after_it(
@@ -289,23 +254,13 @@ def lose(world: World, job: Job, at: int) -> None:
     assert world.record.upkeep.reclaim_expired(3) == [job.id]
 
 
-def test_a_lost_attempt_is_resumed_from_the_last_checkpoint(world: World) -> None:
-    whole = world.create()
-    world.run(whole)
-    job = world.create()
-    lose(world, job, at=35)
-    done = world.run(job)
-    assert (done.state, done.attempt) == (JobState.SUCCEEDED, 2)
-    assert world.kind.started_at == [0, 0, 30]
-    assert world.result(job) == world.result(whole)
-
-
-@each_case(("damaged", "resumed_at"), [([0], 20), ([0, 1], 10), ([0, 1, 2], 0)])
+@each_case(("damaged", "resumed_at"), [([], 30), ([0], 20), ([0, 1], 10), ([0, 1, 2], 0)])
 @each_case("damage", ["torn", "gone", "foreign"])
 def test_a_torn_checkpoint_falls_back_to_the_one_before(
     world: World, damaged: list[int], resumed_at: int, damage: str
 ) -> None:
-    job = world.create()
+    whole_job, job = world.create(), world.create()
+    world.run(whole_job)
     lose(world, job, at=35)
     references = world.record.leases.checkpoints(job.id)
     whole = [world.store.get(reference.key) for reference in references]
@@ -315,8 +270,9 @@ def test_a_torn_checkpoint_falls_back_to_the_one_before(
         else:
             other = whole[index][:-3] if damage == "torn" else whole[index - 1]
             world.store.put(references[index].key, other, "application/octet-stream")
-    assert world.run(job).state is JobState.SUCCEEDED
-    assert world.kind.started_at[-1] == resumed_at
+    done = world.run(job)
+    assert (done.state, done.attempt, world.kind.started_at[-1]) == (JobState.SUCCEEDED, 2, resumed_at)
+    assert world.result(job) == world.result(whole_job)
 
 
 def test_a_checkpoint_that_the_kind_refuses_is_passed_over(world: World) -> None:
@@ -444,16 +400,9 @@ def test_it_may_come_before_the_first_step(world: World) -> None:
     world.runner(load_prior=load).run(job.id)
     left = world.record.get(job.id)
     assert (left.state, left.oom_attempts, world.renewals) == (JobState.QUEUED, 1, ["now"])
-
-
-def test_what_is_taken_for_it() -> None:
-    import torch
-
-    assert is_out_of_memory(torch.OutOfMemoryError("CUDA out of memory."))
+    # As torch and CUDA say it; the machine's own memory is another matter.
     assert is_out_of_memory(RuntimeError("CUDA error: out of memory\nCUDA kernel errors might be"))
-    assert not is_out_of_memory(MemoryError())
-    assert not is_out_of_memory(RuntimeError("no memory of it"))
-    assert not is_out_of_memory(None)
+    assert not any(map(is_out_of_memory, (MemoryError(), RuntimeError("no memory of it"), None)))
 
 
 # A job that continues another one: a retry ends as if never interrupted, a branch begins with its shape.
@@ -479,19 +428,13 @@ def state(world: World) -> tuple[bytes, bytes]:
 def test_a_retry_goes_on_from_the_checkpoint_to_the_same_bytes(world: World) -> None:
     data, result = state(world)
     job = continued(world, OriginMode.RETRY, data)
-    assert world.run(job).state is JobState.SUCCEEDED
-    assert world.kind.started_at[-1] == 30
-    assert world.result(job) == result
-
-
-def test_its_own_checkpoints_come_first(world: World) -> None:
-    data, _ = state(world)
-    job = continued(world, OriginMode.RETRY, data)
+    # Its own checkpoints come first.
     world.kind.on_step = lambda step: setattr(world, "stop", step == 44)
     world.run(job)
     world.stop, world.kind.on_step = False, lambda step: None
     assert world.run(job).state is JobState.SUCCEEDED
     assert world.kind.started_at[-2:] == [30, 44]
+    assert world.result(job) == result
 
 
 def test_a_retry_without_one_or_with_a_torn_one_begins_anew(world: World) -> None:
@@ -590,30 +533,22 @@ def test_what_the_store_does_not_keep_as_it_was_written_is_written_again(
     assert hashlib.sha256(world.store.get(artifact.key)).hexdigest() == artifact.sha256
 
 
-def test_a_cancel_is_heard_while_the_store_is_away(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    job = world.create()
-
-    def get(key: str, sha256: str = "") -> Any:
+def ask_to_stop(world: World, job: Job, how: str) -> None:
+    """Cancel the job, or stop its worker."""
+    if how == "cancel":
         world.record.request_cancel(job.id)
-        return away()
-
-    monkeypatch.setattr(world.store, "get", get)
-    world.runner(settings=Settings(lease_s=1.0), retry_for_s=60.0).run(job.id)
-    assert world.record.get(job.id).state is JobState.CANCELED
+    else:
+        world.stop = True
 
 
-def test_a_worker_that_stops_while_the_store_is_away_hands_the_job_back(
-    world: World, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("stop", "state"), STOPS)
+def test_who_waits_for_a_store_that_is_away_hears_that_it_must_stop(
+    world: World, monkeypatch: pytest.MonkeyPatch, stop: str, state: JobState
 ) -> None:
     job = world.create()
-
-    def get(key: str, sha256: str = "") -> Any:
-        world.stop = True
-        return away()
-
-    monkeypatch.setattr(world.store, "get", get)
-    world.runner(retry_for_s=60.0).run(job.id)
-    assert world.record.get(job.id).state is JobState.QUEUED
+    monkeypatch.setattr(world.store, "get", lambda *_, **__: (ask_to_stop(world, job, stop), away()))
+    world.runner(settings=Settings(lease_s=1.0), retry_for_s=60.0).run(job.id)
+    assert world.record.get(job.id).state is state
 
 
 def test_a_worker_that_stops_stores_no_checkpoint_where_it_cannot_and_hands_the_job_back(
@@ -629,7 +564,6 @@ def test_a_worker_that_stops_stores_no_checkpoint_where_it_cannot_and_hands_the_
     world.kind.on_step = stop
     assert world.run(job).state is JobState.QUEUED
     assert world.kept(job) == [10]
-    assert EVERY == 10
 
 
 def test_a_change_in_plain_words_succeeds_without_a_step(world: World) -> None:
