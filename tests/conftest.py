@@ -65,7 +65,6 @@ SHARING = {
     "the viewer": ("tests/browser/viewer/",),
     # What imports diffusers or transformers, which takes seconds, and shares their small models.
     "Stable Diffusion": (
-        "tests/integration/test_eval.py",
         "tests/unit/evaluation/test_clip_judge.py",
         "tests/unit/priors/test_stable_diffusion",
     ),

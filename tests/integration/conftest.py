@@ -38,14 +38,11 @@ WEBHOOK_SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run what is marked `both_databases` on PostgreSQL as well; with `long=True`, outside the suite only."""
+    """Run what is marked `both_databases` on PostgreSQL as well."""
     if "database_url" not in metafunc.fixturenames or "database_url" in _own_parameters(metafunc):
         return
-    databases: list[Any] = ["sqlite"]
-    if both := metafunc.definition.get_closest_marker("both_databases"):
-        databases.append(
-            pytest.param("postgresql", marks=pytest.mark.long) if both.kwargs.get("long") else "postgresql"
-        )
+    both = metafunc.definition.get_closest_marker("both_databases")
+    databases = ["sqlite", "postgresql"] if both else ["sqlite"]
     metafunc.parametrize("database_url", databases, indirect=True, scope="module")
 
 

@@ -30,6 +30,8 @@ def test_artifacts_are_listed_and_streamed(api: Api, openapi: dict[str, Any]) ->
     (artifact,) = listed["artifacts"]
     digest = hashlib.sha256(content).hexdigest()
     assert (artifact["name"], artifact["size"], artifact["sha256"]) == ("result.glb", len(content), digest)
+    assert api.http.get(f"/v1/jobs/{job_id}").json()["artifacts"] == listed["artifacts"]
+    assert api.http.get("/v1/jobs?limit=1").json()["jobs"][0]["artifacts"] == listed["artifacts"]
     whole = api.http.get(artifact["href"])
     assert (whole.status_code, whole.content) == (200, content)
     assert whole.headers["content-type"] == "model/gltf-binary"

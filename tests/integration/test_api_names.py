@@ -10,7 +10,7 @@ import pytest
 from meshdeform.client import Client
 from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
-from tests.integration.http_calls import check_document, check_problem, finished_job
+from tests.integration.http_calls import check_problem
 
 
 def messages(problem: dict[str, Any]) -> dict[str, str]:
@@ -36,21 +36,6 @@ def test_unknown_query_parameters_are_refused(url: str, place: str, message: str
     problem = check_problem(answer, 422, "parameter_invalid")
     assert list(messages(problem)) == [place]
     assert message is None or problem["detail"] == f"{place}: {message}"
-
-
-def test_a_job_lists_its_artifacts(api: Api, openapi: dict[str, Any]) -> None:
-    content = b"result" * 50
-    queued, job_id = new_job(api.record).id, finished_job(api, content)
-    job = api.http.get(f"/v1/jobs/{job_id}").json()
-    check_document(job, "JobView", openapi)
-    assert job["artifacts"] == api.http.get(f"/v1/jobs/{job_id}/artifacts").json()["artifacts"]
-    (artifact,) = job["artifacts"]
-    assert (artifact["name"], artifact["size"]) == ("result.glb", len(content))
-    assert api.http.get(artifact["href"]).content == content
-    listed = {each["id"]: each["artifacts"] for each in api.http.get("/v1/jobs?limit=2").json()["jobs"]}
-    assert listed == {job_id: [artifact], queued: []}
-    with Client(api.url) as client:
-        assert [each.size for each in client.get(job_id).artifacts] == [len(content)]
 
 
 @pytest.mark.both_databases

@@ -88,13 +88,6 @@ def test_a_piece_that_does_not_begin_where_the_upload_ends_is_told_where_that_is
     check_problem(send(api, upload, TEXT), 409, "conflict")
 
 
-def test_the_whole_replaces_what_came_before(api: Api) -> None:
-    upload = begin(api)
-    assert send(api, upload, b"x" * 100, 0).status_code == 204
-    assert send(api, upload, TEXT).headers["upload-offset"] == str(len(TEXT))
-    assert complete(api, upload).status_code == 200
-
-
 @each_case(
     "header",
     ["bytes 0-9", "bytes 5-4/10240", "bytes 0-10240/10240", "bytes 0-9/999", "lines 0-9/10240", "bytes 0-9/*"],

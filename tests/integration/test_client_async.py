@@ -70,10 +70,6 @@ def test_threads_share_a_client(cluster: Cluster, url: str) -> None:
 LONG = {"steps": 50_000}
 
 
-def canceled(cluster: Cluster, job_id: str) -> bool:
-    return cluster.finished(job_id).state is JobState.CANCELED
-
-
 @pytest.mark.parametrize("how", ["task", "scope"])
 def test_a_canceled_task_cancels_its_job(cluster: Cluster, url: str, how: str) -> None:
     found: list[str] = []
@@ -101,7 +97,7 @@ def test_a_canceled_task_cancels_its_job(cluster: Cluster, url: str, how: str) -
                 group.cancel_scope.cancel()
 
     asyncio.run(main())
-    assert canceled(cluster, found[0])
+    assert cluster.finished(found[0]).state is JobState.CANCELED
 
 
 async def _awaited(what: Awaitable[object]) -> None:
@@ -151,7 +147,7 @@ def test_ctrl_c_cancels_the_job(cluster: Cluster, url: str) -> None:
         child.communicate()
     assert child.returncode != 0
     assert errors.rstrip().endswith("KeyboardInterrupt")
-    assert canceled(cluster, job_id)
+    assert cluster.finished(job_id).state is JobState.CANCELED
 
 
 def test_waiting_ends_when_its_time_is_up(cluster: Cluster, url: str) -> None:

@@ -56,7 +56,6 @@ def shown(cell: str, names: dict[str, Any]) -> Any:
     return eval(compile(ast.Expression(last.value), "<cell>", "eval"), names) if isinstance(last, ast.Expr) else None
 
 
-@pytest.mark.long  # its calls are those of docs/client.md
 def test_the_notebook_runs_from_its_first_cell_to_its_last(
     service: Service,
     folder: Path,

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,7 +17,6 @@ from meshdeform.priors import load_prior
 from tests.cases import each_case
 from training.evaluation.__main__ import app
 from training.evaluation.mesh_file import read_ply
-from training.evaluation.suite import SUITES
 
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
 FIRST = "sphere--a-mushroom--seed0"
@@ -158,50 +153,3 @@ def test_what_cannot_be_run_is_said_before_anything_is_written(
     assert refused.exit_code == code, refused.output
     assert said in " ".join(refused.stderr.replace("│", " ").split())
     assert not (tmp_path / "run").exists()
-
-
-def test_the_suite_for_stable_diffusion_runs_with_a_checkpoint_and_is_judged_by_clip(tmp_path: Path) -> None:
-    from tests.fakes import build_tiny_stable_diffusion
-    from tests.unit.evaluation.tiny_clip import build_tiny_clip
-
-    model, clip, out = tmp_path / "model", tmp_path / "clip", tmp_path / "run"
-    build_tiny_stable_diffusion(model)
-    clip.mkdir()
-    build_tiny_clip(clip)
-    options = ["--suite", "paper", "--prior", "sd", "--model", str(model), "--clip", str(clip)]
-    done = evaluated(out, *options, "--steps", "1", "--limit", "2", judge="none")
-    assert done.exit_code == 0, done.output
-    document = results(out)
-    assert document["summary"][0]["overall"]["clip_retrieval"]["count"] == 2
-    assert document["manifest"]["clip"]["id"] == "clip"
-    assert document["manifest"]["prior"]["id"] == str(model)
-    assert all(1 <= record["states"][0]["clip"]["rank"] <= 12 for record in document["records"])
-
-
-@pytest.mark.slow
-def test_ctrl_c_leaves_a_folder_that_the_same_command_goes_on_in(tmp_path: Path, repository: Path) -> None:
-    out = tmp_path / "run"
-    command = [sys.executable, "-m", "training.evaluation", "--out", str(out), "--judge", JUDGE, "--jobs", "2"]
-    command += ["--steps", "2", "--limit", "30", *KEEP]
-    process = subprocess.Popen(
-        command, cwd=repository, stderr=subprocess.PIPE, text=True, start_new_session=True, env=os.environ.copy(),
-        # A shell's background jobs ignore the signal, and so would their children.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
-    assert process.stderr is not None
-    line = process.stderr.readline()
-    assert line.startswith("1/30"), line
-    os.killpg(process.pid, signal.SIGINT)
-    rest = process.stderr.read()
-    process.stderr.close()
-    assert process.wait(60) == 130, rest
-    assert "The same command resumes" in rest
-    assert not list(out.rglob("*.part"))
-    kept = {path: path.stat().st_mtime_ns for path in out.glob("items/*/record.json")}
-    assert 1 <= len(kept) < 30
-    count = str(len(kept) + 1)
-    again = evaluated(out, "--jobs", "1", "--steps", "2", *KEEP, "--limit", count)
-    assert again.exit_code == 0, again.output
-    assert [record["failed"] for record in results(out)["records"] if record["failed"]] == []
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    assert all((out / "items" / item.name / "record.json").exists() for item in SUITES["small"].items(int(count)))

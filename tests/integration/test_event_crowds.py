@@ -108,18 +108,7 @@ def test_two_hundred_waiting_clients_cost_one_query_a_tick_and_are_forgotten_whe
     until(lambda: waiters.held == 0, "all places are free")
     assert waiters.waiting == 0
     assert waiters._held == {}
-
-
-def test_nobody_asks_the_record_while_nobody_waits(counted: tuple[str, FastAPI, list[str]], record: JobRecord) -> None:
-    url, app, statements = counted
-    job = new_job(record)
-    with httpx.Client(base_url=url, timeout=DEADLINE_S) as http, stream(http, job.id) as found:
-        events = found.events()
-        next(events)
-        until(lambda: statements, "somebody waits")
-        record.request_cancel(job.id)
-        list(events)
-    until(lambda: not app.state.app_state.waiters._wanted.is_set(), "the task rests")
+    until(lambda: not waiters._wanted.is_set(), "nobody asks the record any more")
 
 
 @pytest.mark.both_databases

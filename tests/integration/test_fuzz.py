@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import pytest
-
 from bench import fuzz
 
 SEED = 20_260_101
 
 
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("mutants", [300, pytest.param(20_000, marks=pytest.mark.long)])
-def test_no_mutant_crashes_the_reader(mutants: int) -> None:
+def test_no_mutant_crashes_the_reader() -> None:
+    mutants = 300
     found = fuzz.run(SEED, mutants=mutants)
     assert found["defects"] == []
     assert sum(found["outcomes"].values()) == found["mutants"] == mutants

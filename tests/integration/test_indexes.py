@@ -228,9 +228,3 @@ def test_rare_words_are_found_by_their_trigrams(
     with large.database.write() as connection:
         plan = "\n".join(str(row[-1]) for row in connection.exec_driver_sql("EXPLAIN " + statement, parameters))
     assert "ix_job_texts_text" in plan
-
-
-def test_a_scan_would_be_noticed(large: JobRecord) -> None:
-    with _asked(large) as sent, large.database.read() as connection:
-        connection.execute(sa.select(jobs.c.id).where(jobs.c.request_id == "r")).all()
-    assert [scan for statement, parameters in sent for scan in _scanned(large, statement, parameters)] != []

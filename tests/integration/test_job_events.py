@@ -102,6 +102,13 @@ def _finds_no_memory(record: JobRecord) -> Job:
     return job
 
 
+def _is_canceled_and_finds_no_memory(record: JobRecord) -> Job:
+    job = claimed(record, new_job(record))
+    record.request_cancel(job.id)
+    assert record.leases.out_of_memory(job.id, 1, 1) is JobState.CANCELED
+    return job
+
+
 def _is_late_in_the_queue(record: JobRecord) -> Job:
     job = late(record)
     record.upkeep.expire_deadlines()
@@ -136,6 +143,7 @@ def _is_late_and_canceled(record: JobRecord) -> Job:
         (_is_recovered, "queued started recovered started succeeded"),
         (_loses_every_worker, "queued started recovered started failed"),
         (_finds_no_memory, "queued started queued started failed"),
+        (_is_canceled_and_finds_no_memory, "queued started canceling canceled"),
         (_is_late_in_the_queue, "queued expired"),
         (_is_late_while_it_runs, "queued started expired"),
         (_is_late_and_canceled, "queued started canceling canceled"),
@@ -145,23 +153,27 @@ def test_events_tell_what_happened_without_a_gap_and_end_once(record: JobRecord,
     job = path(record)
     assert history(record, job.id) == expected.split()
     # A job that is over stays as it is, whoever tries what.
-    if record.get(job.id).state.terminal:
+    done = record.get(job.id)
+    if done.state.terminal:
+        assert done.finished_at is not None
+        assert (done.error is not None) == (done.state is JobState.FAILED)
+        assert (done.progress.fraction == 1.0) == (done.state is JobState.SUCCEEDED)
         record.upkeep.reclaim_expired(1)
         record.upkeep.expire_deadlines()
         assert record.leases.claim(job.id, "another", LEASE_S) is None
         for again in (
-            lambda: record.leases.finish(job.id, record.get(job.id).attempt, JobState.FAILED),
-            lambda: record.leases.save_progress(job.id, record.get(job.id).attempt, at(9)),
+            lambda: record.leases.finish(job.id, done.attempt, JobState.FAILED),
+            lambda: record.leases.save_progress(job.id, done.attempt, at(9)),
             lambda: record.request_cancel(job.id),
         ):
             with pytest.raises((StaleAttemptError, ConflictError)):
                 again()
         assert history(record, job.id) == expected.split()
+        assert record.get(job.id) == done
     else:
         assert record.events.after(job.id)[0].data == {"reason": "created"}
 
 
-@pytest.mark.both_databases(long=True)
 def test_an_end_says_why(record: JobRecord) -> None:
     errors = {
         path: (record.events.after(path(record).id)[-1].data.get("error") or {}).get("code")

@@ -19,7 +19,7 @@ from meshdeform.settings import Settings
 from tests.cases import each_case
 
 
-@pytest.mark.both_databases(long=True)
+@pytest.mark.both_databases
 def test_a_key_is_known_by_its_text_alone(record: JobRecord) -> None:
     key, text = record.keys.create("studio", "ci", requests_per_minute=5, max_active_jobs=2)
     other, other_text = record.keys.create("studio")
@@ -67,7 +67,7 @@ def test_whatever_is_wrong_is_the_same_error(record: JobRecord) -> None:
     assert record.keys.verify(text).id == key.id
 
 
-@pytest.mark.both_databases(long=True)
+@pytest.mark.both_databases
 def test_a_use_is_noted_once_a_minute(record: JobRecord) -> None:
     key, text = record.keys.create("studio")
     assert key.last_used_at is None
@@ -142,7 +142,7 @@ def test_the_commands_work_on_the_record_that_the_settings_name(
     assert run(app, ["keys", "create", "--owner", "Not This"]).exit_code == 3
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "meshdeform.example"])
+@pytest.mark.parametrize("host", ["0.0.0.0", "meshdeform.example"])
 def test_who_listens_where_others_are_asks_everybody_for_a_key(record: JobRecord, database_url: str, host: str) -> None:
     settings = Settings(database_url=database_url)
     with pytest.raises(ParameterError, match="none exists") as caught:
@@ -154,10 +154,8 @@ def test_who_listens_where_others_are_asks_everybody_for_a_key(record: JobRecord
     assert _decided(settings, host).auth == "on"
     off = Settings(database_url=database_url, auth="off")
     assert _decided(off, host) == off
-
-
-def test_loopback_asks_nobody_unless_it_is_told_to(record: JobRecord, database_url: str) -> None:
-    settings = Settings(database_url=database_url)
+    # Loopback asks nobody unless it is told to.
+    record.keys.revoke(record.keys.list()[0].id)
     _require_key(settings, "127.0.0.1", None)
     assert _decided(settings, "127.0.0.1") == settings
     with pytest.raises(ParameterError, match="MESHDEFORM_AUTH is on"):

@@ -114,7 +114,7 @@ def test_a_worker_between_its_message_and_its_claim_is_no_lost_message(record: J
     assert queue.length() == 0
 
 
-@pytest.mark.both_databases(long=True)
+@pytest.mark.both_databases
 def test_after_a_pause_or_a_jump_of_the_clock_a_worker_renews_its_lease_before_anybody_reclaims(
     record: JobRecord, queue: JobQueue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -231,7 +231,7 @@ def test_a_store_that_is_away_keeps_nobody_from_being_told(record: JobRecord, qu
     assert record.upkeep.discarded_prefixes() == [f"jobs/{gone.id}/"]
 
 
-@pytest.mark.both_databases(long=True)
+@pytest.mark.both_databases
 def test_the_reconciler_lives_through_an_outage(record: JobRecord, redis_url: str) -> None:
     job = new_job(record)
     queue = JobQueue(redis_url, "test")

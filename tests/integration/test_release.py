@@ -19,7 +19,6 @@ from meshdeform import __version__
 from release.build import build, wrong_with
 from release.licences import dependencies, forbidden, licence
 from release.rehearsal import rehearse
-from tests.acceptance.service import serving
 from tests.cases import each_case
 
 
@@ -58,19 +57,6 @@ def _take_compiled(folder: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_the_same_commit_gives_the_same_wheel(released: dict[str, Path], tmp_path: Path, repository: Path) -> None:
-    """This one is built from the tree, as the source distribution of the other one was."""
-    moment = subprocess.run(
-        ["git", "log", "-1", "--format=%ct"], cwd=repository, check=True, capture_output=True, text=True
-    ).stdout.strip()
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    subprocess.run(command, cwd=repository, env={**os.environ, "SOURCE_DATE_EPOCH": moment}, check=True)
-    (again,) = tmp_path.glob("*.whl")
-    assert again.read_bytes() == released[".whl"].read_bytes()
-
-
-@pytest.mark.long
-@pytest.mark.slow
 def test_the_installed_wheel_deforms_without_the_repository(installed: Path, tmp_path: Path, repository: Path) -> None:
     asset = repository / "examples/sphere.glb"
     environment = {**os.environ, "PYTHONPATH": str(installed)}
@@ -81,17 +67,6 @@ def test_the_installed_wheel_deforms_without_the_repository(installed: Path, tmp
     command = [*python, "-m", "meshdeform", "run", str(asset), "a mushroom", "-o", "m.glb", "--steps", "1"]
     subprocess.run(command, env=environment, cwd=tmp_path, check=True, capture_output=True)
     assert {path.name for path in tmp_path.iterdir()} >= {"m.glb", "m.report.json", "m.preview.png"}
-
-
-@pytest.mark.long
-def test_the_installed_wheel_serves_the_page(installed: Path, tmp_path: Path) -> None:
-    with serving(tmp_path / "data", PYTHONPATH=str(installed)) as service:
-        page = service.http.get("/")
-        library = service.http.get("/web/vendor/three/three.module.js")
-    assert page.status_code == 200
-    assert "<title>" in page.text
-    assert library.status_code == 200
-    assert library.content == (installed / "service/web/vendor/three/three.module.js").read_bytes()
 
 
 @pytest.mark.long
@@ -162,8 +137,4 @@ def test_a_bill_with_a_forbidden_licence_is_not_written(monkeypatch: pytest.Monk
 @each_case("text", ["LGPL-3.0-only", "GNU General Public License v2", "CC-BY-NC-4.0", "AGPL-3.0"])
 def test_forbidden_licences_are_known(text: str) -> None:
     assert forbidden(text)
-
-
-@each_case("text", ["MIT", "MPL-2.0", "BSD-3-Clause AND GPL-3.0-or-later WITH GCC-exception-3.1"])
-def test_other_licences_are_not_forbidden(text: str) -> None:
-    assert not forbidden(text)
+    assert not any(map(forbidden, ("MIT", "MPL-2.0", "BSD-3-Clause AND GPL-3.0-or-later WITH GCC-exception-3.1")))

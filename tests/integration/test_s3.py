@@ -7,13 +7,11 @@ import random
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
-import obstore
 import pytest
 
 from meshdeform.errors import UnavailableError
@@ -138,14 +136,6 @@ class TestSignedUrls:
             assert answer.headers["Content-Disposition"] == 'attachment; filename="result.glb"'
             assert answer.headers["Content-Type"] == "model/gltf-binary"
 
-    def test_what_was_stored_without_a_name_downloads(self, store: ObjectStore, s3_store_url: str) -> None:
-        # As versions before this one stored it.
-        obstore.put(obstore.store.from_url(s3_store_url), "a.glb", DATA)
-        url = store.presign_get("a.glb", 60)
-        assert url is not None
-        answer = httpx.get(url)
-        assert (answer.content, answer.headers.get("Content-Disposition")) == (DATA, None)
-
 
 @pytest.mark.parametrize("wrong", ["credentials", "bucket"])
 def test_what_the_server_refuses_is_no_missing_object(
@@ -196,6 +186,7 @@ class TestOutages:
         hasty = ObjectStore(s3_store_url, patience_s=0.5)
         calls: list[Callable[[], object]] = [
             hasty.ping,
+            lambda: beyond.ping(0.5),
             lambda: hasty.put("a", b"after"),
             lambda: hasty.put("big", BIG),
             lambda: hasty.put_verified("a", b"after"),
@@ -215,6 +206,7 @@ class TestOutages:
                 with pytest.raises(UnavailableError, match="does not answer"):
                     told.result()
         assert list(tmp_path.iterdir()) == []
+        assert hasty.presign_get("a", 60) is not None
         proxy.pass_through()
         assert beyond.get("a") == DATA
         assert dict(beyond.list()) == {"a": len(DATA)}
@@ -223,25 +215,17 @@ class TestOutages:
         self, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore, tmp_path: Path, subtests: pytest.Subtests
     ) -> None:
         store.put("big", BIG)
-        for count in (0, 100, 1_000, 10_000):
+        for count in (100, 10_000):
             with subtests.test(count):
                 proxy.cut_after(count)
                 for read in (lambda: beyond.get("big"), lambda: beyond.fetch("big", tmp_path / "big")):
                     with pytest.raises(UnavailableError):
                         read()
                 assert list(tmp_path.iterdir()) == []
-        proxy.pass_through()
+        proxy.cut_after(len(BIG) * 2 // 3)  # in the middle it goes on
         assert beyond.get("big") == BIG
 
-    def test_a_download_that_is_cut_once_goes_on(
-        self, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore
-    ) -> None:
-        store.put("big", BIG)
-        proxy.cut_after(len(BIG) * 2 // 3)
-        assert beyond.get("big") == BIG
-        assert proxy.connections > 1
-
-    @pytest.mark.parametrize("count", [0, 500, 100_000, 5_000_000])
+    @pytest.mark.parametrize("count", [500, 5_000_000])
     def test_an_upload_that_is_cut_leaves_what_was_there(
         self, count: int, proxy: FaultProxy, beyond: ObjectStore, store: ObjectStore
     ) -> None:
@@ -265,21 +249,6 @@ class TestOutages:
             got.extend(parts)
         assert BIG.startswith(b"".join(got))
         assert sum(map(len, got)) < len(BIG)
-
-    def test_whoever_asks_often_does_not_wait_as_long_as_the_others(
-        self, proxy: FaultProxy, beyond: ObjectStore
-    ) -> None:
-        beyond.ping(30.0)
-        proxy.hang()
-        start = time.monotonic()
-        with pytest.raises(UnavailableError):
-            beyond.ping(0.5)
-        assert time.monotonic() - start < 20.0
-
-    def test_a_url_is_signed_without_asking(self, proxy: FaultProxy, beyond: ObjectStore) -> None:
-        proxy.refuse()
-        assert beyond.presign_get("a", 60) is not None
-        assert proxy.connections == 0
 
 
 def test_signed_urls_name_the_host_that_clients_reach(s3_server: S3Server, s3_store_url: str) -> None:

@@ -16,10 +16,9 @@ from meshdeform.record.schema import outbox
 from tests.integration.conftest import DEADLINE_S, new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, claimed, history, ids, late, posted, set_to
 
-pytestmark = pytest.mark.both_databases(long=True)
+pytestmark = pytest.mark.both_databases
 
 
-@pytest.mark.both_databases
 def test_queued_jobs_are_told_the_most_urgent_first(record: JobRecord) -> None:
     usual, urgent, other = posted(record), posted(record, priority=3), posted(record)
     taken = claimed(record, posted(record))
@@ -52,7 +51,6 @@ def test_who_is_to_be_told_is_on_the_record_until_they_are(record: JobRecord) ->
     assert record.upkeep.unannounced() == ids([second, third])
 
 
-@pytest.mark.both_databases
 def test_many_jobs_are_taken_back_in_one_look(record: JobRecord, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshdeform.record.upkeep._BATCH", 10)
     jobs = [claimed(record, new_job(record), OVER) for _ in range(23)]
@@ -65,7 +63,6 @@ def test_many_jobs_are_taken_back_in_one_look(record: JobRecord, monkeypatch: py
     assert record.counters()["recoveries", ""] == 22
 
 
-@pytest.mark.both_databases
 def test_reconcilers_that_look_at_once_take_each_job_back_once(record: JobRecord, database_url: str) -> None:
     jobs = [claimed(record, new_job(record), OVER) for _ in range(40)]
     records = [JobRecord(database_url) for _ in range(4)]
@@ -122,7 +119,6 @@ def test_jobs_are_deleted_when_their_time_is_over(record: JobRecord) -> None:
     assert record.get(by_request.id).state is JobState.CANCELED
 
 
-@pytest.mark.both_databases(long=True)
 def test_a_lease_of_a_clock_that_was_set_back_is_cut(record: JobRecord) -> None:
     ahead, usual = claimed(record, new_job(record), 86_400.0), claimed(record, new_job(record), LEASE_S)
     assert record.upkeep.shorten_leases(LEASE_S) == 1
@@ -160,7 +156,6 @@ def test_a_duration_is_in_the_first_bucket_that_holds_it(record: JobRecord) -> N
     assert sums["step_seconds_sum", ""] == pytest.approx(31.0101)
 
 
-@pytest.mark.both_databases
 def test_many_that_end_and_take_back_at_once_never_wait_in_a_circle(record: JobRecord, database_url: str) -> None:
     jobs = [claimed(record, late(record) if number % 3 == 0 else new_job(record), OVER) for number in range(60)]
     records = [JobRecord(database_url) for _ in range(6)]

@@ -17,7 +17,7 @@ from meshdeform.webhooks.delivery import WebhookDelivery
 from tests.integration.conftest import WEBHOOK_SETTINGS, new_job, stored_file
 from tests.unit.webhooks.receiver import Receiver
 
-pytestmark = pytest.mark.both_databases(long=True)
+pytestmark = pytest.mark.both_databases
 
 
 def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
@@ -31,7 +31,6 @@ def test_one_webhook_leaves_room_for_the_others(record: JobRecord) -> None:
     assert len(record.deliveries.due(3)) == 3
 
 
-@pytest.mark.both_databases(long=True)
 def test_one_owner_leaves_room_for_the_others(record: JobRecord) -> None:
     many = {record.webhooks.create("many", f"https://slow-{number}.example/")[0].id for number in range(10)}
     one, _ = record.webhooks.create("one", "https://quick.example/")
@@ -45,7 +44,6 @@ def test_one_owner_leaves_room_for_the_others(record: JobRecord) -> None:
     assert {found.webhook_id for found in record.deliveries.due(50, without_owners=["many"])} == {one.id}
 
 
-@pytest.mark.both_databases
 def test_an_owner_has_so_many_and_no_more_also_at_once(record: JobRecord) -> None:
     made: list[str] = []
     refused: list[RequestError] = []

@@ -71,7 +71,7 @@ def test_a_webhook_hears_only_of_what_it_asked_for(
     assert [message.verified(secret)["type"] for message in receiver.messages] == ["job.canceled"]
 
 
-@pytest.mark.both_databases(long=True)
+@pytest.mark.both_databases
 def test_it_is_tried_by_the_schedule_and_then_given_up(
     record: JobRecord, delivery: WebhookDelivery, receiver: Receiver
 ) -> None:

@@ -19,10 +19,9 @@ from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import sign_path
-from service.events import routes as event_routes
 from service.http.auth import SIGNING_KEY
 from tests.cases import each_case
-from tests.integration.conftest import DEADLINE_S, Api, stored_result
+from tests.integration.conftest import Api, stored_result
 from tests.integration.http_calls import check_problem
 from tests.integration.test_downloads import closed_server
 
@@ -184,28 +183,6 @@ def test_it_ends_with_its_time_its_key_and_its_job(shared: Shared) -> None:
         client.get(shared.job)
 
 
-def test_a_stream_ends_with_the_link(shared: Shared, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(event_routes, "_SILENCE_S", 0.1)
-    request = JobRequest.model_validate(REQUEST)
-    file = next(iter(shared.api.record.get(shared.job).files.values()))
-    job = shared.api.record.create(NewJob(request, {"asset": file}, owner_id="mine")).id
-    url = shared.api.http.post(f"/v1/jobs/{job}/url", headers=shared.key).json()["url"]
-    headers = {"Authorization": f"Bearer {url.rpartition('/')[2]}", "Accept": "text/event-stream"}
-    with shared.api.http.stream("GET", f"/v1/jobs/{job}/events", headers=headers, timeout=DEADLINE_S) as stream:
-        lines = stream.iter_lines()
-        while next(lines) != ": keep-alive":
-            pass
-        shared.api.record.keys.revoke(shared.key_id)
-        assert not [line for line in lines if line.startswith("event: ")]
-    check_problem(shared.api.http.get(f"/v1/jobs/{job}/events", headers=headers), 401, "unauthorized")
-
-
-def test_a_deleted_job_is_gone_for_the_link_too(shared: Shared) -> None:
-    shared.api.record.delete(shared.job)
-    check_problem(shared.get(shared.job), 404, "not_found")
-    check_problem(shared.api.http.post(f"/v1/jobs/{shared.job}/url", headers=shared.key), 404, "not_found")
-
-
 def test_only_the_owner_makes_links(shared: Shared) -> None:
     stranger = {"Authorization": f"Bearer {shared.api.record.keys.create('other')[1]}"}
     path = f"/v1/jobs/{shared.job}/url"
@@ -213,6 +190,9 @@ def test_only_the_owner_makes_links(shared: Shared) -> None:
     check_problem(shared.api.http.post(path), 401, "unauthorized")
     with Client(shared.api.url, api_key=shared.key["Authorization"].removeprefix("Bearer ")) as client:
         assert client.job_link(shared.job).url.startswith(f"{shared.api.url}/#/shared/{shared.job}/link.")
+    shared.api.record.delete(shared.job)
+    check_problem(shared.get(shared.job), 404, "not_found")
+    check_problem(shared.api.http.post(path, headers=shared.key), 404, "not_found")
 
 
 def test_a_deployment_without_the_page_makes_none(

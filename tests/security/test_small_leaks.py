@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from service.http import auth
 from tests.integration.conftest import DEADLINE_S, serving, serving_app, stored_file
 
 
-def test_the_event_stream_of_a_revoked_key_ends(
+def test_the_event_streams_of_a_revoked_key_and_of_its_links_end(
     redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(event_routes, "_SILENCE_S", 0.1)
@@ -28,18 +29,21 @@ def test_the_event_stream_of_a_revoked_key_ends(
     record = JobRecord(settings.resolved_database_url)
     key, text = record.keys.create("studio")
     job = record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored_file()}, owner_id="studio"))
-    headers = {"Authorization": f"Bearer {text}", "Accept": "text/event-stream"}
-    with (
-        serving(settings) as url,
-        httpx.stream("GET", f"{url}/v1/jobs/{job.id}/events", headers=headers, timeout=DEADLINE_S) as stream,
-    ):
-        lines = stream.iter_lines()
-        while next(lines) != ": keep-alive":
-            pass
+    with serving(settings) as url, contextlib.ExitStack() as stack:
+        path = f"{url}/v1/jobs/{job.id}"
+        link = httpx.post(f"{path}/url", headers={"Authorization": f"Bearer {text}"}).json()["url"].rpartition("/")[2]
+        streams = []
+        for secret in (text, link):
+            headers = {"Authorization": f"Bearer {secret}", "Accept": "text/event-stream"}
+            stream = httpx.stream("GET", f"{path}/events", headers=headers, timeout=DEADLINE_S)
+            streams.append(stack.enter_context(stream).iter_lines())
+            while next(streams[-1]) != ": keep-alive":
+                pass
         record.keys.revoke(key.id)
-        for _ in lines:
-            pass
-        assert httpx.get(f"{url}/v1/jobs", headers=headers).status_code == 401
+        for lines in streams:
+            assert not [line for line in lines if line.startswith("event: ")]
+        for secret in (text, link):
+            assert httpx.get(path, headers={"Authorization": f"Bearer {secret}"}).status_code == 401
     record.close()
 
 
