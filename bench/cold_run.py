@@ -1,8 +1,9 @@
 """Compare `meshdeform run --preset preview`, from shell to file, with `import torch`: ``python -m bench.cold_run``.
 
-Prints the median CPU time of whole processes over that of `python -c "import torch"`, in turns, one thread each, and
-that of a worker's second job. Kernels are compiled before the first turn that counts. With ``--worker``, only the CPU
-seconds of one worker's process until it is ready, and those of its first and second job of five steps.
+Prints the largest resident memory of a run (of one that compiles the kernels, where none are cached), then the median
+CPU time of whole processes over that of `python -c "import torch"`, in turns, one thread each, and that of a worker's
+second job. With ``--worker``, only the CPU seconds of one worker's process until it is ready, and those of its first
+and second job of five steps.
 """
 
 from __future__ import annotations
@@ -59,11 +60,14 @@ def compare() -> None:
     with tempfile.TemporaryDirectory() as folder:
         run = [sys.executable, "-P", "-m", "meshdeform", "run", str(EXAMPLES / "sphere.glb"), "a mushroom"]
         run += ["--preset", "preview", "--quiet", "--force", "-o", f"{folder}/result.glb"]
-        for turn in range(TURNS + 1):
+        cpu_s(run, environment)
+        most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
+        print(f"run: at most {most:.2f} GB of resident memory", flush=True)
+        for _ in range(TURNS):
             warm = subprocess.check_output([sys.executable, "-P", "-c", WARM], env=environment).splitlines()[-1]
             torch = cpu_s([sys.executable, "-c", "import torch"], environment)
             for name, seconds in (("torch", torch), ("run", cpu_s(run, environment)), ("warm", float(warm))):
-                times[name] += [seconds] if turn else []
+                times[name].append(seconds)
     for name in ("run", "warm"):
         print(f"{name}: {median(times[name]) / median(times['torch']):.2f} times the CPU time of import torch")
 

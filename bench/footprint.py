@@ -1,21 +1,14 @@
-"""Measure the time and memory of a run and of the API.
+"""Measure the API's time until it answers, and its memory: ``python -m bench.footprint [--posts 1000]``.
 
-    python -m bench.footprint
-    python -m bench.footprint --posts 1000        the API alone, and its memory after so many posts
-
-* run: `meshdeform run` from shell to file on a sphere of 5,120 faces: wall seconds, CPU seconds, peak resident memory
-* api: `meshdeform api` on an empty SQLite record: seconds until `/healthz` answers, resident memory then and after
-  checking 20 posted assets; with `--posts`, also after so many in all, sent by 30 clients, and half a minute later
-
-A MB is 2**20 bytes. Both are whole processes, measured by the operating system. Times depend on the machine; the ratio
-of wall to CPU seconds shows how busy it was.
+`meshdeform api` on an empty SQLite record: seconds until `/healthz` answers, resident memory then and after checking 20
+posted assets; with `--posts`, also after so many in all, sent by 30 clients, and half a minute later. A MB is 2**20
+bytes, measured by the operating system.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -32,16 +25,6 @@ from tests.servers import free_port
 
 SPHERE = EXAMPLES / "sphere.glb"
 FIRST, CLIENTS, LATER_S = 20, 30, 35.0
-
-
-def run(folder: Path) -> None:
-    command = [sys.executable, "-m", "meshdeform", "run", str(SPHERE), "a mushroom", "--preset", "preview"]
-    start = time.perf_counter()
-    subprocess.run([*command, "-o", str(folder / "out.glb")], check=True, stdout=subprocess.DEVNULL)
-    wall = time.perf_counter() - start
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = used.ru_utime + used.ru_stime
-    print(f"run   {wall:6.1f} s wall  {cpu:6.1f} s CPU  {used.ru_maxrss / 1024:6.0f} MB peak")
 
 
 def api(folder: Path, posts: int) -> None:
@@ -89,12 +72,10 @@ def api(folder: Path, posts: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--posts", type=int, default=0, help="measure the API alone, also after so many posts")
+    parser.add_argument("--posts", type=int, default=0, help="measure also after so many posts")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         api(Path(folder), arguments.posts)
-        if not arguments.posts:
-            run(Path(folder))
 
 
 if __name__ == "__main__":
