@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from PIL import Image, ImageDraw
 from scipy.optimize import nnls
 
@@ -42,21 +41,6 @@ _NOUNS = ("a mushroom", "a chair", "a cat", "a car", "a duck", "a bottle", "a ho
 _STEPS = (20, 40, 80, 120, 200)
 
 
-def shed() -> bytes:
-    """Return a GLB of four parts that touch: walls, a roof, and two wheels of another material."""
-    scene = trimesh.Scene()
-    scene.add_geometry(trimesh.creation.box((2.0, 1.0, 1.0)), node_name="walls")
-    roof = trimesh.creation.cone(0.9, 0.6, sections=24)
-    roof.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
-    scene.add_geometry(roof.apply_translation((0.0, 0.5, 0.0)), node_name="roof")
-    for side in (-1.0, 1.0):
-        wheel = trimesh.creation.icosphere(subdivisions=2, radius=0.3).apply_translation((0.6 * side, -0.5, 0.5))
-        scene.add_geometry(wheel, node_name="left" if side < 0 else "right")
-    content = scene.export(file_type="glb")
-    assert isinstance(content, bytes)
-    return content
-
-
 def disc() -> bytes:
     """Return a PNG of a white disc on black: the silhouette of something round."""
     picture = Image.new("L", (128, 128))
@@ -69,7 +53,6 @@ def disc() -> bytes:
 def assets(folder: Path, more: Path | None) -> Iterator[tuple[str, bytes]]:
     for faces, parts in _BALLS:
         write(folder / f"ball-{faces}-{parts}.glb", faces, parts)
-    (folder / "shed.glb").write_bytes(shed())
     for place in (folder, EXAMPLES, *([more] if more else [])):
         for path in sorted(place.rglob("*")):
             if path.suffix in (".glb", ".obj"):

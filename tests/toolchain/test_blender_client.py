@@ -174,13 +174,14 @@ def test_an_answer_that_gets_lost_makes_no_second_job() -> None:
 
     asset = glb.write_glb([part()])
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        threading.Thread(target=server.serve_forever).start()
+        threading.Thread(target=server.serve_forever, daemon=True).start()
         job = client_module.Client(f"http://127.0.0.1:{server.server_port}").submit(
             asset, "a.glb", TARGET, target=asset
         )
         server.shutdown()
     assert job["id"] == "job_x"
     assert (len(seen), len(set(seen))) == (3, 1)
+    assert len(seen[0]) >= 32
 
 
 def test_a_server_that_is_away_is_told_and_waiting_for_it_can_be_ended() -> None:

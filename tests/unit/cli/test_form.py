@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-import pytest
 import typer
 from pydantic import BaseModel, Field
 from typer.testing import CliRunner
@@ -12,6 +11,7 @@ from typer.testing import CliRunner
 from meshdeform.cli.app import app
 from meshdeform.cli.form import Form, ShortForm, form_command, overlaid, written
 from meshdeform.cli.request import make_settings
+from tests.cases import each_case
 
 
 class Prompted(BaseModel):
@@ -61,20 +61,15 @@ def said(*arguments: str) -> dict[str, Any]:
 
 def test_groups_and_choices_among_them_are_descended_into() -> None:
     assert said() == {}
-    assert said("--steps", "3", "--noun", "12", "--front", "90", "--tags", "a", "--tags", "b") == {
-        "steps": 3,
-        "noun": "12",
-        "front": 90,
-        "tags": ["a", "b"],
-    }
+    several = said("--steps", "3", "--noun", "12", "--front", "90", "--tags", "a", "--tags", "b")
+    assert several == {"steps": 3, "noun": "12", "front": 90, "tags": ["a", "b"]}
     assert said("--guidance.kind", "target", "--no-align") == {"guidance": {"kind": "target", "align": False}}
     assert said("--scale", "9") == said("--guidance.scale", "9") == {"guidance": {"scale": 9.0}}
 
 
 def test_short_forms_of_one_parameter_are_joined() -> None:
-    assert said("--right", "3", "--left", "1", "--left", "2") == {
-        "guidance": {"views": [{"deg": 1}, {"deg": 2}, {"deg": 3}]}
-    }
+    joined = said("--right", "3", "--left", "1", "--left", "2")
+    assert joined == {"guidance": {"views": [{"deg": 1}, {"deg": 2}, {"deg": 3}]}}
 
 
 def test_what_is_set_by_name_may_be_in_a_group() -> None:
@@ -82,11 +77,10 @@ def test_what_is_set_by_name_may_be_in_a_group() -> None:
     assert overlaid({"a": {"b": 1}, "d": 2}, {"a": {"c": 3}, "d": {"e": 4}}) == {"a": {"b": 1, "c": 3}, "d": {"e": 4}}
 
 
-@pytest.mark.parametrize("name", sorted(typer.main.get_command(app).commands))  # type: ignore[attr-defined]
-def test_the_options_of_every_command_write_parameters_that_exist(name: str) -> None:
-    command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+@each_case(("name", "command"), typer.main.get_command(app).commands.items())  # type: ignore[attr-defined]
+def test_no_two_options_of_a_command_have_one_name_and_each_says_what_it_is_for(name: str, command: Any) -> None:
     options = command.get_params(typer.Context(command))
     flags = [flag for option in options for flag in (*option.opts, *option.secondary_opts)]
-    assert len(flags) == len(set(flags)), "an option has the name of another"
+    assert len(flags) == len(set(flags)), name
     for leaf in getattr(command, "_leaves", None) or ():
         assert leaf.option.help, leaf.path
