@@ -17,9 +17,8 @@ from meshdeform.deformation.variables import JacobianField, placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
-from tests.unit.deformation.test_lattice import moved
+from tests.unit.deformation.worlds import moved, params
 from training.shapes import box
 
 F64 = torch.float64
@@ -52,7 +51,7 @@ def surface(**more: Structure) -> JacobianField:
 
 
 CARRIERS: list[Carrier] = [lattice, surface]
-PREVIEW = {"preset": "preview", "steps": 3, "guidance": {"orientation": "keep"}}
+PREVIEW = params(steps=3, guidance="sds", orientation="keep")
 
 
 def randomized(field: LatticeField | JacobianField, seed: int = 0, size: float = 0.2) -> LatticeField | JacobianField:
@@ -189,9 +188,9 @@ def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
 def test_mirror_planes_are_found_with_a_part_that_has_no_partner() -> None:
     assert mirror_planes(RestMesh.of(icosphere(3))) == (0, 2)
     assert mirror_planes(RestMesh.of(sled())) == (0,)
-    knob = moved(icosphere(1), 0.05, 0.55, 0.0, 0.0)
+    knob = moved(icosphere(1), 0.55, 0.0, 0.0, scale=0.05)
     shifted = join(sled(), knob)
-    assert mirror_planes(RestMesh.of(join(shifted, moved(icosphere(1), 0.05, -0.55, 0.3, 0.0)))) == (0,)
+    assert mirror_planes(RestMesh.of(join(shifted, moved(icosphere(1), -0.55, 0.3, 0.0, scale=0.05)))) == (0,)
     blob, direction = icosphere(3), torch.tensor([[2.0], [1.0], [3.0]], dtype=F64)
     lumpy = TriangleMesh(blob.verts * (1 + 0.3 * torch.sin(blob.verts @ direction)), blob.faces)
     assert mirror_planes(RestMesh.of(lumpy)) == ()
@@ -199,21 +198,13 @@ def test_mirror_planes_are_found_with_a_part_that_has_no_partner() -> None:
 
 @each_case(
     "planes, front, kept",
-    [
-        ((0, 2), 0.0, (0,)),
-        ((0, 2), 180.0, (0,)),
-        ((0, 2), 90.0, (2,)),
-        ((0,), 90.0, (0,)),
-        ((2,), 0.0, (2,)),
-        ((), 0.0, ()),
-    ],
-)
-def test_the_plane_with_the_front_is_kept(planes: tuple[int, ...], front: float, kept: tuple[int, ...]) -> None:
+    [((0, 2), 0.0, (0,)), ((0, 2), 180.0, (0,)), ((0, 2), 90.0, (2,)), ((0,), 90.0, (0,)), ((2,), 0.0, (2,)),
+     ((), 0.0, ())],
+)  # fmt: skip
+def test_the_plane_with_the_front_is_kept_and_in_checkpoints(
+    planes: tuple[int, ...], front: float, kept: tuple[int, ...]
+) -> None:
     assert plane_of(planes, front) == kept
-
-
-@each_case("planes", [(), (2,), (0, 2)])
-def test_checkpoints_have_the_planes(planes: tuple[int, ...]) -> None:
     structure = Structure(planes, level=True)
     assert Structure.from_tensor(structure.to_tensor()) == structure
 
@@ -238,19 +229,16 @@ def test_built_things_are_level() -> None:
 )
 def test_what_the_result_is_decides_what_is_kept(mesh: TriangleMesh, front: Front, kept: Structure) -> None:
     """One part may bend into an animal and a block into anything; what is alike from all sides keeps both planes."""
-    run = Deformation(mesh, TargetGuidance(mesh), resolve(DeformParams.model_validate(PREVIEW)), front=front)
+    run = Deformation(mesh, TargetGuidance(mesh), PREVIEW, front=front)
     assert run.structure == kept
 
 
 @each_case("mesh", [sled(), bean()])
 def test_a_run_goes_on_from_a_shape_with_other_levels(mesh: TriangleMesh) -> None:
     taller = TriangleMesh(mesh.verts * torch.tensor([1.0, 1.4, 1.0], dtype=F64), mesh.faces)
-    params, fit = (
-        resolve(DeformParams.model_validate(given)) for given in (PREVIEW, {**PREVIEW, "guidance": {"kind": "target"}})
-    )
     for front in (Front(None, built=True), Front(None, built=True, crooked=True)):
-        first = Deformation(mesh, TargetGuidance(taller), params, front=front)
+        first = Deformation(mesh, TargetGuidance(taller), PREVIEW, front=front)
         list(first)
-        for given in (params, fit):
+        for given in (PREVIEW, params(steps=3)):
             second = Deformation(mesh, TargetGuidance(taller), given, initial=first.checkpoint().tensors)
             torch.testing.assert_close(second.verts(), first.verts(), atol=1e-9, rtol=0)

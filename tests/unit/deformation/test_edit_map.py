@@ -16,6 +16,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
+from tests.unit.deformation.worlds import moved
 from training.shapes import box, cylinder
 
 FINE = RestMesh.of(cylinder(0.25, 4.0, 40, 80))
@@ -26,10 +27,6 @@ def bent(points: Tensor, degrees: float = 60.0) -> Tensor:
     radius = 4.0 / math.radians(degrees)
     angle, arm = (points[:, 1] + 2) / radius, radius - points[:, 0]
     return torch.stack([radius - arm * angle.cos(), arm * angle.sin() - 2, points[:, 2]], 1)
-
-
-def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:
-    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
 
 
 def test_levels_of_detail_and_what_is_near_follow_a_bend_through_few_triangles() -> None:

@@ -20,21 +20,16 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
-from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.groups import grouped
 from tests.close import assert_close
+from tests.unit.deformation.worlds import moved, params
 from training.shapes import box, torus
 
 F64 = torch.float64
 
 
-def moved(mesh: TriangleMesh, scale: float, *by: float) -> TriangleMesh:
-    return TriangleMesh(mesh.verts * scale + torch.tensor(by, dtype=F64), mesh.faces)
-
-
 def cart() -> TriangleMesh:
     """A body and four wheels a little below it, of very different triangle sizes."""
-    wheels = [moved(icosphere(2), 0.12, 0.44 * x, -0.26, 0.29 * z) for x in (-1, 1) for z in (-1, 1)]
+    wheels = [moved(icosphere(2), 0.44 * x, -0.26, 0.29 * z, scale=0.12) for x in (-1, 1) for z in (-1, 1)]
     body = TriangleMesh(box(1).verts * torch.tensor([0.9, 0.25, 0.6], dtype=F64), box(1).faces)
     return join(body, *wheels)
 
@@ -57,18 +52,24 @@ def test_every_point_follows_an_affine_map_exactly() -> None:
         lattice.embedding(np.array([[5.0, 0.0, 0.0]]))
 
 
-def test_equal_jacobians_give_their_map_and_the_centre_of_mass_stays() -> None:
+def test_equal_jacobians_give_their_map_about_the_centre_of_mass_and_have_the_known_energy() -> None:
     field = LatticeField(CART)
     assert_close(placed(field), CART.verts, atol=1e-12, rtol=0)
     linear = random_stretch(1)[0]
+    nodes = field.solve().detach()
     with torch.no_grad():
         field.tensors["cell_jacobians"].copy_(linear.expand_as(field.tensors["cell_jacobians"]))
     centre = RestMesh.of(CART).centre_of_mass()
     assert_close(placed(field), (CART.verts - centre) @ linear.T + centre, atol=1e-10, rtol=0)
+    turn = torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(0), dtype=F64))[0]
+    assert float(field.dirichlet_penalty(nodes @ (turn * torch.linalg.det(turn)).T + 3)) == pytest.approx(0, abs=1e-9)
+    stretched = nodes * torch.tensor([2.0, 0.5, 1.0], dtype=F64)
+    energy = 4 + 0.25 + 0.25 + 4 + 1 + 1 - 6
+    assert float(field.dirichlet_penalty(stretched)) == pytest.approx(STRAINED * math.log1p(energy / STRAINED))
 
 
 def test_the_gradients_of_the_penalties_are_right() -> None:
-    field = LatticeField(join(icosphere(0), moved(icosphere(0), 0.2, 1.5, 0, 0)))
+    field = LatticeField(join(icosphere(0), moved(icosphere(0), 1.5, 0, 0, scale=0.2)))
     jacobians = field.tensors["cell_jacobians"]
     with torch.no_grad():
         jacobians.copy_(random_stretch(len(field.elements)))
@@ -84,18 +85,6 @@ def test_the_gradients_of_the_penalties_are_right() -> None:
         assert float((found * direction).sum()) == pytest.approx((values[0] - values[1]) / 2e-6, rel=1e-4)
 
 
-def test_the_energy_has_known_values_and_rotations_are_free() -> None:
-    field = LatticeField(CART)
-    nodes = field.solve().detach()
-    assert float(field.dirichlet_penalty(nodes)) == pytest.approx(0, abs=1e-10)
-    turn = torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(0), dtype=F64))[0]
-    turn *= torch.linalg.det(turn)
-    assert float(field.dirichlet_penalty(nodes @ turn.T + 3)) == pytest.approx(0, abs=1e-9)
-    stretched = nodes * torch.tensor([2.0, 0.5, 1.0], dtype=F64)
-    energy = 4 + 0.25 + 0.25 + 4 + 1 + 1 - 6
-    assert float(field.dirichlet_penalty(stretched)) == pytest.approx(STRAINED * math.log1p(energy / STRAINED))
-
-
 def test_solid_blocks_get_a_coarser_lattice_and_flat_things_a_fine_one() -> None:
     assert len(Lattice.around(RestMesh.of(box(4))).cells) <= MAX_CELLS
     flat = TriangleMesh(box(4).verts * torch.tensor([1.0, 0.001, 1.0], dtype=F64), box(4).faces)
@@ -105,7 +94,7 @@ def test_solid_blocks_get_a_coarser_lattice_and_flat_things_a_fine_one() -> None
 
 
 def test_islands_are_joined() -> None:
-    far = join(moved(icosphere(1), 0.1, 0, 0, 0), moved(icosphere(1), 0.1, 5.0, 3.0, 0))
+    far = join(moved(icosphere(1), 0, 0, 0, scale=0.1), moved(icosphere(1), 5.0, 3.0, 0, scale=0.1))
     field = LatticeField(far)
     with torch.no_grad():
         field.tensors["cell_jacobians"].mul_(2.0)
@@ -123,11 +112,10 @@ def test_auto_takes_the_lattice_for_several_parts_only() -> None:
 
 def test_a_run_that_starts_from_a_shape_keeps_its_carrier() -> None:
     guidance = TargetGuidance(CART, style=RenderStyle(view_size=16, supersample=1))
-    own = {"guidance": {"kind": "target"}, "steps": 1}
-    first = Deformation(CART, guidance, resolve(DeformParams.model_validate(own)))
+    first = Deformation(CART, guidance, params(preset="balanced", steps=1))
     with torch.no_grad():
         first._variables.tensors["cell_jacobians"][:, 1, 1] *= 1.5
-    paper = resolve(DeformParams.model_validate(grouped({**own, "preset": "paper"})))
+    paper = params(preset="paper", steps=1)
     assert paper.carrier is Carrier.SURFACE
     branch = Deformation(CART, guidance, paper, initial=first.checkpoint().tensors)
     assert torch.equal(branch.verts(), first.verts())
@@ -157,20 +145,14 @@ def followed(*parts: TriangleMesh) -> tuple[RestMesh, NDArray[np.float64]]:
     return mesh, weights @ nodes
 
 
-def test_a_beam_stays_on_its_wall_whose_chord_leaves_the_map() -> None:
+def test_a_beam_stays_on_its_wall_whose_chord_leaves_the_map_and_what_is_farther_follows_the_map() -> None:
     mesh, verts = followed(WALL, beam(0.055))
-    before, after = (
-        mesh.verts.numpy()[-8:, 2] - 0.05,
-        verts[-8:, 2] - verts[:8][mesh.verts.numpy()[:8, 2] > 0, 2].mean(),
-    )
-    np.testing.assert_allclose(after, before, atol=2e-3)
-
-
-def test_what_is_farther_than_a_cell_follows_the_map() -> None:
+    rest = mesh.verts.numpy()
+    after = verts[-8:, 2] - verts[:8][rest[:8, 2] > 0, 2].mean()
+    np.testing.assert_allclose(after, rest[-8:, 2] - 0.05, atol=2e-3)
     mesh, verts = followed(WALL, beam(0.2))
     x, y, z = mesh.verts.numpy()[-8:].T
-    expected = z + 0.5 - 2 * (x * x + y * y)
-    np.testing.assert_allclose(verts[-8:, 2], expected, atol=5e-3)
+    np.testing.assert_allclose(verts[-8:, 2], z + 0.5 - 2 * (x * x + y * y), atol=5e-3)
 
 
 def test_an_affine_map_is_exact() -> None:

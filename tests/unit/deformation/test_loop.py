@@ -10,21 +10,15 @@ from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, load_
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
-from meshdeform.requests.choices import Carrier
-from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.requests.groups import grouped
 from tests.cases import each_case
 from tests.unit.deformation.test_controls import sled
+from tests.unit.deformation.worlds import params
 
 STYLE = RenderStyle(view_size=32, supersample=2)
-
-
-def params(**changes: object) -> ResolvedParams:
-    return resolve(DeformParams.model_validate(grouped({"preset": "preview", "guidance": "target", **changes})))
 
 
 def ellipsoid() -> TriangleMesh:
@@ -39,26 +33,6 @@ def run(deformation: Deformation, steps: int | None = None) -> list[dict[str, fl
         if steps is not None and step.step >= steps:
             break
     return found
-
-
-def test_parts_that_must_move_apart_do_so_in_a_lattice() -> None:
-    """Two balls whose targets lie apart: on the surface, each keeps its centre of mass."""
-    ball = icosphere(2, 0.25)
-
-    def pair(gap: float) -> TriangleMesh:
-        shift = torch.tensor([gap, 0.0, 0.0], dtype=torch.float64)
-        return join(TriangleMesh(ball.verts - shift, ball.faces), TriangleMesh(ball.verts + shift, ball.faces))
-
-    source, target = pair(0.3), pair(0.55)
-    found = {}
-    for carrier, steps in ((Carrier.SURFACE, 10), (Carrier.AUTO, 120)):
-        guidance = TargetGuidance(target, style=STYLE)
-        deformation = Deformation(source, guidance, params(steps=steps, carrier=carrier, jacobian_reg_weight=0.1))
-        run(deformation)
-        left = deformation.verts()[: ball.verts.shape[0]].mean(0)
-        found[carrier] = abs(left[0].item() + 0.55)
-    assert found[Carrier.SURFACE] == pytest.approx(0.25, abs=0.01)
-    assert found[Carrier.AUTO] < 0.15
 
 
 def test_another_seed_gives_another_result() -> None:

@@ -16,15 +16,12 @@ from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.unit.deformation.worlds import moved
 from training.shapes import box, cylinder
 
 LENGTH = 4.0
 BAR = cylinder(0.25, LENGTH, 16, 32)
 SHARES = [0.25, 0.5, 0.75]
-
-
-def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:
-    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
 
 
 def train() -> TriangleMesh:
@@ -59,6 +56,8 @@ def test_the_ends_are_exact(mesh: TriangleMesh) -> None:
     # Nothing jumps just before an end.
     assert_close(path.at(1e-9), mesh.verts, atol=1e-7, rtol=0)
     assert_close(path.at(1 - 1e-9), result, atol=1e-7, rtol=0)
+    with pytest.raises(ShapeError, match="expected verts"):
+        ShapePath(mesh, result[1:])
 
 
 @each_case("share", SHARES)
@@ -82,17 +81,12 @@ def test_a_half_turn_is_a_turn_of_all_faces_in_one_direction(degrees: float) -> 
     assert float((centres[1] - centres[0]).norm()) == pytest.approx(3.0, abs=0.02)
 
 
-def test_beyond_the_result_it_goes_on() -> None:
+def test_beyond_the_result_it_goes_on_and_what_shrinks_never_collapses() -> None:
     shape = ShapePath(BAR, bend(BAR.verts, 80)).at(1.5)
     assert_close(shape, bend(BAR.verts, 120), atol=0.005 * LENGTH, rtol=0)
-
-
-def test_what_shrinks_never_collapses_beyond_the_result() -> None:
-    scale = torch.tensor([0.2, 2.0, 0.2], dtype=torch.float64)
-    shape = ShapePath(BAR, BAR.verts * scale).at(1.5)
-    width = shape[:, 0].max() / BAR.verts[:, 0].max()
-    assert float(width) == pytest.approx(0.2**1.5, rel=0.01)
-    assert float(np.ptp(shape[:, 1].numpy())) == pytest.approx(2.5 * LENGTH, rel=1e-6)
+    thin = ShapePath(BAR, BAR.verts * torch.tensor([0.2, 2.0, 0.2], dtype=torch.float64)).at(1.5)
+    assert float(thin[:, 0].max() / BAR.verts[:, 0].max()) == pytest.approx(0.2**1.5, rel=0.01)
+    assert float(np.ptp(thin[:, 1].numpy())) == pytest.approx(2.5 * LENGTH, rel=1e-6)
 
 
 def test_what_both_ends_have_in_the_same_place_stays() -> None:
@@ -100,8 +94,3 @@ def test_what_both_ends_have_in_the_same_place_stays() -> None:
     result = torch.where(still[:, None], BAR.verts, BAR.verts + (BAR.verts[:, 1:2] + 1.0) ** 2)
     half = ShapePath(BAR, result).at(0.5)
     assert float((half - BAR.verts)[BAR.verts[:, 1] < -1.5].abs().max()) < 0.005 * LENGTH
-
-
-def test_another_number_of_vertices_is_refused() -> None:
-    with pytest.raises(ShapeError, match="expected verts"):
-        ShapePath(BAR, BAR.verts[1:])

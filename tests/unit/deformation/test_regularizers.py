@@ -16,10 +16,10 @@ from meshdeform.deformation.regularizers import STRAINED, Pulls, Regularizers
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_normals
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.unit.deformation.worlds import params
 from training.evaluation.summary import outweighed
 from training.shapes import box, cylinder, grid, torus, uv_sphere
 
@@ -241,7 +241,7 @@ def test_a_pull_is_the_norm_of_the_gradient_summed_over_the_measured_steps() -> 
 def test_on_needles_no_regulariser_outweighs_the_guidance_unnamed(
     steps: int, given: dict[str, float], decides: str
 ) -> None:
-    settings = resolve(DeformParams.model_validate({"preset": "preview", "steps": steps, **given}))
+    settings = params(guidance="sds", steps=steps, **given)
     needles = cylinder(0.25, 1.0, 96, 1)
     deformation = Deformation(needles, score_distillation(BuiltinPrior(), "a bus", settings), settings)
     for _ in deformation:

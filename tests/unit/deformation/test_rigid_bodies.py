@@ -13,24 +13,21 @@ from meshdeform.deformation.stand_in import carry, chosen_carrier
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import Adam, placed
 from meshdeform.geometry.intersections import cutting_pairs
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.choices import Carrier, Rigidity
 from meshdeform.requests.document import Safeguard
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.unit.deformation.worlds import moved
 from training.shapes import box, torus
 
 F64 = torch.float64
 RIGID, SIMILARITY = Rigidity.RIGID, Rigidity.SIMILARITY
 
 
-def moved(mesh: TriangleMesh, scale: float, *by: float) -> TriangleMesh:
-    return TriangleMesh(mesh.verts * scale + torch.tensor(by, dtype=F64), mesh.faces)
-
-
-WHEELS = [moved(torus(n=12, m=8), 0.15, 0.5 * x, -0.3, 0.0) for x in (-1, 1)]
-CART = RestMesh.of(join(moved(icosphere(2), 0.5, 0, 0.3, 0), *WHEELS))
+WHEELS = [moved(torus(n=12, m=8), 0.5 * x, -0.3, 0.0, scale=0.15) for x in (-1, 1)]
+CART = RestMesh.of(join(moved(icosphere(2), 0, 0.3, 0, scale=0.5), *WHEELS))
 FREE, LEFT, RIGHT = (np.flatnonzero(CART.components.numpy() == number) for number in range(3))
 BODIES = [Body(LEFT, RIGID), Body(RIGHT, SIMILARITY)]
 
@@ -117,7 +114,7 @@ def test_rigid_bodies_choose_the_lattice() -> None:
 def test_a_body_may_come_to_cut_what_is_within_half_a_cell_of_it() -> None:
     """Space is pressed to half its height, and a ball below a box is not: it runs into the box."""
     for gap, free in ((0.01, True), (0.06, False)):
-        mesh = RestMesh.of(join(box(4), moved(icosphere(2), 0.1, 0, -0.6 - gap, 0)))
+        mesh = RestMesh.of(join(box(4), moved(icosphere(2), 0, -0.6 - gap, 0, scale=0.1)))
         ball = np.flatnonzero(mesh.components.numpy() == 1)
         field = LatticeField(mesh, bodies=[Body(ball, RIGID)])
         guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, field)

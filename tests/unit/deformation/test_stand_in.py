@@ -20,8 +20,8 @@ from meshdeform.geometry.shapes import join
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
-from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
+from tests.unit.deformation.worlds import moved, params
 from training.shapes import box, grid, torus
 
 F64 = torch.float64
@@ -33,10 +33,6 @@ TORUS = RestMesh.of(torus(0.4, 0.15, 120, 50))
 def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stand_in, "MAX_FACES", 1500)
     monkeypatch.setattr(stand_in, "FACES", 800)
-
-
-def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
-    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=F64), mesh.faces)
 
 
 def turned(verts: Tensor) -> Tensor:
@@ -84,7 +80,7 @@ def test_the_sides_of_a_thin_wall_follow_their_own_sides() -> None:
 
 
 def test_a_lattice_carries_the_whole_mesh_as_if_there_were_no_stand_in() -> None:
-    whole = RestMesh.of(join(shifted(TORUS, -0.5, 0, 0), shifted(TORUS, 0.5, 0, 0)))
+    whole = RestMesh.of(join(moved(TORUS, -0.5, 0, 0), moved(TORUS, 0.5, 0, 0)))
     stands = StandIn(whole)
     field = stands.carry(Carrier.AUTO)
     assert isinstance(field, LatticeField)
@@ -103,7 +99,7 @@ def test_a_stand_in_loses_no_part() -> None:
     """A thousand separate leaves: edges of theirs can collapse only with the whole leaf."""
     places = torch.rand(1000, 3, generator=torch.Generator().manual_seed(1), dtype=F64)
     leaf = TriangleMesh(grid(1).verts * 0.02, grid(1).faces)
-    leaves = RestMesh.of(join(*(shifted(leaf, *place.tolist()) for place in places)))
+    leaves = RestMesh.of(join(*(moved(leaf, *place.tolist()) for place in places)))
     simple = stand_in_of(leaves)
     assert float(simple.areas.sum()) > 0.5 * float(leaves.areas.sum())
 
@@ -112,18 +108,8 @@ def test_a_stand_in_loses_no_part() -> None:
 def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: Carrier) -> None:
     goal = TriangleMesh(TORUS.verts * torch.tensor([0.7, 1.6, 0.9], dtype=F64), TORUS.faces)
     guidance = TargetGuidance(goal, style=RenderStyle(view_size=32, supersample=1))
-    params = resolve(
-        DeformParams.model_validate(
-            {
-                "preset": "preview",
-                "steps": 24,
-                "learning_rate": 0.02,
-                "carrier": carrier,
-                "guidance": {"kind": "target"},
-            }
-        )
-    )
-    whole = Deformation(TORUS, guidance, params)
+    given = params(steps=24, learning_rate=0.02, carrier=carrier)
+    whole = Deformation(TORUS, guidance, given)
     steps = iter(whole)
     for _ in range(11):
         next(steps)
@@ -131,14 +117,14 @@ def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: 
     assert whole.optimized_faces == 800
     if carrier is Carrier.SURFACE:
         assert {t.shape for t in whole.checkpoint().tensors.values() if t.ndim == 3} == {(800, 3, 3)}
-    resumed = Deformation(TORUS, guidance, params, checkpoint=load_checkpoint(stored, "run"))
+    resumed = Deformation(TORUS, guidance, given, checkpoint=load_checkpoint(stored, "run"))
     for run in (steps, iter(resumed)):
         for _ in run:
             pass
     assert torch.equal(whole.verts(), resumed.verts())
     assert whole.verts().shape == TORUS.verts.shape
-    moved = whole.verts() - TORUS.verts
+    way = whole.verts() - TORUS.verts
     wanted = goal.verts - TORUS.verts
-    assert float((moved * wanted).sum() / (moved.norm() * wanted.norm())) > 0.5
+    assert float((way * wanted).sum() / (way.norm() * wanted.norm())) > 0.5
     quality = measure(TORUS.verts.numpy(), TORUS.faces.numpy(), whole.verts().numpy())
     assert (quality.flipped_faces, quality.self_intersecting_faces_after) == (0, 0)

@@ -16,10 +16,11 @@ from meshdeform.geometry.quality import FaceNeighbours
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.target import TargetGuidance
-from meshdeform.requests.document import DeformParams, Safeguard, resolve
+from meshdeform.requests.document import Safeguard
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.creased import creased
+from tests.unit.deformation.worlds import params
 from training.evaluation.ablations import VertexDisplacements
 from training.shapes import box
 
@@ -133,8 +134,8 @@ def test_what_was_broken_at_rest_may_stay() -> None:
     assert guard.correct(optimizer) == 0
 
 
-PAPER = {"preset": "paper", "guidance": {"kind": "target"}}
-FEW_CONTROLS = {"preset": "preview", "guidance": {"orientation": "keep"}}
+PAPER = {"preset": "paper"}
+FEW_CONTROLS = {"guidance": "sds", "orientation": "keep"}
 
 
 @each_case("safeguard, given", [*((each, PAPER) for each in Safeguard), (Safeguard.INTERSECTIONS, FEW_CONTROLS)])
@@ -142,19 +143,13 @@ def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeg
     mesh = icosphere(2, 0.6)
     plate = TriangleMesh(mesh.verts * torch.tensor([1.4, 0.02, 1.4], dtype=torch.float64), mesh.faces)
     guidance = TargetGuidance(plate)
-    params = resolve(
-        DeformParams.model_validate(
-            {
-                **given, "steps": 37, "learning_rate": 0.08,
-                "safeguard": safeguard, "normal_weight": 0.0, "laplacian_weight": 0.0, "jacobian_reg_weight": 0.0,
-            }
-        )
-    )  # fmt: skip
-    whole = Deformation(mesh, guidance, params)
+    free = dict.fromkeys(("normal_weight", "laplacian_weight", "jacobian_reg_weight"), 0.0)
+    settings = params(steps=37, learning_rate=0.08, safeguard=safeguard, **free, **given)
+    whole = Deformation(mesh, guidance, settings)
     steps = iter(whole)
     for _ in range(18):
         next(steps)
-    resumed = Deformation(mesh, guidance, params, checkpoint=whole.checkpoint())
+    resumed = Deformation(mesh, guidance, settings, checkpoint=whole.checkpoint())
     for run in (steps, iter(resumed)):
         for _ in run:
             pass

@@ -17,8 +17,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.silhouettes import SilhouetteGuidance, SilhouetteTerm, SilhouetteView, picture_scales
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.rasterizer import CoverageRenderer
-from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.requests.groups import grouped
+from tests.unit.deformation.worlds import params
 from training.shapes import box, lathe
 
 IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}
@@ -106,13 +105,9 @@ def test_the_gradient_leads_to_the_silhouette() -> None:
 
 def fitted(rest: TriangleMesh, views: list[SilhouetteView], **given: object) -> tuple[SilhouetteTerm, Deformation]:
     listed = [{"azimuth": each.azimuth_deg, "elevation": each.elevation_deg} for each in views]
-    params = resolve(
-        DeformParams.model_validate(
-            grouped({"guidance": "silhouettes", "silhouettes": listed, "preset": "preview", **given})
-        )
-    )
-    guidance = SilhouetteGuidance(SilhouetteTerm(views, side=64), params.silhouette_weight, IDENTITY)
-    run = Deformation(rest, guidance, params)
+    settings = params(guidance="silhouettes", silhouettes=listed, **given)
+    guidance = SilhouetteGuidance(SilhouetteTerm(views, side=64), settings.silhouette_weight, IDENTITY)
+    run = Deformation(rest, guidance, settings)
     for _ in run:
         pass
     judge = SilhouetteTerm(views)

@@ -20,10 +20,9 @@ from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 from meshdeform.requests.choices import Carrier
-from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.requests.groups import grouped
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.unit.deformation.worlds import params
 from training.shapes import box, grid, lathe
 
 STYLE = RenderStyle(view_size=32, supersample=1, shading="normals")
@@ -89,10 +88,6 @@ def wedge() -> TriangleMesh:
 def cone() -> TriangleMesh:
     profile = [(0.0, 0.0), (0.25, 0.0), *((0.5 * (1 - k / 12), k / 12) for k in range(13))]
     return lathe(profile, 24)
-
-
-def params(**given: object) -> ResolvedParams:
-    return resolve(DeformParams.model_validate(grouped({"guidance": "target", "preset": "preview", **given})))
 
 
 def fit(rest: TriangleMesh, target: TriangleMesh, landmarks: tuple[Landmark, ...] = (), **given: object) -> Deformation:

@@ -11,8 +11,8 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.guidance.base import Guidance, StepContext
 from meshdeform.rendering.shading import RenderStyle
-from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
+from tests.unit.deformation.worlds import params
 
 
 class Light:
@@ -39,9 +39,7 @@ def test_torch_has_its_threads_only_where_operations_are_long(guidance: Light, d
     torch.set_num_threads(3)
     try:
         seen: Guidance = guidance
-        for _ in Deformation(
-            icosphere(1), seen, resolve(DeformParams.model_validate({"steps": 2, "guidance": {"orientation": "keep"}}))
-        ):
+        for _ in Deformation(icosphere(1), seen, params(steps=2, guidance="sds", orientation="keep")):
             assert torch.get_num_threads() == 3
         assert guidance.threads == [during] * 2
     finally:

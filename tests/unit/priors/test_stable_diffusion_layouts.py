@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import uuid
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,6 +30,7 @@ PNDM = SCHEDULER | {"_class_name": "PNDMScheduler", "skip_prk_steps": True, "set
 DDIM = SCHEDULER | {"_class_name": "DDIMScheduler", "clip_sample": False, "steps_offset": 1}
 VELOCITY = DDIM | {"prediction_type": "v_prediction"}
 EULER = SCHEDULER | {"_class_name": "EulerDiscreteScheduler", "timestep_spacing": "trailing"}
+DISTILLED = ("distilled for a few steps", "distilled from")
 TAKEN = ("sd15", "sd21-base", "sd21-v", "zero-snr", "sd21-fp16", "sd15-parts")
 
 
@@ -113,21 +115,8 @@ def test_a_schedule_that_ends_in_pure_noise_gives_finite_noise(layouts: Path) ->
     assert torch.allclose(noise, z_t, atol=1e-2)
 
 
-def xl(folder: Path) -> None:
-    change(folder / "model_index.json", _class_name="StableDiffusionXLPipeline")
-
-
-def turbo(folder: Path) -> None:
-    (folder / "scheduler" / "scheduler_config.json").write_text(json.dumps(EULER))
-    change(folder / "unet" / "config.json", _name_or_path="stabilityai/sd-turbo")
-
-
-def consistency(folder: Path) -> None:
-    (folder / "scheduler" / "scheduler_config.json").write_text(json.dumps(EULER | {"_class_name": "LCMScheduler"}))
-
-
-def told_the_scale(folder: Path) -> None:
-    change(folder / "unet" / "config.json", time_cond_proj_dim=256)
+def scheduled(folder: Path, **more: object) -> None:
+    (folder / "scheduler" / "scheduler_config.json").write_text(json.dumps(EULER | more))
 
 
 def xl_network(folder: Path) -> None:
@@ -153,10 +142,14 @@ def another_text_encoder(folder: Path) -> None:
 @each_case(
     ("spoil", "message", "advice"),
     [
-        (xl, "is a StableDiffusionXLPipeline", "names StableDiffusionPipeline"),
-        (turbo, "distilled for a few steps", "distilled from"),
-        (consistency, "distilled for a few steps", "distilled from"),
-        (told_the_scale, "distilled for a few steps", "distilled from"),
+        (
+            lambda folder: change(folder / "model_index.json", _class_name="StableDiffusionXLPipeline"),
+            "is a StableDiffusionXLPipeline",
+            "names StableDiffusionPipeline",
+        ),
+        (lambda folder: change(folder / "unet/config.json", _name_or_path="a/sd-turbo"), *DISTILLED),
+        (lambda folder: scheduled(folder, _class_name="LCMScheduler"), *DISTILLED),
+        (lambda folder: change(folder / "unet/config.json", time_cond_proj_dim=256), *DISTILLED),
         (xl_network, "addition_embed_type is 'text_time'", "Stable Diffusion 1 or 2"),
         (another_text_encoder, "texts of width 32, and its text encoder writes 48", "different models"),
     ],
@@ -164,7 +157,7 @@ def another_text_encoder(folder: Path) -> None:
 def test_what_cannot_work_is_refused_before_the_first_step(
     layouts: Path, tmp_path: Path, spoil: Callable[[Path], None], message: str, advice: str
 ) -> None:
-    copy = shutil.copytree(layouts / "sd21-base", tmp_path / spoil.__name__)
+    copy = shutil.copytree(layouts / "sd21-base", tmp_path / uuid.uuid4().hex)
     spoil(copy)
     with pytest.raises(ModelError, match=message) as caught:
         load_prior(str(copy), device="cpu")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 import safetensors.torch
@@ -16,13 +14,10 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere, simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.base_colours import BaseColours
-from meshdeform.requests.document import JobRequest
-from meshdeform.requests.groups import grouped
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform import TextDeformRun
 from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
+from tests.unit.runs.jobs import finished, started
 
 BALL = icosphere(3, 0.5)
 CORNERS = BALL.faces.numpy().reshape(-1)
@@ -39,28 +34,11 @@ def asset(*, coloured: bool = True) -> bytes:
     return builder.glb()
 
 
-def started(checkpoint: bytes | None = None, *, coloured: bool = True, **params: object) -> TextDeformRun:
+def drawn(*, coloured: bool = True, **params: object) -> TextDeformRun:
     target = torch.tensor([1.2, 0.8, 1.0], dtype=torch.float64) * BALL.verts
-    request = {
-        "prompt": "a stone",
-        "params": grouped({"model": "some/model", "steps": 4, "preset": "preview", **params}),
-    }
-    return text_deform.start(
-        job_input(
-            asset=asset(coloured=coloured),
-            filename="ball.glb",
-            request=JobRequest.model_validate(request),
-            prior=FakePrior(type(BALL)(target, BALL.faces), view_size=24),
-            checkpoint=checkpoint,
-        )
-    )
-
-
-def finished(run: TextDeformRun) -> dict[str, object]:
-    for _ in run:
-        pass
-    report: dict[str, object] = json.loads(run.finish()["report.json"].data)
-    return report
+    prior = FakePrior(type(BALL)(target, BALL.faces), view_size=24)
+    run: TextDeformRun = started(asset(coloured=coloured), model="some/model", steps=4, prior=prior, **params)
+    return run
 
 
 @pytest.mark.parametrize("case", ["surface", "lattice", "stand_in"])
@@ -69,12 +47,12 @@ def test_a_resumed_run_draws_what_the_whole_one_did(case: str, monkeypatch: pyte
         monkeypatch.setattr(stand_in, "MAX_FACES", 600)
         monkeypatch.setattr(stand_in, "FACES", 500)
     params = {"carrier": "auto" if case == "stand_in" else case}
-    whole = started(**params)
-    report = finished(whole)
-    first = started(**params)
+    whole = drawn(**params)
+    _, report = finished(whole)
+    first = drawn(**params)
     for step, _ in zip(range(2), first, strict=False):
         assert step < 2
-    resumed = started(first.checkpoint(), **params)
+    resumed = drawn(checkpoint=first.checkpoint(), **params)
     list(resumed)
     states = [safetensors.torch.load(run.checkpoint()) for run in (whole, resumed)]
     assert states[0].keys() == states[1].keys()
@@ -83,15 +61,15 @@ def test_a_resumed_run_draws_what_the_whole_one_did(case: str, monkeypatch: pyte
     assert report["texture_stretch"] is None
     assert report["appearance"] == {"drawn": "mixed", "colours": source, "notice": ""}
     if case == "surface":
-        clay = started(**params, appearance="clay")
+        clay = drawn(**params, appearance="clay")
         list(clay)
         assert not np.array_equal(clay.positions(), whole.positions()), "the colours change what the model sees"
 
 
 def test_an_asset_without_colours_is_clay_and_the_report_says_so() -> None:
-    plain, clay = started(coloured=False), started(coloured=False, appearance="clay")
-    found = finished(plain)["appearance"]
-    assert finished(clay)["appearance"] == {"drawn": "clay", "colours": None, "notice": ""}
+    plain, clay = drawn(coloured=False), drawn(coloured=False, appearance="clay")
+    found = finished(plain)[1]["appearance"]
+    assert finished(clay)[1]["appearance"] == {"drawn": "clay", "colours": None, "notice": ""}
     assert found == {
         "drawn": "clay", "colours": None, "notice": "The asset has no colours, so the model saw it as clay."
     }  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -15,15 +14,13 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.cameras import Frame
-from meshdeform.requests.document import DeformParams, JobRequest, resolve
+from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import Selection, check_selections
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from meshdeform.runs.control import Control, SelectableSurface, read_control
 from tests.cases import each_case
-from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
+from tests.unit.runs.jobs import finished, started
 
 BALL = icosphere(3)
 POINTS = BALL.verts.numpy()
@@ -199,22 +196,6 @@ def test_symmetry_is_found_and_what_is_kept_is_kept_on_both_sides() -> None:
     assert none.constraints.mirror is None
 
 
-def finished(asset: bytes, steps: int = 12, stop: int | None = None, **params: Any) -> tuple[bytes, dict[str, Any]]:
-    """Return result and report of a run, optionally one that was resumed from a checkpoint."""
-    request = JobRequest(
-        prompt="anything", params=grouped({"steps": steps, "seed": 3, "learning_rate": 0.02, **params})
-    )
-    given: dict[str, Any] = {"asset": asset, "filename": "a.glb", "request": request, "prior": FakePrior()}
-    run = text_deform.start(job_input(**given))
-    for report in run:
-        if report.step == stop:
-            run = text_deform.start(job_input(**given, checkpoint=run.checkpoint()))
-            list(run)
-            break
-    found = run.finish()
-    return found["result.glb"].data, json.loads(found["report.json"].data)
-
-
 def test_a_run_obeys_all_of_it_and_a_resumed_one_bit_for_bit() -> None:
     normals = (POINTS / np.linalg.norm(POINTS, axis=1, keepdims=True)).astype(np.float32)
     builder = Builder()
@@ -230,7 +211,9 @@ def test_a_run_obeys_all_of_it_and_a_resumed_one_bit_for_bit() -> None:
             "handles": [{"position": [10, -0.6, 0.3], "to": [10, -0.8, 0.4]}],
         }
     }
-    result, report = finished(asset, **params)
+    given = {"steps": 12, "seed": 3, "learning_rate": 0.02, **params}
+    whole, half = started(asset, **given), started(asset, **given)
+    result, report = finished(whole)
     written = load_asset(result).surface
     assert np.array_equal(written.positions[top], source.positions[top])
     inner = np.setdiff1d(np.flatnonzero(top), np.unique(source.triangles[~top[source.triangles].all(1)]))
@@ -241,4 +224,5 @@ def test_a_run_obeys_all_of_it_and_a_resumed_one_bit_for_bit() -> None:
     assert report["symmetry"]["axis"] == "x"
     assert report["symmetry"]["added_deviation"] < 1e-6
     assert report["handles"][0]["distance"] < 1e-6
-    assert finished(asset, stop=7, **params)[0] == result
+    next(step for step in half if step.step == 7)
+    assert finished(started(asset, **given, checkpoint=half.checkpoint()))[0] == result

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -13,14 +10,10 @@ from meshdeform.assets.document import Document, read_accessor
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import CheckpointError, ParameterError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.requests.document import JobRequest
-from meshdeform.requests.groups import grouped
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from meshdeform.runs.strength import with_strength
 from tests.cases import each_case
-from tests.fakes import FakePrior
 from tests.unit.assets.builders import pack, unpack
+from tests.unit.runs.jobs import finished, started
 from training.shapes import grid
 
 BALL = icosphere(2)
@@ -32,22 +25,6 @@ def scene(cells: int, *, half_width: float = 5000.0) -> bytes:
     points = (flat.verts.numpy()[:, [0, 2, 1]] - flat.verts.numpy()[:, [0, 2, 1]].mean(0)) * half_width
     ball = Primitive(BALL.verts.numpy() / np.linalg.norm(BALL.verts[0]) + [0, 1, 0], BALL.faces.numpy(), name="ball")
     return build_glb([ball, Primitive(points, flat.faces.numpy()[:, ::-1], name="Ground")])
-
-
-def start(asset: bytes, *, output: dict[str, bool] | None = None, steps: int = 20, **params: Any) -> Any:
-    document = {
-        "prompt": "an egg",
-        "params": grouped({"preset": "preview", "steps": steps, **params}),
-        "output": output or {},
-    }
-    request = JobRequest.model_validate(document)
-    return text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=FakePrior()))
-
-
-def finished(run: Any) -> tuple[bytes, dict[str, Any]]:
-    list(run)
-    files = run.finish()
-    return files["result.glb"].data, json.loads(files["report.json"].data)
 
 
 def height_above(positions: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
@@ -63,7 +40,7 @@ def height_above(positions: np.ndarray, triangles: np.ndarray, point: np.ndarray
 
 def test_a_small_ball_stays_on_a_large_ground() -> None:
     asset = scene(21)
-    result, report = finished(start(asset, steps=40, backdrop="deform"))
+    result, report = finished(started(asset, steps=40, backdrop="deform"))
     assert report["carrier"]["kind"] == "lattice"
     found = load_asset(result).surface
     is_ball = found.instance_of_vertex == 0
@@ -78,7 +55,7 @@ def test_a_small_ball_stays_on_a_large_ground() -> None:
 
 def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> None:
     asset = scene(1)
-    run = start(asset)
+    run = started(asset, steps=20)
     result, report = finished(run)
     before, after = load_asset(asset).surface, load_asset(result).surface
     ball = after.instance_of_vertex == 0
@@ -98,10 +75,8 @@ def test_a_ground_of_one_quad_stays_and_the_ball_on_it_is_deformed_alone() -> No
     assert np.linalg.norm(half - before.positions, axis=1)[ball].max() < moved.max()
 
     saved = run.checkpoint()
-    document = {"prompt": "an egg", "params": {"preset": "preview", "steps": 1, "control": {"backdrop": "deform"}}}
-    request = JobRequest.model_validate(document)
     with pytest.raises(CheckpointError, match=r"params\.control\.backdrop"):
-        text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved))
+        started(asset, steps=1, initial=saved, backdrop="deform")
 
 
 def contents(data: bytes, mesh: int) -> list[bytes]:
@@ -116,7 +91,7 @@ def contents(data: bytes, mesh: int) -> list[bytes]:
 def test_an_excluded_ground_is_not_drawn_and_comes_back_as_it_was(output: dict[str, bool]) -> None:
     asset = scene(1)
     assert any("params.control.backdrop" in text for text in load_asset(asset).summary.warnings)
-    run = start(asset, exclude=["Ground"], output=output)
+    run = started(asset, exclude=["Ground"], output=output, steps=20)
     result, report = finished(run)
     assert contents(result, 1) == contents(asset, 1)
     assert unpack(result)[0]["nodes"] == unpack(asset)[0]["nodes"]
@@ -128,9 +103,8 @@ def test_an_excluded_ground_is_not_drawn_and_comes_back_as_it_was(output: dict[s
     assert report["mesh"]["same_faces"]
     assert report["mesh"]["welded_vertices"] == len(after)
     saved = run.checkpoint()
-    request = JobRequest.model_validate({"prompt": "an egg", "params": {"preset": "preview", "steps": 1}})
     with pytest.raises(CheckpointError, match=r"params\.control\.exclude"):
-        text_deform.start(job_input(asset=asset, filename="a.glb", request=request, prior=FakePrior(), initial=saved))
+        started(asset, steps=1, initial=saved)
 
 
 def test_a_mesh_that_an_excluded_node_shows_as_well_stays_there() -> None:
@@ -139,7 +113,7 @@ def test_a_mesh_that_an_excluded_node_shows_as_well_stays_there() -> None:
     root["scenes"][0]["nodes"].append(2)
     asset = pack(root, binary)
     for output in ({}, {"subdivide": True}):
-        result, _ = finished(start(asset, exclude=["Ground", 2], output=output, steps=2))
+        result, _ = finished(started(asset, exclude=["Ground", 2], output=output, steps=2))
         after = unpack(result)[0]["nodes"]
         assert contents(result, after[3]["mesh"]) == contents(asset, 0)
         assert contents(result, after[0]["mesh"])[0] != contents(asset, 0)[0]
@@ -147,7 +121,7 @@ def test_a_mesh_that_an_excluded_node_shows_as_well_stays_there() -> None:
 
 def test_what_excludes_nothing_or_everything_is_refused() -> None:
     with pytest.raises(ParameterError, match="no node named 'ground'") as caught:
-        start(scene(1), exclude=["ground"])
+        started(scene(1), exclude=["ground"])
     assert "'Ground'" in caught.value.advice_text
     with pytest.raises(ParameterError, match="nothing is left"):
-        start(scene(1), exclude=[0, 1])
+        started(scene(1), exclude=[0, 1])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import io
-import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,17 +19,16 @@ from meshdeform.errors import ParameterError, PromptError, SilhouetteError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_kind import check
 from tests.cases import each_case
-from tests.fakes import FakePrior
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import arm
+from tests.unit.runs.jobs import finished, started
 
 SPHERE = icosphere(2)
 GLB = build_glb(SPHERE.verts.numpy(), SPHERE.faces.numpy())
 BOTH = [{"azimuth": 0}, {"azimuth": 90}]
+ALONE: dict[str, Any] = {"guidance": "silhouettes", "prior": None}
 
 
 def ellipse(height: float, width: float) -> bytes:
@@ -71,19 +70,13 @@ def test_pictures_and_their_directions_belong_together() -> None:
 
 
 def test_the_report_has_the_overlap_of_every_view_before_and_after() -> None:
-    asked = request(guidance="silhouettes", silhouettes=BOTH, preset="preview", steps=25)
-    run = text_deform.start(
-        job_input(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20), ellipse(20, 15)])
-    )
-    for _ in run:
-        pass
-    artifacts = run.finish()
-    report = json.loads(artifacts["report.json"].data)
+    run = started(GLB, "", **ALONE, silhouettes=BOTH, steps=25, pictures=[ellipse(40, 20), ellipse(20, 15)])
+    result, report = finished(run)
     first, second = report["silhouettes"]
     assert (first["part"], first["azimuth"], second["azimuth"]) == ("silhouette_1", 0, 90)
     assert first["iou_before"] < 0.75 < 0.9 < first["iou"]
     assert report["guidance"]["id"] == "silhouettes"
-    size = np.ptp(load_asset(artifacts["result.glb"].data).surface.positions, axis=0)
+    size = np.ptp(load_asset(result).surface.positions, axis=0)
     # The front is twice as high as wide; the side, of another scale, four thirds as high as wide.
     np.testing.assert_allclose([size[1] / size[0], size[1] / size[2]], [2, 4 / 3], rtol=0.12)
     assert "0 degrees" in silhouettes_line(report["silhouettes"])
@@ -91,14 +84,12 @@ def test_the_report_has_the_overlap_of_every_view_before_and_after() -> None:
 
 @each_case("prompts", [[], [{"prompt": "a bell", "regions": [{"box": {"min": [-2, 0, -2], "max": [2, 2, 2]}}]}]])
 def test_prompts_beside_pictures_run_to_their_end(prompts: list[dict[str, object]]) -> None:
-    asked = request("a vase", silhouettes=BOTH[:1], preset="preview", steps=8, orientation="keep", prompts=prompts)
-    run = text_deform.start(
-        job_input(asset=GLB, filename="a.glb", request=asked, prior=FakePrior(), pictures=[ellipse(40, 20)])
-    )
+    given = {"silhouettes": BOTH[:1], "steps": 8, "orientation": "keep", "prompts": prompts}
+    run = started(GLB, "a vase", **given, pictures=[ellipse(40, 20)])
     losses = [report.losses for report in run]
     assert len(losses) == 8
     assert all({"sds_mse", "silhouette_iou", "guidance"} <= each.keys() for each in losses)
-    report = json.loads(run.finish()["report.json"].data)
+    _, report = finished(run)
     (found,) = report["silhouettes"]
     assert found["iou"] > found["iou_before"] + 0.05
     assert report["guidance"]["id"] == "fake"
@@ -107,15 +98,12 @@ def test_prompts_beside_pictures_run_to_their_end(prompts: list[dict[str, object
 
 
 def test_pictures_that_cannot_be_used_are_named() -> None:
-    asked = request(guidance="silhouettes", silhouettes=BOTH, preset="preview")
     blank = io.BytesIO()
     Image.new("L", (50, 50), 255).save(blank, "PNG")
     with pytest.raises(SilhouetteError, match="`silhouette_2` shows no object"):
-        text_deform.start(
-            job_input(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20), blank.getvalue()])
-        )
+        started(GLB, "", **ALONE, silhouettes=BOTH, pictures=[ellipse(40, 20), blank.getvalue()])
     with pytest.raises(ParameterError, match="1 pictures"):
-        text_deform.start(job_input(asset=GLB, filename="a.glb", request=asked, pictures=[ellipse(40, 20)]))
+        started(GLB, "", **ALONE, silhouettes=BOTH, pictures=[ellipse(40, 20)])
 
 
 def test_pictures_on_the_command_line(tmp_path: Path) -> None:
@@ -138,23 +126,9 @@ def test_pictures_on_the_command_line(tmp_path: Path) -> None:
 
 @each_case("rig", ["keep", "follow"])
 def test_a_rig_follows_if_it_is_asked_to_and_the_report_says_so(rig: str) -> None:
-    asked = JobRequest.model_validate(
-        {
-            "params": {
-                "preset": "preview",
-                "steps": 4,
-                "guidance": {"kind": "silhouettes", "silhouettes": [{"azimuth": 0}]},
-            },
-            "output": {"rig": rig},
-        }
-    )
     source = arm(targets=True).glb()
-    run = text_deform.start(job_input(asset=source, filename="a.glb", request=asked, pictures=[ellipse(30, 30)]))
-    for _ in run:
-        pass
-    artifacts = run.finish()
-    result = artifacts["result.glb"].data
-    report = json.loads(artifacts["report.json"].data)
+    given = {**ALONE, "silhouettes": [{"azimuth": 0}], "steps": 4, "output": {"rig": rig}}
+    result, report = finished(started(source, "", **given, pictures=[ellipse(30, 30)]))
     assert report["rig"] == {"mode": rig, "joints": 3, "morph_targets": 1, "animations": 1}
     before, after = Player(source), Player(result)
     moved = [not np.allclose(a[:3, 3], b[:3, 3]) for a, b in zip(before.worlds(None), after.worlds(None), strict=True)]

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 
 from meshdeform.assets import load_asset
 from meshdeform.errors import ParameterError
-from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
@@ -17,18 +15,15 @@ from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import RigidSelector
 from meshdeform.runs.control import SelectableSurface, inspect_parts, select_bodies
 from tests.unit.assets.builders import Builder
+from tests.unit.deformation.worlds import moved
 from training.shapes import box, torus
-
-
-def moved(mesh: TriangleMesh, scale: float, *by: float) -> TriangleMesh:
-    return TriangleMesh(mesh.verts * scale + torch.tensor(by, dtype=torch.float64), mesh.faces)
 
 
 def cart() -> bytes:
     """A body of two materials; an axle of two wheels in a node that is shown twice; a hub below a group node."""
     builder = Builder()
     builder.root["materials"] = [{"name": "paint"}, {"name": "rubber"}, {"name": "never used"}]
-    ball, pair = icosphere(2), join(*(moved(torus(n=12, m=8), 0.15, 0.5 * x, 0, 0) for x in (-1, 1)))
+    ball, pair = icosphere(2), join(*(moved(torus(n=12, m=8), 0.5 * x, 0, 0, scale=0.15) for x in (-1, 1)))
     half = len(ball.faces) // 2
     faces = ball.faces.numpy().astype(np.uint16)
     upper, lower = ({**builder.primitive(ball.verts, part), "material": 0} for part in (faces[:half], faces[half:]))

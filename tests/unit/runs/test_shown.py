@@ -15,13 +15,11 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose, preview_png
-from meshdeform.requests.document import JobRequest
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from meshdeform.runs.surfaces import Shown, pose_in_frame, welded_surface
 from meshdeform.runs.verdict import likeness_and_before
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import TURN, arm
+from tests.unit.runs.jobs import finished, started
 
 
 def bent_arm() -> bytes:
@@ -33,14 +31,9 @@ def bent_arm() -> bytes:
 
 def run(asset: bytes) -> tuple[bytes, bytes, dict[str, Any]]:
     """Return result, preview and report of two steps."""
-    params = {"preset": "preview", "steps": 2}
-    request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
-    job = text_deform.start(
-        job_input(asset=asset, filename="a.glb", request=request, prior=load_prior("builtin", device="cpu"))
-    )
-    list(job)
-    made = job.finish()
-    return made["result.glb"].data, made["preview.png"].data, json.loads(made["report.json"].data)
+    job = started(asset, "a mushroom", steps=2, prior=load_prior("builtin", device="cpu"))
+    result, report = finished(job)
+    return result, job.finish()["preview.png"].data, report
 
 
 def test_a_skin_is_judged_drawn_and_measured_in_the_pose_of_its_nodes() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 import torch
@@ -13,11 +11,8 @@ from meshdeform.cli.report_lines import fit_line
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
-from meshdeform.requests.document import JobRequest
-from meshdeform.requests.groups import grouped
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from tests.cases import each_case
+from tests.unit.runs.jobs import finished, started
 
 SPHERE = icosphere(2)
 
@@ -26,21 +21,14 @@ def glb(scale: tuple[float, float, float] = (1.0, 1.0, 1.0), offset: float = 0.0
     return build_glb(SPHERE.verts.numpy() * scale + offset, SPHERE.faces.numpy())
 
 
-def finished(asset: bytes, target: bytes, **params: object) -> tuple[np.ndarray, dict]:
-    params = grouped({"guidance": "target", "preset": "preview", "steps": 30, **params})
-    request = JobRequest.model_validate({"params": grouped(params)})
-    run = text_deform.start(
-        job_input(asset=asset, filename="a.glb", request=request, target=target, target_filename="b.glb")
-    )
-    for _ in run:
-        pass
-    artifacts = run.finish()
-    positions = load_asset(artifacts["result.glb"].data).surface.positions
-    return positions, json.loads(artifacts["report.json"].data)
+def fitted(asset: bytes, target: bytes, **params: object) -> tuple[np.ndarray, dict]:
+    given = {"guidance": "target", "steps": 30, **params}
+    result, report = finished(started(asset, "", target=target, **given))
+    return load_asset(result).surface.positions, report
 
 
 def test_the_report_says_how_well_the_target_is_fitted() -> None:
-    positions, report = finished(glb(), glb((8.0, 12.0, 10.0), 50.0), landmarks=[{"source": 0, "target": 0}])
+    positions, report = fitted(glb(), glb((8.0, 12.0, 10.0), 50.0), landmarks=[{"source": 0, "target": 0}])
     fit = report["fit"]
     assert np.abs(positions.mean(0)).max() < 0.05
     assert fit["within"] > 0.95
@@ -57,7 +45,7 @@ def test_the_report_says_how_well_the_target_is_fitted() -> None:
 
 
 def test_without_alignment_the_result_is_where_the_target_is() -> None:
-    positions, report = finished(glb(), glb(offset=0.2), align="none")
+    positions, report = fitted(glb(), glb(offset=0.2), align="none")
     assert np.abs(positions - (SPHERE.verts.numpy() + 0.2)).max() < 0.02
     assert report["fit"]["alignment"]["turn_deg"] is None
 
@@ -73,7 +61,7 @@ def test_without_alignment_the_result_is_where_the_target_is() -> None:
 )
 def test_what_does_not_fit_the_files_is_refused(params: dict, place: list) -> None:
     with pytest.raises(ParameterError) as refused:
-        finished(glb(), glb(), **params)
+        fitted(glb(), glb(), **params)
     assert refused.value.extra["errors"][0]["loc"] == place
 
 
@@ -81,7 +69,7 @@ def test_parts_on_a_lattice_are_fitted_and_a_rigid_one_keeps_its_shape() -> None
     two = join(SPHERE, TriangleMesh(0.4 * SPHERE.verts + torch.tensor([1.6, 0.0, 0.0]), SPHERE.faces))
     asset = build_glb(two.verts.numpy(), two.faces.numpy())
     target = build_glb(two.verts.numpy() * (1.0, 1.3, 1.0), two.faces.numpy())
-    positions, report = finished(asset, target, rigid=[{"component": 1}], steps=12)
+    positions, report = fitted(asset, target, rigid=[{"component": 1}], steps=12)
     assert report["carrier"]["kind"] == "lattice"
     assert report["rigid"]["max_deviation"] < 1e-6
     ball, rest = positions[len(SPHERE.verts) :], 0.4 * SPHERE.verts.numpy()

@@ -24,7 +24,7 @@ from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 from tests.fakes import FakePrior
 from tests.unit.assets.builders import unpack
-from training.shapes import box, lathe
+from training.shapes import box
 
 
 def glb(mesh: TriangleMesh, *, scale: float = 1.0, offset: float = 0.0) -> bytes:
@@ -154,18 +154,6 @@ def test_the_report_says_which_normals_were_rebuilt() -> None:
     assert report["mesh"]["rebuilt_normals"] == 2
     assert report["input"]["warnings"][0].startswith("2 normals of the file have no direction")
     assert np.isfinite(load_asset(artifacts["result.glb"].data).surface.normals).all()
-
-
-def test_the_report_warns_once_of_an_asset_with_z_up() -> None:
-    statue = lathe([(0.0, 0.1), (0.5, 0.1), (0.4, 0.4), (0.1, 0.7), (0.3, 1.3), (0.0, 1.7)])
-    warned = []
-    for axes, sign in (([0, 1, 2], 1.0), ([0, 2, 1], -1.0)):
-        verts = statue.verts[:, axes] * torch.tensor([1.0, sign, 1.0], dtype=torch.float64)
-        run = start(glb(TriangleMesh(verts, statue.faces)), request(steps=1))
-        list(run)
-        report = json.loads(run.finish()["report.json"].data)
-        warned.append(sum("Z up" in warning for warning in (*report["input"]["warnings"], *report["warnings"])))
-    assert warned == [0, 1]
 
 
 class HalfPrior(FakePrior):

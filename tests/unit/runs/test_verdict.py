@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import pytest
@@ -14,9 +13,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
-from meshdeform.requests.document import DeformParams, JobRequest, resolve
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
+from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.verdict import (
     Recognition,
     before,
@@ -30,6 +27,7 @@ from meshdeform.runs.verdict import (
     worse_than_source,
 )
 from tests.cases import each_case
+from tests.unit.runs.jobs import finished, started
 from training.judge.members import HELD_OUT, seeded
 from training.prior.families import member
 from training.shapes import box
@@ -122,15 +120,8 @@ def test_a_shape_of_the_family_matches_its_prompt_and_no_other() -> None:
 def test_only_the_builtin_prior_has_it_and_a_verdict_in_its_report(guidance: str) -> None:
     ball = icosphere(1)
     asset = build_glb(ball.verts.numpy(), ball.faces.numpy())
-    params = {"preset": "preview", "steps": 1, "guidance": {"kind": guidance}}
-    request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
-    run = text_deform.start(
-        job_input(
-            asset=asset, filename="a.glb", request=request, target=asset, prior=load_prior("builtin", device="cpu")
-        )
-    )
-    list(run)
-    report = json.loads(run.finish()["report.json"].data)
+    prior = load_prior("builtin", device="cpu")
+    _, report = finished(started(asset, "a mushroom", steps=1, guidance=guidance, target=asset, prior=prior))
     assert ("likeness" in report) == ("verdict" in report) == (guidance == "sds")
     assert 0 <= report["quality"]["kept_share"] <= 1
     if guidance == "sds":

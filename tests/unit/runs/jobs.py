@@ -1,0 +1,31 @@
+"""Whole jobs that deform an asset, on bytes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from meshdeform.requests.document import JobRequest
+from meshdeform.requests.groups import grouped
+from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
+from meshdeform.runs.text_deform import TextDeformRun
+from tests.fakes import FakePrior
+
+GIVEN = ("prior", "target", "pictures", "checkpoint", "initial", "resolved")
+
+
+def started(asset: bytes, prompt: str = "an egg", *, output: dict[str, Any] | None = None, **params: Any) -> Any:
+    """Return the run of a job; its prior is a fake one unless another, or None, is given."""
+    given = {"prior": FakePrior(), **{name: params.pop(name) for name in GIVEN if name in params}}
+    document = {"prompt": prompt, "params": grouped({"preset": "preview", **params}), "output": output or {}}
+    request = JobRequest.model_validate(document)
+    return text_deform.start(job_input(asset=asset, filename="a.glb", request=request, **given))
+
+
+def finished(run: TextDeformRun) -> tuple[bytes, dict[str, Any]]:
+    """Run to the end; return the result and the report."""
+    for _ in run:
+        pass
+    files = run.finish()
+    return files["result.glb"].data, json.loads(files["report.json"].data)
