@@ -40,7 +40,8 @@ import sqlalchemy as sa
 from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.models import Job, JobState
 from tests.acceptance.chaos import Chaos
-from tests.acceptance.cluster import SPHERE, Cluster, Part, running_redis, until
+from tests.acceptance.cluster import SPHERE, Cluster, Part, running_redis
+from tests.acceptance.service import until
 from tests.fault_proxy import FaultProxy
 from tests.s3_server import s3_server
 from tests.servers import PgBouncer, PostgresServer, free_port, kept_full, small_disk

@@ -22,7 +22,8 @@ from pathlib import Path
 import redis
 
 from meshdeform.record.models import Event, EventType
-from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.service import until
 from tests.servers import PostgresServer
 
 STEPS = 6000

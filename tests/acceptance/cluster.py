@@ -15,10 +15,9 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import httpx
 import psutil
@@ -29,32 +28,14 @@ from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.storage import ObjectStore
+from tests.acceptance.service import until
 from tests.servers import RedisServer, free_port
 
-T = TypeVar("T")
 ROOT = Path(__file__).resolve().parents[2]
 DEADLINE_S = 120.0
 LEASE_S = 5.0
 EVERY = 4
 SPHERE = ROOT / "examples" / "sphere.glb"
-
-
-def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADLINE_S) -> T:
-    """Return the first true value, or fail saying what did not happen. A part that is away is asked again."""
-    deadline = time.monotonic() + deadline_s
-    while True:
-        with contextlib.suppress(UnavailableError, httpx.TransportError):
-            if result := value():
-                return result
-        assert time.monotonic() < deadline, f"in {deadline_s:g} s this did not happen: {what}"
-        time.sleep(0.05)
-
-
-def lives(process: psutil.Process) -> bool:
-    """Whether it still runs; one that is dead and not yet asked for its exit code does not."""
-    with contextlib.suppress(psutil.NoSuchProcess):
-        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-    return False
 
 
 def sum_after(steps: int) -> bytes:

@@ -18,6 +18,7 @@ from typing import IO, Any, TypeVar
 import httpx
 import psutil
 
+from meshdeform.errors import UnavailableError
 from meshdeform.requests.groups import grouped
 
 T = TypeVar("T")
@@ -28,14 +29,23 @@ TERMINAL = {"succeeded", "failed", "canceled", "expired"}
 
 
 def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADLINE_S) -> T:
-    """Return the first true value, or fail saying what did not happen."""
+    """Return the first true value, or fail saying what did not happen. A part that is away is asked again."""
     deadline, pause_s = time.monotonic() + deadline_s, 0.02
-    while not (result := value()):
+    while True:
+        with contextlib.suppress(UnavailableError, httpx.TransportError):
+            if result := value():
+                return result
         assert time.monotonic() < deadline, f"in {deadline_s:g} s this did not happen: {what}"
         time.sleep(pause_s)
         # A request or a picture of the page each time: what is waited for needs the processor more.
         pause_s = min(1.5 * pause_s, 0.25)
-    return result
+
+
+def lives(process: psutil.Process) -> bool:
+    """Whether it still runs; one that is dead and not yet asked for its exit code does not."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    return False
 
 
 class Gate:
@@ -113,7 +123,7 @@ class Service:
         """Every process below serve that has been seen and still lives."""
         with contextlib.suppress(psutil.NoSuchProcess):
             self._seen |= set(psutil.Process(self.pid).children(recursive=True))
-        return {process for process in self._seen if _lives(process)}
+        return {process for process in self._seen if lives(process)}
 
     def part(self, *words: str) -> psutil.Process:
         """The process whose command line ends like this, as soon as there is one."""
@@ -220,12 +230,6 @@ class Service:
 def _collect(stream: IO[str], lines: list[str]) -> None:
     with stream:
         lines.extend(stream)
-
-
-def _lives(process: psutil.Process) -> bool:
-    with contextlib.suppress(psutil.NoSuchProcess):
-        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-    return False
 
 
 @contextlib.contextmanager

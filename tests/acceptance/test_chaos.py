@@ -14,7 +14,8 @@ import pytest
 from meshdeform.errors import ConflictError, UnavailableError
 from meshdeform.record.models import JobState
 from tests.acceptance.chaos import Chaos
-from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.service import until
 from tests.servers import NotInstalledError, PostgresServer
 
 pytestmark = pytest.mark.acceptance

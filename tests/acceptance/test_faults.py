@@ -17,7 +17,8 @@ import pytest
 
 from meshdeform.record.models import JobState
 from meshdeform.support.failpoints import FAILPOINTS
-from tests.acceptance.cluster import Cluster, lives, running_redis, until
+from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.service import lives, until
 from tests.servers import NotInstalledError, PostgresServer
 
 pytestmark = pytest.mark.acceptance

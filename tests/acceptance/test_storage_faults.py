@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.service import until
 from tests.fault_proxy import FaultProxy
 from tests.s3_server import S3Server
 from tests.servers import NotInstalledError, kept_full, small_disk

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.service import until
 from tests.fault_proxy import FaultProxy
 from tests.shut_database import database_to_shut
 

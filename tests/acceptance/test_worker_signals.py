@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from meshdeform.record.models import JobState
-from tests.acceptance.cluster import Cluster, until
+from tests.acceptance.cluster import Cluster
+from tests.acceptance.service import until
 
 pytestmark = pytest.mark.acceptance
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from meshdeform.record.models import JobState
-from tests.acceptance.cluster import Cluster, running_redis, until
+from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.service import until
 from tests.cases import each_case
 from tests.fake_worker import TROUBLE_AT
 

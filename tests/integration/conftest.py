@@ -8,7 +8,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -185,6 +185,23 @@ def serving_api(settings: Settings) -> Iterator[Api]:
         record = JobRecord(settings.resolved_database_url)
         yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
         record.close()
+
+
+Start = Callable[..., httpx.Client]
+
+
+@pytest.fixture
+def start(record: JobRecord, database_url: str, redis_url: str, tmp_path: Path) -> Iterator[Start]:
+    """Start a server on the record with these settings; several may run at the same time."""
+    queue = f"test-{uuid.uuid4().hex}"
+    with ExitStack() as cleanup:
+
+        def run(**settings: Any) -> httpx.Client:
+            defaults = {"data_dir": tmp_path, "database_url": database_url, "redis_url": redis_url, "queue": queue}
+            url = cleanup.enter_context(serving(Settings(**{**defaults, **settings})))
+            return cleanup.enter_context(httpx.Client(base_url=url, timeout=DEADLINE_S))
+
+        yield run
 
 
 @pytest.fixture(scope="module")

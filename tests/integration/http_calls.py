@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import struct
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import httpx
 import jsonschema_rs
 
-from meshdeform.record.models import JobState, NewJob
+from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest
 from tests.integration.conftest import Api, stored_file, stored_result
 
@@ -51,10 +52,30 @@ def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
     return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
 
 
-def finished_job(api: Api, content: bytes = bytes(range(256)) * 64, owner_id: str = "") -> str:
-    """A job that a worker has brought to its end, with one artifact."""
-    job = api.record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner_id))
+def kept(api: Api, content: bytes, filename: str = "sphere.glb") -> StoredFile:
+    """A file of a job that is really there."""
+    digest = hashlib.sha256(content).hexdigest()
+    api.store.put(f"assets/{digest}", content)
+    return StoredFile(key=f"assets/{digest}", filename=filename, size=len(content), sha256=digest)
+
+
+def finished_job(
+    api: Api,
+    content: bytes = bytes(range(256)) * 64,
+    owner_id: str = "",
+    *,
+    files: dict[str, StoredFile] | None = None,
+    more: dict[str, bytes] | None = None,
+    checkpoint: int = 0,
+    **request: Any,
+) -> str:
+    """A job that a worker has brought to its end, with a result and more artifacts; at a step its result was stored."""
+    asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
+    job = api.record.create(NewJob(asked, files or {"asset": stored_file()}, owner_id=owner_id))
     assert api.record.leases.claim(job.id, "worker", 60.0)
-    key = f"jobs/{job.id}/1/result.glb"
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[stored_result(api.store, key, content)])
+    made = {"result.glb": content, **(more or {})}
+    results = [stored_result(api.store, f"jobs/{job.id}/1/{name}", data) for name, data in made.items()]
+    if checkpoint:
+        api.record.leases.set_checkpoint(job.id, 1, results[0].key, checkpoint, results[0].sha256)
+    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=results)
     return job.id

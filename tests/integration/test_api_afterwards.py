@@ -14,13 +14,12 @@ from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.assets.limits import run_child
 from meshdeform.client import Client
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.record.models import JobState, NewJob, StoredFile
-from meshdeform.requests.document import JobRequest, MorphPath, OutputOptions
+from meshdeform.requests.document import MorphPath, OutputOptions
 from meshdeform.runs import derive
 from meshdeform.runs.strength import AssetPath, write_morph
 from tests.cases import each_case
-from tests.integration.conftest import Api, new_job, stored_result
-from tests.integration.http_calls import check_document, check_problem
+from tests.integration.conftest import Api, new_job
+from tests.integration.http_calls import check_document, check_problem, finished_job, kept
 
 ORIGIN = {"prompt": "a tall ball", "seed": 7}
 STRETCH = [1.0, 3.0, 1.0]
@@ -33,15 +32,8 @@ def source() -> Asset:
 
 def finished(api: Api, result: bytes, **output: bool) -> str:
     """A job that has succeeded with a result."""
-    asset = source().to_bytes()
-    kept = api.store.put(f"assets/{new_job(api.record).id}", asset)
-    file = StoredFile(key=f"assets/{kept.sha256}", filename="ball.glb", size=kept.size, sha256=kept.sha256)
-    api.store.put(file.key, asset)
-    job = api.record.create(NewJob(JobRequest.model_validate({"prompt": "x", "output": output}), {"asset": file}))
-    assert api.record.leases.claim(job.id, "worker", 60.0)
-    key = f"jobs/{job.id}/1/result.glb"
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[stored_result(api.store, key, result)])
-    return job.id
+    files = {"asset": kept(api, source().to_bytes(), "ball.glb")}
+    return finished_job(api, result, files=files, prompt="x", output=output)
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from typing import Any
 
 import pytest
@@ -12,20 +11,13 @@ from meshdeform.assets import build_glb
 from meshdeform.cli.app import app
 from meshdeform.errors import PromptError, StoredFileError, UnavailableError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.record.models import Job, JobError, JobState, NewJob, OriginMode, StoredFile
+from meshdeform.record.models import Job, JobError, JobState, NewJob, OriginMode
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
-from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job
+from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job, kept
 
 BRANCH = {"prompt": "a vase", "params": {"preset": "preview"}}
-
-
-def stored(api: Api, content: bytes, filename: str = "sphere.glb") -> StoredFile:
-    """A file that is really there."""
-    digest = hashlib.sha256(content).hexdigest()
-    api.store.put(f"assets/{digest}", content)
-    return StoredFile(key=f"assets/{digest}", filename=filename, size=len(content), sha256=digest)
 
 
 def interrupted_job(
@@ -38,7 +30,7 @@ def interrupted_job(
 ) -> str:
     """A job that a worker has ended, with checkpoints."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
-    job = api.record.create(NewJob(asked, {"asset": stored(api, b"the asset")}))
+    job = api.record.create(NewJob(asked, {"asset": kept(api, b"the asset")}))
     assert api.record.leases.claim(job.id, "worker", 60.0)
     for step in steps:
         name = f"jobs/{job.id}/1/checkpoint-{step:06}"
@@ -84,7 +76,7 @@ def test_jobs_that_failed_for_one_reason_are_listed_and_retried_once(api: Api, o
     listed = api.http.get("/v1/jobs", params={"error": "unavailable"}).json()["jobs"]
     assert [job["id"] for job in listed] == failed[::-1]
     by_hand = made_of(api, api.http.post(f"/v1/jobs/{failed[2]}/retry"))
-    damaged = api.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored(api, b"another asset")}))
+    damaged = api.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": kept(api, b"another asset")}))
     assert api.record.leases.claim(damaged.id, "worker", 60.0)
     api.record.leases.finish(damaged.id, 1, JobState.FAILED, away)
     api.store.put(damaged.source.key, b"not as it was")

@@ -5,15 +5,15 @@ from __future__ import annotations
 import warnings
 
 import httpx
-import pytest
 
+from tests.cases import each_case
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_problem, finished_job
 from tests.integration.other_versions import LATER, accepted_elsewhere
 from tests.integration.record_calls import set_to
 
 
-@pytest.mark.parametrize("new", LATER)
+@each_case("new", LATER)
 def test_they_are_listed_looked_at_canceled_and_deleted_and_not_retried(api: Api, new: str) -> None:
     document = LATER[new]
     job_id = accepted_elsewhere(api.record, document).id
@@ -34,18 +34,12 @@ def test_they_are_listed_looked_at_canceled_and_deleted_and_not_retried(api: Api
     seen = api.http.get(f"/v1/jobs/{job_id}", params=dict(httpx.URL(link).params))
     assert "cannot be read here" in seen.json()["unreadable"], link
     assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
-
-
-@pytest.mark.parametrize("new", LATER)
-def test_their_results_are_downloaded(api: Api, new: str) -> None:
+    # Its results are downloaded as they are.
     job_id = finished_job(api, b"glTF and so on")
-    kind = LATER[new].get("kind", "text_deform")
+    kind = document.get("kind", "text_deform")
     files = {"files": {}} if kind == "image_deform" else {}
-    set_to(api.record, api.record.get(job_id), request=LATER[new], kind=kind, **files)
-    for path in ("", "?strength=0.5"):
-        found = api.http.get(f"/v1/jobs/{job_id}/artifacts/result.glb{path}")
-        if path:
-            check_problem(found, 409, "job_unreadable")
-        else:
-            assert (found.status_code, found.content) == (200, b"glTF and so on")
+    set_to(api.record, api.record.get(job_id), request=document, kind=kind, **files)
+    result = f"/v1/jobs/{job_id}/artifacts/result.glb"
+    assert api.http.get(result).content == b"glTF and so on"
+    check_problem(api.http.get(f"{result}?strength=0.5"), 409, "job_unreadable")
     check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/morph.glb"), 404, "not_found")

@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import httpx
 import pytest
@@ -19,8 +18,8 @@ from meshdeform.settings import Settings
 from service.app import create_app
 from service.http.auth import Principal, principal
 from tests.integration import conftest
-from tests.integration.conftest import Api, stored_file, stored_result
-from tests.integration.http_calls import PROMPT, check_problem
+from tests.integration.conftest import Api, stored_file
+from tests.integration.http_calls import PROMPT, check_problem, finished_job, kept
 
 
 def named(request: Request) -> Principal:
@@ -51,28 +50,9 @@ def two(own_settings: Callable[..., Settings]) -> Iterator[tuple[Api, Api]]:
                 yield ann, replace(ann, http=other)
 
 
-def finished(api: Api, owner: str, content: bytes = b"result") -> str:
-    """A job of an owner that has succeeded, with an artifact and a checkpoint."""
-    file = replace_file(api, content)
-    request = JobRequest(prompt="a vase", metadata={"whose": "mine"})
-    job = api.record.create(NewJob(request, {"asset": file}, owner_id=owner))
-    api.record.leases.claim(job.id, "worker", 60.0)
-    key = f"jobs/{job.id}/1/result.glb"
-    made = stored_result(api.store, key, content)
-    api.record.leases.set_checkpoint(job.id, 1, key, 5, made.sha256)
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[made])
-    return job.id
-
-
-def replace_file(api: Api, content: bytes) -> Any:
-    digest = hashlib.sha256(content).hexdigest()
-    api.store.put(f"assets/{digest}", content)
-    return stored_file().model_copy(update={"key": f"assets/{digest}", "sha256": digest, "size": len(content)})
-
-
 def test_every_route_of_a_job_knows_only_its_owner(two: tuple[Api, Api]) -> None:
     ann, bob = two
-    job = finished(ann, "ann")
+    job = finished_job(ann, b"result", "ann", checkpoint=5)
     failed = ann.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": stored_file()}, owner_id="ann")).id
     for method, path in (
         ("GET", f"/v1/jobs/{job}"),
@@ -96,7 +76,7 @@ def test_every_route_of_a_job_knows_only_its_owner(two: tuple[Api, Api]) -> None
 
 def test_lists_and_labels_show_only_ones_own(two: tuple[Api, Api]) -> None:
     ann, bob = two
-    job = finished(ann, "ann")
+    job = finished_job(ann, owner_id="ann", metadata={"whose": "mine"})
     for query in ("", "?state=succeeded", "?metadata[whose]=mine"):
         assert job in [found["id"] for found in ann.http.get(f"/v1/jobs{query}").json()["jobs"]]
         assert bob.http.get(f"/v1/jobs{query}").json()["jobs"] == []
@@ -112,7 +92,7 @@ def test_nobody_elses_files_can_be_named(two: tuple[Api, Api], sphere: bytes) ->
     for method, where, body in (("GET", path, None), ("DELETE", path, None), ("POST", f"{path}/complete", done)):
         check_problem(bob.http.request(method, where, json=body), 404, "not_found")
     assert ann.http.post(f"{path}/complete", json=done).status_code == 200
-    job = finished(ann, "ann", sphere)
+    job = finished_job(ann, sphere, "ann")
     for asset in ({"upload_id": upload["id"]}, {"job_id": job}):
         document = {**PROMPT, "asset": asset}
         check_problem(bob.http.post("/v1/jobs", json=document), 422, "parameter_invalid")
@@ -137,7 +117,7 @@ def test_retries_of_many_are_of_the_owner_s_own_and_stop_at_the_limit(two: tuple
     away = JobError.of(UnavailableError("The store is away."))
     failed = []
     for _ in range(3):
-        job = ann.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": replace_file(ann, b"x")}, owner_id="cid"))
+        job = ann.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": kept(ann, b"x")}, owner_id="cid"))
         assert ann.record.leases.claim(job.id, "worker", 60.0)
         ann.record.leases.finish(job.id, 1, JobState.FAILED, away)
         failed.append(job.id)

@@ -7,14 +7,11 @@ from typing import Any
 
 import pytest
 
-from meshdeform.assets import build_glb
 from meshdeform.record.models import JobState
-from meshdeform.runs.costs import MEASURED
 from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job, post
 from tests.integration.record_calls import set_to
-from training.shapes import box
 
 NO_UPLOAD = "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"
 NO_JOB = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"
@@ -87,27 +84,16 @@ def test_a_job_is_tried_out_and_nothing_is_left(api: Api, sphere: bytes, openapi
     check_problem(api.http.post("/v1/jobs:validate", files=files), 422, "asset_truncated")
 
 
-def test_the_estimate_goes_by_jobs_that_were_measured_and_by_the_mesh(api: Api, sphere: bytes) -> None:
+def test_the_estimate_goes_by_jobs_that_were_measured(api: Api, sphere: bytes) -> None:
     request = {**PROMPT, "params": {"preset": "preview"}}
     job = api.record.get(post(api, sphere, request).json()["id"])
     assert (job.faces, job.parts) == (5120, 1)
     api.record.leases.claim(job.id, "worker", 60.0)
     api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.5)
     set_to(api.record, job, ran_s=80 * 0.5 + 9.0, total_steps=80)
-
-    def run_s(asset: bytes, steps: int) -> float:
+    for steps in (80, 10):
         document = json.dumps({**request, "params": {**request["params"], "steps": steps}})
-        files = {"asset": ("s.glb", asset), "request": (None, document)}
+        files = {"asset": ("s.glb", sphere), "request": (None, document)}
         found = api.http.post("/v1/jobs:validate", files=files).json()["estimate"]
         assert found["basis"].startswith("1 job of this kind and model")
-        assert found["steps"] == steps
-        return float(found["run_s"])
-
-    assert run_s(sphere, 80) == pytest.approx(49.0)
-    assert run_s(sphere, 10) == pytest.approx(14.0)
-    more = box(80)
-    costs = MEASURED["text_deform/sds"]
-    large, small = (costs.seconds(faces, 1, None).once for faces in (len(more.faces), 5120))
-    longer = run_s(build_glb(more.verts.numpy(), more.faces.numpy()), 1) - run_s(sphere, 1)
-    assert longer == pytest.approx(9.0 * (large / small - 1), rel=0.1)
-    assert longer > 20.0
+        assert (found["steps"], found["run_s"]) == (steps, pytest.approx(9.0 + 0.5 * steps))

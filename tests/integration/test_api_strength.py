@@ -12,30 +12,20 @@ from numpy.typing import NDArray
 from meshdeform.assets import load_asset
 from meshdeform.assets.limits import Limits, run_child
 from meshdeform.client import Client
-from meshdeform.record.models import JobState, NewJob, StoredFile
-from meshdeform.requests.document import JobRequest
 from meshdeform.runs import derive
 from meshdeform.runs.derive import DerivedInput
 from service.downloads import strengths
-from tests.integration.conftest import Api, stored_result
-from tests.integration.http_calls import check_problem
-
-REPORT = b"{}"
+from tests.integration.conftest import Api
+from tests.integration.http_calls import check_problem, finished_job, kept
 
 
 @pytest.fixture
 def job_id(api: Api, sphere: bytes) -> str:
     """A finished job that has made an ellipsoid of the sphere."""
-    digest = hashlib.sha256(sphere).hexdigest()
-    api.store.put(f"assets/{digest}", sphere)
-    file = StoredFile(key=f"assets/{digest}", filename="sphere.glb", size=len(sphere), sha256=digest)
-    job = api.record.create(NewJob(JobRequest(prompt="an egg"), {"asset": file}))
-    assert api.record.leases.claim(job.id, "worker", 60.0)
     source = load_asset(sphere)
-    made = {"result.glb": source.replace(source.surface.positions * [1.0, 2.0, 1.0]), "report.json": REPORT}
-    results = [stored_result(api.store, f"jobs/{job.id}/1/{name}", data) for name, data in made.items()]
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=results)
-    return job.id
+    result = source.replace(source.surface.positions * [1.0, 2.0, 1.0])
+    files = {"asset": kept(api, sphere)}
+    return finished_job(api, result, files=files, more={"report.json": b"{}"}, prompt="an egg")
 
 
 def positions(data: bytes) -> NDArray[np.float64]:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
@@ -16,26 +13,10 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from service.http.auth import _FAILURES
 from service.http.limits import RateLimiter
-from tests.integration.conftest import DEADLINE_S, new_job, serving
+from tests.integration.conftest import Start, new_job
 
 OPEN = ("/healthz", "/readyz", "/openapi.json")
 CLOSED = ("/v1/jobs", "/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6", "/metrics")
-Start = Callable[..., httpx.Client]
-
-
-@pytest.fixture
-def start(record: JobRecord, database_url: str, redis_url: str, tmp_path: Path) -> Iterator[Start]:
-    """Start a server on the record with these settings; several may run at the same time."""
-    queue = f"test-{uuid.uuid4().hex}"
-    with ExitStack() as cleanup:
-
-        def run(**settings: Any) -> httpx.Client:
-            defaults = {"data_dir": tmp_path, "database_url": database_url, "redis_url": redis_url, "queue": queue}
-            server: AbstractContextManager[str] = serving(Settings(**{**defaults, **settings}))
-            url = cleanup.enter_context(server)
-            return cleanup.enter_context(httpx.Client(base_url=url, timeout=DEADLINE_S))
-
-        yield run
 
 
 def bearer(text: str) -> dict[str, str]:

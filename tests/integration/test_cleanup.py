@@ -45,18 +45,15 @@ def test_one_job_is_removed_with_what_only_it_used(record: JobRecord, tmp_path: 
     assert not store.exists(files["a"].key)
     assert store.exists(files["b"].key)
     assert record.get(other.id).files["asset"] == files["b"]
-
-
-def test_a_job_s_target_and_origin_go_with_it(record: JobRecord, tmp_path: Path) -> None:
-    store = ObjectStore(tmp_path)
+    # A target and the copy of a checkpoint go with their job, too.
     asset, target, copied = stored_file("d"), stored_file("e"), stored_file("f")
     for file in (asset, target, copied):
         store.put(file.key, b"xyz")
     origin = Origin(job_id="job_before", step=4, mode=OriginMode.RETRY, key=copied.key, sha256=copied.sha256)
     job = record.create(NewJob(JobRequest(prompt="a vase"), {"asset": asset, "target": target}, origin=origin))
     record.request_cancel(job.id)
-    files = record.delete(job.id)
-    assert files == [asset.key, target.key, copied.key]
-    remove_job(record, store, job.id, files)
-    assert not any(store.exists(key) for key in files)
+    unused[job.id] = record.delete(job.id)
+    assert unused[job.id] == [asset.key, target.key, copied.key]
+    remove_job(record, store, job.id, unused[job.id])
+    assert not any(map(store.exists, unused[job.id]))
     assert record.files.unused() == []

@@ -15,7 +15,8 @@ from meshdeform.client import Client, EventView
 from meshdeform.client.retries import Policy
 from meshdeform.errors import NotFoundError
 from meshdeform.record.models import JobState
-from tests.acceptance.cluster import SPHERE, Cluster, running_redis, until
+from tests.acceptance.cluster import SPHERE, Cluster, running_redis
+from tests.acceptance.service import until
 from tests.client_flavors import both_clients, opened
 from tests.fault_proxy import FaultProxy
 from tests.integration.conftest import stored_result

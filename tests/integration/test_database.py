@@ -7,7 +7,6 @@ import socket
 import struct
 import threading
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import httpx
@@ -168,34 +167,3 @@ def test_a_connection_that_is_reset_in_the_middle_is_replaced(postgres_port: int
             assert record.get(job.id).id == job.id
         finally:
             record.close()
-
-
-@pytest.mark.parametrize("way", ["closed", "replaced"])
-def test_a_connection_whose_other_end_is_gone_is_closed_without_a_word(
-    way: str, postgres_port: int, postgres_url: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    with FaultProxy(postgres_port) as proxy:
-        record = JobRecord(postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/"))
-        try:
-            with record.database.read() as one, record.database.read() as another:
-                sockets = [each.connection.dbapi_connection._usock for each in (one, another)]
-            proxy.refuse()
-            for connection in sockets:
-                _until_the_pipe_breaks(connection)
-            proxy.pass_through()
-            if way == "replaced":
-                record.ping()
-        finally:
-            record.close()
-    assert [entry.getMessage() for entry in caplog.records] == []
-    assert [connection.fileno() for connection in sockets] == [-1, -1]
-
-
-def _until_the_pipe_breaks(connection: socket.socket) -> None:
-    # What is sent first is answered with a reset, and only what is sent after that breaks the pipe.
-    deadline = time.monotonic() + DEADLINE_S
-    with suppress(OSError):
-        while time.monotonic() < deadline:
-            connection.send(b"?")
-            time.sleep(0.01)
-        pytest.fail("the other end is still there")

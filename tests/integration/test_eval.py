@@ -78,15 +78,6 @@ def test_a_run_leaves_records_meshes_pictures_tables_and_a_sheet(finished: Path)
     assert "By source, after 2 steps" in (finished / "table.md").read_text()
 
 
-def test_what_is_done_is_not_done_again_and_what_is_new_is(run: Path) -> None:
-    record = run / "items" / FIRST / "record.json"
-    before = record.stat().st_mtime_ns
-    done = evaluated(run, *QUICK, "--limit", "4")
-    assert "3 of 4 were done before" in done.stderr
-    assert "4 of 48 done" in done.stdout
-    assert record.stat().st_mtime_ns == before
-
-
 def test_another_judge_is_refused_until_it_judges_everything_anew(run: Path) -> None:
     other = "tests.unit.evaluation.stand_ins:OtherJudge"
     refused = evaluated(run, *QUICK, "--limit", "3", judge=other)

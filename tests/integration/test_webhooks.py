@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.api.webhooks import WebhookEvent
 from meshdeform.errors import ConflictError
 from meshdeform.record.deliveries import RETRY_AFTER_S
-from meshdeform.record.models import EventType, NewJob
+from meshdeform.record.models import NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 from meshdeform.record.webhooks import Webhook
@@ -321,11 +320,6 @@ def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRe
     assert (newest.state, newest.attempts) == ("pending", 0)
     receiver.answer = None
     assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 1
-
-
-def test_webhooks_can_hear_of_everything_but_progress_and_checkpoints() -> None:
-    many = {EventType.PROGRESS, EventType.CHECKPOINT}
-    assert {event.value for event in WebhookEvent} == {f"job.{event}" for event in set(EventType) - many}
 
 
 def test_receivers_that_hang_do_not_hold_up_another_ones_messages(record: JobRecord) -> None:

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tests.integration.conftest import api, database_url, own_settings, pytest_generate_tests, record, sphere
+from tests.integration.conftest import api, database_url, own_settings, pytest_generate_tests, record, sphere, start
 
-__all__ = ["api", "database_url", "own_settings", "pytest_generate_tests", "record", "sphere"]
+__all__ = ["api", "database_url", "own_settings", "pytest_generate_tests", "record", "sphere", "start"]

@@ -3,41 +3,17 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
 
 from meshdeform.record.repository import JobRecord
 from meshdeform.serving.access import is_forwarded
-from meshdeform.settings import Settings
 from service.http.auth import _FAILURES
-from tests.integration.conftest import DEADLINE_S, serving
+from tests.integration.conftest import DEADLINE_S, Start
 
-Start = Callable[..., httpx.Client]
 EVIL = ({"Origin": "https://evil.example"}, {"Host": "evil.example"}, {"Host": "evil.example:80", "Origin": "null"})
 FORWARDING = ("X-Forwarded-For", "X-Forwarded-Host", "X-Forwarded-Proto", "Forwarded", "X-Real-IP", "Via")
-
-
-@pytest.fixture
-def start(redis_url: str, tmp_path: Path) -> Iterator[Start]:
-    with ExitStack() as cleanup:
-
-        def run(**settings: Any) -> httpx.Client:
-            url = cleanup.enter_context(serving(Settings(data_dir=tmp_path, redis_url=redis_url, **settings)))
-            return cleanup.enter_context(httpx.Client(base_url=url, timeout=DEADLINE_S))
-
-        yield run
-
-
-@pytest.fixture
-def record(tmp_path: Path) -> Iterator[JobRecord]:
-    opened = JobRecord(Settings(data_dir=tmp_path).resolved_database_url)
-    yield opened
-    opened.close()
 
 
 def status(http: httpx.Client, **headers: str) -> int:

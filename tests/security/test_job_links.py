@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import time
 from collections.abc import Iterator
@@ -15,18 +14,16 @@ import pytest
 
 from meshdeform.client import Client
 from meshdeform.errors import UnauthorizedError
-from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.document import JobRequest
 from meshdeform.storage import sign_path
 from service.http.auth import SIGNING_KEY
 from tests.cases import each_case
-from tests.integration.conftest import Api, stored_result
-from tests.integration.http_calls import check_problem
+from tests.integration.conftest import Api
+from tests.integration.http_calls import check_problem, finished_job, kept
 from tests.integration.test_downloads import closed_server
 
 CONTENT = b"glTF" + bytes(range(200))
-REQUEST = {"prompt": "x", "metadata": {"customer": "secret"}}
+REQUEST: dict[str, Any] = {"prompt": "x", "metadata": {"customer": "secret"}}
 
 
 @pytest.fixture
@@ -35,16 +32,10 @@ def closed(tmp_path: Path, record: JobRecord, database_url: str, redis_url: str)
         yield api
 
 
-def owned_job(api: Api, owner_id: str, **files: StoredFile) -> str:
-    """A job that has succeeded, with an asset, a target and a result."""
-    api.store.put("assets/1", b"asset")
-    file = StoredFile(key="assets/1", filename="a.glb", size=5, sha256=hashlib.sha256(b"asset").hexdigest())
-    given = {"asset": file, "target": file}
-    job = api.record.create(NewJob(JobRequest.model_validate(REQUEST), given, owner_id=owner_id))
-    assert api.record.leases.claim(job.id, "worker", 60.0)
-    key = f"jobs/{job.id}/1/result.glb"
-    api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, results=[stored_result(api.store, key, CONTENT)])
-    return job.id
+def owned_job(api: Api) -> str:
+    """A job of an owner that has succeeded, with an asset, a target and a result."""
+    file = kept(api, b"asset", "a.glb")
+    return finished_job(api, CONTENT, "mine", files={"asset": file, "target": file}, **REQUEST)
 
 
 class Shared:
@@ -53,7 +44,7 @@ class Shared:
     def __init__(self, api: Api) -> None:
         self.api, (made, text) = api, api.record.keys.create("mine")
         self.key_id, self.key = made.id, {"Authorization": f"Bearer {text}"}
-        self.job, self.other = owned_job(api, "mine"), owned_job(api, "mine")
+        self.job, self.other = owned_job(api), owned_job(api)
         self.answer = api.http.post(f"/v1/jobs/{self.job}/url", headers=self.key)
         self.token = self.answer.json()["url"].rpartition("/")[2]
         self.link = {"Authorization": f"Bearer {self.token}"}
@@ -200,5 +191,5 @@ def test_a_deployment_without_the_page_makes_none(
 ) -> None:
     with closed_server(tmp_path, database_url, redis_url, web="off") as api:
         key = {"Authorization": f"Bearer {api.record.keys.create('mine')[1]}"}
-        problem = check_problem(api.http.post(f"/v1/jobs/{owned_job(api, 'mine')}/url", headers=key), 404, "not_found")
+        problem = check_problem(api.http.post(f"/v1/jobs/{owned_job(api)}/url", headers=key), 404, "not_found")
         assert "no page" in problem["detail"]
