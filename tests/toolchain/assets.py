@@ -99,21 +99,8 @@ def morphing() -> bytes:
     return builder.glb()
 
 
-def instanced() -> bytes:
-    """One mesh on three nodes of a hierarchy, one of them mirrored and scaled unevenly."""
-    builder, (attributes, faces) = Builder(), tube()
-    primitive = builder.primitive(faces=faces, **attributes)
-    primitive["material"] = _material(builder, doubleSided=True)
-    mesh = builder.mesh(primitive, name="tube")
-    left = builder.node(mesh, in_scene=False, name="left", translation=[-2, 0, 0])
-    right = builder.node(mesh, in_scene=False, name="right", translation=[2, 0, 0], scale=[-1, 0.5, 1.5])
-    turn = [0.0, float(np.sin(0.4)), 0.0, float(np.cos(0.4))]
-    builder.node(mesh, name="parent", rotation=turn, children=[left, right])
-    return builder.glb()
-
-
-def parts() -> bytes:
-    """A mesh of two primitives with materials of their own and vertex colours, beside a second mesh."""
+def scene() -> bytes:
+    """A mesh of two coloured primitives on three nodes, one mirrored and scaled unevenly, beside a second mesh."""
     builder = Builder()
     primitives = []
     for radius in (0.5, 0.8):
@@ -121,11 +108,15 @@ def parts() -> bytes:
         colors = np.random.default_rng(3).integers(0, 255, (len(attributes["verts"]), 4), np.uint8)
         primitive = builder.primitive(faces=faces, **attributes, COLOR_0=colors)
         builder.root["accessors"][primitive["attributes"]["COLOR_0"]]["normalized"] = True
-        primitives.append({**primitive, "material": _material(builder)})
-    builder.node(builder.mesh(*primitives, name="pair"), name="pair")
+        primitives.append({**primitive, "material": _material(builder, doubleSided=True)})
+    pair = builder.mesh(*primitives, name="pair")
+    left = builder.node(pair, in_scene=False, name="left", translation=[-2, 0, 0])
+    right = builder.node(pair, in_scene=False, name="right", translation=[2, 0, 0], scale=[-1, 0.5, 1.5])
+    turn = [0.0, float(np.sin(0.4)), 0.0, float(np.cos(0.4))]
+    builder.node(pair, name="parent", rotation=turn, children=[left, right])
     attributes, faces = tube(0.2)
     single = builder.primitive(faces=faces, **attributes)
-    builder.node(builder.mesh({**single, "material": 0}, name="single"), name="single", translation=[2, 0, 0])
+    builder.node(builder.mesh({**single, "material": 0}, name="single"), name="single", translation=[0, 0, 3])
     return builder.glb()
 
 
@@ -156,7 +147,6 @@ def extended() -> bytes:
 ASSETS: dict[str, Callable[[], bytes]] = {
     "rigged": rigged,
     "morphing": morphing,
-    "instanced": instanced,
-    "parts": parts,
+    "scene": scene,
     "extended": extended,
 }

@@ -9,7 +9,7 @@ import importlib.util
 import json
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 __all__ = ["Host", "InterruptProcessingException", "ready_prompt"]
@@ -30,32 +30,26 @@ class Host:
         self.shown: list[float] = []
 
     @property
-    def modules(self) -> dict[str, ModuleType]:
+    def modules(self) -> dict[str, Any]:
         """The modules by name."""
-        paths, comfy, utils, management = map(
-            ModuleType, ("folder_paths", "comfy", "comfy.utils", "comfy.model_management")
-        )
         folders = {"input": self.input, "output": self.output, "temp": self.temp}
-        vars(paths).update({f"get_{name}_directory": lambda at=path: str(at) for name, path in folders.items()})
-        vars(paths).update(get_annotated_filepath=self._annotated, get_save_image_path=_save_path)
-        shown, host = self.shown, self
+        paths = {f"get_{name}_directory": lambda at=path: str(at) for name, path in folders.items()}
+        found = SimpleNamespace(**paths, get_annotated_filepath=self._annotated, get_save_image_path=_save_path)
+        utils = SimpleNamespace(ProgressBar=self._bar)
+        management = SimpleNamespace(throw_exception_if_processing_interrupted=self._throw_if_interrupted)
+        comfy = SimpleNamespace(utils=utils, model_management=management)
+        return {"folder_paths": found, "comfy": comfy, "comfy.utils": utils, "comfy.model_management": management}
 
-        class ProgressBar:
-            def __init__(self, total: int) -> None:
-                self.total = total
+    def _bar(self, total: int) -> Any:
+        def update_absolute(value: int, total: int = total, preview: object = None) -> None:
+            self.shown.append(value / total)
 
-            def update_absolute(self, value: int, total: int | None = None, preview: object = None) -> None:
-                shown.append(value / (total or self.total))
+        return SimpleNamespace(update_absolute=update_absolute)
 
-        def throw_exception_if_processing_interrupted() -> None:
-            if host.interrupted:
-                host.interrupted = False
-                raise InterruptProcessingException
-
-        vars(utils).update(ProgressBar=ProgressBar)
-        vars(management).update(throw_exception_if_processing_interrupted=throw_exception_if_processing_interrupted)
-        vars(comfy).update(utils=utils, model_management=management)
-        return {module.__name__: module for module in (paths, comfy, utils, management)}
+    def _throw_if_interrupted(self) -> None:
+        if self.interrupted:
+            self.interrupted = False
+            raise InterruptProcessingException
 
     def _annotated(self, name: str) -> str:
         for kind, folder in (("output", self.output), ("input", self.input), ("temp", self.temp)):

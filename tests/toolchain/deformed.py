@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
 
@@ -20,14 +21,8 @@ def deformed(asset: bytes, filename: str = "asset.glb") -> dict[str, bytes]:
     from meshdeform.runs.base import job_input
     from meshdeform.runs.text_deform import start
 
-    given = job_input(asset, filename, _REQUEST, target=_sphere(), target_filename="sphere.obj")
-    run = start(given)
+    mesh = icosphere(1)
+    target = build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    run = start(job_input(asset, filename, _REQUEST, target=target))
     deque(run, maxlen=0)
     return {name: artifact.data for name, artifact in run.finish().items()}
-
-
-def _sphere() -> bytes:
-    mesh = icosphere(1)
-    lines = [f"v {x} {y} {z}" for x, y, z in mesh.verts.tolist()]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
-    return "\n".join(lines).encode()

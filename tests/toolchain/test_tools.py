@@ -17,7 +17,7 @@ from tests.toolchain.deformed import deformed
 Counted = Callable[..., list[dict[str, Any]]]
 Validate = Callable[[bytes], dict[str, Any]]
 KEPT = ("triangles", "joints", "animations", "targets")
-TUBES = {"rigged": 1, "morphing": 1, "instanced": 3, "parts": 3, "extended": 1}
+TUBES = {"rigged": 1, "morphing": 1, "scene": 7, "extended": 1}
 OPTIMIZE = ("optimize", "--simplify", "false", "--compress")
 TOOLS: dict[str, tuple[str, ...]] = {
     "optimize": ("gltf-transform", *OPTIMIZE, "meshopt"),
@@ -25,13 +25,7 @@ TOOLS: dict[str, tuple[str, ...]] = {
     "gltfpack": ("gltfpack", "-c", "-kn", "-ke", "-km"),
 }
 """Input and output follow; of gltfpack as -i and -o."""
-THROUGH = {
-    "rigged": "optimize",
-    "morphing": "gltfpack",
-    "parts": "draco",
-    "instanced": "gltfpack",
-    "extended": "optimize",
-}
+THROUGH = {"rigged": "optimize", "morphing": "gltfpack", "scene": "draco", "extended": "optimize"}
 
 
 def through(tool: Tool, command: tuple[str, ...], source: Path, target: Path) -> Path:
@@ -96,8 +90,8 @@ def test_results_go_through_a_tool_and_keep_what_they_had(
 INPUTS: dict[str, tuple[str, tuple[str, ...]]] = {
     "gltfpack -c": ("rigged", ("gltfpack", "-c")),
     "gltfpack -cc": ("morphing", ("gltfpack", "-cc")),
-    "gltf-transform meshopt": ("instanced", ("gltf-transform", "meshopt")),
-    "gltf-transform draco": ("parts", ("gltf-transform", "draco")),
+    "gltf-transform meshopt": ("scene", ("gltf-transform", "meshopt")),
+    "gltf-transform draco": ("scene", ("gltf-transform", "draco")),
     "gltf-transform quantize": ("extended", ("gltf-transform", "quantize")),
     "gltf-transform optimize": ("rigged", TOOLS["optimize"]),
 }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +17,7 @@ from meshdeform.assets import load_asset
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs.base import sha256_hex
 from tests.cases import each_case
+from tests.unit.assets.builders import unpack
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "service" / "web"
@@ -55,17 +55,14 @@ def test_nothing_that_the_policy_forbids_and_nothing_that_reads_data_as_html(pat
 
 def test_every_file_that_the_page_names_is_there() -> None:
     named = re.findall(r'(?:src|href)="(web/[^"]+)"', (WEB / "index.html").read_text(encoding="utf-8"))
-    named += [f"web/examples/{name}" for name in re.findall(r'name: "(\w+\.glb)"', _script("create/asset-panel.js"))]
+    panel = (WEB / "app/create/asset-panel.js").read_text(encoding="utf-8")
+    named += [f"web/examples/{name}" for name in re.findall(r'name: "(\w+\.glb)"', panel)]
     assert len(named) > 8
     for name in named:
         assert (WEB / name.removeprefix("web/")).is_file(), name
     for path in sorted((WEB / "style").glob("*.css")):
         for name in re.findall(r'url\("([^"]+)"\)', path.read_text(encoding="utf-8")):
             assert (path.parent / name).is_file(), name
-
-
-def _script(name: str) -> str:
-    return (WEB / "app" / name).read_text(encoding="utf-8")
 
 
 VENDOR = ROOT / "service" / "web" / "vendor"
@@ -81,18 +78,8 @@ def test_the_vendored_files_are_those_of_the_manifest_and_nothing_is_copyleft() 
     assert licences == {"MIT", "Apache-2.0", "MIT AND BSD-3-Clause"}
 
 
-# The examples that come with the page: each result is its source in another shape, made by the request beside it.
-
-
 FOLDER = WEB / "examples"
 EXAMPLES: list[dict[str, Any]] = json.loads((FOLDER / "gallery.json").read_text())["examples"]
-
-
-def recorded(glb: bytes) -> dict[str, Any]:
-    """What a result says about the request that made it."""
-    (length,) = struct.unpack_from("<I", glb, 12)
-    found: dict[str, Any] = json.loads(glb[20 : 20 + length])["asset"]["extras"]["meshdeform"]
-    return found
 
 
 @each_case("example", EXAMPLES, ids=lambda example: example["id"])
@@ -111,13 +98,9 @@ def test_a_result_is_its_source_in_another_shape_by_the_request_beside_it(exampl
         assert not moved[kept].any()
     request = JobRequest.model_validate(example["document"])
     params = resolve(request.params)
-    said = recorded((FOLDER / example["result"]).read_bytes())
-    assert {name: said[name] for name in ("prompt", "seed", "preset", "step")} == {
-        "prompt": request.prompt,
-        "seed": params.seed,
-        "preset": params.preset.value,
-        "step": params.steps,
-    }
-    assert said["source_sha256"] == sha256_hex((FOLDER / example["asset"]).read_bytes())
+    said = unpack(made)[0]["asset"]["extras"]["meshdeform"]
+    assert (said["prompt"], said["seed"]) == (request.prompt, params.seed)
+    assert (said["preset"], said["step"]) == (params.preset.value, params.steps)
+    assert said["source_sha256"] == sha256_hex(data)
     assert example["report"]["quality"]["flipped_faces"] == 0
     assert example["report"]["likeness"]["matches"] is True
