@@ -5,7 +5,6 @@ builtin prior deforms it from start to end ("a mushroom", preset `preview`, safe
 back. Prints a table and fails when an invariant of any input does.
 
 * prepare, step: processor time of reading and preparing, and of a step, as ratios to the plain sphere of the same run
-* look: cost of a check by the surface guard, in steps without one; there is one every five steps
 * moved: root mean square displacement over the diagonal; an input that does not move fails
 * peak: resident memory of the input's process, including the prior and all imports
 
@@ -17,7 +16,6 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import resource
-import statistics
 import sys
 import time
 import traceback
@@ -29,15 +27,14 @@ import torch
 
 from bench.input_files import FILES
 from bench.input_meshes import INPUTS, Input
+from bench.jobs import prior
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.document import Document
 from meshdeform.assets.limits import Limits
-from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import connected_components
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.weld import weld
-from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
@@ -63,8 +60,8 @@ def glb(made: Input) -> bytes:
 class Outcome:
     """Result of one input.
 
-    Times are of the processor, `look` is the cost of a check by the guard in steps, `held` the mean share of the faces
-    that it held back; `flipped` and `cuts` count faces that were fine at rest, `broken` names the invariants that fail.
+    Times are of the processor; `flipped` and `cuts` count faces that were fine at rest, `broken` names the invariants
+    that fail.
     """
 
     vertices: int = 0
@@ -72,42 +69,27 @@ class Outcome:
     components: int = 0
     prepare_s: float = 0.0
     step_s: float = 0.0
-    look: float = 0.0
     moved: float = 0.0
-    held: float = 0.0
     flipped: int = 0
     cuts: int = 0
     peak_mb: float = 0.0
     broken: list[str] = field(default_factory=list)
 
 
-def outcome(made: Input, prior: Prior, steps: int, **changes: object) -> Outcome:
+def outcome(made: Input, guide: Prior, steps: int, **changes: object) -> Outcome:
     """Deform an input, with `changes` to the benchmark's parameters, and check the result."""
     asset = glb(made)
     params = grouped({"preset": "preview", "steps": steps, "seed": 0, "safeguard": "intersections", **changes})
     request = JobRequest.model_validate({"prompt": "a mushroom", "params": params})
     start = time.process_time()
-    run = text_deform.start(job_input(asset=asset, filename="input", request=request, prior=prior))
+    run = text_deform.start(job_input(asset=asset, filename="input", request=request, prior=guide))
     prepared = time.process_time()
-    plain: list[float] = []
-    checked: list[float] = []
-    held: list[float] = []
-    last = prepared
-    for step in run:
-        now = time.process_time()
-        if step.step % EVERY_STEPS == 0 or step.step == steps:
-            checked.append(now - last)
-            held.append(step.losses.get("held_share", 0.0))
-        else:
-            plain.append(now - last)
-        last = now
-    stepped = last - prepared
+    for _ in run:
+        pass
+    stepped = time.process_time() - prepared
     artifacts = run.finish()
     found = _checked(asset, artifacts["result.glb"].data, meets=made.meets)
     found.prepare_s, found.step_s = prepared - start, stepped / steps
-    if plain:
-        found.look = max(0.0, statistics.mean(checked) / statistics.mean(plain) - 1)
-    found.held = statistics.mean(held)
     found.peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return found
 
@@ -144,21 +126,20 @@ def _checked(asset: bytes, result: bytes, *, meets: bool) -> Outcome:
     return found
 
 
-def _safely(name: str, size: float, steps: int, prior: Prior) -> Outcome:
+def _safely(name: str, size: float, steps: int) -> Outcome:
     try:
-        return outcome(INPUTS[name](size), prior, steps)
+        return outcome(INPUTS[name](size), prior(), steps)
     except Exception as error:  # any error is a result of this input
         traceback.print_exc()
         return Outcome(broken=[f"{type(error).__name__}: {error}"])
 
 
 def _outcomes(names: list[str], size: float, steps: int) -> Iterator[tuple[str, Outcome]]:
-    prior = load_prior("builtin", device="cpu")
-    _safely("sphere", 0.3, 2, prior)  # so that compiling and loading at first use count for no input
+    _safely("sphere", 0.3, 2)  # so that compiling and loading at first use count for no input
     context = multiprocessing.get_context("fork")
     for name in names:
         with context.Pool(1) as pool:
-            yield name, pool.apply(_safely, (name, size, steps, prior))
+            yield name, pool.apply(_safely, (name, size, steps))
 
 
 def main() -> int:
@@ -170,16 +151,16 @@ def main() -> int:
     options = parser.parse_args()
     torch.set_num_threads(1)
     names = ["sphere", *(n for n in INPUTS if n != "sphere" and (not options.only or n in options.only))]
-    print("| input | special | vertices | faces | components | prepare | step | look | held | moved | peak | checks |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
+    print("| input | special | vertices | faces | components | prepare | step | moved | peak | checks |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
     failed, base = 0, Outcome(prepare_s=1.0, step_s=1.0)
     for name, found in _outcomes(names, options.size, options.steps):
         base = found if name == "sphere" else base
         failed += bool(found.broken)
         print(
             f"| `{name}` | {INPUTS[name](0.1).special} | {found.vertices:,} | {found.faces:,} | {found.components:,} "
-            f"| {found.prepare_s / base.prepare_s:.1f} | {found.step_s / base.step_s:.2f} | {found.look:.2f} "
-            f"| {found.held:.1%} | {found.moved:.1%} | {found.peak_mb:.0f} MB "
+            f"| {found.prepare_s / base.prepare_s:.1f} | {found.step_s / base.step_s:.2f} "
+            f"| {found.moved:.1%} | {found.peak_mb:.0f} MB "
             f"| {'; '.join(found.broken) or 'holds'} |",
             flush=True,
         )

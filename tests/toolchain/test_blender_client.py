@@ -115,6 +115,12 @@ def test_what_cannot_be_sent_is_told_at_once() -> None:
             call()
 
 
+def started(*arguments: Any) -> Any:
+    thread = job_module.JobThread(*arguments)
+    thread.start()
+    return thread
+
+
 def finished(thread: Any) -> Any:
     thread.join(timeout=120)
     assert not thread.is_alive()
@@ -124,8 +130,7 @@ def finished(thread: Any) -> Any:
 def test_from_posting_to_the_result_or_the_refusal(service: Service) -> None:
     ball, egg = part(matrix=turned()), part(height=1.6)
     target, asset = glb.write_glb([egg]), glb.write_glb([ball])
-    thread = job_module.JobThread(str(service.http.base_url), "", asset, 'odd "näme".glb', TARGET, target)
-    thread.start()
+    thread = started(str(service.http.base_url), "", asset, 'odd "näme".glb', TARGET, target)
     status = finished(thread)
     assert (status.phase, status.fraction, status.error) == ("succeeded", 1.0, None)
     assert (status.step, status.total_steps) == (5, 5)
@@ -133,9 +138,7 @@ def test_from_posting_to_the_result_or_the_refusal(service: Service) -> None:
     assert np.abs(moved - ball.positions).max() > 1e-3
     assert thread.result == service.artifact(status.job_id, "result.glb")
     assert client_module.Client(str(service.http.base_url)).version()
-    thread = job_module.JobThread(str(service.http.base_url), "", asset, "a.glb", {"prompt": "a quixotic zeitgeist"})
-    thread.start()
-    status = finished(thread)
+    status = finished(started(str(service.http.base_url), "", asset, "a.glb", {"prompt": "a quixotic zeitgeist"}))
     assert (status.phase, status.error.code) == ("failed", "prompt_unknown_words")
     assert "zeitgeist" in status.error.detail
     assert status.error.advice
@@ -144,8 +147,7 @@ def test_from_posting_to_the_result_or_the_refusal(service: Service) -> None:
 def test_a_canceled_job_is_canceled_on_the_server(service: Service) -> None:
     request = {"params": {"steps": 50_000, "guidance": {"kind": "target"}}}
     asset = glb.write_glb([part()])
-    thread = job_module.JobThread(str(service.http.base_url), "", asset, "a.glb", request, asset)
-    thread.start()
+    thread = started(str(service.http.base_url), "", asset, "a.glb", request, asset)
     until("a step", lambda: thread.status.step >= 1)
     thread.cancel()
     assert finished(thread).phase == "canceled"
@@ -188,9 +190,7 @@ def test_a_server_that_is_away_is_told_and_waiting_for_it_can_be_ended() -> None
     from tests.servers import free_port
 
     url = f"http://127.0.0.1:{free_port()}"
-    thread = job_module.JobThread(url, "", glb.write_glb([part()]), "a.glb", {"prompt": "a mushroom"})
-    thread.start()
-    status = finished(thread)
+    status = finished(started(url, "", glb.write_glb([part()]), "a.glb", {"prompt": "a mushroom"}))
     assert status.phase == "failed"
     assert "does not answer" in status.error.detail
     stop = threading.Event()
