@@ -148,7 +148,6 @@ class Cluster(Followed):
         folder: Path,
         redis: RedisServer,
         *,
-        redis_url: str = "",
         database_url: str = "",
         storage_url: str = "",
         environment: Mapping[str, str] | None = None,
@@ -163,7 +162,7 @@ class Cluster(Followed):
             "MESHDEFORM_DATA_DIR": str(folder),
             "MESHDEFORM_DATABASE_URL": database_url or f"sqlite:///{folder / 'record.sqlite'}",
             "MESHDEFORM_STORAGE_URL": storage_url or str(folder / "objects"),
-            "MESHDEFORM_REDIS_URL": redis_url or redis.url,
+            "MESHDEFORM_REDIS_URL": redis.url,
             "MESHDEFORM_LEASE_S": f"{LEASE_S:g}",
             "MESHDEFORM_THREADS": "1",
             "OMP_NUM_THREADS": "1",
@@ -286,3 +285,14 @@ def running_redis(folder: Path) -> Iterator[RedisServer]:
         yield server
     finally:
         server.stop()
+
+
+@contextlib.contextmanager
+def deployed(folder: Path, **options: Any) -> Iterator[Cluster]:
+    """A deployment for the block, with nothing started but Redis."""
+    with running_redis(folder) as redis:
+        made = Cluster(folder, redis, **options)
+        try:
+            yield made
+        finally:
+            made.clean_up()

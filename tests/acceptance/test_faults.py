@@ -7,7 +7,6 @@ published result, and that result the uninterrupted one.
 from __future__ import annotations
 
 import signal
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -17,9 +16,9 @@ import pytest
 
 from meshdeform.record.models import JobState
 from meshdeform.support.failpoints import FAILPOINTS
-from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.cluster import Cluster, deployed
 from tests.acceptance.service import lives, until
-from tests.servers import NotInstalledError, PostgresServer
+from tests.servers import PostgresServer
 
 pytestmark = pytest.mark.acceptance
 
@@ -34,13 +33,10 @@ SELDOM = 20
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """A deployment with an API and a worker, for tests that leave both running. They take seconds to start."""
-    folder = tmp_path_factory.mktemp("running")
-    with running_redis(folder) as redis:
-        made = Cluster(folder, redis)
+    with deployed(tmp_path_factory.mktemp("running")) as made:
         made.start_api()
         made.start_worker()
         yield made
-        made.clean_up()
 
 
 def waiting_at(cluster: Cluster, points: list[str]) -> dict[str, str]:
@@ -210,37 +206,18 @@ def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster)
 # The record
 
 
-def test_a_postgresql_that_crashes_and_comes_back_loses_nothing(tmp_path: Path, server_folder: Path) -> None:
-    folder = server_folder / f"crash-{time.time_ns()}"
-    folder.mkdir()
-    try:
-        server = PostgresServer(folder, durable=True)
-    except NotInstalledError as missing:
-        pytest.skip(str(missing))
-    server.start()
-    try:
-        with running_redis(tmp_path) as redis:
-            cluster = Cluster(tmp_path, redis, database_url=server.url)
-            try:
-                cluster.start_api()
-                cluster.start_worker()
-                job_id = cluster.submit(400, every=SELDOM)
-                cluster.at_step(job_id, 20)
-                server.kill()
-                assert cluster.post(STEPS).status_code == 503
-                server.start()
-                later = until("posting works again", lambda: _accepted(cluster))
-                cluster.check(job_id, steps=400)
-                cluster.check(later, steps=STEPS)
-            finally:
-                cluster.clean_up()
-    finally:
-        server.kill()
-
-
-def _accepted(cluster: Cluster) -> str | None:
-    answer = cluster.post(STEPS)
-    return str(answer.json()["id"]) if answer.status_code == 202 else None
+def test_a_postgresql_that_crashes_and_comes_back_loses_nothing(tmp_path: Path, postgres: PostgresServer) -> None:
+    with deployed(tmp_path, database_url=postgres.url) as cluster:
+        cluster.start_api()
+        cluster.start_worker()
+        job_id = cluster.submit(400, every=SELDOM)
+        cluster.at_step(job_id, 20)
+        postgres.kill()
+        assert cluster.post(STEPS).status_code == 503
+        postgres.start()
+        later = until("posting works again", lambda: cluster.post(STEPS).json().get("id"))
+        cluster.check(job_id, steps=400)
+        cluster.check(later, steps=STEPS)
 
 
 # The end of a job has the last word

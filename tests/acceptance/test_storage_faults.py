@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.cluster import Cluster, deployed
 from tests.acceptance.service import until
 from tests.fault_proxy import FaultProxy
 from tests.s3_server import S3Server
@@ -23,11 +23,10 @@ def proxied(
     tmp_path: Path, s3_server: S3Server, s3_store_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[tuple[Cluster, FaultProxy]]:
     """A deployment on a real S3 server, with a proxy in between that fails on demand."""
-    with FaultProxy(s3_server.port) as proxy, running_redis(tmp_path) as redis:
+    with FaultProxy(s3_server.port) as proxy:
         monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
-        cluster = Cluster(tmp_path, redis, storage_url=s3_store_url)
-        yield cluster, proxy
-        cluster.clean_up()
+        with deployed(tmp_path, storage_url=s3_store_url) as cluster:
+            yield cluster, proxy
 
 
 @pytest.mark.parametrize("fault", ["error404", "refuse"])
@@ -61,22 +60,17 @@ def small(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_full_disk_delays_jobs_only(tmp_path: Path, small: Path) -> None:
-    with running_redis(tmp_path) as redis:
-        cluster = Cluster(tmp_path, redis, storage_url=str(small))
-        try:
-            cluster.start_api()
-            running = cluster.submit(600, every=30)
-            cluster.start_worker()
-            cluster.at_step(running, 20)
-            with kept_full(small / "ballast"):
-                refused = cluster.post(STEPS)
-                assert refused.status_code == 503, refused.text
-                assert refused.json()["code"] == "unavailable"
-                cluster.when(running, "the end of the steps", lambda job: job.progress.step == 600)
-                assert not cluster.job(running).state.terminal
-            assert cluster.check(running, steps=600).attempt == 1
-            posted = cluster.post(STEPS)
-            assert posted.status_code == 202, posted.text
-            cluster.check(posted.json()["id"], steps=STEPS)
-        finally:
-            cluster.clean_up()
+    with deployed(tmp_path, storage_url=str(small)) as cluster:
+        cluster.start_api()
+        running = cluster.submit(600, every=30)
+        cluster.start_worker()
+        cluster.at_step(running, 20)
+        with kept_full(small / "ballast"):
+            refused = cluster.post(STEPS)
+            assert (refused.status_code, refused.json()["code"]) == (503, "unavailable")
+            cluster.when(running, "the end of the steps", lambda job: job.progress.step == 600)
+            assert not cluster.job(running).state.terminal
+        assert cluster.check(running, steps=600).attempt == 1
+        posted = cluster.post(STEPS)
+        assert posted.status_code == 202, posted.text
+        cluster.check(posted.json()["id"], steps=STEPS)

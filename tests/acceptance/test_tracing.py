@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.cluster import Cluster, deployed
 from tests.collector import Collector
 
 pytestmark = pytest.mark.acceptance
@@ -27,10 +27,8 @@ def collector() -> Iterator[Collector]:
 @pytest.fixture
 def cluster(tmp_path: Path, collector: Collector) -> Iterator[Cluster]:
     environment = {"OTEL_EXPORTER_OTLP_ENDPOINT": collector.endpoint, "OTEL_EXPORTER_OTLP_COMPRESSION": "none"}
-    with running_redis(tmp_path) as redis:
-        made = Cluster(tmp_path, redis, environment=environment)
+    with deployed(tmp_path, environment=environment) as made:
         yield made
-        made.clean_up()
 
 
 def traced_job(cluster: Cluster) -> str:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.cluster import deployed
 from tests.acceptance.service import until
 from tests.fault_proxy import FaultProxy
 from tests.shut_database import database_to_shut
@@ -18,20 +16,13 @@ pytestmark = pytest.mark.acceptance
 STEPS = 200
 
 
-@contextmanager
-def cluster_with(folder: Path, lease_s: int = 60, **urls: str) -> Iterator[Cluster]:
-    """A deployment whose leases outlast the outages of this file, where what is tried is not a lost worker."""
-    with running_redis(folder) as redis:
-        made = Cluster(folder, redis, environment={"MESHDEFORM_LEASE_S": str(lease_s)}, **urls)
-        try:
-            yield made
-        finally:
-            made.clean_up()
+LONG = {"MESHDEFORM_LEASE_S": "60"}
+"""Leases that outlast the outages of this file, where what is tried is not a lost worker."""
 
 
 def test_a_folder_that_is_not_mounted_costs_no_attempt(tmp_path: Path) -> None:
     """Nor is the empty folder in its place taken for a new store."""
-    with cluster_with(tmp_path) as cluster:
+    with deployed(tmp_path, environment=LONG) as cluster:
         cluster.start_api()
         worker = cluster.start_worker()
         running, queued = cluster.submit(STEPS, every=20), cluster.submit(12)
@@ -59,7 +50,7 @@ def test_a_supervisor_waits_for_a_record_that_is_not_up_yet(
 ) -> None:
     with FaultProxy(postgres_port) as proxy:
         url = postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/").replace("+pg8000", "")
-        with cluster_with(tmp_path, database_url=url) as cluster:
+        with deployed(tmp_path, environment=LONG, database_url=url) as cluster:
             job_id = cluster.submit(STEPS, every=20)
             proxy.refuse()
             worker = cluster.start_worker()
@@ -72,7 +63,7 @@ def test_a_supervisor_waits_for_a_record_that_is_not_up_yet(
 def test_a_record_that_takes_no_writes_or_no_logins_ends_no_supervisor(
     way: str, tmp_path: Path, postgres_url: str
 ) -> None:
-    with database_to_shut(postgres_url) as database, cluster_with(tmp_path, 5, database_url=database.url) as cluster:
+    with database_to_shut(postgres_url) as database, deployed(tmp_path, database_url=database.url) as cluster:
         supervisor = cluster.start_worker()
         job_id = cluster.submit(STEPS, every=20)
         cluster.at_step(job_id, 20)
@@ -93,7 +84,7 @@ def test_a_worker_that_is_cut_off_loses_its_job_to_another_one(
 ) -> None:
     """Its connections hang, as those of a host whose cable is pulled, and it goes on with its steps meanwhile."""
     direct = postgres_url.replace("+pg8000", "")
-    with FaultProxy(postgres_port) as proxy, cluster_with(tmp_path, 5, database_url=direct) as cluster:
+    with FaultProxy(postgres_port) as proxy, deployed(tmp_path, database_url=direct) as cluster:
         through = direct.replace(f":{postgres_port}/", f":{proxy.port}/")
         cut_off = cluster.start_worker("cut off", MESHDEFORM_DATABASE_URL=through, FAKE_STEP_S="0.05")
         job_id = cluster.submit(STEPS, every=20)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from meshdeform.record.models import JobState
-from tests.acceptance.cluster import Cluster, running_redis
+from tests.acceptance.cluster import Cluster, deployed
 from tests.acceptance.service import until
 from tests.cases import each_case
 from tests.fake_worker import TROUBLE_AT
@@ -19,25 +17,13 @@ pytestmark = pytest.mark.acceptance
 STEPS = 12
 
 
-@contextlib.contextmanager
-def deployed(folder: Path, **environment: str) -> Iterator[Cluster]:
-    """A deployment on SQLite and a folder, with a worker and no API."""
-    with running_redis(folder) as redis:
-        made = Cluster(folder, redis)
-        try:
-            made.start_worker(**environment)
-            yield made
-        finally:
-            made.clean_up()
-
-
 @pytest.fixture(scope="module")
 def usual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """One whose worker is out of memory once, and whose jobs have two attempts."""
     folder = tmp_path_factory.mktemp("usual")
-    with deployed(
-        folder, FAKE_OOM_ONCE=str(folder / "once"), FAKE_FROZEN=str(folder / "frozen"), MESHDEFORM_MAX_ATTEMPTS="2"
-    ) as made:
+    trouble = {"FAKE_OOM_ONCE": str(folder / "once"), "FAKE_FROZEN": str(folder / "frozen")}
+    with deployed(folder) as made:
+        made.start_worker(MESHDEFORM_MAX_ATTEMPTS="2", **trouble)
         yield made
 
 
@@ -54,12 +40,12 @@ def test_a_device_without_memory_gets_a_clean_context_and_the_job_goes_on(usual:
     assert worker.child().pid != first
 
 
-def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(tmp_path: Path) -> None:
-    with deployed(tmp_path, MESHDEFORM_STEP_TIMEOUT_S="4", MESHDEFORM_MAX_ATTEMPTS="2") as impatient:
-        job = impatient.check(impatient.submit(STEPS, prompt="hangs"), state=JobState.FAILED)
-        assert job.error is not None
-        assert (job.error.code, job.attempt) == ("worker_lost", 2)
-        impatient.check(impatient.submit(STEPS), steps=STEPS)
+def test_a_step_that_hangs_is_killed_and_fails_the_job_at_last(cluster: Cluster) -> None:
+    cluster.start_worker(MESHDEFORM_STEP_TIMEOUT_S="4", MESHDEFORM_MAX_ATTEMPTS="2")
+    job = cluster.check(cluster.submit(STEPS, prompt="hangs"), state=JobState.FAILED)
+    assert job.error is not None
+    assert (job.error.code, job.attempt) == ("worker_lost", 2)
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
 
 
 @each_case("trouble", ["hangs", "freezes"])
@@ -81,13 +67,8 @@ def test_a_cancellation_does_not_wait_for_a_step_that_does_not_end(usual: Cluste
     assert usual.job(job_id) == job
 
 
-def test_a_worker_starts_works_and_stops_while_redis_is_away(tmp_path: Path) -> None:
-    with running_redis(tmp_path) as redis:
-        redis.kill()
-        made = Cluster(tmp_path, redis)
-        try:
-            worker = made.start_worker()
-            made.check(made.submit(STEPS), steps=STEPS)
-            assert worker.stop() == 0
-        finally:
-            made.clean_up()
+def test_a_worker_starts_works_and_stops_while_redis_is_away(cluster: Cluster) -> None:
+    cluster.redis.kill()
+    worker = cluster.start_worker()
+    cluster.check(cluster.submit(STEPS), steps=STEPS)
+    assert worker.stop() == 0

@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from meshdeform.settings import Settings
-from tests.integration.conftest import Api, serving, serving_api
+from tests.integration.conftest import Api, serving_api
 from tests.integration.http_calls import check_document, check_problem, post
 
 
@@ -50,15 +50,11 @@ def test_a_longer_run_than_allowed_is_refused(small: Api, sphere: bytes) -> None
 # Which models a server has, over HTTP.
 
 
-def test_the_models_of_a_server(redis_server_url: str, tmp_path: Path, openapi: dict[str, Any], sphere: bytes) -> None:
-    settings = Settings(
-        data_dir=tmp_path,
-        redis_url=redis_server_url,
-        queue=f"test-{tmp_path.name}",
-        model=str(tmp_path / "checkpoint"),
-        allowed_models=["owner/other"],
-    )
-    with serving(settings) as url, httpx.Client(base_url=url, timeout=30) as http:
+def test_the_models_of_a_server(
+    own_settings: Callable[..., Settings], tmp_path: Path, openapi: dict[str, Any], sphere: bytes
+) -> None:
+    with serving_api(own_settings(model=str(tmp_path / "checkpoint"), allowed_models=["owner/other"])) as api:
+        http = api.http
         answer = http.get("/v1/models")
         assert answer.status_code == 200, answer.text
         document = answer.json()

@@ -6,7 +6,7 @@ import gzip
 import json
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from meshdeform.requests.document import DeformParams, OutputOptions, Safeguard
 from meshdeform.settings import Settings
 from service.page.routes import PAGE_HEADERS
 from tests.cases import each_case
-from tests.integration.conftest import DEADLINE_S, serving
+from tests.integration.conftest import DEADLINE_S, serving, serving_api
 from tests.integration.http_calls import check_problem
 
 # What browsers insist on: module scripts, styles and WebAssembly of any other type are refused.
@@ -41,19 +41,11 @@ TYPES = {
 }
 
 
-def settings(folder: Path, redis_url: str, **more: str) -> Settings:
-    return Settings(data_dir=folder, redis_url=redis_url, queue=f"test-{folder.name}", **more)  # type: ignore[arg-type]
-
-
 @pytest.fixture(scope="module")
-def http(redis_server_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+def http(own_settings: Callable[..., Settings]) -> Iterator[httpx.Client]:
     """A client without a key, of a service that wants keys."""
-    folder = tmp_path_factory.mktemp("pages")
-    with (
-        serving(settings(folder, redis_server_url, auth="on")) as url,
-        httpx.Client(base_url=url, timeout=DEADLINE_S) as client,
-    ):
-        yield client
+    with serving_api(own_settings(auth="on")) as api:
+        yield api.http
 
 
 def test_the_page_needs_no_key_and_may_load_and_run_only_what_is_its_own(http: httpx.Client) -> None:
@@ -184,8 +176,8 @@ def test_nothing_beside_the_page_is_served(http: httpx.Client, path: str) -> Non
         connection.close()
 
 
-def test_a_service_can_do_without_the_page(redis_server_url: str, tmp_path: Path) -> None:
-    with serving(settings(tmp_path, redis_server_url, web="off")) as url:
+def test_a_service_can_do_without_the_page(own_settings: Callable[..., Settings]) -> None:
+    with serving(own_settings(web="off")) as url:
         for path in ("/", "/web/index.html"):
             check_problem(httpx.get(f"{url}{path}"), 404, "not_found")
         assert httpx.get(f"{url}/openapi.json").status_code == 200

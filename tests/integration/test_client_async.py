@@ -16,9 +16,8 @@ import pytest
 from meshdeform.client import AsyncClient, Client, EventView, WaitTimeoutError
 from meshdeform.errors import NumericalError
 from meshdeform.record.models import JobState
-from tests.acceptance.cluster import SPHERE, Cluster, running_redis, sum_after
+from tests.acceptance.cluster import SPHERE, Cluster, deployed, sum_after
 from tests.client_flavors import FLAVORS, opened
-from tests.servers import NotInstalledError
 
 STEPS = {"steps": 12}
 
@@ -26,16 +25,10 @@ STEPS = {"steps": 12}
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """An API process and a worker process that adds numbers; a prompt with `hangs` keeps it for an hour."""
-    folder = tmp_path_factory.mktemp("cluster")
-    try:
-        with running_redis(folder) as redis:
-            made = Cluster(folder, redis, environment={"FAKE_STEP_S": "0"})
-            made.start_api()
-            made.start_worker()
-            yield made
-            made.clean_up()
-    except NotInstalledError as missing:
-        pytest.skip(str(missing))
+    with deployed(tmp_path_factory.mktemp("cluster"), environment={"FAKE_STEP_S": "0"}) as made:
+        made.start_api()
+        made.start_worker()
+        yield made
 
 
 @pytest.fixture

@@ -15,13 +15,12 @@ from meshdeform.client import Client, EventView
 from meshdeform.client.retries import Policy
 from meshdeform.errors import NotFoundError
 from meshdeform.record.models import JobState
-from tests.acceptance.cluster import SPHERE, Cluster, running_redis
+from tests.acceptance.cluster import SPHERE, Cluster, deployed
 from tests.acceptance.service import until
 from tests.client_flavors import both_clients, opened
 from tests.fault_proxy import FaultProxy
 from tests.integration.conftest import stored_result
 from tests.integration.streams import recovered_run
-from tests.servers import NotInstalledError
 
 POLICY = Policy(
     timeout_s=60.0,
@@ -37,15 +36,9 @@ POLICY = Policy(
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """An API process on SQLite and a folder. What a worker would write, the tests write."""
-    folder = tmp_path_factory.mktemp("cluster")
-    try:
-        with running_redis(folder) as redis:
-            made = Cluster(folder, redis)
-            made.start_api()
-            yield made
-            made.clean_up()
-    except NotInstalledError as missing:
-        pytest.skip(str(missing))
+    with deployed(tmp_path_factory.mktemp("cluster")) as made:
+        made.start_api()
+        yield made
 
 
 @pytest.fixture

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -13,28 +11,16 @@ import pytest
 
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from meshdeform.storage import ObjectStore
-from tests.integration.conftest import DEADLINE_S, Api, serving
+from tests.integration.conftest import DEADLINE_S, Api, serving_api
 from tests.integration.http_calls import check_document, check_problem, finished_job
 
 CONTENT = bytes(range(256)) * 64
 
 
-@contextmanager
-def closed_server(folder: Path, database_url: str, redis_url: str, **more: Any) -> Iterator[Api]:
-    """A server that wants keys."""
-    named = {"database_url": database_url, "redis_url": redis_url, "queue": f"test-{folder.name}"}
-    settings = Settings(data_dir=folder, auth="on", **named, **more)
-    with serving(settings) as url, httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
-        record = JobRecord(database_url)
-        yield Api(url, settings, record, ObjectStore(settings.resolved_storage_url), http)
-        record.close()
-
-
 @pytest.fixture
-def closed(tmp_path: Path, record: JobRecord, database_url: str, redis_url: str) -> Iterator[Api]:
+def closed(record: JobRecord, own_settings: Callable[..., Settings]) -> Iterator[Api]:
     """A server that wants keys, on a folder."""
-    with closed_server(tmp_path, database_url, redis_url) as api:
+    with serving_api(own_settings(auth="on")) as api:
         yield api
 
 
@@ -81,10 +67,8 @@ def test_a_signed_url_needs_no_key_and_opens_one_thing(closed: Api, openapi: dic
     check_problem(closed.http.get(url), 404, "not_found")
 
 
-def test_of_a_bucket_the_url_is_its_own(
-    record: JobRecord, database_url: str, redis_url: str, tmp_path: Path, s3_store_url: str
-) -> None:
-    with closed_server(tmp_path, database_url, redis_url, storage_url=s3_store_url) as api:
+def test_of_a_bucket_the_url_is_its_own(own_settings: Callable[..., Settings], s3_store_url: str) -> None:
+    with serving_api(own_settings(auth="on", storage_url=s3_store_url)) as api:
         mine, key = owner(api, "mine")
         path = f"/v1/jobs/{finished_job(api, owner_id=mine)}/artifacts/result.glb"
         url = api.http.post(f"{path}/url", headers=key).json()["url"]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -15,21 +14,15 @@ import pytest
 from meshdeform.client import Client
 from meshdeform.errors import UnauthorizedError
 from meshdeform.record.repository import JobRecord
+from meshdeform.settings import Settings
 from meshdeform.storage import sign_path
 from service.http.auth import SIGNING_KEY
 from tests.cases import each_case
-from tests.integration.conftest import Api
+from tests.integration.conftest import Api, serving_api
 from tests.integration.http_calls import check_problem, finished_job, kept
-from tests.integration.test_downloads import closed_server
 
 CONTENT = b"glTF" + bytes(range(200))
 REQUEST: dict[str, Any] = {"prompt": "x", "metadata": {"customer": "secret"}}
-
-
-@pytest.fixture
-def closed(tmp_path: Path, record: JobRecord, database_url: str, redis_url: str) -> Iterator[Api]:
-    with closed_server(tmp_path, database_url, redis_url) as api:
-        yield api
 
 
 def owned_job(api: Api) -> str:
@@ -54,8 +47,9 @@ class Shared:
 
 
 @pytest.fixture
-def shared(closed: Api) -> Shared:
-    return Shared(closed)
+def shared(record: JobRecord, own_settings: Callable[..., Settings]) -> Iterator[Shared]:
+    with serving_api(own_settings(auth="on")) as api:
+        yield Shared(api)
 
 
 def test_a_link_shows_one_job_with_its_asset_and_results(shared: Shared, caplog: pytest.LogCaptureFixture) -> None:
@@ -186,10 +180,8 @@ def test_only_the_owner_makes_links(shared: Shared) -> None:
     check_problem(shared.api.http.post(path, headers=shared.key), 404, "not_found")
 
 
-def test_a_deployment_without_the_page_makes_none(
-    tmp_path: Path, record: JobRecord, database_url: str, redis_url: str
-) -> None:
-    with closed_server(tmp_path, database_url, redis_url, web="off") as api:
+def test_a_deployment_without_the_page_makes_none(own_settings: Callable[..., Settings]) -> None:
+    with serving_api(own_settings(auth="on", web="off")) as api:
         key = {"Authorization": f"Bearer {api.record.keys.create('mine')[1]}"}
         problem = check_problem(api.http.post(f"/v1/jobs/{owned_job(api)}/url", headers=key), 404, "not_found")
         assert "no page" in problem["detail"]
