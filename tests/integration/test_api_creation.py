@@ -166,7 +166,6 @@ def test_a_body_over_the_limit_is_refused_before_it_is_read(api: Api, declared: 
     with httpx.Client(base_url=api.url, timeout=30) as client:
         problem = check_problem(client.post("/v1/jobs", content=body(), headers=headers), 413, "asset_too_large")
     assert problem["limit"] == api.settings.max_upload_bytes
-    assert "MESHDEFORM_MAX_UPLOAD_BYTES" in problem["advice"]
     assert sent < total
 
 

@@ -33,7 +33,6 @@ def test_a_server_says_what_it_allows(small: Api, openapi: dict[str, Any]) -> No
 def test_more_steps_than_allowed_are_refused_also_where_the_preset_says_so(small: Api, sphere: bytes) -> None:
     for params in ({"steps": 1001}, {"preset": "paper"}):
         problem = check_problem(post(small, sphere, {"prompt": "a vase", "params": params}), 422, "parameter_invalid")
-        assert "MESHDEFORM_MAX_STEPS" in problem["advice"]
         assert (problem["limit"], problem["errors"][0]["loc"]) == (1000, ["params", "steps"])
     answer = post(small, sphere, {"prompt": "a vase", "params": {"steps": 1000}})
     assert answer.status_code == 202
@@ -41,7 +40,6 @@ def test_more_steps_than_allowed_are_refused_also_where_the_preset_says_so(small
 
 def test_a_longer_run_than_allowed_is_refused(small: Api, sphere: bytes) -> None:
     problem = check_problem(post(small, sphere, {"prompt": "a vase", "max_run_s": 61}), 422, "parameter_invalid")
-    assert "MESHDEFORM_MAX_RUN_S" in problem["advice"]
     assert problem["errors"][0]["loc"] == ["max_run_s"]
     assert post(small, sphere, {"prompt": "a vase", "max_run_s": 60}).json()["max_run_s"] == 60
     assert post(small, sphere, {"prompt": "a vase"}).json()["max_run_s"] is None

@@ -106,8 +106,7 @@ def test_a_broken_asset_is_refused_before_the_search(api: Api, monkeypatch: pyte
 def test_a_server_that_cannot_find_parts_says_so(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
     error = {"code": "dependency_missing", "detail": "scipy is not installed.", "advice": "", "extra": {}}
     monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, {"ok": False, "error": error}))
-    problem = check_problem(parts(api), 501, "dependency_missing")
-    assert "scipy is not installed" in problem["detail"]
+    check_problem(parts(api), 501, "dependency_missing")
 
     def slow(*_arguments: Any, **_more: Any) -> ChildOutcome:
         raise TimeoutError

@@ -74,8 +74,7 @@ def test_what_cannot_be_read_is_refused(api: Api, monkeypatch: pytest.MonkeyPatc
     wrong = api.http.post("/v1/sketches:guess?family=sofa", content=vase(), headers=BINARY)
     assert "chair" in check_problem(wrong, 422, "parameter_invalid")["advice"]
     monkeypatch.setattr("service.sketches.routes._MAX_BYTES", 100)
-    large = check_problem(api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY), 422, "not_a_drawing")
-    assert "larger than 100 bytes" in large["detail"]
+    check_problem(api.http.post("/v1/sketches:guess", content=vase(), headers=BINARY), 422, "not_a_drawing")
 
 
 def test_a_child_makes_the_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

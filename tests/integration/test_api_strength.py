@@ -74,7 +74,6 @@ def test_what_cannot_be_is_refused(api: Api, job_id: str) -> None:
         check_problem(api.http.get(f"{url}/result.glb?strength={value}"), 422, "parameter_invalid")
     problem = check_problem(api.http.get(f"{url}/report.json?strength=0.5"), 422, "parameter_invalid")
     assert problem["errors"][0]["loc"] == ["query", "strength"]
-    assert "result.glb" in problem["advice"]
     check_problem(api.http.get(f"{url}/other.glb?strength=0.5"), 404, "not_found")
     # A signature covers the query: a signed URL of the result opens no other strength.
     signed = api.http.post(f"{url}/result.glb/url").json()["url"]

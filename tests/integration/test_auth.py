@@ -111,8 +111,6 @@ def test_a_key_has_a_rate_that_all_processes_count_together(start: Start, record
     assert 1 <= int(refused.headers["retry-after"]) <= 15
     seconds = refused.headers["retry-after"]
     assert refused.json()["retry_after_s"] == int(seconds)
-    assert refused.json()["advice"].startswith(f"Try again in {seconds} second")
-    assert refused.json()["detail"] == "This API key is limited to 4 requests per minute."
     _, burst = record.keys.create("studio", requests_per_minute=20)
     told = servers[0].get("/v1/jobs", headers=bearer(burst)).headers
     assert (told["ratelimit-policy"], told["ratelimit"]) == ('"burst";q=10;w=30', '"burst";r=9;t=3')

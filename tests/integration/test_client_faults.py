@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -55,25 +55,6 @@ def client(proxy: FaultProxy, request: pytest.FixtureRequest, monkeypatch: pytes
         yield made
 
 
-@contextmanager
-def meanwhile(work: Callable[[], Any]) -> Iterator[None]:
-    """Do something in a thread; what goes wrong there is raised at the end."""
-    wrong: list[BaseException] = []
-
-    def guarded() -> None:
-        try:
-            work()
-        except BaseException as error:
-            wrong.append(error)
-
-    thread = threading.Thread(target=guarded)
-    thread.start()
-    yield
-    thread.join()
-    if wrong:
-        raise wrong[0]
-
-
 def jobs_named(cluster: Cluster, label: str) -> list[str]:
     return [job.id for job in cluster.record.list_jobs(limit=200, metadata={"test": label}).jobs]
 
@@ -96,8 +77,10 @@ def test_a_lost_answer_makes_no_second_job(cluster: Cluster, proxy: FaultProxy, 
         until("the request came through", lambda: jobs_named(cluster, label))
         proxy.pass_through()
 
-    with meanwhile(heal):
+    with ThreadPoolExecutor(1) as pool:
+        healing = pool.submit(heal)
         job = client.submit(SPHERE, "a mushroom", metadata={"test": label})
+        healing.result()
     assert jobs_named(cluster, label) == [job.id]
     assert proxy.connections > 1
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -43,12 +42,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.fixture
-def run(finished: Path, tmp_path: Path) -> Path:
-    """A copy of it that may be changed."""
-    return shutil.copytree(finished, tmp_path / "run")
-
-
 @pytest.fixture(autouse=True)
 def _threads() -> Iterator[None]:
     """The command sets torch's threads for its process, which here is the tests'."""
@@ -76,19 +69,6 @@ def test_a_run_leaves_records_meshes_pictures_tables_and_a_sheet(finished: Path)
         assert picture.size == (192, 192)
         assert sheet.size == (7 * 144, 164)  # three results of twelve: after the four sources, in a row
     assert "By source, after 2 steps" in (finished / "table.md").read_text()
-
-
-def test_another_judge_is_refused_until_it_judges_everything_anew(run: Path) -> None:
-    other = "tests.unit.evaluation.stand_ins:OtherJudge"
-    refused = evaluated(run, *QUICK, "--limit", "3", judge=other)
-    assert refused.exit_code == 3
-    assert "--rejudge" in refused.stderr
-    before = results(run)
-    assert evaluated(run, "--rejudge", judge=other).exit_code == 0
-    after = results(run)
-    assert after["manifest"]["judge"]["id"] == "other"
-    assert after["records"] == before["records"]
-    assert evaluated(run, *QUICK, "--limit", "3", judge=other).exit_code == 0
 
 
 def test_a_failing_item_is_recorded_the_others_go_on_and_the_next_run_tries_again(

@@ -20,7 +20,7 @@ from fastapi import FastAPI
 
 from meshdeform.errors import UnavailableError
 from meshdeform.record.changes import Head
-from meshdeform.record.models import TERMINAL_STATES, JobState
+from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from service.events import waiting as hub_module
@@ -30,17 +30,9 @@ from tests.integration.streams import STREAM, stream
 from tests.servers import free_port, wait_for_port
 from tests.waiting import until
 
-TERMINAL = {state.value for state in TERMINAL_STATES}
-
 
 @pytest.fixture
-def own(record: JobRecord, own_settings: Callable[..., Settings]) -> Settings:
-    """Settings of a server of its own."""
-    return own_settings()
-
-
-@pytest.fixture
-def counted(own: Settings) -> Iterator[tuple[str, FastAPI, list[str]]]:
+def counted(record: JobRecord, own_settings: Callable[..., Settings]) -> Iterator[tuple[str, FastAPI, list[str]]]:
     """A server, and every statement that it sends to the database for those who wait."""
     statements: list[str] = []
 
@@ -48,7 +40,7 @@ def counted(own: Settings) -> Iterator[tuple[str, FastAPI, list[str]]]:
         if "jobs.event_seq, jobs.version" in statement and " IN (" in statement:
             statements.append(statement)
 
-    with serving_app(own) as (url, app):
+    with serving_app(own_settings()) as (url, app):
         engine = app.state.app_state.record.database._engine
         sa.event.listen(engine, "before_cursor_execute", count)
         yield url, app, statements

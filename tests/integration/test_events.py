@@ -24,12 +24,6 @@ from tests.integration.streams import STREAM, progress, recovered_run, stream
 TERMINAL = {state.value for state in TERMINAL_STATES}
 
 
-@pytest.fixture
-def own(record: JobRecord, own_settings: Callable[..., Settings]) -> Settings:
-    """Settings of a server of its own."""
-    return own_settings()
-
-
 def check_whole(events: list[dict[str, Any]], first: int = 1) -> None:
     """Check that nothing is left out, nothing comes twice, and one event ends it all."""
     assert [event["seq"] for event in events] == list(range(first, first + len(events)))
@@ -109,8 +103,10 @@ def test_a_deleted_job_ends_its_streams(api: Api) -> None:
         assert list(found.events()) == []
 
 
-def test_a_server_that_ends_lets_its_readers_go_on_with_the_next_one(own: Settings, record: JobRecord) -> None:
-    job = new_job(record)
+def test_a_server_that_ends_lets_its_readers_go_on_with_the_next_one(
+    record: JobRecord, own_settings: Callable[..., Settings]
+) -> None:
+    job, own = new_job(record), own_settings()
     seen: list[dict[str, Any]] = []
     told = threading.Event()
 

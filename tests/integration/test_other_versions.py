@@ -13,15 +13,7 @@ from meshdeform.requests.document import JobRequest
 from service.jobs.estimates import estimate
 from tests.integration.other_versions import LATER, accepted_elsewhere
 from tests.integration.record_calls import LEASE_S, OVER, artifact, history, ids, posted, set_to
-
-both_databases = pytest.mark.both_databases
-
-
-class Unhurried:
-    """What does not wait before it counts again: nobody else announces anything."""
-
-    def wait(self, seconds: float) -> None:
-        """Return at once."""
+from tests.integration.test_reconciler import Paused
 
 
 def left(job: Job, record: JobRecord, state: JobState) -> Job:
@@ -50,7 +42,7 @@ def left(job: Job, record: JobRecord, state: JobState) -> Job:
     return record.get(job.id)
 
 
-@both_databases
+@pytest.mark.both_databases
 def test_what_a_later_version_accepted_is_shown_as_it_is_in_every_state(record: JobRecord) -> None:
     record.webhooks.create("", "https://hooks.example/")
     jobs = {
@@ -75,7 +67,7 @@ def test_what_a_later_version_accepted_is_shown_as_it_is_in_every_state(record: 
     estimate(record.database, record.leases, JobRequest(prompt="a vase"), default_model="builtin", queue="test")
 
 
-@both_databases
+@pytest.mark.both_databases
 def test_it_is_recovered_canceled_expired_and_deleted_with_the_others(record: JobRecord) -> None:
     def both(state: JobState) -> list[Job]:
         each = [accepted_elsewhere(record, document) for document in LATER.values()]
@@ -104,7 +96,7 @@ def test_it_is_recovered_canceled_expired_and_deleted_with_the_others(record: Jo
     assert record.list_jobs().jobs == []
 
 
-@both_databases
+@pytest.mark.both_databases
 def test_workers_pass_over_it_and_take_the_others_in_their_order(record: JobRecord) -> None:
     later = [accepted_elsewhere(record, document, priority=5) for document in LATER.values()]
     later += [accepted_elsewhere(record, document, owner_id="b") for document in LATER.values()]
@@ -119,7 +111,7 @@ def test_workers_pass_over_it_and_take_the_others_in_their_order(record: JobReco
         assert (now.state, now.attempt, now.version, now.event_seq) == (JobState.QUEUED, 0, 1, 1)
 
 
-@both_databases
+@pytest.mark.both_databases
 def test_what_is_out_of_bounds_by_now_is_run_as_it_was_accepted(record: JobRecord) -> None:
     params = {"steps": 10**9, "seed": -3, "learning_rate": 30.0, "control": {"regions": [{"node": "n" * 5000}] * 100}}
     document = {"prompt": "a vase " * 1000, "params": params, "metadata": {"shot": "x" * 5000}}
@@ -140,7 +132,7 @@ def test_a_job_that_no_worker_takes_is_announced_ever_less_often(record: JobReco
     try:
         later, ordinary = accepted_elsewhere(record, LATER["a value"]), posted(record)
         looks = Reconciler(record, queue, 3, LEASE_S)
-        looks._done = Unhurried()  # type: ignore[assignment]
+        looks._done = Paused(lambda: None)  # type: ignore[assignment]
         announced = []
         for _ in range(40):
             announced.append(looks.run_once())

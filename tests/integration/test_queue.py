@@ -28,14 +28,6 @@ def queue(redis_url: str) -> Iterator[JobQueue]:
 
 
 @pytest.fixture
-def nowhere() -> Iterator[JobQueue]:
-    """A queue whose Redis is away."""
-    opened = JobQueue(f"redis://127.0.0.1:{free_port()}/0", "test")
-    yield opened
-    opened.close()
-
-
-@pytest.fixture
 def signals() -> Iterator[None]:
     """The handlers of signals as they were before, at the end."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -123,7 +115,8 @@ def test_what_stands_in_the_place_of_the_queue_is_deleted(queue: JobQueue, redis
         assert queue.announced() == {"job_2"}
 
 
-def test_a_redis_that_is_away_is_unavailable(nowhere: JobQueue) -> None:
+def test_a_redis_that_is_away_is_unavailable() -> None:
+    nowhere = JobQueue(f"redis://127.0.0.1:{free_port()}/0", "test")
     for call in (
         nowhere.ping,
         nowhere.announced,
@@ -134,6 +127,7 @@ def test_a_redis_that_is_away_is_unavailable(nowhere: JobQueue) -> None:
             call()
     with nowhere.listen_for_cancel("job_1") as listener:
         assert not listener.wait(0.01)
+    nowhere.close()
 
 
 def test_a_url_that_is_none_is_refused() -> None:

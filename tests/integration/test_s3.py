@@ -178,9 +178,8 @@ class TestOutages:
 
     @pytest.mark.parametrize("fault", ["error503", "refuse", "hang"])
     def test_every_method_says_that_the_store_is_away(
-        self, fault: str, proxy: FaultProxy, s3_store_url: str, tmp_path: Path
+        self, fault: str, proxy: FaultProxy, beyond: ObjectStore, s3_store_url: str, tmp_path: Path
     ) -> None:
-        beyond = ObjectStore(s3_store_url)
         beyond.put("a", DATA)
         getattr(proxy, fault)()
         hasty = ObjectStore(s3_store_url, patience_s=0.5)

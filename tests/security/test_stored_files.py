@@ -40,8 +40,7 @@ def test_posting_the_same_file_again_replaces_a_damaged_copy(api: Api, sphere: b
     key = api.record.get(job_id).files["asset"].key
     damage(api, key, how)
     for headers in ({}, {"Range": "bytes=0-9"}) if how == "cut" else ():  # refused before the first byte
-        problem = check_problem(api.http.get(f"/v1/jobs/{job_id}/asset", headers=headers), 500, "file_damaged")
-        assert "again" in problem["advice"]
+        check_problem(api.http.get(f"/v1/jobs/{job_id}/asset", headers=headers), 500, "file_damaged")
     posted(api, sphere)
     assert api.store.get(key) == sphere
     assert api.http.get(f"/v1/jobs/{job_id}/asset").content == sphere
