@@ -170,6 +170,15 @@ def test_levels_are_unlocked_one_after_the_other_and_all_count(fraction: float, 
     assert [tensor.grad is not None for tensor in field.tensors.values()] == [True] * free + [False] * (3 - free)
 
 
+def test_what_holds_an_element_holds_every_control_that_reaches_it() -> None:
+    field = lattice(structure=Structure())
+    held = np.linspace(1.0, 0.5, len(field.elements))
+    coarse, *_, own = field.rows(held).values()
+    np.testing.assert_array_equal(own, held)
+    assert coarse.min() == 0.5
+    assert (coarse < 0.75).mean() > (held < 0.75).mean(), "a control has the least of its elements"
+
+
 def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
     mesh = sled()
     field = LatticeField(mesh, structure=Structure())

@@ -94,3 +94,12 @@ def test_what_both_ends_have_in_the_same_place_stays() -> None:
     result = torch.where(still[:, None], BAR.verts, BAR.verts + (BAR.verts[:, 1:2] + 1.0) ** 2)
     half = ShapePath(BAR, result).at(0.5)
     assert float((half - BAR.verts)[BAR.verts[:, 1] < -1.5].abs().max()) < 0.005 * LENGTH
+
+
+def test_collapsed_faces_and_flat_results() -> None:
+    # A box with a face without area, flattened to a sheet: its faces have no rotation of their own.
+    verts = torch.cat([box(2).verts, box(2).verts[:2].mean(0, keepdim=True)])
+    mesh = TriangleMesh(verts, torch.cat([box(2).faces, torch.tensor([[0, 1, len(verts) - 1]])]))
+    flat = verts * torch.tensor([1.0, 0.0, 1.0])
+    half = ShapePath(mesh, flat.double()).at(0.5)
+    assert_close(half, (verts + flat) / 2, atol=1e-6, rtol=0)

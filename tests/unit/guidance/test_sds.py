@@ -94,83 +94,62 @@ def test_the_prompt_is_encoded_once_a_job() -> None:
     assert guidance.style == prior.style
 
 
-def test_the_upper_bound_of_the_timesteps_moves_linearly() -> None:
-    guidance = ScoreDistillation(
-        FakePrior(), "", guidance_scale=1.0, timestep_min=0.02, timestep_max=0.98, timestep_max_end=0.5
-    )
+def bounded(prior: FakePrior, low: float, high: float, end: float) -> ScoreDistillation:
+    return ScoreDistillation(prior, "", guidance_scale=1.0, timestep_min=low, timestep_max=high, timestep_max_end=end)
+
+
+def test_timesteps_fill_their_range_and_never_leave_it_and_its_upper_bound_moves_linearly() -> None:
+    guidance = bounded(FakePrior(), 0.02, 0.98, 0.5)
     bounds = [guidance.timestep_bounds(context(step, 101)) for step in (0, 50, 100)]
     assert bounds == [(20, 980), (20, 740), (20, 500)]
     assert guidance.timestep_bounds(context(0, 1)) == (20, 980)
-
-
-def test_timesteps_fill_their_range_and_never_leave_it() -> None:
     prior = FakePrior(torch.zeros(1, 3, 4, 4))
-    guidance = ScoreDistillation(
-        prior, "", guidance_scale=1.0, timestep_min=0.9, timestep_max=1.0, timestep_max_end=1.0
-    )
-    generator = torch.Generator().manual_seed(0)
+    guidance, generator = bounded(prior, 0.9, 1.0, 1.0), torch.Generator().manual_seed(0)
     for step in range(400):
         guidance.loss(torch.zeros(1, 3, 4, 4), StepContext(step, 400, CAMERAS, generator))
     assert min(prior.timesteps) in range(900, 905)
     assert max(prior.timesteps) in range(995, 1000)
+    for crossed in ((0.5, 0.4, 0.98), (0.5, 0.98, 0.4), (-0.1, 0.5, 0.5), (0.0, 1.1, 0.5)):
+        with pytest.raises(ParameterError, match="timestep_min"):
+            bounded(FakePrior(), *crossed)
 
 
-@each_case("bounds", [(0.5, 0.4, 0.98), (0.5, 0.98, 0.4), (-0.1, 0.5, 0.5), (0.0, 1.1, 0.5)])
-def test_bounds_that_cross_are_refused(bounds: tuple[float, float, float]) -> None:
-    low, high, end = bounds
-    with pytest.raises(ParameterError, match="timestep_min"):
-        ScoreDistillation(
-            FakePrior(), "", guidance_scale=1.0, timestep_min=low, timestep_max=high, timestep_max_end=end
-        )
+class StumblingPrior(FakePrior):
+    """Predicts what is not finite a number of times."""
+
+    def __init__(self, times: int, bad: float) -> None:
+        super().__init__()
+        self.times, self.bad, self.asked = times, bad, 0
+
+    def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: None, cameras: Cameras) -> tuple[Tensor, ...]:
+        self.asked += 1
+        if self.asked <= self.times:
+            return torch.full_like(z_t, self.bad), torch.full_like(z_t, self.bad)
+        return super().predict_noise(z_t, timestep, embedding, cameras)
 
 
 @each_case("bad", [float("nan"), float("inf")])
-def test_a_prediction_that_is_not_finite_stops_the_run(bad: float) -> None:
-    class BrokenPrior(FakePrior):
-        def predict_noise(
-            self, z_t: Tensor, timestep: Tensor, embedding: None, cameras: Cameras
-        ) -> tuple[Tensor, Tensor]:
-            return torch.full_like(z_t, bad), torch.full_like(z_t, bad)
-
-    with pytest.raises(NumericalError, match="not finite"):
-        ScoreDistillation(BrokenPrior(), "", guidance_scale=1.0).loss(torch.zeros(1, 3, 48, 48), context())
-
-
-def test_one_prediction_that_is_not_finite_is_drawn_again() -> None:
-    class StumblingPrior(FakePrior):
-        asked = 0
-
-        def predict_noise(self, z_t: Tensor, timestep: Tensor, embedding: None, cameras: Cameras) -> tuple[Tensor, ...]:
-            self.asked += 1
-            if self.asked == 1:
-                return torch.full_like(z_t, float("inf")), torch.full_like(z_t, float("inf"))
-            return super().predict_noise(z_t, timestep, embedding, cameras)
-
-    prior = StumblingPrior()
+def test_one_prediction_that_is_not_finite_is_drawn_again_and_always_one_stops_the_run(bad: float) -> None:
+    prior = StumblingPrior(1, bad)
     loss, _ = ScoreDistillation(prior, "", guidance_scale=1.0).loss(torch.zeros(1, 3, 48, 48), context())
     assert torch.isfinite(loss)
     assert prior.asked == 2
-
-
-def two_pictures() -> tuple[Tensor, Tensor]:
-    generator = torch.Generator().manual_seed(2)
-    return torch.rand(1, 3, 16, 16, generator=generator), torch.rand(1, 3, 16, 16, generator=generator)
+    with pytest.raises(NumericalError, match="not finite"):
+        ScoreDistillation(StumblingPrior(99, bad), "", guidance_scale=1.0).loss(torch.zeros(1, 3, 48, 48), context())
 
 
 def test_full_rescaling_gives_the_picture_the_spread_of_the_prompted_one() -> None:
-    uncond, text = two_pictures()
+    uncond, text, noisy = torch.rand(3, 1, 3, 16, 16, generator=torch.Generator().manual_seed(2))
     level = torch.full((1, 1, 1, 1), 0.3)
-    noisy = torch.randn(1, 3, 16, 16, generator=torch.Generator().manual_seed(0))
     to_noise = lambda x: (noisy - level.sqrt() * (2 * x - 1)) / (1 - level).sqrt()  # noqa: E731
     to_clean = lambda e: (noisy - (1 - level).sqrt() * e) / level.sqrt()  # noqa: E731
     strong = to_noise(uncond) + 20 * (to_noise(text) - to_noise(uncond))
     wanted = to_clean(to_noise(text)).std()
     assert to_clean(strong).std() > 5 * wanted
-    full = rescaled(strong, to_noise(text), noisy, level, 1.0)
+    none, half, full = (rescaled(strong, to_noise(text), noisy, level, share) for share in (0.0, 0.5, 1.0))
     assert_close(to_clean(full).std(), wanted, rtol=1e-4, atol=0.0)
-    assert_close(rescaled(strong, to_noise(text), noisy, level, 0.0), strong, rtol=1e-4, atol=1e-4)
-    half = to_clean(rescaled(strong, to_noise(text), noisy, level, 0.5))
-    assert_close(half, (to_clean(full) + to_clean(strong)) / 2, rtol=1e-3, atol=1e-3)
+    assert_close(none, strong, rtol=1e-4, atol=1e-4)
+    assert_close(to_clean(half), (to_clean(full) + to_clean(strong)) / 2, rtol=1e-3, atol=1e-3)
 
 
 def test_pictures_of_their_own_have_timesteps_of_their_own_and_share_the_weight() -> None:

@@ -57,19 +57,14 @@ def test_retrieval_of_plain_prompts_in_a_suite(judge: Judge) -> None:
     assert sum(right) >= 18
 
 
-def test_prompts_that_mean_the_same_are_as_likely(judge: Judge) -> None:
-    a, b = judge.log_likelihoods(
-        shown("a rabbit", 0), ["a bunny with large ears", "The HARE that has a big ear"]
-    ).tolist()
+def test_size_place_stray_vertices_and_other_words_for_the_same_do_not_matter(judge: Judge) -> None:
+    mesh = shown("a rabbit", 0)
+    same = ["a bunny with large ears", "The HARE that has a big ear"]
+    a, b = judge.log_likelihoods(mesh, same).tolist()
     assert a == pytest.approx(b, abs=1e-6)
-
-
-def test_size_place_and_stray_vertices_do_not_matter(judge: Judge) -> None:
-    mesh = shown("a chair", 0)
     stray = torch.tensor([[500.0, 0.0, 0.0]], dtype=torch.float64)
-    moved = TriangleMesh(
-        torch.cat([mesh.verts * 0.037 + torch.tensor([3.0, -7.0, 11.0], dtype=torch.float64), stray]), mesh.faces
-    )
+    place = torch.tensor([3.0, -7.0, 11.0], dtype=torch.float64)
+    moved = TriangleMesh(torch.cat([mesh.verts * 0.037 + place, stray]), mesh.faces)
     assert torch.allclose(framed(moved)[:-1], framed(mesh), atol=1e-12)
     assert torch.allclose(judge.log_likelihoods(moved, SUITE), judge.log_likelihoods(mesh, SUITE), atol=1e-2)
 

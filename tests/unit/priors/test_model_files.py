@@ -14,7 +14,7 @@ import pytest
 
 from meshdeform.errors import DependencyError, ModelError
 from meshdeform.priors import check_model
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, MAX_ATTRIBUTES, parse
+from meshdeform.priors.builtin.grammar import ATTRIBUTES, parse
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.priors.catalogue import EXAMPLES, list_models
 from meshdeform.priors.model_files import find
@@ -95,6 +95,15 @@ def test_what_is_neither_a_folder_nor_a_hub_id_is_refused(name: str) -> None:
         check_model(name)
 
 
+def test_pickled_weights_are_refused_by_name(checkpoint: Path) -> None:
+    weights = checkpoint / "unet" / "diffusion_pytorch_model.safetensors"
+    for pickle in ("diffusion_pytorch_model.bin", "weights.ckpt"):
+        weights = weights.rename(weights.with_name(pickle))
+        with pytest.raises(ModelError, match=rf"only {pickle}.*needs safetensors") as caught:
+            check_model(str(checkpoint))
+        assert "save_pretrained" in caught.value.advice_text
+
+
 @each_case(
     "missing",
     [
@@ -115,15 +124,6 @@ def test_an_incomplete_folder_is_refused(checkpoint: Path, missing: str) -> None
     with pytest.raises(ModelError, match=missing.partition("/")[0].removesuffix(".json")):
         check_model(str(checkpoint))
     (checkpoint / missing).write_bytes(content)
-
-
-@pytest.mark.parametrize("pickle", ["diffusion_pytorch_model.bin", "weights.ckpt"])
-def test_pickled_weights_are_refused_by_name(checkpoint: Path, pickle: str) -> None:
-    weights = checkpoint / "unet" / "diffusion_pytorch_model.safetensors"
-    weights.rename(weights.with_name(pickle))
-    with pytest.raises(ModelError, match=rf"only {pickle}.*needs safetensors") as caught:
-        check_model(str(checkpoint))
-    assert "save_pretrained" in caught.value.advice_text
 
 
 def test_files_of_half_precision_are_taken_if_asked_for_or_where_there_are_no_others(checkpoint: Path) -> None:
@@ -176,17 +176,17 @@ def without(monkeypatch: pytest.MonkeyPatch, *missing: str) -> None:
     )
 
 
-def test_a_missing_extra_is_named(checkpoint: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_extra_is_named_and_where_no_models_run_it_is_left_to_the_worker(
+    checkpoint: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     without(monkeypatch, "diffusers", "transformers")
     with pytest.raises(DependencyError, match="diffusers and transformers") as caught:
         check_model(str(checkpoint))
     assert 'pip install -e ".[sd]"' in caught.value.advice_text
-
-
-def test_an_environment_that_runs_no_models_leaves_it_to_the_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     without(monkeypatch, "torch", "diffusers", "transformers")
-    check_model("nobody/nothing")
-    check_model("/only/on/the/worker")
+    for name in ("nobody/nothing", "/only/on/the/worker", "builtin"):
+        check_model(name)
+    assert list_models("owner/one")[0].available is None, "nothing is claimed"
 
 
 def test_checking_loads_neither_torch_nor_numpy(checkpoint: Path) -> None:
@@ -216,22 +216,12 @@ def test_the_builtin_model_is_there_and_says_all_that_it_understands() -> None:
         noun = next(noun for noun in NOUNS if attribute.part in ("whole", *NOUNS[noun]))
         prompt = f"a {text} {noun}" if attribute.part == "whole" else f"a {noun} with a {text}"
         assert parse(prompt).attributes == (attribute,)
+    assert [str(parse(example)) for example in EXAMPLES] == list(EXAMPLES)
 
 
-@each_case("prompt", EXAMPLES)
-def test_every_example_is_understood(prompt: str) -> None:
-    found = parse(prompt)
-    assert str(found) == prompt
-    assert len(found.attributes) <= MAX_ATTRIBUTES
-
-
-def test_the_default_comes_first_and_each_model_once() -> None:
-    found = list_models("owner/one", ["owner/two", "builtin", "owner/one"])
-    assert [model.id for model in found] == ["owner/one", "builtin", "owner/two"]
-    assert [model.title for model in found] == ["one", "Builtin", "two"]
-
-
-def test_a_folder_has_the_licence_that_its_card_states(tmp_path: Path) -> None:
+def test_the_default_comes_first_each_model_once_and_a_folder_has_the_licence_of_its_card(tmp_path: Path) -> None:
     (tmp_path / "README.md").write_text("---\nlicense: mit\n---\nA model.")
-    builtin, model = list_models("builtin", [str(tmp_path)])
-    assert (builtin.licence, model.licence) == ("Apache-2.0", "mit")
+    found = list_models("owner/one", ["owner/two", "builtin", "owner/one", str(tmp_path)])
+    assert [model.id for model in found] == ["owner/one", "builtin", "owner/two", str(tmp_path)]
+    assert [model.title for model in found[:3]] == ["one", "Builtin", "two"]
+    assert [model.licence for model in found[1::2]] == ["Apache-2.0", "mit"]

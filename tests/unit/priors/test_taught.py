@@ -297,3 +297,7 @@ def test_the_shipped_rehearsal_shows_every_noun_and_is_what_its_command_draws(tm
         assert torch.equal(one.single, other.single)
     assert len(again.training) == 6
     assert len(again.held_out) == 2
+    damaged = tmp_path / "damaged.zip"
+    damaged.write_bytes(b"no zip")
+    with pytest.raises(ModelError, match=r"damaged.zip.*cannot be read"):
+        shipped_pictures(BUILTIN_WORDS, damaged)

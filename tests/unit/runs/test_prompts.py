@@ -20,12 +20,11 @@ from meshdeform.record.models import NewJob
 from meshdeform.record.repository import searched_text
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
 from meshdeform.runs.verdict import prompt_reports
 from tests.cases import each_case
 from tests.unit.guidance.pictures import PicturesPrior
+from tests.unit.runs.jobs import started
 
 BALL = icosphere(2)
 MIDDLES = BALL.verts[BALL.faces].mean(1).numpy()
@@ -41,21 +40,16 @@ def prior() -> PicturesPrior:
     return PicturesPrior(dict(zip(("", "a pear", "a vase"), drawn, strict=True)))
 
 
+QUICK = {"preset": "preview", "steps": 3, "orientation": "keep", "safeguard": "none"}
+
+
 def request_of(prompt: str, *prompts: dict[str, Any], **params: Any) -> JobRequest:
-    given = {"preset": "preview", "steps": 3, "orientation": "keep", "safeguard": "none", **params}
-    return JobRequest.model_validate({"prompt": prompt, "params": grouped({**given, "prompts": prompts})})
+    return JobRequest.model_validate({"prompt": prompt, "params": grouped({**QUICK, **params, "prompts": prompts})})
 
 
-def start(prompt: str, *prompts: dict[str, Any], checkpoint: bytes | None = None, **params: Any) -> Any:
-    return text_deform.start(
-        job_input(
-            asset=build_glb(BALL.verts.numpy(), BALL.faces.numpy()),
-            filename="a.glb",
-            request=request_of(prompt, *prompts, **params),
-            prior=prior(),
-            checkpoint=checkpoint,
-        )
-    )
+def start(prompt: str, *prompts: dict[str, Any], **params: Any) -> Any:
+    asset = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
+    return started(asset, prompt, prior=prior(), prompts=prompts, **{**QUICK, **params})
 
 
 def moved(prompt: str, *prompts: dict[str, Any], **params: Any) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from itertools import pairwise
 
 import pytest
@@ -13,7 +12,8 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.runs.base import RunLog
 from meshdeform.runs.text_report import measure_movement
 from tests.cases import each_case
-from tests.unit.runs.test_text_deform import glb, request, start
+from tests.unit.runs.jobs import finished, started
+from tests.unit.runs.test_text_deform import glb
 from training.shapes import box
 
 
@@ -57,10 +57,7 @@ def test_what_held_it_back_is_named_with_its_remedy(held: float, cause: str, rem
 
 def test_the_report_of_a_run_has_it() -> None:
     for rate, stalled in ((1e-6, True), (0.03, False)):
-        run = start(glb(icosphere(2)), request(learning_rate=rate))
-        for _ in run:
-            pass
-        report = json.loads(run.finish()["report.json"].data)
+        _, report = finished(started(glb(icosphere(2)), steps=12, learning_rate=rate))
         assert (report["movement"]["stalled_by"] == "guidance") is stalled
         assert bool(report["warnings"]) is stalled
         assert (report["movement"]["rms"] < 0.01) is stalled

@@ -62,14 +62,11 @@ def test_nodes_materials_and_components_select_bodies() -> None:
     assert select({"node": "axle"}) == [(WHEEL, "rigid")] * 4
     assert select({"node": 1}) == [(WHEEL, "rigid")] * 2
     assert select({"node": 1, "together": True, "mode": "similarity"}) == [(2 * WHEEL, "similarity")]
-    assert select({"node": "Group"}) == select({"node": "hub"}) == [(BOX, "rigid")]
-    assert select({"component": 5}) == [(BOX, "rigid")]
+    assert select({"node": "Group"}) == select({"node": "hub"}) == select({"component": 5}) == [(BOX, "rigid")]
     lower = select({"material": 1})
     assert [size for size, _ in lower[:4]] == [WHEEL] * 4
     assert 0 < lower[4][0] < icosphere(2).verts.shape[0]
-
-
-def test_selections_that_share_vertices_are_one_body() -> None:
+    # Those that share vertices are one.
     both = select({"material": "paint", "mode": "similarity"}, {"material": "rubber"})
     assert both == [(WHEEL, "rigid")] * 4 + [(icosphere(2).verts.shape[0], "rigid")]
     assert select({"node": "hub", "mode": "similarity"}, {"node": 4, "mode": "similarity"}) == [(BOX, "similarity")]

@@ -25,6 +25,7 @@ from meshdeform.errors import (
     CheckpointError,
     ParameterError,
 )
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.kinds.surface_fit.base_mesh import base_of
 from meshdeform.kinds.surface_fit.cleaning import clean
@@ -46,23 +47,28 @@ from training.shapes import torus
 SMALL = {"base_faces": 100, "steps": 4, "batch_faces": 4, "octaves": 1, "width": 8, "depth": 1, "level": 1}
 
 
+def glb(mesh: TriangleMesh, scale: float = 1.0, shift: float = 0.0) -> bytes:
+    return build_glb(mesh.verts.numpy() * scale + shift, mesh.faces.numpy())
+
+
 @pytest.fixture(scope="module")
 def ring() -> bytes:
-    mesh = torus(n=16, m=10)
-    return build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    return glb(torus(n=16, m=10))
 
 
 def begin(
     data: bytes,
     name: str = "ring.glb",
     *,
+    base: bytes | None = None,
+    scalars: bytes | None = None,
     checkpoint: bytes | None = None,
     initial: bytes | None = None,
-    scalars: bytes | None = None,
     **params: object,
 ) -> JobRun:
     request = JobRequest.model_validate({"kind": "surface_fit", "params": grouped({**SMALL, **params})})
-    files = {"asset": InputFile(data, name)} | ({"scalars": InputFile(scalars, "scalars.npz")} if scalars else {})
+    sent = {"asset": (data, name), "base": (base, "base.glb"), "scalars": (scalars, "scalars.npz")}
+    files = {part: InputFile(content, called) for part, (content, called) in sent.items() if content is not None}
     return start_run(RunInput(request, files, checkpoint=checkpoint, initial=initial))
 
 
@@ -185,46 +191,32 @@ def test_a_resumed_run_writes_the_same_file(ring: bytes) -> None:
 
 
 def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
-    ball = icosphere(1)
-    base = InputFile(build_glb(ball.verts.numpy() * 1.2, ball.faces.numpy()), "ball.glb")
+    ball, sphere = icosphere(1), glb(icosphere(2))
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     # A quarter turn about y, which projection alone would never make.
     turned = axes[:, [2, 1, 0]] * [1, 1, -1]
     anchors = [{"base": list(a), "surface": list(b)} for a, b in zip(axes * 1.2, turned, strict=True)]
-    params = grouped({**SMALL, "steps": 150, "batch_faces": 16, "width": 16, "anchors": anchors})
-    request = JobRequest.model_validate({"kind": "surface_fit", "params": grouped(params)})
-    sphere = icosphere(2)
-    surface = InputFile(build_glb(sphere.verts.numpy(), sphere.faces.numpy()), "sphere.glb")
-    run = start_run(RunInput(request, {"asset": surface, "base": base}))
-    last = list(run)[-1]
-    assert last.losses["anchors"] < 0.05
+    run = begin(sphere, base=glb(ball, 1.2), steps=150, batch_faces=16, width=16, anchors=anchors)
+    assert list(run)[-1].losses["anchors"] < 0.05
     field = read_field(run.finish()["surface.ndf"].data)
     nearest = [int(np.argmax(field.verts @ axis)) for axis in axes]
-    corners = np.repeat(np.array(nearest)[:, None], 3, 1)
-    found = field.evaluate(corners, np.tile([1.0, 0.0, 0.0], (6, 1)))
+    found = field.evaluate(np.repeat(np.array(nearest)[:, None], 3, 1), np.tile([1.0, 0.0, 0.0], (6, 1)))
     assert (((found * turned).sum(1) / np.linalg.norm(found, axis=1)) > 0.8).all()
 
     # A ball for a ring: holes need not agree, and the report has both.
-    request = JobRequest.model_validate({"kind": "surface_fit", "params": grouped({**SMALL, "steps": 1, "level": 0})})
-    run = start_run(RunInput(request, {"asset": InputFile(ring, "ring.glb"), "base": base}))
+    run = begin(ring, base=glb(ball, 1.2), steps=1, level=0)
     list(run)
     report = json.loads(run.finish()["report.json"].data)
     assert (report["base"]["genus"], report["input"]["genus"], report["base"]["faces"]) == (0, 1, 80)
-    large = icosphere(4)
-    base = InputFile(build_glb(large.verts.numpy(), large.faces.numpy()), "large.glb")
     with pytest.raises(AssetTooLargeError, match="5120 faces"):
-        start_run(RunInput(request, {"asset": surface, "base": base}))
-    for verts in (ball.verts.numpy() * 1000, ball.verts.numpy() / 1000, ball.verts.numpy() + 9):
-        base = InputFile(build_glb(verts, ball.faces.numpy()), "ball.glb")
+        begin(sphere, base=glb(icosphere(4)))
+    for scale, shift in ((1000, 0), (0.001, 0), (1, 9)):
         with pytest.raises(AssetError, match="elsewhere than the surface"):
-            start_run(RunInput(request, {"asset": surface, "base": base}))
+            begin(sphere, base=glb(ball, scale, shift))
     here = {"base": [0.0, 0.0, 1.0], "surface": [0.0, 0.0, 1.0]}
     for part in here:
-        request = JobRequest.model_validate(
-            {"kind": "surface_fit", "params": grouped({**SMALL, "anchors": [here, {**here, part: [0.0, 0.0, 5.0]}]})}
-        )
         with pytest.raises(ParameterError, match=f"Anchor 2 names a point of the {part} that lies outside"):
-            start_run(RunInput(request, {"asset": surface}))
+            begin(sphere, anchors=[here, {**here, part: [0.0, 0.0, 5.0]}])
 
 
 def octahedron() -> bytes:

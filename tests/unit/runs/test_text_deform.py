@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,12 +19,9 @@ from meshdeform.geometry import intersections
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors import load_prior
-from meshdeform.requests.document import JobRequest, OutputOptions
-from meshdeform.requests.groups import grouped
-from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
 from tests.fakes import FakePrior
 from tests.unit.assets.builders import unpack
+from tests.unit.runs.jobs import started
 from training.shapes import box
 
 
@@ -36,20 +34,13 @@ def glb(mesh: TriangleMesh, *, scale: float = 1.0, offset: float = 0.0) -> bytes
     return build_glb(corners * scale + offset, faces, normals=normals, uvs=uvs, material="clay")
 
 
-def request(**changes: object) -> JobRequest:
-    params = grouped({"preset": "preview", "steps": 12, "seed": 5, **changes})
-    return JobRequest.model_validate({"prompt": "an egg", "params": grouped(params), "output": {"morph": True}})
-
-
-def start(asset: bytes, job: JobRequest | None = None, **more: object) -> text_deform.TextDeformRun:
-    arguments = {"asset": asset, "filename": "a.glb", "request": job or request(), "prior": FakePrior(), **more}
-    return text_deform.start(job_input(**arguments))  # type: ignore[arg-type]
+GIVEN: dict[str, Any] = {"steps": 12, "seed": 5}
 
 
 def test_what_is_coarser_where_faces_crowd_is_in_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(intersections, "_TESTS", 0)
     monkeypatch.setattr(intersections, "_TESTS_OF_FACE", 0)
-    run = start(glb(icosphere(2)), request(steps=2))
+    run = started(glb(icosphere(2)), steps=2)
     assert len(list(run)) == 2
     report = json.loads(run.finish()["report.json"].data)
     assert report["quality"]["self_intersections_added"] is None
@@ -62,7 +53,7 @@ def test_what_is_coarser_where_faces_crowd_is_in_the_report(monkeypatch: pytest.
 @pytest.mark.as_shipped
 def test_results_keep_the_asset_and_say_so() -> None:
     asset = glb(icosphere(2), scale=30.0, offset=100.0)
-    run = start(asset)
+    run = started(asset, **GIVEN, output={"morph": True})
     reports = list(run)
     assert [r.step for r in reports] == list(range(1, 13))
     assert run.step == run.total_steps == 12
@@ -96,7 +87,7 @@ def test_results_are_compact_and_have_their_provenance_if_requested() -> None:
     results = {}
     for wanted in (False, True):
         output = {"morph": True, "compact": wanted, "provenance": wanted}
-        run = start(asset, request(steps=1).model_copy(update={"output": OutputOptions.model_validate(output)}))
+        run = started(asset, steps=1, seed=5, output=output)
         list(run)
         results[wanted] = {"snapshot": run.snapshot().data} | {n: a.data for n, a in run.finish().items()}
     assert len(results[True]["result.glb"]) < len(asset) + 500 < len(results[False]["result.glb"])
@@ -114,8 +105,8 @@ def test_a_box_of_twelve_triangles_bends_if_it_is_subdivided() -> None:
     cube = box()
     asset = glb(cube)
     assert len(cube.faces) == 12
-    job = request(steps=40).model_copy(update={"output": OutputOptions(subdivide=True)})
-    run = start(asset, job)
+    given: dict[str, Any] = {"steps": 40, "output": {"subdivide": True}}
+    run = started(asset, **given)
     steps = iter(run)
     for _ in range(20):
         next(steps)
@@ -135,19 +126,19 @@ def test_a_box_of_twelve_triangles_bends_if_it_is_subdivided() -> None:
     side = flat[:, 0] > 0.9
     mean = normals[side].mean(0)
     assert float(torch.rad2deg(torch.acos((normals[side] @ (mean / mean.norm())).clamp(-1, 1))).max()) > 10
-    resumed = start(asset, job, checkpoint=saved)
+    resumed = started(asset, **given, checkpoint=saved)
     list(resumed)
     assert resumed.finish()["result.glb"].data == files["result.glb"].data
     for wrong in ({"checkpoint": saved}, {"initial": saved}):
         with pytest.raises(CheckpointError):
-            start(asset, request(steps=40), **wrong)
+            started(asset, steps=40, **wrong)
 
 
 def test_the_report_says_which_normals_were_rebuilt() -> None:
     ball = icosphere(2)
     normals = ball.verts.numpy().copy()
     normals[[3, 50]] = np.nan
-    run = start(build_glb(ball.verts.numpy(), ball.faces.numpy(), normals=normals), request(steps=1))
+    run = started(build_glb(ball.verts.numpy(), ball.faces.numpy(), normals=normals), steps=1)
     list(run)
     artifacts = run.finish()
     report = json.loads(artifacts["report.json"].data)
@@ -166,7 +157,7 @@ def test_a_run_that_resumes_in_another_precision_says_so_to_its_end() -> None:
     asset, places = glb(icosphere(1)), [HalfPrior(), FakePrior(), FakePrior(), HalfPrior()]
     stored, said = None, []
     for until, prior in zip((3, 5, 7, 12), places, strict=True):
-        run = start(asset, prior=prior, checkpoint=stored)
+        run = started(asset, **GIVEN, prior=prior, checkpoint=stored)
         for report in run:
             if report.step == until:
                 break
@@ -179,34 +170,34 @@ def test_a_run_that_resumes_in_another_precision_says_so_to_its_end() -> None:
     assert [len(words) for words in warned] == [0, 1, 1, 1]
     assert "bfloat16, float32, in this order" in warned[1][0]
     # A branch is a run of its own, which only begins with the shape.
-    assert start(asset, request(seed=9), initial=stored)._facts.precision == "float32"
+    assert started(asset, steps=12, seed=9, initial=stored)._facts.precision == "float32"
 
 
 def test_a_branch_begins_exactly_at_the_shape_of_the_checkpoint_and_resumes() -> None:
     asset = glb(icosphere(2), scale=30.0, offset=100.0)
-    first = start(asset)
+    first = started(asset, **GIVEN)
     for report in first:
         if report.step == 5:
             break
     state = first.checkpoint()
     assert first.snapshot().content_type == "model/gltf-binary"
-    for other in (request(), request(seed=9, steps=4, learning_rate=0.01)):
-        branch = start(asset, other, initial=state)
+    for other in (GIVEN, {"seed": 9, "steps": 4, "learning_rate": 0.01}):
+        branch = started(asset, **other, initial=state)
         assert branch.step == 0
         assert np.array_equal(branch.positions(), first.positions())
         assert branch.snapshot() == first.snapshot()
         next(iter(branch))
-        resumed = start(asset, other, checkpoint=branch.checkpoint())
+        resumed = started(asset, **other, checkpoint=branch.checkpoint())
         assert [report.step for report in branch] == list(range(2, branch.total_steps + 1))
         assert not np.array_equal(branch.positions(), first.positions())
         assert resumed.step == 1
         list(resumed)
         assert resumed.finish()["result.glb"].data == branch.finish()["result.glb"].data == branch.snapshot().data
-    for wrong in (request(seed=6), request(learning_rate=0.02)):
+    for wrong in ({"seed": 6}, {"learning_rate": 0.02}):
         with pytest.raises(CheckpointError):
-            start(asset, wrong, checkpoint=state)
+            started(asset, **{**GIVEN, **wrong}, checkpoint=state)
     with pytest.raises(CheckpointError, match="another asset"):
-        start(glb(icosphere(2), scale=31.0), initial=state)
+        started(glb(icosphere(2), scale=31.0), **GIVEN, initial=state)
 
 
 def test_several_components_open_borders_and_stray_vertices_are_no_errors() -> None:
@@ -214,7 +205,7 @@ def test_several_components_open_borders_and_stray_vertices_are_no_errors() -> N
     verts = torch.cat([mesh.verts, torch.tensor([[9.0, 9.0, 9.0]], dtype=torch.float64)])
     degenerate = torch.tensor([[0, 0, 1], [0, 1, 0]])
     faces = torch.cat([mesh.faces[:-3], degenerate, mesh.faces[:1]])
-    run = start(build_glb(verts.numpy(), faces.numpy()), request(steps=3))
+    run = started(build_glb(verts.numpy(), faces.numpy()), steps=3)
     for _ in run:
         pass
     artifacts = run.finish()
@@ -232,9 +223,8 @@ def test_several_components_open_borders_and_stray_vertices_are_no_errors() -> N
 def test_what_stands_on_the_origin_stands_there_after_a_prompt(bottom: float, kept: bool) -> None:
     ball = icosphere(2)
     asset = glb(TriangleMesh(ball.verts + torch.tensor([0.0, bottom + 1.0, 5.0]), ball.faces))
-    params = {"preset": "preview", "steps": 4, "learning_rate": 0.05}
-    job = JobRequest.model_validate({"prompt": "a mushroom", "params": grouped(params)})
-    run = start(asset, job, prior=load_prior("builtin", device="cpu"))
+    prior = load_prior("builtin", device="cpu")
+    run = started(asset, "a mushroom", steps=4, learning_rate=0.05, prior=prior)
     list(run)
     lowest = load_asset(run.finish()["result.glb"].data).surface.positions[:, 1].min()
     assert bool(abs(lowest - bottom) < 1e-6) is kept

@@ -70,6 +70,10 @@ def test_every_member_of_a_request_has_a_description_a_default_and_an_example(
     for name, member in document["components"]["schemas"][schema]["properties"].items():
         assert member["description"], name
         assert member.get("examples") or "$ref" in member, name
+        for choice in member.get("anyOf", [member]):
+            if choice.get("type") in ("number", "integer"):
+                assert {"minimum", "exclusiveMinimum"} & set(choice), name
+                assert {"maximum", "exclusiveMaximum"} & set(choice), name
         said = "default" in member or "Default:" in member["description"]
         assert said or name in {"params", "output", "metadata", "guidance", "control", "kind"}, name
 

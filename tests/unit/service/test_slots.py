@@ -100,6 +100,7 @@ def test_waiting_ends_with_an_error_that_says_why() -> None:
 
 
 def test_a_burst_then_one_for_each_interval() -> None:
+    assert [Rate.of(count).burst for count in (1, 5, 10, 60, 100, 600)] == [1, 5, 10, 10, 10, 60]
     buckets, rate = Buckets(), Rate(per_minute=60, burst=3)
     first = [buckets.take("key", rate, now=100.0) for _ in range(4)]
     assert [verdict.wait_s for verdict in first] == [0.0, 0.0, 0.0, pytest.approx(1.0)]

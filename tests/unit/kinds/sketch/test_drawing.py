@@ -115,15 +115,11 @@ def test_solids_are_closed_and_turned_outwards(family: Family) -> None:
 
 
 @EVERY
-def test_parameters_return_from_shares(family: Family) -> None:
+def test_parameters_return_from_shares_and_every_option_changes_the_shape(family: Family) -> None:
     values = family.draw(np.random.default_rng(3))
     found = family.values(family.shares(values), family.indices(values))
     assert found == {k: pytest.approx(v, abs=1e-4) if isinstance(v, float) else v for k, v in values.items()}
     assert family.checked(family.defaults()) == family.defaults()
-
-
-@EVERY
-def test_every_option_changes_the_shape(family: Family) -> None:
     plain = family.solids({})
     for choice in family.choices:
         for option in choice.options[1:]:

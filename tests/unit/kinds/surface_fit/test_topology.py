@@ -297,23 +297,19 @@ def test_flips_in_a_plane_give_the_delaunay_triangulation() -> None:
     assert before.lengths == pytest.approx(np.linalg.norm(np.roll(places, -1, 1) - places, axis=2), rel=1e-5)
 
 
-def test_the_spectrum_of_a_sphere_is_l_times_l_plus_one() -> None:
+def test_the_spectrum_of_a_sphere_is_known_and_geodesics_on_it_are_angles() -> None:
     mesh = icosphere(4)
     found = delaunay(mesh.verts.numpy(), mesh.faces.numpy())
     values, functions = spectrum(found, 16)
-    known = [0.0] + [2.0] * 3 + [6.0] * 5 + [12.0] * 7
+    known = [0.0] + [2.0] * 3 + [6.0] * 5 + [12.0] * 7  # l (l + 1)
     assert values == pytest.approx(known, rel=0.005, abs=1e-6)
     gram = functions.T @ (mass(found)[:, None] * functions)
     assert np.abs(gram - np.eye(16)).max() < 1e-6
-
-
-def test_geodesics_on_a_sphere_are_angles_and_other_parts_are_infinitely_far() -> None:
-    mesh = icosphere(4)
     both = join(mesh, icosphere(0))
-    found = HeatGeodesics(delaunay(both.verts.numpy(), both.faces.numpy())).distances([0])
+    apart = HeatGeodesics(delaunay(both.verts.numpy(), both.faces.numpy())).distances([0])
     angles = np.arccos(np.clip(mesh.verts.numpy() @ mesh.verts.numpy()[0], -1, 1))
-    assert np.abs(found[: len(angles)] - angles).max() < 0.05
-    assert np.isinf(found[len(angles) :]).all()
+    assert np.abs(apart[: len(angles)] - angles).max() < 0.05
+    assert np.isinf(apart[len(angles) :]).all(), "other parts are infinitely far"
 
 
 def test_geodesics_of_parts_beside_one_of_which_they_are_nothing() -> None:
