@@ -12,7 +12,7 @@ from meshdeform.priors.builtin.teaching.deformed import PictureSet, pictures, si
 from meshdeform.priors.builtin.teaching.teacher import TrainConfig
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.close import assert_close
-from training.prior import mix, train, warm_start
+from training.prior import train, warm_start
 from training.prior.dataset import draw_prompt
 from training.prior.families import member
 from training.prior.held_out import held_out_pairs, is_held_out
@@ -114,18 +114,3 @@ def test_a_warm_start_maps_words_by_name_and_keeps_the_rest(older: Path) -> None
     x, at, azimuth = torch.randn(1, 3, 128, 128), torch.tensor([300]), torch.tensor([20.0])
     text = network.text(torch.tensor([tokenise(parse("a tall vase"))]))
     assert_close(network(x, at, text, azimuth), network(x, at, text, azimuth, torch.tensor([True])))
-
-
-@pytest.mark.usefixtures("small_network")
-def test_a_mix_lies_between_two_editions_but_for_new_words(
-    older: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(mix, "PriorNetwork", lambda: PriorNetwork(SMALL))
-    network, new, mixed = PriorNetwork(SMALL), tmp_path / "new.safetensors", tmp_path / "mixed.safetensors"
-    weights_network.write_weights(new, network.state_dict(), SMALL, {})
-    mix.mix(older, new, 0.25, mixed)
-    old, fresh, made = (weights_network.read_tensors(path)[0] for path in (older, new, mixed))
-    name = next(each for each in old if "word" not in each)
-    assert_close(made[name], 0.25 * old[name] + 0.75 * fresh[name], atol=2e-3, rtol=0.0)
-    row = VOCABULARY.index("pig")
-    assert_close(made["text.word.weight"][row], fresh["text.word.weight"][row], atol=0.0, rtol=0.0)

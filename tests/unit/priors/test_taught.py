@@ -78,13 +78,27 @@ def test_folders_are_named_by_attributes() -> None:
             attributes_of_folder(wrong, new)
 
 
-def test_words_and_lessons_come_back_from_a_file() -> None:
+@each_case(
+    "change",
+    [
+        {"words_format": "2"},
+        {"words": "teapot"},
+        {"nouns": "{"},
+        {"nouns": "[]"},
+        {"nouns": '{"nouns": {"vase": 1}, "synonyms": {}, "lessons": []}'},
+        {"nouns": '{"nouns": {"../x": []}, "synonyms": {}, "lessons": []}'},
+        {"nouns": '{"nouns": {"vase": ["wheel of fortune"]}, "synonyms": {}, "lessons": []}'},
+    ],
+)
+def test_words_and_lessons_come_back_from_a_file_unless_they_contradict_each_other(change: dict[str, str]) -> None:
     new = new_noun("a gnome", BUILTIN_WORDS, synonyms=["dwarf"]).with_parts(["nose"])
     lesson = Lesson("gnome", ("dwarf",), ("tall",), ("a.glb",), "CC0-1.0", "2026-01-02", 300, 7)
     metadata = metadata_of(new.words, [lesson])
     assert words_of(metadata, Path("x")) == new.words
     assert new.words.nouns["gnome"] == ("nose",)
     assert lessons_of(metadata, Path("x")) == (lesson,)
+    with pytest.raises(ModelError):
+        words_of(metadata_of(THREE_NOUNS, []) | change, Path("x"))
 
 
 def test_weights_of_an_older_edition_keep_their_fewer_words_and_parts(tmp_path: Path) -> None:
@@ -103,23 +117,6 @@ def test_weights_of_an_older_edition_keep_their_fewer_words_and_parts(tmp_path: 
         attributes_of_folder("long-beak", new)
     with pytest.raises(ModelError, match="contradict"):
         words_of(metadata_of(Words({**nouns, "dragon": ("beak",)}, {}, older.tokens), []), Path("x"))
-
-
-@each_case(
-    "change",
-    [
-        {"words_format": "2"},
-        {"words": "teapot"},
-        {"nouns": "{"},
-        {"nouns": "[]"},
-        {"nouns": '{"nouns": {"vase": 1}, "synonyms": {}, "lessons": []}'},
-        {"nouns": '{"nouns": {"../x": []}, "synonyms": {}, "lessons": []}'},
-        {"nouns": '{"nouns": {"vase": ["wheel of fortune"]}, "synonyms": {}, "lessons": []}'},
-    ],
-)
-def test_words_that_contradict_each_other_are_refused(change: dict[str, str]) -> None:
-    with pytest.raises(ModelError):
-        words_of(metadata_of(THREE_NOUNS, []) | change, Path("x"))
 
 
 def test_files_from_elsewhere_are_refused_before_they_are_loaded(

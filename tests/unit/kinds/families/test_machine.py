@@ -55,12 +55,30 @@ def test_samples_of_a_planted_machine_recover_its_parameters():
     assert math.isfinite(learning.best_error)
 
 
-def test_a_coordinate_that_never_varies_gets_no_endless_exponents():
+def test_a_coordinate_that_never_varies_gets_no_endless_exponents_and_a_blow_up_goes_back_to_the_best_weights() -> None:
     points, _, _, labels, random = planted(40)
     points[:, 0, 0] = 0.5
-    machine = learned(points, torch.ones(40, 6), labels, random, 300, (4, 2, 2)).machine
-    alpha, beta = machine.exponents(torch.full((1, 4), 0.5))
+    learning = learned(points, torch.ones(40, 6), labels, random, 300, (4, 2, 2))
+    alpha, beta = learning.machine.exponents(torch.full((1, 4), 0.5))
     assert 1000 < float((alpha + beta)[0, 0]) < 1.5 * STRONGEST
+    best = {name: value.clone() for name, value in learning.best.items()}
+    for value in learning.machine.weights.values():
+        value.fill_(float("nan"))
+    rate = learning.rate
+    learning.step(301)
+    assert learning.rate == rate / 2
+    assert all(torch.equal(learning.machine.weights[name], value) for name, value in best.items())
+
+
+def test_an_absent_point_does_not_matter():
+    points, _, _, labels, random = planted(20)
+    exists = torch.ones(20, 6)
+    exists[:, 5] = 0
+    machine = BetaMachine.start(points, exists, labels, random)
+    changed = points.clone()
+    changed[:, 5] = 0.7
+    assert torch.equal(machine.infer(points, exists).h1, machine.infer(changed, exists).h1)
+    assert torch.equal(machine.log_likelihood(points, exists), machine.log_likelihood(changed, exists))
 
 
 def test_the_structure_part_learns_which_points_exist_together():
@@ -78,26 +96,3 @@ def test_the_structure_part_learns_which_points_exist_together():
     before = learning.machine.existence(torch.full((1, 2), 0.5))[0]
     made = machine.existence(machine.structure(exists))
     assert float((made - exists).abs().mean()) < float((before - exists).abs().mean())
-
-
-def test_an_absent_point_does_not_matter():
-    points, _, _, labels, random = planted(20)
-    exists = torch.ones(20, 6)
-    exists[:, 5] = 0
-    machine = BetaMachine.start(points, exists, labels, random)
-    changed = points.clone()
-    changed[:, 5] = 0.7
-    assert torch.equal(machine.infer(points, exists).h1, machine.infer(changed, exists).h1)
-    assert torch.equal(machine.log_likelihood(points, exists), machine.log_likelihood(changed, exists))
-
-
-def test_a_blow_up_goes_back_to_the_best_weights_at_half_the_rate():
-    points, _, _, labels, random = planted(30)
-    learning = learned(points, torch.ones(30, 6), labels, random, 5, (4, 2, 2))
-    best = {name: value.clone() for name, value in learning.best.items()}
-    for value in learning.machine.weights.values():
-        value.fill_(float("nan"))
-    rate = learning.rate
-    learning.step(5)
-    assert learning.rate == rate / 2
-    assert all(torch.equal(learning.machine.weights[name], value) for name, value in best.items())
