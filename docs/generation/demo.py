@@ -50,6 +50,7 @@ def build(folder: Path, http: httpx.Client, job_id: str) -> None:
     links = {
         "#/examples": ("examples", "Examples"),
         f"#/shared/{job_id}/link.recorded": ("shared", "A job"),
+        "#/field": ("create", "A .ndf"),
         "../index.html": ("", "Documentation"),
     }
     nav = "".join(f'<a href="{href}" data-view="{view}">{label}</a>' for href, (view, label) in links.items())

@@ -81,7 +81,6 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.goto("/#/surface")
     page.get_by_role("form", name="New surface fit").get_by_label("Steps", exact=True).wait_for()
     page.get_by_text("Advanced", exact=True).click()
-    page.get_by_label("Anchors", exact=True).fill("1,0,0")
     page.set_input_files("#base-file", {"name": "base.glb", "mimeType": "", "buffer": b"base"})
     page.get_by_role("button", name="Remove base.glb").wait_for()
     yield "surface form"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import re
 import threading
 from collections.abc import Iterator
@@ -17,13 +16,10 @@ from docs.generation.demo import build
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import watched
 from tests.browser.steps import badge, difference, expect, picture, until_drawn
+from tests.browser.test_ndf_loader import small_field
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
-
-ANDROID = (
-    "Mozilla/5.0 (Linux; Android 16; Pixel 10) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/140 Mobile Safari/537.36"
-)
 
 
 class _Quiet(SimpleHTTPRequestHandler):
@@ -75,6 +71,12 @@ def test_examples_and_a_job_are_seen_without_a_server(visitor: Page) -> None:
         visitor.get_by_role("link", name="Examples", exact=True).click()
         expect(visitor.get_by_role("heading", level=1, name="Examples")).to_be_visible()
 
+    # A field of one's own needs no server either.
+    visitor.get_by_role("link", name="A .ndf", exact=True).click()
+    visitor.set_input_files("#field-file", {"name": "ball.ndf", "mimeType": "", "buffer": small_field()})
+    expect(visitor.locator(".field-stage .viewer-tag")).to_have_text("Level 5 · 20,480 triangles")
+    expect(visitor.get_by_role("button", name="Deform this mesh")).to_have_count(0)
+
 
 def test_a_result_stands_in_another_page(visitor: Page) -> None:
     visitor.goto("embed.html")
@@ -82,19 +84,6 @@ def test_a_result_stands_in_another_page(visitor: Page) -> None:
     lamp = until_drawn(view)
     slider.fill("0")
     until("the vase is to be seen", lambda: difference(lamp, picture(view)) > 0.05)
-    expect(visitor.get_by_text("In your room")).to_be_hidden()  # a desktop has no viewer for it
     visitor.evaluate("document.querySelector('meshdeform-result').setAttribute('result', 'none.glb')")
     visitor.evaluate("(node => node.replaceWith(node.cloneNode()))(document.querySelector('meshdeform-result'))")
     expect(visitor.get_by_role("alert")).to_have_text("The result could not be loaded.")
-
-
-@pytest.mark.without_pictures
-def test_a_phone_is_led_to_its_own_viewer(
-    browser: Browser, host: str, request: pytest.FixtureRequest, tmp_path: Path
-) -> None:
-    with watched(browser, host, request, tmp_path, user_agent=ANDROID) as (phone, _):
-        phone.goto("embed.html")
-        link = phone.get_by_role("link", name="In your room").get_attribute("href") or ""
-    assert link.startswith("intent://arvr.google.com/scene-viewer/1.0?file=http")
-    assert "gallery%2Flamp.glb" in link
-    assert json.dumps(host)[1:-1] not in link.partition("#")[0]  # addresses in it are escaped

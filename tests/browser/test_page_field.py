@@ -87,12 +87,6 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     page.get_by_label("Level", exact=True).fill("0")
     page.get_by_text("Advanced", exact=True).click()
     page.get_by_label("Octaves", exact=True).fill("1")
-    anchors = page.get_by_label("Anchors", exact=True)
-    anchors.fill("1,0,0 : 0,0,1\n0,1,0")
-    expect(page.get_by_text("Line 2 is not x,y,z : x,y,z.")).to_be_visible()
-    page.get_by_role("button", name="Fit", exact=True).click()
-    expect(anchors).to_be_focused()
-    anchors.fill("1,0,0 : 0,0,1\n0,1,0 : 0,1,0")
     mesh = icosphere(1)
     base = {"name": "base.glb", "mimeType": "", "buffer": build_glb(mesh.verts.numpy(), mesh.faces.numpy())}
     page.set_input_files("#scalars-file", base)
@@ -105,16 +99,15 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     assert (job["kind"], job["state"], job["asset"]["filename"]) == ("surface_fit", "succeeded", "cloud.ply")
     asked = {"base_faces": 100, "steps": 4, "level": 0, "octaves": 1, "checkpoint_every_steps": 1}
     assert asked.items() <= job["params"].items()
-    pairs = [{"base": [1, 0, 0], "surface": [0, 0, 1]}, {"base": [0, 1, 0], "surface": [0, 1, 0]}]
-    assert (job["params"]["anchors"], {part: job["files"][part]["filename"] for part in ("base", "scalars")}) == (
-        pairs, {"base": "base.glb", "scalars": "scalars.npz"}
-    )  # fmt: skip
+    assert {part: job["files"][part]["filename"] for part in ("base", "scalars")} == {
+        "base": "base.glb",
+        "scalars": "scalars.npz",
+    }
     expect(page.locator(".field-stage .viewer-tag")).to_contain_text("triangles")
     page.get_by_role("button", name="Edit and run again").click()
     expect(steps).to_have_value("4")
     expect(page.get_by_label("Octaves", exact=True)).to_have_value("1")
     expect(page.locator("#asset-facts")).to_contain_text("cloud.ply")
-    expect(anchors).to_have_value("1,0,0 : 0,0,1\n0,1,0 : 0,1,0")
     for name in ("base.glb", "scalars.npz"):
         expect(page.get_by_role("button", name=f"Remove {name}")).to_be_visible()
 

@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { placeOf, plainParams } from "../../service/web/app/groups.js";
 import { checkpointEvery, documents, fieldProblem, formOf, integerProblem, keptText, nothingKept, numbersOf, randomSeed, refinement, wishOf } from "../../service/web/app/params.js";
 
-const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, morph: false, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
+const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
 // What the server serves as web/parameters.json has the same members.
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas });
@@ -24,7 +24,7 @@ test("the form offers what the server declares", () => {
 
 test("one job asks for what was chosen and nothing else", () => {
   assert.deepEqual(documents(WISH, 80, "g", FORM), [
-    { prompt: "a mushroom", params: { preset: "preview", checkpoint_every_steps: 8, seed: 7, guidance: { model: "builtin" } }, output: { morph: false } },
+    { prompt: "a mushroom", params: { preset: "preview", checkpoint_every_steps: 8, seed: 7, guidance: { model: "builtin" } }, output: {} },
   ]);
 });
 
@@ -82,16 +82,16 @@ test("a job's own parameters fill the form again, and what it has no field for i
     params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] }, checkpoint_every_steps: 7 },
     output: { morph: true, subdivide: true, other: 1 },
   };
-  const kept = { params: { timestep_min: 0.5, exclude: ["Ground"] }, output: { other: 1 } };
+  const kept = { params: { timestep_min: 0.5, exclude: ["Ground"] }, output: { morph: true, other: 1 } };
   const wish = wishOf(job, FIELDS);
   const control = { regions: [], handles: [], symmetry: "none", falloff: "", prompts: [], of: "" };
   const guide = { align: "", landmarks: [], pictures: [], target: false };
-  assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, morph: true, subdivide: true, advanced: { learning_rate: "0.01" }, kept });
+  assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, subdivide: true, advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FORM);
   assert.deepEqual(document, {
     prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] } }, output: { morph: true, subdivide: true, other: 1 },
   });
-  assert.equal(keptText(kept), 'timestep_min 0.5, exclude ["Ground"], output.other 1');
+  assert.equal(keptText(kept), 'timestep_min 0.5, exclude ["Ground"], output.morph true, output.other 1');
   // What every job has is not kept, in whatever order its members are.
   const paths = { morph_path: { seconds: 1, frames: 8 }, other: { frames: 8 } };
   assert.deepEqual(wishOf({ output: paths }, FIELDS, { morph_path: { frames: 8, seconds: 1 }, other: { frames: 4 } }).kept.output, { other: { frames: 8 } });

@@ -1,7 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { findings, shapeWords, skipped } from "../../service/web/app/quality.js";
-import { allPoints, curveWords, smoothed } from "../../service/web/app/chart.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
 import { adjectives, catalogue, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
@@ -107,24 +106,6 @@ test("an open surface has no volume to speak of", () => {
   assert.equal(findings({ quality: { area_ratio: 2, volume_ratio: 0 } })[0].text, "Surface 2×");
   assert.equal(findings({ quality: { area_ratio: 2, volume_ratio: 3 } })[0].text, "Surface 2×, volume 3×");
   assert.deepEqual(skipped({ skipped: { border_edges: 1, zero_area_faces: 2, degenerate_faces: 0, primitives: [] } }), ["2 zero-area faces", "1 open edge"]);
-});
-
-test("smoothing keeps a constant, and the first value", () => {
-  for (const value of smoothed([3, 3, 3])) assert.ok(Math.abs(value - 3) < 1e-12);
-  const found = smoothed([1, 0], 0.5);
-  assert.equal(found[0], 1);
-  assert.ok(Math.abs(found[1] - 1 / 3) < 1e-12);
-});
-
-test("a curve for those who do not see it", () => {
-  assert.equal(curveWords([1, 5], [4, 2]), "4 at step 1, 2 at step 5, lowest 2 at step 5");
-});
-
-test("a report that begins in the middle is completed by the events", () => {
-  const point = (step, loss) => ({ step, loss });
-  const found = allPoints([point(5, 1), point(10, 2), point(20, 3)], { losses: [{ step: 9, total: 7, normal: 1 }, { step: 20, total: 8 }] });
-  assert.deepEqual(found, [point(5, 1), point(9, 7), point(20, 8)]);
-  assert.deepEqual(allPoints([point(5, 1)], null), [point(5, 1)]);
 });
 
 test("prompts are put together from what a prior knows", () => {

@@ -49,7 +49,7 @@ export function fill(parent, ...children) {
 }
 
 /** @param {string} tag @param {Record<string, string | number>} attributes @param {...(Node | string)} children @returns {SVGElement} */
-export function svg(tag, attributes = {}, ...children) {
+function svg(tag, attributes = {}, ...children) {
   const element = /** @type {SVGElement} */ (document.createElementNS("http://www.w3.org/2000/svg", tag));
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
   element.append(...children);
@@ -73,7 +73,6 @@ const ICONS = /** @type {Record<string, string>} */ ({
   cross: "m7 7 10 10M17 7 7 17",
   clock: "M12 21a9 9 0 1 0 0-18 9 9 0 0 0 0 18zM12 7.500V12l3 2",
   play: "M8 5.500v13l10.500-6.500z",
-  pause: "M8.500 6v12M15.500 6v12",
   key: "M14.500 13.500a4 4 0 1 0-4-4c0 .5.100 1 .3 1.500L4 17.800V20h3v-2h2v-2h1.500l2-2c.6-.3 1.300-.5 2-.5zM15.500 8.500h.01",
   edit: "m5 19 .8-3.800L16 5l3 3L8.800 18.200zM14 7l3 3",
   spark: "M12 3.500 14 10l6.500 2-6.500 2-2 6.500-2-6.500-6.500-2 6.500-2z",

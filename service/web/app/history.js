@@ -4,7 +4,6 @@
  *
  * @typedef {{seq: number, job_id: string, type: string, at: string, attempt: number, data: Record<string, any>}} JobEvent
  * @typedef {{step: number, total: number, fraction: number, phase: string, eta: number | null}} Progress
- * @typedef {{step: number, loss: number}} Point
  * @typedef {{at: string, text: string}} Line
  * @typedef {{reason: string, step: number}} Interruption Why the last attempt ended, and at which step.
  * @typedef {object} History
@@ -13,7 +12,6 @@
  * @property {number} losses Attempts that ended without the worker handing the job back in order.
  * @property {Interruption | null} interruption The last one, until the job is as far again.
  * @property {Progress} progress
- * @property {Point[]} points Losses by step, ascending.
  * @property {number[]} checkpoints Steps, ascending.
  * @property {Record<string, any> | null} error
  * @property {string | null} startedAt
@@ -32,7 +30,6 @@ export function emptyHistory() {
     losses: 0,
     interruption: null,
     progress: { step: 0, total: 0, fraction: 0, phase: "queued", eta: null },
-    points: [],
     checkpoints: [],
     error: null,
     startedAt: null,
@@ -69,7 +66,6 @@ export function withEvent(history, event) {
       if (next.state === "queued") next.state = "running";
       next.progress = readProgress(data);
       if (history.interruption && next.progress.step > history.interruption.step) next.interruption = null;
-      next.points = withPoint(history.points, data);
       break;
     case "checkpoint":
       next.checkpoints = [...new Set([...history.checkpoints, Number(data.step)])].sort((a, b) => a - b);
@@ -107,20 +103,6 @@ function readProgress(data) {
     phase: String(data.phase ?? ""),
     eta: typeof data.eta_s === "number" ? data.eta_s : null,
   };
-}
-
-/**
- * Add a point. A later attempt repeats steps: its points replace the earlier ones.
- * @param {Point[]} points
- * @param {Record<string, any>} data
- * @returns {Point[]}
- */
-function withPoint(points, data) {
-  const step = Number(data.step) || 0;
-  if (!step || !Number.isFinite(data.losses?.total)) return points;
-  const last = points.length ? points[points.length - 1].step : 0;
-  const kept = step > last ? points : points.filter((point) => point.step < step);
-  return [...kept, { step, loss: data.losses.total }];
 }
 
 const REASONS = /** @type {Record<string, string>} */ ({

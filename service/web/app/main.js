@@ -17,7 +17,7 @@ let turn = 0;
 const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", examples: "examples", example: "examples", teach: "teach", shared: "shared" });
 const RELOAD_MS = 30_000;
 const AGAIN_MS = 1000;
-const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared"]);
+const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared", "field"]);
 
 /** @typedef {(root: HTMLElement, scope: Scope) => unknown} View Shows it. */
 

@@ -1,6 +1,7 @@
 // @ts-check
 /** A `.ndf` of the user's own, unfolded in the browser: nothing is sent. */
 import { intro, kindsNav } from "./create/form.js";
+import { DEMO } from "./demo.js";
 import { button, fill, h, icon, say } from "./dom.js";
 import { FieldStage } from "./job/field-stage.js";
 import { fileInput, isField, takeDrops, takeHanded } from "./picking.js";
@@ -22,7 +23,7 @@ export class OwnField {
       this.refused,
       this.place,
     );
-    fill(root, intro("Open", "a field", "The file of a surface fit, unfolded to any level: to look at, to measure on, and to save as a mesh."), kindsNav("surface"), element);
+    fill(root, intro("Open", "a field", "The file of a surface fit, unfolded to any level: to look at, to measure on, and to save as a mesh."), DEMO ? null : kindsNav("surface"), element);
     takeDrops(scope, element, ([file]) => this._show(file));
     const file = takeHanded();
     if (file) this._show(file);

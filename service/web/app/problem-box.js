@@ -19,13 +19,13 @@ export function described(error) {
   return { title: "Something went wrong on this page", detail: error instanceof Error ? error.message : String(error), advice: "", id: "" };
 }
 
-/** Do something, and say it where that fails; a view that goes says nothing. @param {string} failed @param {() => unknown} work @param {string} [advice] */
-export async function orToast(failed, work, advice = "") {
+/** Do something, and say it where that fails; a view that goes says nothing. @param {string} failed @param {() => unknown} work */
+export async function orToast(failed, work) {
   try {
     await work();
   } catch (error) {
     const { title, detail } = described(error);
-    if (!isAbort(error)) toast([`${failed}.`, detail || title, advice].filter(Boolean).join(" "));
+    if (!isAbort(error)) toast(`${failed}. ${detail || title}`);
   }
 }
 

@@ -145,7 +145,7 @@ export class ViewerBox {
     return this.viewer.snapshot({ width: 2 * width, height: 2 * height, background: getComputedStyle(this.canvas).backgroundColor });
   }
 
-  /** @returns {Promise<Blob>} One turn around what is shown, as an animated WebP. */
+  /** @returns {Promise<Blob>} One turn around what is shown, as a video. */
   turntable() {
     return this.viewer.turntable({ background: getComputedStyle(this.canvas).backgroundColor, signal: this.scope.signal });
   }

@@ -5,8 +5,8 @@
  *     <script type="module" src="web/viewer/embed.js"></script>
  *     <meshdeform-result source="vase.glb" result="lamp.glb" label="A vase becomes a lamp"></meshdeform-result>
  *
- * `source` and `result` are GLBs of the same triangles; `label` names the view for those who do not see it; `usdz` is the
- * result for AR on Apple's devices, where GLBs are not taken. Events: `ready`, and `failed`, whose `detail` is the error.
+ * `source` and `result` are GLBs of the same triangles; `label` names the view for those who do not see it. Events: `ready`,
+ * and `failed`, whose `detail` is the error.
  */
 import { MeshViewer } from "./viewer.js";
 
@@ -16,25 +16,11 @@ STYLE.replaceSync(`
   .view { position: relative; min-height: 0; border-radius: 12px; overflow: hidden; }
   .bar { display: flex; gap: 12px; align-items: center; min-height: 44px; }
   input { flex: 1; min-width: 0; height: 44px; margin: 0; }
-  a { display: grid; align-content: center; min-height: 44px; }
   [hidden] { display: none; }
   [role=alert] { position: absolute; inset: 0; display: grid; place-content: center; padding: 24px; text-align: center; }
 `);
 
-/**
- * The address that shows a file in the user's room; empty where the device has no such viewer.
- * @param {string} glb @param {string} usdz Empty: there is none. @param {string} title
- */
-export function arLink(glb, usdz, title) {
-  if (/Android/.test(navigator.userAgent)) {
-    const query = new URLSearchParams({ file: glb, mode: "ar_preferred", title });
-    const back = encodeURIComponent(location.href);
-    return `intent://arvr.google.com/scene-viewer/1.0?${query}#Intent;scheme=https;package=com.google.android.googlequicksearchbox;action=android.intent.action.VIEW;S.browser_fallback_url=${back};end;`;
-  }
-  return usdz && document.createElement("a").relList.supports("ar") ? usdz : "";
-}
-
-export class MeshdeformResult extends HTMLElement {
+class MeshdeformResult extends HTMLElement {
   /** @type {MeshViewer | null} */
   #viewer = null;
 
@@ -46,7 +32,7 @@ export class MeshdeformResult extends HTMLElement {
     slider.setAttribute("aria-label", "From the source to the result");
     slider.addEventListener("input", () => this.#viewer?.setMorph(Number(slider.value) / 100));
     const bar = Object.assign(document.createElement("div"), { className: "bar" });
-    bar.append("Before", slider, "After", this.#room());
+    bar.append("Before", slider, "After");
     root.replaceChildren(view, bar);
     void this.#open(view, bar);
   }
@@ -56,25 +42,12 @@ export class MeshdeformResult extends HTMLElement {
     this.#viewer = null;
   }
 
-  /** @param {string} name @returns {string} the address that an attribute names; empty: none */
-  #address(name) {
-    const value = this.getAttribute(name);
-    return value ? new URL(value, document.baseURI).href : "";
-  }
-
-  #room() {
-    const href = arLink(this.#address("result"), this.#address("usdz"), this.getAttribute("label") ?? "");
-    const link = Object.assign(document.createElement("a"), { href, rel: "ar", hidden: !href, textContent: "In your room" });
-    link.prepend(Object.assign(new Image(), { alt: "" })); // Quick Look wants a picture in the link
-    return link;
-  }
-
   /** @param {HTMLElement} view @param {HTMLElement} bar */
   async #open(view, bar) {
     try {
       const viewer = (this.#viewer = new MeshViewer(view, { label: this.getAttribute("label") ?? "3D model" }));
       const files = ["source", "result"].map(async (name) => {
-        const response = await fetch(this.#address(name));
+        const response = await fetch(this.getAttribute(name) ?? "");
         if (!response.ok) throw new Error(`The ${name} could not be loaded.`);
         return response.arrayBuffer();
       });

@@ -4,7 +4,7 @@
  * than that. Each viewer has a plain 2D canvas; the shared one draws its scene and the picture is copied over, on
  * demand only.
  */
-import { NeutralToneMapping, PCFShadowMap, PMREMGenerator, WebGLRenderer } from "../vendor/three/three.module.js";
+import { NeutralToneMapping, VSMShadowMap, PMREMGenerator, WebGLRenderer } from "../vendor/three/three.module.js";
 import { RoomEnvironment } from "../vendor/three/addons/environments/RoomEnvironment.js";
 
 export const NO_WEBGL =
@@ -52,16 +52,13 @@ export class SharedRenderer extends EventTarget {
     this.gl.toneMapping = NeutralToneMapping;
     this.gl.toneMappingExposure = 0.92;
     this.gl.shadowMap.enabled = true;
-    this.gl.shadowMap.type = PCFShadowMap;
+    this.gl.shadowMap.type = VSMShadowMap;
     this.maxSize = Math.min(4096, context.getParameter(context.MAX_RENDERBUFFER_SIZE));
     /** @type {Set<() => boolean>} */
     this.waiting = new Set();
     this.frame = 0;
     this.environment = makeEnvironment(this.gl);
-    canvas.addEventListener("webglcontextlost", (event) => {
-      event.preventDefault(); // or it is never given back
-      this.dispatchEvent(new Event("contextlost"));
-    });
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault()); // or it is never given back
     canvas.addEventListener("webglcontextrestored", () => {
       this.environment = makeEnvironment(this.gl); // what was drawn on the GPU is gone
       this.dispatchEvent(new Event("contextrestored"));
@@ -101,8 +98,6 @@ export class SharedRenderer extends EventTarget {
    */
   draw(stage, camera, target, width, height) {
     if (this.lost) return;
-    this.gl.setScissorTest(false);
-    stage.prepare(this.gl);
     const grownWidth = Math.max(this.canvas.width, width);
     const grownHeight = Math.max(this.canvas.height, height);
     if (grownWidth !== this.canvas.width || grownHeight !== this.canvas.height) {

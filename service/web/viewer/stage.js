@@ -9,7 +9,6 @@ import {
   ShadowMaterial,
   Vector3,
 } from "../vendor/three/three.module.js";
-import { ContactShadow } from "./contact.js";
 import { clay, meshesOf } from "./loading.js";
 
 export class Stage {
@@ -19,7 +18,7 @@ export class Stage {
     this.key = new DirectionalLight(0xfffaf2, 1.55);
     this.key.castShadow = true;
     this.key.shadow.mapSize.set(1024, 1024);
-    this.key.shadow.radius = 5;
+    this.key.shadow.radius = 8;
     this.key.shadow.bias = -0.0004;
     this.key.shadow.intensity = 0.75;
     this.key.shadow.autoUpdate = false; // only when the mesh changes
@@ -27,9 +26,7 @@ export class Stage {
     this.ground.receiveShadow = true;
     this.ground.renderOrder = -2;
     this.ground.visible = false;
-    this.contact = new ContactShadow();
-    this.contact.floor.visible = false;
-    this.scene.add(this.key, this.key.target, this.ground, this.contact.floor);
+    this.scene.add(this.key, this.key.target, this.ground);
     this.floating = false;
     this.setTheme(false);
   }
@@ -38,14 +35,14 @@ export class Stage {
   setFloating(floating) {
     this.floating = floating;
     this.key.castShadow = !floating;
-    this.ground.visible = this.contact.floor.visible = false;
+    this.ground.visible = false;
   }
 
   /** Set light and ground up for a box. @param {Box3} box world units */
   enclose(box) {
     const center = box.getCenter(new Vector3());
     const radius = Math.max(box.max.distanceTo(box.min) / 2, 1e-12);
-    this.ground.visible = this.contact.floor.visible = !this.floating;
+    this.ground.visible = !this.floating;
     this.ground.position.set(center.x, box.min.y - 0.003 * radius, center.z);
     this.ground.scale.setScalar(radius * 8);
     this.key.target.position.copy(center);
@@ -55,35 +52,22 @@ export class Stage {
     Object.assign(camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: radius, far: radius * 8 });
     camera.updateProjectionMatrix();
     this.key.shadow.normalBias = radius * 0.008;
-    this.contact.enclose(box);
     this.refreshShadow();
   }
 
   refreshShadow() {
-    this.key.shadow.needsUpdate = this.contact.needsUpdate = true;
-  }
-
-  /** Draw what is needed before the picture itself. @param {import("three").WebGLRenderer} gl */
-  prepare(gl) {
-    /** @type {import("three").Object3D[]} */
-    const overlays = [];
-    this.scene.traverse((object) => {
-      if (object.userData.overlay) overlays.push(object);
-    });
-    this.contact.update(gl, this.scene, [this.ground, this.contact.floor, ...overlays]);
+    this.key.shadow.needsUpdate = true;
   }
 
   /** @param {boolean} dark whether the page is */
   setTheme(dark) {
-    this.ground.material.opacity = dark ? 0.3 : 0.12;
-    this.contact.floor.material.opacity = dark ? 0.85 : 0.5;
+    this.ground.material.opacity = dark ? 0.55 : 0.24;
   }
 
   dispose() {
     this.key.shadow.dispose();
     this.ground.geometry.dispose();
     this.ground.material.dispose();
-    this.contact.dispose();
   }
 }
 

@@ -43,7 +43,6 @@ export class Surface {
     this.help = document.createElement("p");
     this.help.id = `mesh-viewer-help-${++count}`;
     this.help.textContent = instructions;
-    this.before = { tabIndex: container.getAttribute("tabindex"), style: container.getAttribute("style") };
     container.tabIndex = 0;
     container.setAttribute("role", "application");
     container.setAttribute("aria-roledescription", "3D viewer");
@@ -150,12 +149,5 @@ export class Surface {
     this.intersecting?.disconnect();
     this.canvas.remove();
     this.help.remove();
-    for (const name of ["role", "aria-roledescription", "aria-label", "aria-describedby"]) {
-      this.container.removeAttribute(name);
-    }
-    const { tabIndex, style } = this.before;
-    if (tabIndex === null) this.container.removeAttribute("tabindex");
-    else this.container.setAttribute("tabindex", tabIndex);
-    this.container.style.cssText = style ?? "";
   }
 }

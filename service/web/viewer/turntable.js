@@ -1,14 +1,15 @@
 // @ts-check
-/** One turn around what a viewer shows, as an animated picture. */
+/** One turn around what a viewer shows, as a video. */
 import { Box3, Vector3 } from "../vendor/three/three.module.js";
 import { frameBox, makeCamera } from "./cameras.js";
-import { drawSnapshot } from "./snapshot.js";
-import { animatedWebp } from "./webp.js";
+import { paint } from "./snapshot.js";
 
-/** @typedef {{ size?: number, frames?: number, background?: string, signal?: AbortSignal }} TurntableOptions */
+/** @typedef {{ background?: string, signal?: AbortSignal }} TurntableOptions */
 
-const FRAME_MS = 80;
-const QUALITY = 0.85;
+const SIZE = 480;
+const FRAMES = 48;
+const FRAME_MS = 60;
+const BITS_PER_SECOND = 6_000_000;
 
 /**
  * @param {import("./renderer.js").SharedRenderer} renderer
@@ -16,23 +17,30 @@ const QUALITY = 0.85;
  * @param {Box3} box what fits into every frame
  * @param {Vector3} direction from the box to the camera in the first frame
  * @param {TurntableOptions} options `background` is a CSS colour
- * @returns {Promise<Blob>} a WebP
- * @throws {Error} the browser cannot write WebP; the message is for people
+ * @returns {Promise<Blob>} as the browser records it: a WebM, or an MP4
  */
-export async function drawTurntable(renderer, stage, box, direction, { size = 420, frames = 36, background = "white", signal } = {}) {
+export async function drawTurntable(renderer, stage, box, direction, { background = "white", signal } = {}) {
   const camera = makeCamera();
   const around = cylinder(box);
   const way = direction.clone().normalize();
-  const stills = [];
-  for (let frame = 0; frame < frames; frame++) {
+  const canvas = Object.assign(document.createElement("canvas"), { width: SIZE, height: SIZE });
+  paint(renderer, stage, camera, canvas, background); // a canvas without a context cannot be recorded
+  const recorder = new MediaRecorder(canvas.captureStream(), { videoBitsPerSecond: BITS_PER_SECOND });
+  /** @type {Blob[]} */
+  const parts = [];
+  recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
+  const stopped = new Promise((resolve) => recorder.addEventListener("stop", resolve, { once: true }));
+  recorder.start();
+  for (let frame = 0; frame < FRAMES; frame++) {
     signal?.throwIfAborted();
     frameBox(camera, around, way);
-    const still = await drawSnapshot(renderer, stage, camera, { width: size, height: size, background, type: "image/webp", quality: QUALITY });
-    stills.push(await still.arrayBuffer());
-    way.applyAxisAngle(new Vector3(0, 1, 0), (-2 * Math.PI) / frames);
+    paint(renderer, stage, camera, canvas, background);
+    way.applyAxisAngle(new Vector3(0, 1, 0), (-2 * Math.PI) / FRAMES);
+    await new Promise((resolve) => setTimeout(resolve, FRAME_MS));
   }
-  const made = animatedWebp(stills, { width: size, height: size, milliseconds: FRAME_MS });
-  return new Blob([made], { type: "image/webp" });
+  recorder.stop();
+  await stopped;
+  return new Blob(parts, { type: recorder.mimeType });
 }
 
 /** @param {Box3} box @returns {Box3} the box around it in every turn about the vertical axis */

@@ -31,7 +31,7 @@ export { linkCameras, snapshotAsset, TopologyError };
 /** @typedef {import("./loading.js").Format} Format */
 /** @typedef {{ vertices: number, triangles: number, meshes: number }} AssetInfo */
 
-/** Events: `ready` (something was loaded), `camerachange` and `camerareset`, `contextlost` and `contextrestored`. */
+/** Events: `ready` (something was loaded), `camerachange` and `camerareset`. */
 export class MeshViewer extends EventTarget {
   /** @type {import("./renderer.js").SharedRenderer | null} */ #renderer = null;
   /** @type {import("three").Object3D | null} */ #root = null;
@@ -238,7 +238,7 @@ export class MeshViewer extends EventTarget {
   /**
    * One turn around what is shown, from where the camera is.
    * @param {import("./turntable.js").TurntableOptions} options
-   * @returns {Promise<Blob>} an animated WebP
+   * @returns {Promise<Blob>} a video
    */
   async turntable(options = {}) {
     if (!this.#root) throw new Error("Nothing is loaded.");
@@ -266,8 +266,7 @@ export class MeshViewer extends EventTarget {
     this.surface.dispose();
     if (!this.#renderer) return;
     this.#renderer.cancel(this.#draw);
-    this.#renderer.removeEventListener("contextlost", this.#contextChanged);
-    this.#renderer.removeEventListener("contextrestored", this.#contextChanged);
+    this.#renderer.removeEventListener("contextrestored", this.#restored);
     this.#renderer = null;
     releaseRenderer();
   }
@@ -277,16 +276,14 @@ export class MeshViewer extends EventTarget {
     if (this.#disposed) throw new Error("This viewer was disposed of.");
     if (!this.#renderer) {
       this.#renderer = acquireRenderer();
-      this.#renderer.addEventListener("contextlost", this.#contextChanged);
-      this.#renderer.addEventListener("contextrestored", this.#contextChanged);
+      this.#renderer.addEventListener("contextrestored", this.#restored);
     }
     return this.#renderer;
   }
 
-  #contextChanged = (/** @type {Event} */ event) => {
+  #restored = () => {
     this.stage.scene.environment = this.#renderer?.environment.texture ?? null;
     this.stage.refreshShadow();
-    this.dispatchEvent(new Event(event.type));
     this.invalidate();
   };
 

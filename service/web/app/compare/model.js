@@ -24,7 +24,7 @@ function row(label, a, b) {
 export function obstacle(job) {
   if ((job.kind ?? "text_deform") !== "text_deform") return "This job does not deform an asset, so it has no shape to compare.";
   if (job.state === "succeeded") return "";
-  if (!isTerminal(job.state)) return "This job has not finished yet. The comparison appears as soon as it has.";
+  if (!isTerminal(job.state)) return "This job has not finished yet.";
   return `This job has no result: ${STATE_WORDS[job.state].toLowerCase()}.`;
 }
 

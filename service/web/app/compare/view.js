@@ -1,18 +1,15 @@
 // @ts-check
 /** Two jobs side by side: their results in 3D, what was asked of each, and their figures. */
 import { announce } from "../announce.js";
-import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
-import { button, fill, h, icon, panel } from "../dom.js";
+import { client, isAbort, MeshdeformError } from "../client.js";
+import { fill, h, icon, panel } from "../dom.js";
 import { ago, jobTitle } from "../format.js";
-import { isTerminal } from "../history.js";
-import { copyText } from "../job/files.js";
 import { stateBadge } from "../jobs/card.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { askedRows, figureRows, obstacle } from "./model.js";
 
-const POLL_MS = 3000;
 const LETTERS = ["A", "B"];
 const GONE = "There is no such job here: it was deleted, or belongs to another key.";
 
@@ -42,29 +39,19 @@ export class CompareView {
         "div",
         { class: "row", role: "group", "aria-label": "Actions" },
         h("a", { class: "button", href: swap }, icon("turn"), "Swap"),
-        button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       ),
     );
   }
 
   async _run() {
-    if (this.ids[0] === this.ids[1]) {
-      return this._say("These are the same job", "Choose two different jobs in the list.");
-    }
-    for (;;) {
-      try {
-        this.jobs = await Promise.all(this.ids.map((id) => this._job(id)));
-        if (this.scope.over) return;
-        this._showHeads();
-        if (this.jobs.every((job) => job && !obstacle(job))) return await this._compare();
-        if (!this.jobs.some((job) => job && !isTerminal(job.state))) return this._say("These jobs cannot be compared", "Both must have a result. Choose two others in the list.");
-        this._say("Waiting for a result", "", true);
-      } catch (error) {
-        if (this.scope.over || isAbort(error)) return;
-        fill(this.body, problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
-        if (!isOffline(error) && !(error instanceof MeshdeformError && error.status >= 500)) return;
-      }
-      if (!(await this.scope.sleep(POLL_MS))) return;
+    try {
+      this.jobs = await Promise.all(this.ids.map((id) => this._job(id)));
+      if (this.scope.over) return;
+      fill(this.heads, this.jobs.map((job, i) => this._head(job, i)));
+      if (this.jobs.every((job) => job && !obstacle(job))) await this._compare();
+      else fill(this.body, h("p", { class: "lead" }, "These jobs cannot be compared: both must have a result. ", h("a", { href: "#/jobs" }, "Choose others")));
+    } catch (error) {
+      if (!this.scope.over && !isAbort(error)) fill(this.body, problemBox(error, h("a", { class: "button", href: "#/jobs" }, "All jobs")));
     }
   }
 
@@ -78,32 +65,16 @@ export class CompareView {
     }
   }
 
-  /** @param {string} title @param {string} text @param {boolean} [waiting] */
-  _say(title, text, waiting = false) {
-    const known = this.body.querySelector("strong")?.textContent;
-    if (known === title) return;
-    fill(
-      this.body,
-      h("div", { class: "problem" }, icon(waiting ? "clock" : "info"), h("div", null, h("strong", null, title), text ? h("span", null, text) : null, waiting ? null : h("a", { href: "#/jobs" }, "All jobs"))),
-    );
-    announce(title);
-  }
-
-  _showHeads() {
-    fill(this.heads, this.jobs.map((job, i) => this._head(job, i)));
-  }
-
   /** @param {any} job @param {number} i */
   _head(job, i) {
-    const letter = h("span", { class: "compare-letter" }, LETTERS[i]);
-    if (!job) return h("section", { class: "panel compare-head", "aria-label": `Job ${LETTERS[i]}` }, letter, h("div", null, h("h2", null, "Not found"), h("p", { class: "small" }, GONE), h("p", { class: "small muted" }, h("code", null, this.ids[i]))));
-    const wrong = obstacle(job);
-    const link = h("a", { href: routeHash({ name: "job", id: job.id }) }, jobTitle(job));
+    const wrong = job ? obstacle(job) : GONE;
+    const title = job ? h("a", { href: routeHash({ name: "job", id: job.id }) }, jobTitle(job)) : "Not found";
+    const facts = job ? [stateBadge(job.state), h("span", null, `${job.asset.filename} · variation ${job.params?.seed ?? 0} · ${ago(job.created_at)}`)] : h("code", null, this.ids[i]);
     return h(
       "section",
       { class: "panel compare-head", "aria-label": `Job ${LETTERS[i]}` },
-      letter,
-      h("div", null, h("h2", null, link), h("p", { class: "row meta small" }, stateBadge(job.state), h("span", null, `${job.asset.filename} · variation ${job.params?.seed ?? 0} · ${ago(job.created_at)}`)), wrong ? h("p", { class: "small" }, wrong) : null),
+      h("span", { class: "compare-letter" }, LETTERS[i]),
+      h("div", null, h("h2", null, title), h("p", { class: "row meta small" }, facts), wrong ? h("p", { class: "small" }, wrong) : null),
     );
   }
 

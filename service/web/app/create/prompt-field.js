@@ -1,12 +1,12 @@
 // @ts-check
 /** The prompt, the words that the model knows, and what is wrong with the prompt. */
 import { button, fill, h, icon, invalid, labelled } from "../dom.js";
-import { count, titled } from "../format.js";
+import { titled } from "../format.js";
 import { showRefusal } from "../refusal.js";
 import { adjectives, surprise, withAdjective, withNoun } from "../vocabulary.js";
 
 const EXAMPLES_SHOWN = 5;
-const LONGEST = 1000;
+export const LONGEST = 1000;
 
 export class PromptField {
   /** @param {() => void} onChange */
@@ -15,15 +15,14 @@ export class PromptField {
     /** @type {import("../vocabulary.js").Model | null} */
     this.model = null;
     this.input = h("textarea", {
-      id: "prompt", rows: 2, spellcheck: "true", placeholder: "a mushroom", autocapitalize: "none",
+      id: "prompt", rows: 2, maxlength: LONGEST, spellcheck: "true", placeholder: "a mushroom", autocapitalize: "none",
       "aria-describedby": "prompt-problem prompt-note", enterkeyhint: "go",
     });
     this.problem = h("div", { class: "field-problem", id: "prompt-problem", "aria-live": "polite", hidden: true });
-    this.length = h("p", { class: "small muted prompt-length", hidden: true });
     this.note = h("p", { class: "prior-note", id: "prompt-note" });
     this.chips = h("div", { class: "chips", role: "group", "aria-label": "Suggested prompts" });
     this.words = h("div", null);
-    this.element = labelled("prompt", "Prompt", this.input, this.length, this.problem, this.chips, this.words, this.note);
+    this.element = labelled("prompt", "Prompt", this.input, this.problem, this.chips, this.words, this.note);
     this.input.addEventListener("input", () => this._changed());
     this.input.addEventListener("keydown", (event) => {
       // A prompt has no lines: Enter starts.
@@ -43,16 +42,7 @@ export class PromptField {
     this._changed();
   }
 
-  /** What is wrong with its length; empty where it is fine. */
-  get problemOfLength() {
-    const { length } = this.value;
-    return length > LONGEST ? `${count(LONGEST)} characters at most; this has ${count(length)}.` : "";
-  }
-
   _changed() {
-    const { length } = this.value;
-    this.length.hidden = length <= 0.8 * LONGEST;
-    this.length.textContent = `${count(length)} of ${count(LONGEST)} characters`;
     this._press();
     this.onChange();
   }

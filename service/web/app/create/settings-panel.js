@@ -20,7 +20,6 @@ export class SettingsPanel {
     this.seed.input.value = String(randomSeed());
     this.variations = integerField("variations", 1, MAX_VARIATIONS, onChange);
     this.variations.input.value = "1";
-    this.morph = h("input", { id: "morph", type: "checkbox", on: { change: onChange } });
     this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
     /** @type {import("../params.js").Form} */
     this.offered = formOf(null);
@@ -35,10 +34,8 @@ export class SettingsPanel {
   }
 
   _further() {
-    const also = (/** @type {HTMLInputElement} */ input, /** @type {string} */ text) => h("label", { class: "check", for: input.id }, input, h("span", null, text));
     this.fields.advanced.append(
-      also(this.morph, "Also make an animated GLB, from before to after"),
-      also(this.subdivide, "Split long edges first, so that large triangles can bend; the result has more triangles"),
+      h("label", { class: "check", for: "subdivide" }, this.subdivide, h("span", null, "Split long edges first, so that large triangles can bend; the result has more triangles")),
     );
     const random = button("Random variation", () => {
       this.seed.input.value = String(randomSeed());
@@ -140,7 +137,6 @@ export class SettingsPanel {
       preset: this.preset.value(),
       seed: Number(this.seed.input.value),
       variations: this.variationCount,
-      morph: this.morph.checked,
       subdivide: this.subdivide.checked,
       advanced: Object.fromEntries([...this.fields.rows].map(([name, field]) => [name, field.input.value])),
       kept: this.kept,
@@ -171,7 +167,7 @@ export class SettingsPanel {
 
   /** Whether any of the less usual settings is another than at the beginning. */
   get furtherInUse() {
-    return this.variationCount > 1 || this.morph.checked || this.subdivide.checked || [...this.fields.rows.values()].some(({ input }) => input.value !== "");
+    return this.variationCount > 1 || this.subdivide.checked || [...this.fields.rows.values()].some(({ input }) => input.value !== "");
   }
 
   /** Set everything as at the beginning. */
@@ -185,14 +181,13 @@ export class SettingsPanel {
   }
 
   /** @param {Partial<Omit<import("../params.js").Wish, "seed" | "variations"> & {seed: number | string, variations: number | string}>} wish What it lacks is as at the beginning. */
-  restore({ model, preset = PRESETS[0][0], seed = randomSeed(), variations = 1, morph = false, subdivide = false, advanced = {}, kept = nothingKept() }) {
+  restore({ model, preset = PRESETS[0][0], seed = randomSeed(), variations = 1, subdivide = false, advanced = {}, kept = nothingKept() }) {
     // A model that this server no longer runs gives way to its default.
     if (this.catalogue.models.some((found) => found.id === model && found.available)) this.model.value = String(model);
     this._modelChanged();
     this.preset.set(preset);
     this.seed.input.value = String(seed);
     this.variations.input.value = String(variations);
-    this.morph.checked = morph;
     this.subdivide.checked = subdivide;
     this._keep(kept);
     for (const name of this.fields.rows.keys()) this.setValue(name, advanced[name] ?? "");

@@ -31,8 +31,13 @@ export class SurfaceView {
   constructor(root, scope, from, quick = false) {
     this.scope = scope;
     this.turn = 0; // of the last check: an answer to an earlier one is out of date
+    /** Those of a job that is run again: the form has no field for them. @type {any[] | null} */
+    this.anchors = null;
     this.check = debounced(() => this._check(), 450, scope);
-    this.assets = new AssetPanel(scope, () => this.check());
+    this.assets = new AssetPanel(scope, () => {
+      this.anchors = null;
+      this.check();
+    });
     this.numbers = new NumberRows(KIND, FIRST, () => this.check());
     this.files = new SurfaceFiles(() => this.check());
     this.numbers.more.before(this.files.element);
@@ -87,8 +92,8 @@ export class SurfaceView {
       if (!this.assets.choices) await this.assets.use(asset);
       if (job.kind !== KIND) return null;
       for (const [part, file] of Object.entries(others)) this.files.use(part, file);
-      if (job.params.anchors) this.files.restore(job.params.anchors);
-      if (job.params.anchors || Object.keys(others).length) this.numbers.advanced.open = true;
+      this.anchors = job.params.anchors;
+      this.numbers.advanced.open = Object.keys(others).length > 0;
       return job.params;
     } catch (error) {
       if (!isAbort(error)) fill(this.problem, problemBox(error));
@@ -96,18 +101,9 @@ export class SurfaceView {
     }
   }
 
-  /** Return whether all that was typed can be sent; what cannot is said beside it. */
-  _settle() {
-    const good = this.numbers.settle();
-    const paired = this.files.settle();
-    if (this.numbers.advanced.querySelector('[aria-invalid="true"]')) this.numbers.advanced.open = true;
-    return good && paired;
-  }
-
   _document() {
     /** @type {Record<string, any>} */
-    const params = this.files.anchors.length ? { anchors: this.files.anchors } : {};
-    Object.assign(params, this.numbers.values());
+    const params = { ...(this.anchors ? { anchors: this.anchors } : {}), ...this.numbers.values() };
     const steps = params.steps ?? this.numbers.standard("steps");
     if (steps) params[CHECKPOINTS] ??= checkpointEvery(steps);
     return { kind: KIND, params };
@@ -116,7 +112,7 @@ export class SurfaceView {
   async _check() {
     const turn = ++this.turn;
     const { asset } = this.assets;
-    const good = this._settle();
+    const good = this.numbers.settle();
     this.form.button.classList.toggle("button-blocked", !good);
     this.estimate.textContent = good ? "" : "Correct the marked settings.";
     if (!asset || !good) return;
@@ -147,7 +143,7 @@ export class SurfaceView {
   }
 
   _ready() {
-    const settled = this._settle();
+    const settled = this.numbers.settle();
     if (!settled) this.form.focusProblem();
     return settled && this.assets.asset !== null;
   }

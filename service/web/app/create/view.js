@@ -285,11 +285,9 @@ export class CreateView {
     this.checking.abort();
     this.checking = new AbortController();
     const good = this._settle();
-    const long = this.prompt.problemOfLength;
-    this._block(!good || long !== "");
-    if (long) this.prompt.refuse(long);
-    if (!good || long) {
-      this.estimate.textContent = good ? "" : "Correct the marked settings.";
+    this._block(!good);
+    if (!good) {
+      this.estimate.textContent = "Correct the marked settings.";
       return;
     }
     if (!asset || this._aimless(wish)) {
@@ -370,8 +368,7 @@ export class CreateView {
       const at = /** @type {HTMLElement | null} */ (this.more.querySelector('[aria-invalid="true"]'));
       if (at) at.focus();
       else (this.guide.check() ? this.control : this.guide).focusProblem();
-    } else if (this.prompt.problemOfLength) this.prompt.input.focus();
-    else return this.assets.asset !== null;
+    } else return this.assets.asset !== null;
     return false;
   }
 

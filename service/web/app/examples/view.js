@@ -9,7 +9,6 @@ import { button, fill, h, icon } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
 import { goalWords, percent } from "../format.js";
 import { askedPanel } from "../job/asked.js";
-import { copyText } from "../job/files.js";
 import { qualityPanel } from "../job/results.js";
 import { slider } from "../job/stage-controls.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
@@ -85,17 +84,12 @@ export class ExampleView {
         h("a", { class: "back", href: routeHash({ name: "examples" }) }, icon("back"), "Examples"),
         h("h1", { class: "prompt-title" }, `“${title}”`),
         h("p", { class: "row meta" }, [label, quality, `variation ${asked.params.seed}`].filter(Boolean).join(" · ")),
-        h(
-          "div",
-          { class: "row", role: "group", "aria-label": "Actions" },
-          DEMO ? null : [this.start, button("Change it first", () => this._edit(example), { icon: "edit" })],
-          button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
-        ),
+        DEMO ? null : h("div", { class: "row", role: "group", "aria-label": "Actions" }, this.start, button("Change it first", () => this._edit(example), { icon: "edit" })),
       ),
       h(
         "div",
         { class: "job" },
-        h("div", { class: "job-main" }, this.stage.element),
+        this.stage.element,
         h(
           "div",
           { class: "job-side" },

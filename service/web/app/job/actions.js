@@ -14,7 +14,7 @@ import { checkpointEvery, refinement } from "../params.js";
 import { orToast } from "../problem-box.js";
 import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
-import { copyLink, copyText, download } from "./files.js";
+import { copyLink, download } from "./files.js";
 import { isDeformation } from "./shapes.js";
 import { threadOf } from "./versions.js";
 
@@ -67,7 +67,6 @@ export class JobActions {
       button("Share", () => copyLink(`v1/jobs/${this.job.id}`, this.scope, "shows this job with its files, also the asset as you sent it, "), {
         icon: "share", quiet: true, class: "button-quiet", title: "Copy a link that shows this job without a key",
       }),
-      button("Copy link", () => copyText(location.href, "Link copied"), { icon: "link", quiet: true, class: "button-quiet" }),
       over ? button("Delete", () => this._delete(), { icon: "trash", quiet: true, class: "button-quiet" }) : null,
     );
     if (state === "canceling") this.element.querySelector("button")?.setAttribute("aria-disabled", "true");

@@ -3,6 +3,7 @@
 import { announce, toast } from "../announce.js";
 import { Asset } from "../assets.js";
 import { client } from "../client.js";
+import { DEMO } from "../demo.js";
 import { button, h } from "../dom.js";
 import { keepDraft, lastDraft } from "../drafts.js";
 import { currentKey, currentLink } from "../key.js";
@@ -84,7 +85,7 @@ function save(url, name) {
 }
 
 /** @param {string} text @param {string} done */
-export async function copyText(text, done) {
+async function copyText(text, done) {
   try {
     await navigator.clipboard.writeText(text);
     toast(done);
@@ -104,7 +105,7 @@ export async function copyText(text, done) {
  * @param {() => Promise<{bytes: ArrayBuffer, name: string} | null>} mesh Returns a GLB; null while there is none.
  */
 export function handOnButtons(mesh) {
-  if (currentLink()) return null;
+  if (currentLink() || DEMO) return null;
   const use = (/** @type {"asset" | "target"} */ part) => async () => {
     const made = await mesh();
     if (made) await handOn(new Asset(new Blob([made.bytes], { type: "model/gltf-binary" }), made.name), part);

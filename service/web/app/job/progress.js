@@ -1,16 +1,11 @@
 // @ts-check
 /** How far a job is, how long it still takes, and what got in its way. */
-import { fill, h } from "../dom.js";
+import { h, say } from "../dom.js";
 import { count, duration, percent, phaseWords, roughly, STATE_WORDS } from "../format.js";
 import { isTerminal } from "../history.js";
 
-// A worker is silent when it says nothing for this long, and for several times as long as between its last two words.
-const SILENCE_MS = 8000;
-const TIMES = 5;
-
 export class ProgressPanel {
-  /** @param {import("../scope.js").Scope} scope */
-  constructor(scope) {
+  constructor() {
     this.bar = h("progress", { max: 1, "aria-label": "Progress" });
     this.words = h("p", { class: "progress-words" });
     this.numbers = h("p", { class: "progress-numbers" });
@@ -18,16 +13,11 @@ export class ProgressPanel {
     this.element = h("section", { class: "panel progress", "aria-label": "Progress" }, this.words, this.bar, this.numbers, this.notice);
     this.online = true;
     this.history = /** @type {import("../history.js").History | null} */ (null);
-    /** When the page last read of the job, and how long before that the time before. */
-    this.read = { seq: 0, at: Date.now(), gap: 0 };
-    const timer = setInterval(() => this._notice(), 1000);
-    scope.add(() => clearInterval(timer));
   }
 
   /** @param {import("../history.js").History} history @param {any} job */
   show(history, job) {
     const { progress, state } = history;
-    if (history.seq !== this.read.seq) this.read = { seq: history.seq, at: Date.now(), gap: Date.now() - this.read.at };
     this.history = history;
     this.element.hidden = state === "succeeded" || state === "failed";
     if (this.element.hidden) return;
@@ -51,15 +41,12 @@ export class ProgressPanel {
   /** @param {boolean} online Whether the job's events arrive. */
   connected(online) {
     this.online = online;
-    this.read.at = Date.now();
     this._notice();
   }
 
   _notice() {
     const text = this._trouble();
-    if (this.notice.textContent === text) return;
-    this.notice.hidden = !text;
-    fill(this.notice, text || null);
+    if (this.notice.textContent !== text) say(this.notice, text);
   }
 
   /** What the user should know, in a sentence; empty: nothing. */
@@ -67,14 +54,9 @@ export class ProgressPanel {
     const { history } = this;
     if (history && isTerminal(history.state)) return "";
     if (!this.online) return "Connection lost. Reconnecting; your job is safe.";
-    if (!history) return "";
-    if (history.interruption) {
-      const { reason, step } = history.interruption;
-      const why = reason === "handed_back" ? "The worker was stopped" : reason === "out_of_memory" ? "The worker ran out of memory" : "The worker was lost";
-      return `${why} at step ${count(step)}. The job continues by itself from its last checkpoint.`;
-    }
-    const quiet = Date.now() - this.read.at;
-    const silent = history.state === "running" && history.progress.step > 0 && quiet > Math.max(SILENCE_MS, TIMES * this.read.gap);
-    return silent ? "No news from the worker. If it was lost, the job continues by itself from its last checkpoint." : "";
+    if (!history?.interruption) return "";
+    const { reason, step } = history.interruption;
+    const why = reason === "handed_back" ? "The worker was stopped" : reason === "out_of_memory" ? "The worker ran out of memory" : "The worker was lost";
+    return `${why} at step ${count(step)}. The job continues by itself from its last checkpoint.`;
   }
 }

@@ -27,18 +27,11 @@ export function toggle(label, onChange) {
   return element;
 }
 
-/**
- * A slider with its label and its value.
- * @param {string} id
- * @param {string} label
- * @param {number} max
- * @param {() => void} onInput
- * @param {Node | null} [between] Between the label and the slider.
- */
-export function slider(id, label, max, onInput, between = null) {
+/** A slider with its label and its value. @param {string} id @param {string} label @param {number} max @param {() => void} onInput */
+export function slider(id, label, max, onInput) {
   const input = h("input", { type: "range", min: 0, max, step: 1, id, on: { input: onInput } });
   const value = h("output", { for: id, class: "range-value" });
-  const row = h("div", { class: "range-row", hidden: true }, h("label", { for: id }, label), between, input, value);
+  const row = h("div", { class: "range-row", hidden: true }, h("label", { for: id }, label), input, value);
   return { input, value, row };
 }
 

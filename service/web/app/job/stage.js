@@ -3,7 +3,7 @@
 import { announce } from "../announce.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { formatOf } from "../assets.js";
-import { button, fill, h, icon } from "../dom.js";
+import { button, fill, h } from "../dom.js";
 import { percent } from "../format.js";
 import { isTerminal } from "../history.js";
 import { currentLink } from "../key.js";
@@ -16,7 +16,6 @@ import { slider } from "./stage-controls.js";
 
 /** @typedef {import("./shapes.js").Shape} Shape */
 
-const PLAY_MS = 450;
 const AGAIN_MS = 3000;
 const BUSY = [429, 502, 503, 504];
 
@@ -40,9 +39,7 @@ export class JobStage extends PairStage {
     this.gone = new Set();
     this.busy = false;
     this.loaded = false;
-    this.playing = 0;
-    this.play = button("Play", () => this._toggle(), { icon: "play", quiet: true, class: "button-quiet" });
-    this.step = slider("scrubber", "Step", 0, () => this._scrub(), this.play);
+    this.step = slider("scrubber", "Step", 0, () => this._scrub());
     this.morph = slider("morph-slider", "Morph", 100, () => this._morph());
     this.morph.input.value = "100";
     this.morph.input.addEventListener("change", () => this._strengthen());
@@ -60,7 +57,6 @@ export class JobStage extends PairStage {
     if (job.state === "succeeded" || job.origin?.step) this.after.say("Loading the shape…", "", "", true);
     this._tag();
     this.ready = this._load();
-    scope.add(() => clearTimeout(this.playing));
   }
 
   async _load() {
@@ -125,36 +121,10 @@ export class JobStage extends PairStage {
   }
 
   _scrub() {
-    this._pause();
     this.chosen = Number(this.step.input.value) - 1;
     this.following = this.chosen === this.shapes.length - 1;
     this._position();
     this._next();
-  }
-
-  _toggle() {
-    if (this.playing) return this._pause();
-    this.following = false;
-    if (this.chosen >= this.shapes.length - 1) this.chosen = -2;
-    fill(this.play, icon("pause"));
-    this.play.setAttribute("aria-label", "Pause");
-    const advance = async () => {
-      this.chosen += 1;
-      this._position();
-      await this._next();
-      if (this.chosen >= this.shapes.length - 1) {
-        this.following = true;
-        this._pause();
-      } else if (this.playing) this.playing = window.setTimeout(advance, PLAY_MS);
-    };
-    this.playing = window.setTimeout(advance, 0);
-  }
-
-  _pause() {
-    clearTimeout(this.playing);
-    this.playing = 0;
-    fill(this.play, icon("play"));
-    this.play.setAttribute("aria-label", "Play");
   }
 
   /** Show what is chosen. While one shape is loaded others may come: then only the newest of them is loaded. */
@@ -285,13 +255,16 @@ export class JobStage extends PairStage {
     return orToast("No picture", async () => saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", this._share(), "png")));
   }
 
-  /** Save an animated picture that goes around the second view's shape once. */
+  /** Save a video that goes around the second view's shape once. */
   async _turntable() {
     const shape = this.shapes.find(({ path }) => path === this.shown);
-    const name = shapeName(this.job, ["turntable", shape?.name].filter(Boolean).join("-"), Number(this.morph.input.value), "webp");
+    const name = ["turntable", shape?.name].filter(Boolean).join("-");
     this.turntable.disabled = true;
     announce("Making the turntable");
-    await orToast("No turntable", async () => saveBytes(await this.after.turntable(), name), "The command meshdeform animate makes one too.");
+    await orToast("No turntable", async () => {
+      const video = await this.after.turntable();
+      saveBytes(video, shapeName(this.job, name, this._share(), video.type.includes("mp4") ? "mp4" : "webm"));
+    });
     this.turntable.disabled = false;
   }
 }

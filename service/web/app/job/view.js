@@ -1,7 +1,6 @@
 // @ts-check
 /** One job: live while it runs, and the same after a reload, since everything comes from its events. */
 import { announce } from "../announce.js";
-import { allPoints, LossChart } from "../chart.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { DEMO } from "../demo.js";
 import { fill, h, icon } from "../dom.js";
@@ -62,8 +61,7 @@ export class JobView {
     const { job, scope } = this;
     this.badge = h("span", { class: "badge-slot" });
     this.error = h("div", { class: "problem-slot" });
-    this.progress = new ProgressPanel(scope);
-    this.chart = new LossChart();
+    this.progress = new ProgressPanel();
     this.stage = stageOf(job, scope);
     this.actions = new JobActions(job, scope, () => this._refresh(), () => this.stage?.chosenStep ?? null);
     this.results = h("div", { class: "results" });
@@ -90,7 +88,7 @@ export class JobView {
       h(
         "div",
         { class: "job" },
-        h("div", { class: "job-main" }, this.stage.element, this.chart.element),
+        this.stage.element,
         h("div", { class: "job-side" }, job.unreadable ? problemBox(unreadable(job)) : null, this.error, this.progress.element, job.unreadable ? null : askedPanel(job), this.results, this.versions, this.folds, this.log.element),
       ),
     );
@@ -139,7 +137,6 @@ export class JobView {
       if (this.badge) fill(this.badge, stateBadge(state));
     }
     this.progress?.show({ ...history, state }, job);
-    if (!this.report) this.chart?.show(history.points, history.progress.total);
     this.actions?.show(state, this.kept);
     this.log?.show(history.lines);
     if (this.error && history.error) fill(this.error, problemBox(history.error));
@@ -184,7 +181,6 @@ export class JobView {
       if (this.stage?.flat && names.includes("preview.png")) {
         this.stage.showPicture(await client.download(this.id, "preview.png", { signal: this.scope.signal }));
       }
-      if (this.report) this.chart?.show(allPoints(this.history.points, this.report), 0);
     } catch (error) {
       if (isAbort(error) || this.scope.over) return;
       if (this.error && succeeded) fill(this.error, problemBox(linkProblem(error)));

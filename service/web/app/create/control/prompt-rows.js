@@ -5,13 +5,13 @@ import { errorsOf } from "../../client.js";
 import { button, fill, h, invalid, say } from "../../dom.js";
 import { placeOf } from "../../groups.js";
 import { showRefusal } from "../../refusal.js";
+import { LONGEST } from "../prompt-field.js";
 import { furtherProblem, MOST_PROMPTS, promptAction, promptName, regionsOf, written } from "./further.js";
 import { numberField } from "./rows.js";
 
 /** @typedef {import("./further.js").Further} Further */
 
 const PLACES = /** @type {[Further["where"], string][]} */ ([["all", "Everywhere"], ["in", "In its regions"], ["out", "Outside of its regions"]]);
-const LONGEST = 1000;
 
 export class PromptRows {
   /** @param {import("./panel.js").ControlPanel} panel */
