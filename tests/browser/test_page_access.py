@@ -88,7 +88,6 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.goto(f"/#/jobs/{finished}")
     page.get_by_role("button", name="Download result.glb").wait_for()
     page.get_by_role("heading", name="Settings").click()
-    page.get_by_role("heading", name="Log").click()
     yield "job"
     page.goto("/#/jobs")
     page.locator(".card").first.wait_for()

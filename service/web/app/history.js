@@ -4,7 +4,6 @@
  *
  * @typedef {{seq: number, job_id: string, type: string, at: string, attempt: number, data: Record<string, any>}} JobEvent
  * @typedef {{step: number, total: number, fraction: number, phase: string, eta: number | null}} Progress
- * @typedef {{at: string, text: string}} Line
  * @typedef {{reason: string, step: number}} Interruption Why the last attempt ended, and at which step.
  * @typedef {object} History
  * @property {number} seq Number of the newest event; 0 before the first.
@@ -16,7 +15,6 @@
  * @property {Record<string, any> | null} error
  * @property {string | null} startedAt
  * @property {string | null} endedAt
- * @property {Line[]} lines What to read in the log; percents are not in it.
  */
 import { isTerminal } from "../client/index.js";
 
@@ -34,7 +32,6 @@ export function emptyHistory() {
     error: null,
     startedAt: null,
     endedAt: null,
-    lines: [],
   };
 }
 
@@ -80,8 +77,6 @@ export function withEvent(history, event) {
       next.error = data.error ?? (data.code ? data : null);
       next.progress = { ...history.progress, eta: null };
   }
-  const text = sentence(event);
-  if (text) next.lines = [...history.lines, { at: event.at, text }];
   return next;
 }
 
@@ -103,30 +98,4 @@ function readProgress(data) {
     phase: String(data.phase ?? ""),
     eta: typeof data.eta_s === "number" ? data.eta_s : null,
   };
-}
-
-const REASONS = /** @type {Record<string, string>} */ ({
-  created: "Queued",
-  retry: "Queued as a retry of another job",
-  branch: "Queued as a new version of another job",
-  handed_back: "The worker was stopped; queued again",
-  failure: "Something failed that may pass; queued again for later",
-  handed_over: "Others had waited for long; queued again",
-  out_of_memory: "The worker ran out of memory; queued again",
-});
-const SENTENCES = /** @type {Record<string, string>} */ ({
-  canceling: "Cancellation requested",
-  succeeded: "Finished",
-  failed: "Failed",
-  canceled: "Canceled",
-  expired: "Expired",
-});
-
-/** @param {JobEvent} event */
-function sentence(event) {
-  if (event.type === "queued") return REASONS[String(event.data?.reason)] ?? "Queued";
-  if (event.type === "recovered") return REASONS[String(event.data?.reason)] ?? "The worker was lost; queued again";
-  if (event.type === "started") return event.attempt > 1 ? `Started again (run ${event.attempt})` : "Started";
-  if (event.type === "checkpoint") return `Step ${event.data?.step} saved`;
-  return SENTENCES[event.type] ?? "";
 }

@@ -4,6 +4,13 @@ import { h, say } from "../dom.js";
 import { count, duration, percent, phaseWords, roughly, STATE_WORDS } from "../format.js";
 import { isTerminal } from "../history.js";
 
+const REASONS = /** @type {Record<string, string>} */ ({
+  handed_back: "The worker was stopped",
+  out_of_memory: "The worker ran out of memory",
+  failure: "Something failed that may pass",
+  handed_over: "Others had waited for long, and took over",
+});
+
 export class ProgressPanel {
   constructor() {
     this.bar = h("progress", { max: 1, "aria-label": "Progress" });
@@ -56,7 +63,6 @@ export class ProgressPanel {
     if (!this.online) return "Connection lost. Reconnecting; your job is safe.";
     if (!history?.interruption) return "";
     const { reason, step } = history.interruption;
-    const why = reason === "handed_back" ? "The worker was stopped" : reason === "out_of_memory" ? "The worker ran out of memory" : "The worker was lost";
-    return `${why} at step ${count(step)}. The job continues by itself from its last checkpoint.`;
+    return `${REASONS[reason] ?? "The worker was lost"} at step ${count(step)}. The job continues by itself from its last checkpoint.`;
   }
 }

@@ -1,7 +1,7 @@
 // @ts-check
-/** What a job produced: its quality in words or what it taught, its files, its settings, its log. */
+/** What a job produced: its quality in words or what it taught, its files, its settings. */
 import { button, h, icon, panel } from "../dom.js";
-import { bytes, count, counted } from "../format.js";
+import { bytes, count } from "../format.js";
 import { plainParams } from "../groups.js";
 import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
@@ -169,23 +169,4 @@ export function lessonPanel(job, report) {
     // Who came by a link makes no jobs.
     currentLink() ? null : h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),
   );
-}
-
-export class LogPanel {
-  constructor() {
-    this.list = h("ol", { class: "log" });
-    this.count = h("span", { class: "small muted" });
-    this.element = h("details", { class: "panel panel-fold" }, h("summary", null, h("h2", null, "Log"), this.count), this.list);
-    this.shown = 0;
-  }
-
-  /** @param {import("../history.js").Line[]} lines */
-  show(lines) {
-    for (const line of lines.slice(this.shown)) {
-      const time = h("time", { datetime: line.at }, new Date(line.at).toLocaleTimeString());
-      this.list.append(h("li", null, time, h("span", null, line.text)));
-    }
-    this.shown = lines.length;
-    this.count.textContent = counted(lines.length, "entry", "entries");
-  }
 }

@@ -11,7 +11,7 @@ import { shapeName } from "../names.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
 import { orToast } from "../problem-box.js";
 import { saveBytes } from "./files.js";
-import { ShapeCache, shapesOf } from "./shapes.js";
+import { shapesOf } from "./shapes.js";
 import { slider } from "./stage-controls.js";
 
 /** @typedef {import("./shapes.js").Shape} Shape */
@@ -26,7 +26,6 @@ export class JobStage extends PairStage {
     this.job = job;
     this.before = this.views[0];
     this.after = this.views[1];
-    this.cache = new ShapeCache(scope);
     /** @type {Shape[]} */
     this.shapes = [];
     this.following = true; // the newest shape is shown as it comes
@@ -163,9 +162,9 @@ export class JobStage extends PairStage {
   async _show(shape) {
     try {
       const strength = this._strengthOf(shape);
-      const mesh = await this.cache.get(shape.path + strength);
+      const mesh = await client.bytes(shape.path + strength, { signal: this.scope.signal });
       if (this.scope.over || strength !== this._strengthOf(shape)) return; // the slider moved on
-      this.comparable = await this.after.deform(mesh.slice(0));
+      this.comparable = await this.after.deform(mesh);
       if (this.scope.over) return;
       this.after.say("");
       this.shown = shape.path;
@@ -244,7 +243,7 @@ export class JobStage extends PairStage {
     if (!shape) return;
     const share = this.comparable ? this._share() : 100;
     await orToast("Not downloaded", async () => {
-      const bytes = await this.cache.get(shape.path + (share === 100 ? "" : `?strength=${share / 100}`));
+      const bytes = await client.bytes(shape.path + (share === 100 ? "" : `?strength=${share / 100}`), { signal: this.scope.signal });
       saveBytes(new Blob([bytes], { type: "model/gltf-binary" }), shapeName(this.job, shape.name, share));
     });
   }

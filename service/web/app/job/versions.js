@@ -54,7 +54,7 @@ function row(version, job, previous) {
     "li",
     { class: "file", "aria-current": here ? "true" : null },
     h("div", null, h("strong", null, here ? title : h("a", { href: routeHash({ name: "job", id: version.id }) }, title)), h("span", { class: "small muted" }, `${from} · ${ago(version.created_at)}${here ? " · this one" : ""}`)),
-    h("div", { class: "row" }, version.state === "succeeded" ? (here ? null : comparison(version, job)) : stateBadge(version.state)),
+    h("div", { class: "row" }, version.state !== "succeeded" ? stateBadge(version.state) : here || job.state !== "succeeded" ? null : comparison(version, job)),
   );
 }
 
@@ -62,5 +62,5 @@ function row(version, job, previous) {
 function comparison(version, job) {
   const title = `Compare with ${jobTitle(version)}`;
   const go = () => void (location.hash = routeHash({ name: "compare", ids: [version.id, job.id] }));
-  return version.state === "succeeded" && job.state === "succeeded" ? button(title, go, { icon: "grid", quiet: true, class: "button-quiet" }) : null;
+  return button(title, go, { icon: "grid", quiet: true, class: "button-quiet" });
 }

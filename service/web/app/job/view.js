@@ -20,7 +20,7 @@ import { PictureStage } from "./picture-stage.js";
 import { ProgressPanel } from "./progress.js";
 import { showVariations } from "./strip.js";
 import { versionsPanel } from "./versions.js";
-import { filesPanel, isLesson, lessonPanel, LogPanel, parametersPanel, qualityPanel } from "./results.js";
+import { filesPanel, isLesson, lessonPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
 import { SynthesisPanel } from "./synthesis-panel.js";
@@ -69,7 +69,6 @@ export class JobView {
     this.versions = h("div", { class: "results" });
     this.variations = h("nav", { "aria-label": "Variations", hidden: true });
     this._thread();
-    this.log = new LogPanel();
     const group = job.metadata?.group;
     const goal = goalWords(job);
     fill(
@@ -89,7 +88,7 @@ export class JobView {
         "div",
         { class: "job" },
         this.stage.element,
-        h("div", { class: "job-side" }, job.unreadable ? problemBox(unreadable(job)) : null, this.error, this.progress.element, job.unreadable ? null : askedPanel(job), this.results, this.versions, this.folds, this.log.element),
+        h("div", { class: "job-side" }, job.unreadable ? problemBox(unreadable(job)) : null, this.error, this.progress.element, job.unreadable ? null : askedPanel(job), this.results, this.versions, this.folds),
       ),
     );
     document.title = `${jobTitle(job)} · Meshdeform`;
@@ -138,7 +137,6 @@ export class JobView {
     }
     this.progress?.show({ ...history, state }, job);
     this.actions?.show(state, this.kept);
-    this.log?.show(history.lines);
     if (this.error && history.error) fill(this.error, problemBox(history.error));
   }
 

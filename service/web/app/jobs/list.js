@@ -27,7 +27,7 @@ export class ListView {
     /** @type {Map<string, any>} */
     this.jobs = new Map();
     this.cursor = /** @type {string | null} */ (null);
-    this.grid = h("ul", { class: group ? "card-grid contact-sheet" : "card-grid" });
+    this.grid = h("ul", { class: "card-grid" });
     this.problem = h("div", null);
     this.summary = h("p", { class: "lead" });
     this.title = h("h1", null, group ? "Variations" : "Jobs");
