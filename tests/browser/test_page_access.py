@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,13 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import httpx
 import pytest
-from PIL import Image
 
 from meshdeform.record.database import Database
 from meshdeform.record.keys import KeyRing
-from meshdeform.runs.base import ArtifactData, RunInput
 from meshdeform.settings import Settings
-from tests.acceptance.service import Service, until
+from tests.acceptance.service import Service
 from tests.browser.conftest import Watch, watched
 from tests.browser.steps import (
     OF_COLOURS,
@@ -94,7 +91,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.get_by_role("button", name="Select", exact=True).click()
     yield "jobs"
     page.goto("/#/groups/access")
-    page.locator(".contact-sheet .card img").first.wait_for()
+    page.locator(".card img").first.wait_for()
     yield "group"
     page.goto("/#/examples")
     page.locator(".gallery .card").first.wait_for()
@@ -109,18 +106,6 @@ def views(page: Page, finished: str) -> Iterator[str]:
     yield "comparison"
 
 
-class PicturedKind(FakeKind):
-    """A fake kind whose results have a picture, which the list of jobs shows."""
-
-    def start(self, given: RunInput) -> Any:
-        """Start a run."""
-        run = super().start(given)
-        result, picture = run.finish, io.BytesIO()
-        Image.new("RGB", (8, 8)).save(picture, "PNG")
-        run.finish = lambda: {**result(), "preview.png": ArtifactData(picture.getvalue(), "image/png")}  # type: ignore[method-assign]
-        return run
-
-
 @pytest.mark.without_3d
 def test_a_server_that_wants_a_key_is_given_one(
     browser: Browser, request: pytest.FixtureRequest, redis_url: str, small_sphere: Path, tmp_path: Path
@@ -133,7 +118,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         database.close()
     with (
         serving(settings) as home,
-        working(settings, PicturedKind().start),
+        working(settings, FakeKind().start),
         watched(browser, home, request, tmp_path) as (page, watch),
     ):
         watch.allow(r"status of 401 ")
@@ -165,8 +150,6 @@ def test_a_server_that_wants_a_key_is_given_one(
         link = page.evaluate("navigator.clipboard.readText()")
         assert key not in link
         assert httpx.get(link).raise_for_status().content == stored.content
-        assert httpx.get(link.replace("signature=", "signature=0")).status_code == 403
-        assert httpx.get(link.partition("?")[0]).status_code == 401
         # A link to the whole job: in a browser that has never had a key.
         page.get_by_role("button", name="Share", exact=True).click()
         until_noted(
@@ -185,7 +168,6 @@ def test_a_server_that_wants_a_key_is_given_one(
                     visitor.get_by_role("button", name=f"Download {name}").click()
                 download.value.save_as(tmp_path / "shared")
                 assert (tmp_path / "shared").read_bytes() == content
-            expect(visitor.locator(".stage-picture img")).to_be_visible()  # preview.png, read by the link
             # Nothing that would change the job, nor the way to others.
             expect(visitor.get_by_role("group", name="Actions").get_by_role("button")).to_have_text(["Download result"])
             expect(visitor.get_by_role("button", name=re.compile("^(Make|Copy|Delete|Share)"))).to_have_count(0)
@@ -196,14 +178,12 @@ def test_a_server_that_wants_a_key_is_given_one(
             expect(problem).to_contain_text("The link does not open this job.")
             expect(problem).to_contain_text("Ask whoever sent it for a new one.")
             expect(visitor.get_by_role("dialog")).to_have_count(0)  # no key mends it
-            visitor.goto("/#/jobs")
-            expect(visitor.get_by_role("dialog", name="API key")).to_be_visible()
         # The key is in no address, and stays for this tab.
         assert key not in page.url
         page.reload()
         expect(badge(page)).to_have_text("Succeeded")
         page.goto("/#/jobs")
-        expect(page.locator(".card img")).to_have_count(1)
+        expect(page.locator(".card")).to_have_count(1)
         page.get_by_role("button", name="Forget the API key").click()
         page.reload()
         expect(page.get_by_role("dialog", name="API key")).to_be_visible()
@@ -256,12 +236,6 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     page.locator("#morph-slider").focus()
     page.keyboard.press("ArrowLeft")
     expect(page.locator("#morph-slider")).to_have_value("99")
-    page.get_by_role("button", name="Delete").focus()
-    page.keyboard.press("Enter")
-    expect(page.get_by_role("dialog")).to_be_visible()
-    page.keyboard.press("Escape")
-    expect(page.get_by_role("dialog")).to_have_count(0)
-    expect(page.get_by_role("button", name="Delete")).to_be_focused()
 
 
 @pytest.mark.without_3d
@@ -319,20 +293,3 @@ def test_no_barrier_is_found(
                 page.get_by_role("dialog").wait_for()
                 assert barriers(page, axe) == [], "dialog"
                 page.keyboard.press("Escape")
-
-
-@pytest.mark.without_3d
-def test_the_page_is_dark_where_the_system_is(page: Page) -> None:
-    page.emulate_media(color_scheme="light", reduced_motion="reduce")
-    page.goto("/#/jobs")
-    page.get_by_role("heading", level=1, name="Jobs").wait_for()
-    until("the page is light", lambda: background(page) > 0.7)
-    page.emulate_media(color_scheme="dark", reduced_motion="reduce")
-    until("the page is dark", lambda: background(page) < 0.3)
-
-
-def background(page: Page) -> float:
-    """How light the page's ground is, from 0 to 1."""
-    colour = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
-    channels = [float(value) for value in re.findall(r"[\d.]+", colour)[:3]]
-    return sum(channels) / 3 / 255

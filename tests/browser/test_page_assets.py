@@ -143,15 +143,3 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(
     expect(page.get_by_label("Morph", exact=True)).to_be_visible()  # both have the same vertices
     until_drawn(before)
     assert difference(picture(before), until_drawn(after)) > 0.005
-
-
-def test_a_zip_that_cannot_be_used_says_why(page: Page, watch: Watch, tmp_path: Path) -> None:
-    watch.allow(r"status of 422 .*/v1/jobs:validate")
-    path = tmp_path / "notes.zip"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("notes.txt", "x")
-    open_form(page)
-    page.get_by_label("Prompt", exact=True).fill("a tall vase")
-    choose(page, path)
-    expect(page.locator(".asset-panel .viewer-note")).to_contain_text("The ZIP holds no GLB, glTF, OBJ, PLY or STL.")
-    expect(page.get_by_role("alert").filter(has_text="The ZIP holds no asset.")).to_contain_text("Pack a .gltf, .glb,")

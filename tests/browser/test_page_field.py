@@ -89,8 +89,6 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     page.get_by_label("Octaves", exact=True).fill("1")
     mesh = icosphere(1)
     base = {"name": "base.glb", "mimeType": "", "buffer": build_glb(mesh.verts.numpy(), mesh.faces.numpy())}
-    page.set_input_files("#scalars-file", base)
-    expect(page.get_by_text("base.glb isn't supported. Use NPZ.")).to_be_visible()
     page.set_input_files("#scalars-file", {"name": "scalars.npz", "mimeType": "", "buffer": scalars_of_ball("half")})
     page.set_input_files("#base-file", base)
     page.get_by_role("button", name="Fit", exact=True).click()
@@ -139,7 +137,7 @@ def test_points_go_to_the_form_for_fits_and_the_mesh_comes_back_as_an_asset(
     expect(page.locator(".guide-head")).to_contain_text("-level")
 
 
-def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: Service, fitted: str) -> None:
+def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: Service, fitted: str, axe: str) -> None:
     session = page.context.new_cdp_session(page)
     session.send("Network.enable")
     # The page itself is not what is slow here; its newest jobs have pictures of their own.
@@ -172,28 +170,25 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     here = picture(viewer)
     page.get_by_role("button", name="Move the source to the farthest point").click()
     until("the source has moved", lambda: difference(here, picture(viewer)) > 0.1)
-
-    # The source is dragged; what begins beside it turns the view.
-    page.get_by_role("button", name="Distances").click()
-    viewer.locator("canvas").click()
-    until("the source is back", lambda: difference(here, picture(viewer)) < 0.05)
-    box = viewer.locator("canvas").bounding_box()
-    assert box
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 60, y + 40, steps=4)
-    page.mouse.up()
-    until("the source has moved", lambda: difference(here, picture(viewer)) > 0.05)
     page.get_by_role("button", name="Distances").click()
     until("the colours are gone", lambda: difference(plain, picture(viewer)) < 0.05)
 
-    page.get_by_label("Scalars", exact=True).select_option("half")
+    scalars, distances = page.get_by_label("Scalars", exact=True), page.get_by_role("button", name="Distances")
+    scalars.select_option("half")
     until("the pieces are to be seen", lambda: difference(plain, picture(viewer)) > 0.3)
+    expect(page.locator(".legend .ramp-ticks span")).to_have_text(["4", "5"])
     whole = picture(viewer)
-    page.get_by_label("Scalars", exact=True).select_option("height")
+    scalars.select_option("height")
     until("the scalar is to be seen", lambda: difference(whole, picture(viewer)) > 0.3)
-    page.get_by_label("Scalars", exact=True).select_option("none")
+    low, high = re.findall(r"height: from (-?[\d.]+) to (-?[\d.]+),", facts.inner_text())[0]
+    assert (float(low), float(high)) == (pytest.approx(-10, abs=1), pytest.approx(10, abs=1))
+    assert barriers(page, axe) == []
+    # Distances take the place of the scalar, and the other way round.
+    distances.click()
+    expect(scalars).to_have_value("0")
+    scalars.select_option("half")
+    expect(distances).to_have_attribute("aria-pressed", "false")
+    scalars.select_option("none")
     until("the colours are gone", lambda: difference(plain, picture(viewer)) < 0.05)
 
     with page.expect_download() as download:
@@ -202,32 +197,6 @@ def test_a_field_unfolds_and_shows_distances(page: Page, watch: Watch, service: 
     glb = Path(download.value.path()).read_bytes()
     found = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
     assert found["accessors"][2]["count"] == 3 * 1600
-
-
-@pytest.mark.without_pictures
-def test_scalars_of_a_field(page: Page, fitted: str, axe: str) -> None:
-    page.goto(f"/#/jobs/{fitted}")
-    expect(page.get_by_text("Distance from your file")).to_be_visible()
-    facts = page.locator(".field-facts")
-    expect(page.locator(".field-stage .viewer-tag")).to_have_text("Level 4 · 25,600 triangles")
-    page.get_by_label("Level", exact=True).fill("1")
-    expect(page.locator(".field-stage .viewer-tag")).to_contain_text("Level 1")
-    scalars = page.get_by_label("Scalars", exact=True)
-    expect(scalars.get_by_role("option")).to_have_text(["none", "height", "half"])
-    scalars.select_option("height")
-    expect(facts).to_contain_text("height: from -")
-    low, high = re.findall(r"height: from (-?[\d.]+) to (-?[\d.]+),", facts.inner_text())[0]
-    assert (float(low), float(high)) == (pytest.approx(-10, abs=1), pytest.approx(10, abs=1))
-    # Distances take the place of the scalar, and the other way round.
-    distances = page.get_by_role("button", name="Distances")
-    distances.click()
-    expect(facts).to_contain_text("the farthest point is")
-    expect(scalars).to_have_value("0")
-    scalars.select_option("half")
-    expect(distances).to_have_attribute("aria-pressed", "false")
-    expect(facts).to_contain_text("half: 2 pieces, in")
-    expect(page.locator(".legend .ramp-ticks span")).to_have_text(["4", "5"])
-    assert barriers(page, axe) == []
 
 
 @pytest.mark.without_pictures
@@ -247,8 +216,6 @@ def test_a_field_of_ones_own_is_opened_and_nothing_is_sent(page: Page, watch: Wa
     assert barriers(page, axe) == []
     page.set_input_files("#field-file", {"name": "torn.NDF", "mimeType": "", "buffer": data[:-9]})
     expect(page.get_by_text("its checksum is wrong")).to_be_visible()
-    page.set_input_files("#field-file", {"name": "ball.obj", "mimeType": "", "buffer": data})
-    expect(page.get_by_text("ball.obj isn't supported. Use NDF.")).to_be_visible()
     assert not [path for path in watch.sent if "/v1/" in path]
     # One that is chosen where assets are goes there too.
     page.goto("/")

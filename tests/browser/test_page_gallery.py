@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import httpx
 import pytest
 
 from tests.acceptance.service import Service
@@ -80,8 +79,3 @@ def test_looking_needs_no_key_and_no_job(page: Page, watch: Watch) -> None:
     assert not [line for line in watch.sent if " /v1/" in line]
     page.get_by_role("button", name="Run it").click()
     expect(page.get_by_role("dialog", name="API key")).to_be_visible()
-
-
-def test_pictures_have_their_type(service: Service) -> None:
-    found = httpx.get(f"{service.http.base_url}/web/examples/{CHAIR['picture']}".replace("//web", "/web"))
-    assert found.raise_for_status().headers["content-type"] == "image/webp"

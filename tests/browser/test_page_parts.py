@@ -10,7 +10,6 @@ import numpy as np
 
 from meshdeform.assets import load_asset
 from tests.acceptance.service import Service, until
-from tests.browser.conftest import Watch
 from tests.browser.steps import badge, barriers, choose, difference, expect, open_form, picture, start, until_drawn
 from tests.unit.plain.shapes import rigged_dog
 
@@ -88,21 +87,3 @@ def test_another_prompt_is_the_users_own_and_the_view_shows_the_asset_again(page
     expect(chip(page, "shorter")).to_have_attribute("aria-pressed", "false")
     page.get_by_role("button", name="Cube", exact=True).click()
     expect(chip(page, "tail")).to_be_hidden()
-
-
-def test_a_server_that_cannot_find_parts_offers_none(page: Page, watch: Watch, tmp_path: Path) -> None:
-    watch.allow("501.*jobs:parts")
-    lacking = {"code": "dependency_missing", "title": "t", "status": 501, "detail": "scipy is missing.", "advice": "a"}
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.route("**/v1/jobs:parts", lambda route: route.fulfill(status=501, json=lacking))
-    with page.expect_response("**/v1/jobs:parts"):
-        open_form(page)
-    asset = tmp_path / "dog.glb"
-    asset.write_bytes(rigged_dog())
-    choose(page, asset)
-    expect(page.locator("#asset-facts")).to_contain_text("triangles")
-    page.locator("#prompt").fill("longer legs")
-    expect(page.locator("#estimate")).to_contain_text("about")
-    expect(page.locator(".parts")).to_be_hidden()
-    assert len([url for url in asked if url.endswith("jobs:parts")]) == 1

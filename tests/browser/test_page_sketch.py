@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from meshdeform.kinds.sketch.families import member_glb
 from tests.acceptance.service import Service
-from tests.browser.conftest import Watch, watched
+from tests.browser.conftest import Watch
 from tests.browser.steps import expect, open_form, open_more, set_steps, start
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
 
 # The front of a table: its top, and two legs.
@@ -81,43 +79,3 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
     assert list(document["files"]) == ["asset", "target"]
     assert service.http.get(f"/v1/jobs/{job}/files/target").content == member_glb("table", sent["values"])
     expect(page.get_by_text("Target: table.glb")).to_be_visible()
-
-
-# The front of a house: of no family.
-HOUSE = [
-    [(0.25, 0.45), (0.75, 0.45), (0.75, 0.9), (0.25, 0.9), (0.25, 0.45)],
-    [(0.2, 0.45), (0.5, 0.18), (0.8, 0.45), (0.2, 0.45)],
-    [(0.44, 0.65), (0.56, 0.65), (0.56, 0.9), (0.44, 0.9), (0.44, 0.65)],
-    [(0.3, 0.55), (0.4, 0.55), (0.4, 0.65), (0.3, 0.65), (0.3, 0.55)],
-    [(0.6, 0.55), (0.7, 0.55), (0.7, 0.65), (0.6, 0.65), (0.6, 0.55)],
-]
-
-
-@pytest.fixture
-def phone(browser: Browser, service: Service, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Page]:
-    """A page on a phone."""
-    options = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
-    with watched(browser, str(service.http.base_url).rstrip("/"), request, tmp_path, **options) as (page, _):
-        yield page
-
-
-@pytest.mark.without_3d
-def test_on_a_phone_a_drawing_of_something_else_is_told_in_sight(phone: Page) -> None:
-    open_form(phone)
-    open_more(phone)
-    phone.get_by_role("button", name="Draw it").click()
-    dialog = phone.get_by_role("dialog", name="Draw a shape")
-    for stroke in HOUSE:
-        draw(phone, stroke)
-    dialog.get_by_role("button", name="Guess what it is").click()
-    said = dialog.get_by_text("This may be none of the shapes that can be drawn here.")
-    expect(said).to_be_in_viewport()
-    cards = dialog.locator(".sketch-guess")
-    expect(cards).to_have_count(3)
-    expect(cards.nth(2)).to_be_in_viewport()
-    tops = [box["y"] for card in cards.all() if (box := card.bounding_box())]
-    assert tops == [tops[0]] * 3
-    assert dialog.evaluate("(each) => each.scrollWidth <= each.clientWidth")
-    dialog.get_by_role("button", name="Use as asset").click()
-    expect(phone.locator("#asset-facts")).to_contain_text(".glb")
-    expect(phone.locator("#asset-facts")).not_to_contain_text("sphere")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -45,41 +44,6 @@ def test_a_file_that_is_broken_is_refused_with_advice_and_nothing_is_posted(
     # Another file, and all is well again.
     choose(page, repository / "examples" / "cube.glb")
     expect(alert).to_be_hidden()
-    expect(page.locator("#estimate")).to_contain_text("steps")
-
-
-def test_a_file_of_another_format_is_refused_by_its_name(page: Page, watch: Watch, tmp_path: Path) -> None:
-    text, gltf = tmp_path / "notes.txt", tmp_path / "scene.gltf"
-    text.write_text("no mesh")
-    gltf.write_text(json.dumps({"asset": {"version": "2.0"}, "buffers": [{"uri": "scene.bin", "byteLength": 1}]}))
-    open_form(page)
-    alert = page.get_by_label("Asset", exact=True).get_by_role("alert")
-    page.set_input_files("#asset-file", text)
-    expect(alert).to_contain_text("notes.txt isn't supported. Use GLB, OBJ, PLY or STL, or a ZIP")
-    page.set_input_files("#asset-file", gltf)
-    expect(alert).to_contain_text("Export it as a single .glb, or pack it and its files into a ZIP.")
-    assert watch.posted() == []
-
-
-def test_words_that_the_prior_does_not_know_are_refused_with_advice(
-    page: Page, watch: Watch, small_sphere: Path
-) -> None:
-    watch.allow(r"status of 422 .*/v1/jobs:validate")
-    open_form(page)
-    choose(page, small_sphere)
-    prompt = page.get_by_label("Prompt", exact=True)
-    prompt.fill("a tall mushrom")
-    problem = page.locator("#prompt-problem")
-    expect(problem).to_contain_text("Not understood: “mushrom”. Did you mean:")
-    # One line and what repairs it: no list of words.
-    assert len(problem.inner_text()) < 150
-    expect(prompt).to_have_attribute("aria-invalid", "true")
-    page.get_by_role("button", name="Deform").click()
-    expect(prompt).to_be_focused()
-    assert watch.posted() == []
-    page.get_by_role("button", name="Use “a tall mushroom”").click()
-    expect(prompt).to_have_value("a tall mushroom")
-    expect(problem).to_be_hidden()
     expect(page.locator("#estimate")).to_contain_text("steps")
 
 
@@ -181,23 +145,3 @@ def test_a_job_that_is_not_there_is_said_to_be_so(page: Page, watch: Watch) -> N
     expect(page.get_by_role("heading", level=1, name="Jobs")).to_be_visible()
     page.goto("/#/nowhere")
     expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
-
-
-def test_a_job_is_edited_and_run_again(page: Page, service: Service, small_sphere: Path) -> None:
-    request = {"prompt": "a short vase", "params": {"preset": "preview", "steps": 6, "seed": 41, "dirichlet_weight": 5}}
-    done = service.submit(small_sphere, request)
-    assert service.finished(done)["state"] == "succeeded"
-    page.goto(f"/#/jobs/{done}")
-    page.get_by_role("button", name="Edit and run again").click()
-    expect(page.locator("#asset-facts")).to_contain_text("sphere.obj")
-    expect(page.get_by_label("Prompt", exact=True)).to_have_value("a short vase")
-    expect(page.get_by_label("Variation", exact=True)).to_have_value("41")
-    expect(page.get_by_label("Steps", exact=True)).to_have_value("6")
-    # It has no field of its own, and is not lost for that.
-    expect(page.get_by_text("Also kept from that job: dirichlet_weight 5.")).to_be_visible()
-    again = start(page)
-    assert again != done
-    assert service.job(again)["params"]["dirichlet_weight"] == 5
-    expect(badge(page)).to_have_text("Succeeded")
-    # The same request gives the same bytes.
-    assert service.artifact(again, "result.glb") == service.artifact(done, "result.glb")

@@ -138,13 +138,6 @@ test("an answer that breaks off is no answer: it is fetched again", async () => 
   await assert.rejects(client.bytes("v1/jobs/job_1/asset", { once: true }), { name: "MeshdeformError", code: "unavailable", status: 0 });
 });
 
-test("what is left is an abort, not an error of the service", async () => {
-  const left = new AbortController();
-  const { client } = scripted([new DOMException("Left", "AbortError")]);
-  left.abort();
-  await assert.rejects(client.models(left.signal), { name: "AbortError" });
-});
-
 test("a pause after no answer ends when the browser is online again, and one that the service asks for does not", async () => {
   const network = new EventTarget();
   const names = /** @type {const} */ (["addEventListener", "removeEventListener"]);

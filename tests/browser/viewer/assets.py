@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import struct
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +10,7 @@ import numpy as np
 
 from meshdeform.assets import load_asset
 from meshdeform.assets.build import build_glb
-from tests.unit.assets.builders import Builder, unpack
+from tests.unit.assets.builders import Builder
 from training.shapes import box
 
 GROWTH = 1.5
@@ -40,21 +38,6 @@ def kind(data: bytes, form: str = "glb") -> Kind:
     result = asset.replace(positions * [1.0, GROWTH, 1.0])
     furthest = (GROWTH - 1) * float(np.abs(positions[:, 1]).max())
     return Kind(data, form, result, furthest, asset.summary.triangles)
-
-
-def colored() -> Kind:
-    colors = np.column_stack([(VERTS - VERTS.min(axis=0)) / np.ptp(VERTS, axis=0), np.ones(len(VERTS))])
-    return kind(build_glb(VERTS, FACES, normals=NORMALS, colors=colors, material="paint"))
-
-
-def plain() -> Kind:
-    return kind(build_glb(VERTS, FACES))
-
-
-def gltf_json() -> Kind:
-    root, binary, _ = unpack(build_glb(VERTS, FACES, normals=NORMALS))
-    root["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
-    return kind(json.dumps(root).encode(), "gltf")
 
 
 def obj() -> Kind:
@@ -117,18 +100,6 @@ def quantized() -> Kind:
     return kind(builder.glb())
 
 
-def interleaved() -> Kind:
-    """Positions and normals in one view."""
-    builder = Builder()
-    view = builder.view(np.column_stack([VERTS, NORMALS]).astype(np.float32).tobytes(), byteStride=24, target=34962)
-    common: dict[str, Any] = {"bufferView": view, "componentType": 5126, "count": len(VERTS), "type": "VEC3"}
-    bounds = {"min": VERTS.min(axis=0).tolist(), "max": VERTS.max(axis=0).tolist()}
-    builder.root["accessors"] += [{**common, **bounds}, {**common, "byteOffset": 12}]
-    attributes = {"POSITION": 0, "NORMAL": 1}
-    builder.node(builder.mesh({"attributes": attributes, "indices": builder.accessor(FACES.reshape(-1))}))
-    return kind(builder.glb())
-
-
 def unindexed() -> Kind:
     builder = Builder()
     builder.node(builder.mesh(builder.primitive(VERTS[FACES].reshape(-1, 3), None)))
@@ -139,19 +110,6 @@ def strip() -> Kind:
     builder = Builder()
     ribbon = np.array([[x, y, 0.1 * x] for x in range(6) for y in (1.0, 0.0)], np.float32)
     builder.node(builder.mesh({**builder.primitive(ribbon, np.arange(12, dtype=np.uint16)), "mode": 5}))
-    return kind(builder.glb())
-
-
-def morphing() -> Kind:
-    """A file that has a morph target and an animation of its own."""
-    builder = Builder()
-    primitive = builder.primitive(VERTS, FACES, NORMAL=NORMALS)
-    primitive["targets"] = [{"POSITION": builder.accessor(0.3 * VERTS, bounds=True)}]
-    node = builder.node(builder.mesh(primitive, weights=[0.0]))
-    times, turned = np.array([0, 1], np.float32), np.array([[0, 0, 0, 1], [0, 1, 0, 0]], np.float32)
-    sampler = {"input": builder.accessor(times, bounds=True), "output": builder.accessor(turned)}
-    channel = {"sampler": 0, "target": {"node": node, "path": "rotation"}}
-    builder.root["animations"] = [{"name": "turn", "samplers": [sampler], "channels": [channel]}]
     return kind(builder.glb())
 
 
@@ -170,8 +128,7 @@ def meshopt() -> Kind:
 KINDS = {
     made.__name__: made
     for made in (
-        colored, plain, gltf_json, obj, ply, stl, instanced, skinned, quantized, interleaved, unindexed, strip,
-        morphing, draco, meshopt,
+        obj, ply, stl, instanced, skinned, quantized, unindexed, strip, draco, meshopt,
     )
 }  # fmt: skip
 

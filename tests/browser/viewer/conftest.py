@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.browser.conftest import DEADLINE_MS, FEW_SAMPLES, Kept, Watch
 from tests.browser.viewer.assets import bent
-from tests.browser.viewer.site import ViewerSite, serving_viewers
+from tests.browser.viewer.site import ViewerSite
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
-
-WEB = Path(__file__).parents[3] / "service" / "web"
 
 
 @pytest.fixture
@@ -28,9 +25,9 @@ def site(kept: Kept) -> ViewerSite:
 
 @contextmanager
 def _served() -> Iterator[ViewerSite]:
-    with serving_viewers(WEB) as site:
-        site.files["source.glb"], site.files["bent.glb"] = bent()
-        yield site
+    site = ViewerSite()
+    site.files["source.glb"], site.files["bent.glb"] = bent()
+    yield site
 
 
 @pytest.fixture
@@ -49,6 +46,7 @@ def _opened(browser: Browser, site: ViewerSite) -> Iterator[tuple[Page, Watch]]:
     watch = Watch(site.url)
     watch.attach(context)
     context.add_init_script(FEW_SAMPLES)
+    context.route("**/*", site.answer)
     page = context.new_page()
     page.goto("/")
     page.wait_for_function("window.ready")

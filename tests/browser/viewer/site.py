@@ -3,69 +3,54 @@
 from __future__ import annotations
 
 import mimetypes
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Route
+
 POLICY = (
-    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' blob: data:; "
-    "connect-src 'self' blob: data:; worker-src 'self' blob:; font-src 'self'; manifest-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' blob: data:; connect-src 'self' blob: data:; worker-src 'self' blob:"
 )
-PAGE = Path(__file__).parent / "page"
+WEB = Path(__file__).parents[3] / "service" / "web"
+SCRIPT = Path(__file__).parent / "page.js"
+PAGE = """<!doctype html>
+<html lang="en">
+  <title>Viewer</title>
+  <link rel="icon" href="data:," />
+  <style>
+    :root { color-scheme: light dark; }
+    body { margin: 0; background: light-dark(#fff, #111); }
+    #stage { display: flex; flex-wrap: wrap; }
+    .viewer { width: 160px; height: 120px; }
+  </style>
+  <main id="stage"></main>
+  <script type="module" src="/page.js"></script>
+</html>"""
 
 
 class ViewerSite:
-    """Serves the viewer's modules, the page and `files` (at `/files/<name>`) on loopback."""
+    """Answers what the browser asks: the viewer's modules, the page and `files` (at `/files/<name>`)."""
 
-    def __init__(self, web: Path) -> None:
+    url = "http://viewers.test"
+
+    def __init__(self) -> None:
         self.files: dict[str, bytes] = {}
-        site = self
 
-        class Handler(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                path = unquote(urlsplit(self.path).path)
-                data = site.find(path, web)
-                self.send_response(404 if data is None else 200)
-                kind = mimetypes.guess_type(path)[0] or "application/octet-stream"
-                kind = {".js": "text/javascript", ".wasm": "application/wasm"}.get(Path(path).suffix, kind)
-                self.send_header("Content-Type", "text/html" if path == "/" else kind)
-                self.send_header("Content-Length", str(len(data or b"")))
-                self.send_header("Content-Security-Policy", POLICY)
-                self.send_header("X-Content-Type-Options", "nosniff")
-                self.end_headers()
-                self.wfile.write(data or b"")
+    def answer(self, route: Route) -> None:
+        """Answer a request as a host of files does."""
+        path = unquote(urlsplit(route.request.url).path)
+        kind = {".js": "text/javascript", ".wasm": "application/wasm"}.get(Path(path).suffix)
+        kind = kind or mimetypes.guess_type(path)[0] or ("text/html" if path == "/" else "application/octet-stream")
+        found = self._find(path)
+        headers = {"Content-Type": kind, "Content-Security-Policy": POLICY, "X-Content-Type-Options": "nosniff"}
+        route.fulfill(status=404 if found is None else 200, headers=headers, body=found or b"")
 
-            def log_message(self, *args: object) -> None:
-                pass
-
-        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self.server.daemon_threads = True
-        self.url = f"http://127.0.0.1:{self.server.server_address[1]}"
-
-    def find(self, path: str, web: Path) -> bytes | None:
-        """The body for a path, None where there is none."""
-        for start, folder in (("/web/", web), ("/page/", PAGE)):
-            if path.startswith(start):
-                file = (folder / path.removeprefix(start)).resolve()
-                return file.read_bytes() if file.is_file() and file.is_relative_to(folder.resolve()) else None
-        if path.startswith("/files/"):
-            return self.files.get(path.removeprefix("/files/"))
-        return (PAGE / "index.html").read_bytes() if path == "/" else None
-
-
-@contextmanager
-def serving_viewers(web: Path) -> Iterator[ViewerSite]:
-    """Run the site while the block runs."""
-    site = ViewerSite(web)
-    thread = threading.Thread(target=site.server.serve_forever, daemon=True)
-    thread.start()
-    try:
-        yield site
-    finally:
-        site.server.shutdown()
-        site.server.server_close()
-        thread.join()
+    def _find(self, path: str) -> bytes | None:
+        if path.startswith("/web/"):
+            file = WEB / path.removeprefix("/web/")
+            return file.read_bytes() if file.is_file() else None
+        known = {"/": PAGE.encode(), "/page.js": SCRIPT.read_bytes()}
+        return known.get(path, self.files.get(path.removeprefix("/files/")))

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 
-def test_textured_hard_edged_tiny_and_huge_assets_look_as_the_engine_loads_them(page: Page, site: ViewerSite) -> None:
-    """The same light and camera: what is loaded here, what the library's own loader makes, and what is blended."""
+def test_textured_hard_edged_tiny_and_huge_assets_look_alike_also_blended(page: Page, site: ViewerSite) -> None:
     corners = VERTS[FACES].reshape(-1, 3)  # every face by itself: hard edges
     stripes = np.kron(np.indices((8, 8)).sum(axis=0) % 2, np.ones((8, 8)))[..., None] * [200, 90, 40] + 30
     shared: dict[str, Any] = {
@@ -31,35 +30,17 @@ def test_textured_hard_edged_tiny_and_huge_assets_look_as_the_engine_loads_them(
     site.files |= {f"{size:g}.glb": textured(verts=(corners * size).astype(np.float32), **shared) for size in sizes}
     found: list[dict[str, int]] = page.evaluate(
         """async (names) => {
-          const { GLTFLoader } = await import("/web/vendor/three/addons/loaders/GLTFLoader.js");
           const all = [];
           let first = null;
           for (const name of names) {
             const viewer = await show(name);
-            const { stage, root } = viewer;
             const ours = pixels(viewer);
             first ??= ours;
-            const { scene } = await new GLTFLoader().parseAsync(await fetchBytes(`/files/${name}`), "");
-            const { anisotropy } = meshOf(viewer).material.map; // textures that are seen aslant are sharper here
-            scene.traverse((object) => {
-              if (!object.isMesh) return;
-              object.castShadow = object.receiveShadow = true;
-              object.material.map.anisotropy = anisotropy;
-            });
-            const draw = async (was, now) => {
-              stage.scene.remove(was).add(now);
-              stage.refreshShadow();
-              viewer.invalidate();
-              await drawn();
-              return pixels(viewer);
-            };
-            const reference = difference(ours, await draw(root, scene));
-            await draw(scene, root);
             await viewer.setDeformed(await fetchBytes(`/files/${name}`));
             viewer.setMorph(1);
             await drawn();
             const [blended, scaled] = [difference(ours, pixels(viewer)), difference(first, ours)];
-            all.push({ covered: covered(ours), reference, blended, scaled });
+            all.push({ covered: covered(ours), blended, scaled });
             viewer.dispose();
           }
           return all;
@@ -68,7 +49,6 @@ def test_textured_hard_edged_tiny_and_huge_assets_look_as_the_engine_loads_them(
     )
     for each in found:
         assert each["covered"] > 1000
-        assert each["reference"] < 0.02 * each["covered"], each
         assert each["blended"] == 0
         assert each["scaled"] < 0.02 * each["covered"], each
 
@@ -180,10 +160,6 @@ def test_the_texture_heat_map_shows_where_texels_became_longer(page: Page, site:
     assert (found["texture"]["min"], found["texture"]["max"]) == pytest.approx((1 / scale, 9 / scale), rel=1e-4)
     assert found["texture"]["problem"] == ""
     assert found["none"]["problem"] == "Nothing here has a texture."
-
-
-def test_without_a_result_there_is_no_heat_map(page: Page) -> None:
-    assert page.evaluate("async () => (await show('source.glb')).setHeatmap('stretch')") is None
 
 
 def test_another_topology_is_refused_and_what_was_shown_stays(page: Page, site: ViewerSite) -> None:
