@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
@@ -87,27 +86,17 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     page.get_by_label("Level", exact=True).fill("0")
     page.get_by_text("Advanced", exact=True).click()
     page.get_by_label("Octaves", exact=True).fill("1")
-    mesh = icosphere(1)
-    base = {"name": "base.glb", "mimeType": "", "buffer": build_glb(mesh.verts.numpy(), mesh.faces.numpy())}
-    page.set_input_files("#scalars-file", {"name": "scalars.npz", "mimeType": "", "buffer": scalars_of_ball("half")})
-    page.set_input_files("#base-file", base)
     page.get_by_role("button", name="Fit", exact=True).click()
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
     job = service.finished(shown_job(page))
     assert (job["kind"], job["state"], job["asset"]["filename"]) == ("surface_fit", "succeeded", "cloud.ply")
     asked = {"base_faces": 100, "steps": 4, "level": 0, "octaves": 1, "checkpoint_every_steps": 1}
     assert asked.items() <= job["params"].items()
-    assert {part: job["files"][part]["filename"] for part in ("base", "scalars")} == {
-        "base": "base.glb",
-        "scalars": "scalars.npz",
-    }
     expect(page.locator(".field-stage .viewer-tag")).to_contain_text("triangles")
     page.get_by_role("button", name="Edit and run again").click()
     expect(steps).to_have_value("4")
     expect(page.get_by_label("Octaves", exact=True)).to_have_value("1")
     expect(page.locator("#asset-facts")).to_contain_text("cloud.ply")
-    for name in ("base.glb", "scalars.npz"):
-        expect(page.get_by_role("button", name=f"Remove {name}")).to_be_visible()
 
 
 @pytest.mark.without_pictures

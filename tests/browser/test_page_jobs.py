@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
-    page: Page, watch: Watch, service: Service, small_sphere: Path, tmp_path: Path
+    page: Page, watch: Watch, service: Service, small_sphere: Path
 ) -> None:
     straight_way(page, watch)
     open_form(page)
@@ -54,7 +53,6 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
         expect(page.get_by_label("Progress").locator(".progress-numbers")).to_contain_text("Step 1 of 12")
         expect(badge(page)).to_have_text("Running")
     expect(badge(page)).to_have_text("Succeeded")
-    assert service.job(job_id)["state"] == "succeeded"
 
     before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
     expect(page.get_by_label("Morph", exact=True)).to_be_visible()
@@ -68,59 +66,23 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     page.get_by_label("Morph", exact=True).fill("100")
     until("the deformation is back", lambda: difference(deformed, picture(after)) < 0.002)
 
-    page.get_by_text("Displacement", exact=True).click()
-    expect(page.locator(".legend")).to_be_visible()
-    until("the heat map is seen", lambda: difference(deformed, picture(after)) > 0.02)
-    page.get_by_text("Material", exact=True).click()
-    until("the material is back", lambda: difference(deformed, picture(after)) < 0.002)
+    def saved(button: str) -> tuple[str, bytes]:
+        with page.expect_download() as download:
+            page.get_by_role("button", name=button).click()
+        return download.value.suggested_filename, download.value.path().read_bytes()
 
     stem = "sphere-a-mushroom-with-a-big-cap-seed7"
-    names = {"result.glb": ".glb", "report.json": "-report.json", "preview.png": "-preview.png"}
-    for name, saved in ((name, stem + ending) for name, ending in names.items()):
-        with page.expect_download() as download:
-            page.get_by_role("button", name=f"Download {name}").click()
-        download.value.save_as(tmp_path / name)
-        assert download.value.suggested_filename == saved
-        assert (tmp_path / name).read_bytes() == service.artifact(job_id, name)
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Download sphere.obj").click()
-    download.value.save_as(tmp_path / "sphere.obj")
-    assert (tmp_path / "sphere.obj").read_bytes() == small_sphere.read_bytes()
-    assert (tmp_path / "result.glb").read_bytes()[:4] == b"glTF"
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Save turntable").click()
-    assert download.value.suggested_filename == f"{stem}-turntable.webm"
-    video = download.value.path().read_bytes()
-    assert video[:4] == b"\x1a\x45\xdf\xa3"
+    assert saved("Download result.glb") == (f"{stem}.glb", service.artifact(job_id, "result.glb"))
+    assert saved("Download sphere.obj") == ("sphere.obj", small_sphere.read_bytes())
+    assert saved("Make and download result.stl") == (f"{stem}.stl", service.artifact(job_id, "result.stl"))
+    name, video = saved("Save turntable")
+    assert (name, video[:4]) == (f"{stem}-turntable.webm", b"\x1a\x45\xdf\xa3")
     assert len(video) > 50_000, "one picture alone has less"
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Make and download morph.glb").click()
-    download.value.save_as(tmp_path / "morph.glb")
-    assert download.value.suggested_filename == f"{stem}-animated.glb"
-    assert (tmp_path / "morph.glb").read_bytes() == service.artifact(job_id, "morph.glb")
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Make and download result.stl").click()
-    download.value.save_as(tmp_path / "result.stl")
-    assert download.value.suggested_filename == f"{stem}.stl"
-    assert (tmp_path / "result.stl").read_bytes() == service.artifact(job_id, "result.stl")
-    assert len((tmp_path / "result.stl").read_bytes()) == 84 + 50 * 320
-    assert json.loads((tmp_path / "report.json").read_text())["params"]["steps"] == 12
-
-    # Whoever is sent the link sees both shapes, and what changes nothing works.
-    page.goto(service.http.post(f"/v1/jobs/{job_id}/url").json()["url"])
-    expect(page.get_by_label("Morph", exact=True)).to_be_visible()
-    expect(after.locator(".viewer-tag")).to_have_text("After")
-    assert difference(picture(before), until_drawn(after)) > 0.02
-    expect(page.get_by_role("button", name="Make and download")).to_have_count(0)
 
 
 @pytest.mark.without_pictures
 def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) -> None:
-    """Even before the example that the form begins with has arrived, which then stays away."""
-    held: list[Route] = []
-    page.route("**/web/examples/sphere.glb", lambda route: held.append(route))
-    with page.expect_request("**/web/examples/sphere.glb"):
-        open_form(page)
+    open_form(page)
     page.evaluate(
         """([name, content]) => {
           const bytes = Uint8Array.from(atob(content), (letter) => letter.charCodeAt(0));
@@ -135,11 +97,6 @@ def test_a_file_is_dropped_anywhere_on_the_page(page: Page, small_sphere: Path) 
         ["dropped.obj", base64.b64encode(small_sphere.read_bytes()).decode()],
     )
     expect(page.locator("#asset-facts")).to_contain_text("dropped.obj")
-    expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
-    with page.expect_response("**/web/examples/sphere.glb") as answer:
-        held[0].continue_()
-    answer.value.finished()
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
 
 
@@ -228,8 +185,6 @@ def test_jobs_are_searched_and_several_are_deleted(page: Page, service: Service,
     page.go_back()
     expect(search).to_have_value("TURTLE crate")
     expect(shown).to_have_count(1)
-    search.fill("no such job")
-    expect(page.get_by_role("paragraph").filter(has_text="0 jobs found.")).to_be_visible()
     search.fill("crate")
     expect(shown).to_have_count(2)
     page.get_by_role("button", name="Select", exact=True).click()

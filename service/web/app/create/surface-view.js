@@ -12,7 +12,6 @@ import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
 import { NumberRows } from "./field-rows.js";
 import { originOf } from "./origins.js";
-import { SurfaceFiles } from "./surface-files.js";
 
 const KIND = "surface_fit";
 /** What most fits need; the others stand under Advanced. */
@@ -31,16 +30,14 @@ export class SurfaceView {
   constructor(root, scope, from, quick = false) {
     this.scope = scope;
     this.turn = 0; // of the last check: an answer to an earlier one is out of date
-    /** Those of a job that is run again: the form has no field for them. @type {any[] | null} */
-    this.anchors = null;
+    /** What a job that is run again has and the form has no field for. */
+    this.kept = nothingKept();
     this.check = debounced(() => this._check(), 450, scope);
     this.assets = new AssetPanel(scope, () => {
-      this.anchors = null;
+      this.kept = nothingKept();
       this.check();
     });
     this.numbers = new NumberRows(KIND, FIRST, () => this.check());
-    this.files = new SurfaceFiles(() => this.check());
-    this.numbers.more.before(this.files.element);
     this.problem = h("div", { class: "problem-slot" });
     this.estimate = h("p", { class: "estimate", id: "estimate" });
     this.form = new JobForm(scope, "New surface fit", "Fit", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._bad(error) });
@@ -91,9 +88,8 @@ export class SurfaceView {
       const { job, asset, others } = await originOf(id, this.scope.signal);
       if (!this.assets.choices) await this.assets.use(asset);
       if (job.kind !== KIND) return null;
-      for (const [part, file] of Object.entries(others)) this.files.use(part, file);
-      this.anchors = job.params.anchors;
-      this.numbers.advanced.open = Object.keys(others).length > 0;
+      const { anchors } = job.params;
+      this.kept = { params: anchors ? { anchors } : {}, files: others };
       return job.params;
     } catch (error) {
       if (!isAbort(error)) fill(this.problem, problemBox(error));
@@ -103,7 +99,7 @@ export class SurfaceView {
 
   _document() {
     /** @type {Record<string, any>} */
-    const params = { ...(this.anchors ? { anchors: this.anchors } : {}), ...this.numbers.values() };
+    const params = { ...this.kept.params, ...this.numbers.values() };
     const steps = params.steps ?? this.numbers.standard("steps");
     if (steps) params[CHECKPOINTS] ??= checkpointEvery(steps);
     return { kind: KIND, params };
@@ -117,7 +113,7 @@ export class SurfaceView {
     this.estimate.textContent = good ? "" : "Correct the marked settings.";
     if (!asset || !good) return;
     try {
-      const found = await client.validate(...(await asset.submission(this._document(), this.files.parts, this.scope.signal)));
+      const found = await client.validate(...(await asset.submission(this._document(), this.kept.files, this.scope.signal)));
       if (turn !== this.turn || this.scope.over) return;
       fill(this.problem);
       this.assets.refuse("");
@@ -138,7 +134,7 @@ export class SurfaceView {
       this.assets.refuse(found.message, found.advice);
       return void fill(this.problem);
     }
-    if (found?.status === 404) for (const file of [this.assets.asset, ...Object.values(this.files.parts)]) file?.forgetUpload();
+    if (found?.status === 404) for (const file of [this.assets.asset, ...Object.values(this.kept.files)]) file?.forgetUpload();
     fill(this.problem, this.numbers.refuse(errorsOf(error)) ? null : problemBox(error));
   }
 
@@ -151,7 +147,12 @@ export class SurfaceView {
   async _send() {
     this.turn += 1;
     const asset = /** @type {import("../assets.js").Asset} */ (this.assets.asset);
-    const job = await client.submit(...(await asset.submission(this._document(), this.files.parts)));
+    const job = await client.submit(...(await asset.submission(this._document(), this.kept.files)));
     return routeHash({ name: "job", id: job.id });
   }
+}
+
+/** @returns {{params: Record<string, any>, files: Record<string, import("../assets.js").Asset>}} */
+function nothingKept() {
+  return { params: {}, files: {} };
 }
