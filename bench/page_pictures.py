@@ -101,7 +101,7 @@ def take_control(browser: Browser, url: str, path: Path) -> None:
 
 def take_prompts(browser: Browser, url: str, path: Path) -> None:
     """Save a picture of the form with a second prompt that has a region."""
-    with opened(browser, url, "/", path, viewport={"width": 1200, "height": 1270}) as page:
+    with opened(browser, url, "/", path, viewport={"width": 1200, "height": 1248}) as page:
         page.set_input_files("#asset-file", ROOT / "service/web/examples/vase.glb")
         page.get_by_label("Prompt", exact=True).fill("a pear")
         page.get_by_text("More options").click()
