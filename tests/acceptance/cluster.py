@@ -15,7 +15,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ DEADLINE_S = 120.0
 LEASE_S = 5.0
 EVERY = 4
 SPHERE = ROOT / "examples" / "sphere.glb"
+API = (sys.executable, "-m", "meshdeform", "api", "--port")
 
 
 def sum_after(steps: int) -> bytes:
@@ -176,9 +177,9 @@ class Cluster(Followed):
         self.http = httpx.Client(base_url=f"http://127.0.0.1:{self._port}", timeout=DEADLINE_S)
         self._asset: StoredFile | None = None
 
-    def start_api(self, **environment: str) -> Part:
-        """Start the API, and return when it answers."""
-        part = self._start("api", [sys.executable, "-m", "meshdeform", "api", "--port", str(self._port)], environment)
+    def start_api(self, command: Sequence[str] = API, **environment: str) -> Part:
+        """Start the API, by a command that ends with the port, and return when it answers."""
+        part = self._start("api", [*command, str(self._port)], environment)
         until("the API answers", lambda: self.http.get("/healthz").status_code == 200)
         return part
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import httpx
 import psutil
 import pytest
 
+from tests.acceptance.cli import call, run
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Gate, Service, serving, until
 
@@ -104,3 +106,46 @@ def test_a_job_outlives_its_worker_ctrl_c_and_a_killed_serve_with_the_same_bytes
             assert third.http.get("/readyz").status_code == 200
             third.send(signal.SIGINT)
             assert third.wait() == 0, third.log
+
+
+# One that others can reach: no start without a key, and none without it let in
+
+
+def test_serve_refuses_an_open_address_without_a_key_and_says_how_to_make_one(server_folder: Path) -> None:
+    data = server_folder / "open address"
+    refused = run("serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", data, cwd=server_folder)
+    assert refused.returncode == 3, refused.stderr
+    assert "Traceback" not in refused.stderr
+    command = f"meshdeform keys create --owner me --data-dir '{data}'"
+    assert command in refused.stderr
+    assert not (data / "serve.lock").exists()  # nothing was started
+
+
+def test_a_key_opens_a_job_is_its_owners_and_every_line_is_json(server_folder: Path, sphere: Path, egg: Path) -> None:
+    data = server_folder / "guarded"
+    flags = ["--owner", "studio", "--requests-per-minute", "0", "--data-dir", str(data), "--json"]
+    key = json.loads(call("keys", "create", *flags, cwd=server_folder).stdout)["key"]
+    with serving(data, MESHDEFORM_AUTH="on", MESHDEFORM_LOG_FORMAT="json") as service:
+        assert service.http.get("/v1/jobs").status_code == 401
+        service.http.headers.update({"Authorization": f"Bearer {key}", "X-Request-ID": "shot-10"})
+        broken = service.http.post(
+            "/v1/jobs?signature=secret",
+            content=b"--x\r\nnonsense",
+            headers={"Content-Type": "multipart/form-data; boundary=x"},
+        )
+        assert broken.status_code == 422
+        job = service.submit(sphere, {"params": {"steps": 3, "guidance": {"kind": "target"}}}, egg)
+        assert service.finished(job)["state"] == "succeeded", service.log
+        until(
+            "the worker says that it is done", lambda: any(f"{job}: attempt 1 succeeded" in e for e in service.errors)
+        )
+        lines = [json.loads(line) for line in list(service.errors)]
+        assert all(line["message"] is not None and datetime.fromisoformat(line["time"]) for line in lines)
+        assert {line["part"] for line in lines} >= {"api", "worker"}
+        of_the_job = [line for line in lines if line.get("job_id") == job]
+        assert {line["part"] for line in of_the_job} == {"worker"}
+        assert all(line.get("worker") for line in of_the_job)
+        posted = [line for line in lines if line.get("route") == "/v1/jobs" and line.get("status") == 202]
+        assert [(line["request_id"], line["method"]) for line in posted] == [("shot-10", "POST")]
+        assert posted[0]["duration_ms"] > 0
+        assert "secret" not in service.log

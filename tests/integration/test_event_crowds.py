@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import signal
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +22,9 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from service.events import waiting as hub_module
 from service.events.waiting import JobWaiters
+from tests.acceptance.cluster import deployed
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
 from tests.integration.streams import STREAM, stream
-from tests.servers import free_port, wait_for_port
 from tests.waiting import until
 
 
@@ -197,33 +194,12 @@ uvicorn.run(create_app(), host="127.0.0.1", port=int(sys.argv[1]), log_level="wa
 """
 
 
-@contextmanager
-def api_process(folder: Path, redis_url: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    port = free_port()
-    environment = {
-        **os.environ,
-        "MESHDEFORM_DATA_DIR": str(folder),
-        "MESHDEFORM_REDIS_URL": redis_url,
-        "MESHDEFORM_QUEUE": f"test-{folder.name}",
-    }
-    process = subprocess.Popen([sys.executable, "-c", _SERVE, str(port)], env=environment, text=True)
-    try:
-        wait_for_port(port, process, folder / "log")
-        yield process, f"http://127.0.0.1:{port}"
-    finally:
-        process.kill()
-        process.communicate()
-
-
-def test_a_process_that_is_to_end_does_not_wait_for_its_streams(redis_url: str, tmp_path: Path) -> None:
-    with api_process(tmp_path, redis_url) as (process, url), httpx.Client(base_url=url, timeout=DEADLINE_S) as http:
-        record = JobRecord(f"sqlite:///{tmp_path / 'meshdeform.sqlite'}")
-        job = new_job(record)
-        record.close()
-        with stream(http, job.id) as found:
+def test_a_process_that_is_to_end_does_not_wait_for_its_streams(tmp_path: Path) -> None:
+    with deployed(tmp_path) as cluster:
+        api = cluster.start_api([sys.executable, "-c", _SERVE])
+        with stream(cluster.http, cluster.submit()) as found:
             events = found.events()
             assert next(events)["type"] == "queued"
-            process.send_signal(signal.SIGTERM)
+            api.send(signal.SIGTERM)
             assert list(events) == []
-        process.communicate(timeout=DEADLINE_S)
-        assert process.returncode in (0, -signal.SIGTERM)
+        assert api.process.wait(timeout=DEADLINE_S) in (0, -signal.SIGTERM)

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import socket
-import subprocess
-import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 
 import httpx
@@ -21,6 +17,7 @@ from starlette.responses import Response
 from meshdeform.serving import connections
 from meshdeform.settings import Settings
 from service.http import middleware
+from tests.acceptance.cluster import API, deployed
 from tests.integration.conftest import DEADLINE_S, serving, serving_app
 
 OPEN_FILES = 160
@@ -46,34 +43,11 @@ def received(connection: socket.socket) -> bytes:
     return found
 
 
-@contextmanager
-def api_process(folder: Path, redis_url: str) -> Iterator[str]:
-    """Run `meshdeform api` with a low limit of open files, and return its URL."""
-    environment = {**os.environ, "MESHDEFORM_DATA_DIR": str(folder), "MESHDEFORM_REDIS_URL": redis_url}
-    command = [sys.executable, "-m", "meshdeform", "api", "--port", "0", "--json"]
-    limited = ["sh", "-c", f'ulimit -n {OPEN_FILES}; exec "$@"', "sh", *command]
-    process = subprocess.Popen(limited, env=environment, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout is not None
-        url = f"http://127.0.0.1:{json.loads(process.stdout.readline())['port']}"
-        deadline = time.monotonic() + DEADLINE_S
-        while True:
-            assert process.poll() is None, "the API ended"
-            assert time.monotonic() < deadline, "the API does not answer"
-            try:
-                if httpx.get(f"{url}/healthz").status_code == 200:
-                    break
-            except httpx.TransportError:
-                time.sleep(0.02)
-        yield url
-    finally:
-        process.kill()
-        process.communicate()
-
-
-def test_idle_connections_keep_nobody_out(redis_url: str, tmp_path: Path) -> None:
+def test_idle_connections_keep_nobody_out(tmp_path: Path) -> None:
     """More connections than the process may have open files, all of them held while others work."""
-    with api_process(tmp_path, redis_url) as url, ExitStack() as cleanup:
+    with deployed(tmp_path) as cluster, ExitStack() as cleanup:
+        cluster.start_api(["sh", "-c", f'ulimit -n {OPEN_FILES}; exec "$@"', "sh", *API])
+        url = str(cluster.http.base_url)
         for number in range(2 * OPEN_FILES):
             cleanup.callback(connect(url, SENT[number % len(SENT)]).close)
         for path in ("/healthz", "/readyz", "/v1/jobs", "/healthz"):
