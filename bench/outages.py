@@ -111,7 +111,8 @@ class Outages:
         server = stack.enter_context(s3_server(base / "s3"))
         server.make_bucket("outages")
         self.store = stack.enter_context(FaultProxy(server.port))
-        os.environ.update(server.settings(self.store.port))  # this process looks into the store as well
+        behind = {"AWS_ENDPOINT_URL": f"http://127.0.0.1:{self.store.port}"}
+        os.environ.update(server.settings() | behind)  # this process looks into the store as well
         self.redis = stack.enter_context(running_redis(base))
         url = f"postgresql://meshdeform@127.0.0.1:{self.bouncer.port}/service"
         more = {"storage_url": "s3://outages/some/prefix", "environment": settings}
@@ -131,9 +132,7 @@ class Outages:
             "PgBouncer killed": lambda: self._gone(self.bouncer.kill, self.bouncer.start),
             "both APIs killed": lambda: self._gone(self._kill_apis, self.cluster.start_apis),
             "Redis killed, back empty": lambda: self._gone(self.redis.kill, self.redis.start),
-            "Redis hung": lambda: self._gone(
-                lambda: self._signal(signal.SIGSTOP), lambda: self._signal(signal.SIGCONT)
-            ),
+            "Redis hung": lambda: self._gone(self._hang_redis, self._wake_redis),
             "S3 refuses": lambda: self._gone(self.store.refuse, self.store.pass_through),
             "S3 hung": lambda: self._gone(self.store.hang, self.store.pass_through),
             "S3 answers 503": lambda: self._gone(self.store.error503, self.store.pass_through),

@@ -79,6 +79,7 @@ def _fill(record: JobRecord, start: int, end: int) -> None:
         "owner_id": sa.literal("owner-") + sa.cast(n % 50, sa.String),
         "state": sa.case((queued, "queued"), else_="succeeded"),
         "step_s": sa.case((queued, None), else_=0.5),
+        "ran_s": sa.case((queued, 0.0), else_=60.0),
         "retain_until": sa.case((queued, None), else_=later),
     }
 
