@@ -160,17 +160,14 @@ def test_any_triangle_soup_is_solved(rows: list[tuple[float, float, float]], fac
     assert variable.grad is None or bool(torch.isfinite(variable.grad).all())
 
 
-@each_case("wrong", [torch.zeros(19, 3, 3, dtype=F64), torch.zeros(20, 3, 3), torch.zeros(20, 9, dtype=F64)])
-def test_wrong_shapes_and_types_are_refused(wrong: Tensor) -> None:
-    with pytest.raises(ShapeError, match="expected jacobians"):
-        PoissonSystem(icosphere(0)).solve(wrong)
-
-
-def test_jacobians_that_are_not_finite_are_a_numerical_error() -> None:
-    jacobians = identity_jacobians(20)
-    jacobians[3, 1, 2] = float("nan")
+def test_wrong_shapes_types_and_values_are_refused() -> None:
+    system, infinite = PoissonSystem(icosphere(0)), identity_jacobians(20)
+    infinite[3, 1, 2] = float("nan")
+    for wrong in (torch.zeros(19, 3, 3, dtype=F64), torch.zeros(20, 3, 3), torch.zeros(20, 9, dtype=F64)):
+        with pytest.raises(ShapeError, match="expected jacobians"):
+            system.solve(wrong)
     with pytest.raises(NumericalError, match="finite"):
-        PoissonSystem(icosphere(0)).solve(jacobians)
+        system.solve(infinite)
 
 
 def test_a_factor_that_fails_everywhere_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:

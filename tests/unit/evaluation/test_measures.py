@@ -109,10 +109,18 @@ def test_a_suite_is_every_source_by_every_prompt_by_every_seed(name: str, count:
     items = suite.items()
     assert len(items) == len(set(items)) == len({item.name for item in items}) == count
     assert set(suite.sources) <= set(SOURCES)
+    assert {item.seed for item in suite.with_seeds((3, 4)).items()} == {3, 4}
 
 
-def test_seeds_can_be_replaced_and_unknown_suites_are_refused() -> None:
-    assert {item.seed for item in SUITES["small"].with_seeds((3, 4)).items()} == {3, 4}
+def test_a_mesh_of_ones_own_takes_the_place_of_the_sources(tmp_path: Path) -> None:
+    path, mesh = tmp_path / "my cow.glb", box(2)
+    path.write_bytes(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
+    suite = find_suite("small").with_sources((str(path),))
+    assert {item.source for item in suite.items()} == {str(path)}
+    assert suite.items()[0].name.startswith("my cow--")
+    assert len(source_mesh(str(path)).faces) == len(mesh.faces)
+    with pytest.raises(ParameterError, match="called 'my cow'"):
+        suite.with_sources((str(path), str(tmp_path / "other" / "my cow.obj")))
     with pytest.raises(ParameterError, match="no suite 'large'"):
         find_suite("large")
 
@@ -128,16 +136,3 @@ def test_the_texture_of_a_file_stays_with_its_faces(tmp_path: Path) -> None:
     found = measures(mesh, TriangleMesh(2 * mesh.verts, mesh.faces), texels)
     assert (found["texture_stretch_p95"], found["texture_stretch_above_2"]) == (pytest.approx(1), 0)
     assert source_texels("sphere") is None
-
-
-def test_a_mesh_of_ones_own_takes_the_place_of_the_sources(tmp_path: Path) -> None:
-    path = tmp_path / "my cow.glb"
-    mesh = box(2)
-    path.write_bytes(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
-    suite = find_suite("small").with_sources((str(path),))
-    assert {item.source for item in suite.items()} == {str(path)}
-    assert suite.items()[0].name.startswith("my cow--")
-    read = source_mesh(str(path))
-    assert len(read.faces) == len(mesh.faces)
-    with pytest.raises(ParameterError, match="called 'my cow'"):
-        suite.with_sources((str(path), str(tmp_path / "other" / "my cow.obj")))

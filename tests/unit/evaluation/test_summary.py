@@ -100,19 +100,13 @@ def test_judges_that_are_not_there_are_refused(name: str) -> None:
 # Items over processes.
 
 
-@each_case("jobs", [1, 3])
-def test_every_item_is_done_once(jobs: int) -> None:
-    assert dict(each(range(8), squares, jobs)) == {number: number**2 for number in range(8)}
-
-
-def test_a_process_that_dies_costs_its_item_alone() -> None:
+def test_every_item_is_done_once_and_a_process_that_dies_costs_its_item_alone() -> None:
+    for jobs in (1, 3):
+        assert dict(each(range(8), squares, jobs)) == {number: number**2 for number in range(8)}
     results = dict(each([1, 13, 2, 3], squares, 2))
     lost = results.pop(13)
     assert isinstance(lost, WorkerLostError)
     assert "exit code 7" in lost.detail
     assert results == {1: 1, 2: 4, 3: 9}
-
-
-def test_work_that_cannot_start_is_an_error_that_says_why() -> None:
     with pytest.raises(WorkerLostError, match="no such model"):
         list(each([1, 2], broken, 2))

@@ -72,26 +72,19 @@ def test_single_views_are_predicted_each_with_its_own_camera(weights: Path) -> N
     assert 2 * prior.style.view_size == SINGLE_STYLE.view_size == 128
 
 
-def test_pictures_are_their_own_latents_and_gradients_pass(weights: Path) -> None:
+def test_it_says_who_it_is_and_pictures_are_their_own_latents(weights: Path) -> None:
     prior = BuiltinPrior(weights=weights)
+    assert prior.identity == {"id": str(weights), "revision": "7 steps, seed 3", "sha256": file_sha256(weights)}
+    assert BuiltinPrior().identity["id"] == "builtin"
+    assert prior.alphas_cumprod.shape == (prior.num_timesteps,)
+    assert (prior.style, prior.dtype) == (STYLE, torch.float32)
     image = torch.rand(1, 3, 128, 128, requires_grad=True)
     z0 = prior.encode_image(image)
     assert_close(z0, image * 2 - 1)
     z0.sum().backward()
     assert_close(image.grad, torch.full_like(image, 2.0))
-    embedding = text_rows(prior, "a hat")
-    assert not guided(
-        *prior.predict_noise(z0, torch.tensor([5]), embedding, fixed_cameras(0.0, 0.0)), 2.0
-    ).requires_grad
-
-
-def test_it_says_who_it_is(weights: Path) -> None:
-    prior = BuiltinPrior(weights=weights)
-    assert prior.identity == {"id": str(weights), "revision": "7 steps, seed 3", "sha256": file_sha256(weights)}
-    assert BuiltinPrior().identity["id"] == "builtin"
-    assert prior.alphas_cumprod.shape == (prior.num_timesteps,)
-    assert prior.style == STYLE
-    assert prior.dtype == torch.float32
+    predicted = prior.predict_noise(z0, torch.tensor([5]), text_rows(prior, "a hat"), fixed_cameras(0.0, 0.0))
+    assert not any(each.requires_grad for each in predicted)
 
 
 def test_a_negative_prompt_stands_in_for_nothing(weights: Path) -> None:

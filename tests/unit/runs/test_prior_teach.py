@@ -74,7 +74,7 @@ def test_a_lesson_teaches_the_word_and_a_resumed_one_is_the_same_bit_for_bit(tmp
     assert set(done.losses) == {"total", "held_out_new", "held_out_old"}
     assert list(made) == [artifact.name for artifact in PRIOR_TEACH.artifacts]
     assert made["preview.png"].data.startswith(b"\x89PNG")
-    assert inspect_lesson_mesh(run) == len(_SPHERE.faces)
+    assert len(load_asset(run.snapshot().data).surface.triangles) == len(_SPHERE.faces)
 
     resumed = begin(weights, checkpoint=state, synonyms=["kettle"], licence="CC0-1.0")
     assert resumed.step == 1
@@ -92,10 +92,6 @@ def test_a_lesson_teaches_the_word_and_a_resumed_one_is_the_same_bit_for_bit(tmp
         ("pots/tall/box.obj", ["tall"]),
     ]
     assert set(report["old_nouns"]) == {"bowl", "heart", "vase"}
-
-
-def inspect_lesson_mesh(run: JobRun) -> int:
-    return len(load_asset(run.snapshot().data).surface.triangles)
 
 
 def test_folders_name_attributes_and_the_one_around_everything_need_not() -> None:
