@@ -93,10 +93,10 @@ def _registry(held: Path) -> Starlette:
     documents: dict[str, dict[str, Any]] = {}
 
     async def upload(request: Request) -> Response:
-        form = await request.form()
-        file: Any = form["content"]
-        data = await file.read()
-        if form["sha256_digest"] != hashlib.sha256(data).hexdigest():
+        async with request.form() as form:
+            file: Any = form["content"]
+            data, digest = await file.read(), form["sha256_digest"]
+        if digest != hashlib.sha256(data).hexdigest():
             return PlainTextResponse("The file is not the one that was announced.", 400)
         (held / file.filename).write_bytes(data)
         return PlainTextResponse("")
