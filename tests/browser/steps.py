@@ -89,6 +89,18 @@ def shown_job(page: Page) -> str:
     return found[1]
 
 
+def drag(page: Page, place: Locator, *ways: tuple[float, float]) -> None:
+    """Drag over something, along shares of its width and height."""
+    box = place.bounding_box()
+    assert box is not None
+    begin, *rest = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in ways]
+    page.mouse.move(*begin)
+    page.mouse.down()
+    for each in rest:
+        page.mouse.move(*each, steps=3)
+    page.mouse.up()
+
+
 def badge(page: Page) -> Locator:
     """The state of the job that the page shows."""
     return page.locator(".job-head .badge")

@@ -26,6 +26,7 @@ from tests.browser.steps import (
     start,
     until_drawn,
 )
+from tests.unit.assets.builders import Builder, unpack
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -36,37 +37,20 @@ ARROW = np.array([217, 98, 43])  # as `front-arrow.js` has it
 
 def packed_ball(path: Path) -> Path:
     """A ball with a blue texture, as a .gltf with its files."""
-    mesh = icosphere(2)
-    vertices, faces = mesh.verts.numpy().astype("<f4"), mesh.faces.numpy().astype("<u2")
-    uvs = np.full((len(vertices), 2), 0.5, "<f4")
-    parts = [vertices.tobytes(), uvs.tobytes(), faces.tobytes()]
-    starts = np.cumsum([0, *map(len, parts)]).tolist()
-    kinds = [("VEC3", 5126, len(vertices)), ("VEC2", 5126, len(vertices)), ("SCALAR", 5123, faces.size)]
-    gltf = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}],
-        "textures": [{"source": 0}],
-        "images": [{"uri": "textures/skin.png"}],
-        "buffers": [{"uri": "ball%20data.bin", "byteLength": starts[-1]}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": start, "byteLength": len(part)}
-            for start, part in zip(starts, parts, strict=False)
-        ],
-        "accessors": [
-            {"bufferView": number, "type": kind, "componentType": component, "count": count}
-            | ({"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()} if number == 0 else {})
-            for number, (kind, component, count) in enumerate(kinds)
-        ],
-    }
-    skin = io.BytesIO()
+    builder, mesh, skin = Builder(), icosphere(2), io.BytesIO()
+    vertices = mesh.verts.numpy().astype("<f4")
+    primitive = builder.primitive(
+        vertices, mesh.faces.numpy().astype("<u2"), TEXCOORD_0=np.full((len(vertices), 2), 0.5, "<f4")
+    )
+    builder.node(builder.mesh({**primitive, "material": 0}))
+    gltf, binary, _ = unpack(builder.glb())
+    gltf["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}]
+    gltf |= {"textures": [{"source": 0}], "images": [{"uri": "textures/skin.png"}]}
+    gltf["buffers"][0] |= {"uri": "ball%20data.bin", "byteLength": len(binary)}
     Image.new("RGB", (4, 4), (20, 40, 230)).save(skin, "PNG")
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("ball/ball.gltf", json.dumps(gltf))
-        archive.writestr("ball/ball data.bin", b"".join(parts))
+        archive.writestr("ball/ball data.bin", binary)
         archive.writestr("ball/textures/skin.png", skin.getvalue())
     return path
 

@@ -12,7 +12,7 @@ import pytest
 from meshdeform.assets import load_asset
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
-from tests.browser.steps import badge, difference, expect, picture, set_steps, start, until_drawn
+from tests.browser.steps import badge, difference, drag, expect, picture, set_steps, start, until_drawn
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -50,15 +50,9 @@ def test_two_jobs_of_the_list_are_compared(page: Page, service: Service, pair: t
     expect(page.locator(".legend")).to_contain_text("Displacement")
     until("B is coloured", lambda: difference(plain, picture(right)) > 0.05)
     # Both cameras move: what the left one shows from elsewhere, the right one does too.
-    at = left.bounding_box()
-    assert at is not None
-    turned = picture(left), picture(right)
-    page.mouse.move(at["x"] + 100, at["y"] + 100)
-    page.mouse.down()
-    page.mouse.move(at["x"] + 260, at["y"] + 120, steps=4)
-    page.mouse.up()
-    for view, seen in zip((left, right), turned, strict=True):
-        until("the view turns", lambda view=view, seen=seen: difference(seen, picture(view)) > 0.005)
+    seen = picture(right)
+    drag(page, left, (0.2, 0.2), (0.6, 0.25))
+    until("the other view turns", lambda: difference(seen, picture(right)) > 0.005)
 
     asked = page.get_by_role("table", name="Asked")
     rows = {row.inner_text().split("\t")[0].strip(): row for row in asked.get_by_role("row").all()}

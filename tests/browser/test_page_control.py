@@ -17,6 +17,7 @@ from tests.browser.steps import (
     badge,
     choose,
     difference,
+    drag,
     expect,
     kept_files,
     open_form,
@@ -29,7 +30,7 @@ from tests.browser.steps import (
 from tests.unit.assets.builders import Builder
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Locator, Page
+    from playwright.sync_api import Page
 
 
 def two_parts(path: Path) -> Path:
@@ -57,17 +58,6 @@ LOWER = 168
 def tool(page: Page, name: str) -> None:
     """Take a tool in hand."""
     page.get_by_role("group", name="Tool").get_by_text(name, exact=True).click()
-
-
-def drag(page: Page, viewer: Locator, begin: tuple[float, float], end: tuple[float, float]) -> None:
-    """Drag over a viewer, from and to shares of its width and height."""
-    box = viewer.bounding_box()
-    assert box is not None
-    places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in (begin, end)]
-    page.mouse.move(*places[0])
-    page.mouse.down()
-    page.mouse.move(*places[1], steps=3)
-    page.mouse.up()
 
 
 @pytest.mark.without_pictures
@@ -269,10 +259,3 @@ def test_variations_at_several_strengths_on_one_sheet(page: Page, service: Servi
     assert min(each.std() for row in cells for each in row) > 5, "nothing is drawn"
     assert difference(cells[0][0], cells[1][2]) == 0, "the same bytes"
     assert min(difference(row[0], row[1]) for row in cells) > 0.005
-
-    # Beside one of them stands the strip that leads to the others.
-    page.get_by_role("link", name="Variation 1").click()
-    strip = page.get_by_role("navigation", name="Variations")
-    expect(strip.get_by_role("link", name="a fat penguin")).to_have_attribute("aria-current", "page")
-    strip.get_by_role("link", name="a tall vase").click()
-    expect(page.get_by_role("heading", level=1, name="“a tall vase”")).to_be_visible()

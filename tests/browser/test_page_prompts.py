@@ -9,7 +9,7 @@ import pytest
 
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
-from tests.browser.steps import choose, expect, open_form, set_steps, start, until_shown
+from tests.browser.steps import choose, drag, expect, open_form, set_steps, start, until_shown
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -50,14 +50,9 @@ def test_two_prompts_of_which_one_has_regions(page: Page, watch: Watch, service:
     tools = page.get_by_role("group", name="Regions of prompt 2")
     tools.get_by_role("button", name="Paint a region").click()
     regions = page.get_by_role("list", name="Regions of prompt 2, listed").get_by_role("listitem")
-    box = viewer.bounding_box()
-    assert box is not None
 
     def painted() -> bool:
-        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.4 * box["height"])
-        page.mouse.down()
-        page.mouse.move(box["x"] + 0.52 * box["width"], box["y"] + 0.42 * box["height"], steps=2)
-        page.mouse.up()
+        drag(page, viewer, (0.5, 0.4), (0.52, 0.42))
         return regions.count() > 0
 
     until("the tools are loaded", painted)

@@ -9,7 +9,7 @@ import pytest
 from meshdeform.kinds.sketch.families import member_glb
 from tests.acceptance.service import Service
 from tests.browser.conftest import Watch
-from tests.browser.steps import expect, open_form, open_more, set_steps, start
+from tests.browser.steps import drag, expect, open_form, open_more, set_steps, start
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -23,18 +23,6 @@ STROKES = [
 ]
 
 
-def draw(page: Page, stroke: list[tuple[float, float]]) -> None:
-    """Draw a stroke on the pad; places are shares of its width and height."""
-    box = page.get_by_role("img", name="Drawing").bounding_box()
-    assert box is not None
-    places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in stroke]
-    page.mouse.move(*places[0])
-    page.mouse.down()
-    for place in places[1:]:
-        page.mouse.move(*place)
-    page.mouse.up()
-
-
 @pytest.mark.without_pictures
 def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watch: Watch) -> None:
     watch.allow("422.*sketches:guess")
@@ -46,16 +34,17 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
         dialog.get_by_role("button", name="Guess what it is"),
         dialog.get_by_role("button", name="Use as target"),
     )
+    pad = page.get_by_role("img", name="Drawing")
     expect(guess).to_be_disabled()
 
     # One line is no drawing, and what is undone is gone.
-    draw(page, [(0.1, 0.9), (0.9, 0.9)])
+    drag(page, pad, (0.1, 0.9), (0.9, 0.9))
     guess.click()
     expect(dialog).to_contain_text("single line")
     dialog.get_by_role("button", name="Undo").click()
     expect(guess).to_be_disabled()
     for stroke in STROKES:
-        draw(page, stroke)
+        drag(page, pad, *stroke)
     guess.click()
     guesses = dialog.get_by_role("radiogroup", name="Guesses").get_by_role("radio")
     expect(guesses).to_have_count(3)

@@ -117,22 +117,12 @@ export class ViewerBox {
    * @param {number} elevation Degrees above the horizon.
    */
   look(azimuth, elevation) {
-    const rig = this.viewer?.rig;
-    if (!rig) return;
-    const { position, target } = rig.state;
-    const [a, e] = [(azimuth * Math.PI) / 180, (Math.min(89, Math.max(-89, elevation)) * Math.PI) / 180];
-    const far = Math.hypot(...[0, 1, 2].map((i) => position[i] - target[i]));
-    const direction = [Math.sin(a) * Math.cos(e), Math.sin(e), Math.cos(a) * Math.cos(e)];
-    rig.state = { position: target.map((/** @type {number} */ value, /** @type {number} */ i) => value + far * direction[i]), target };
+    if (this.viewer) this.viewer.rig.side = { azimuth, elevation };
   }
 
   /** @returns {{azimuth: number, elevation: number} | null} From where it is seen, in degrees. */
   seenFrom() {
-    if (!this.viewer) return null;
-    const { position, target } = this.viewer.rig.state;
-    const [x, y, z] = [0, 1, 2].map((i) => position[i] - target[i]);
-    const degrees = 180 / Math.PI;
-    return { azimuth: Math.atan2(x, z) * degrees, elevation: Math.atan2(y, Math.hypot(x, z)) * degrees };
+    return this.viewer?.rig.side ?? null;
   }
 
   resetView() {

@@ -135,6 +135,18 @@ export class CameraRig {
     this.#settle(new Vector3().fromArray(target));
   }
 
+  /** @returns {{ azimuth: number, elevation: number }} from where it looks, in degrees */
+  get side() {
+    return { azimuth: MathUtils.radToDeg(this.controls.getAzimuthalAngle()), elevation: 90 - MathUtils.radToDeg(this.controls.getPolarAngle()) };
+  }
+
+  set side({ azimuth, elevation }) {
+    const { target } = this.controls;
+    const angle = MathUtils.degToRad(90 - MathUtils.clamp(elevation, -89, 89));
+    const arm = new Vector3().setFromSphericalCoords(this.controls.getDistance(), angle, MathUtils.degToRad(azimuth));
+    this.state = { position: arm.add(target).toArray(), target: target.toArray() };
+  }
+
   /** @param {number} azimuth @param {number} elevation radians */
   rotate(azimuth, elevation) {
     this.#step(() => {

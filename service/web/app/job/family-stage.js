@@ -1,12 +1,12 @@
 // @ts-check
 /** The result of a job about a family: its wall; and where shapes were made, one of them as its file describes it. */
 import { client } from "../client.js";
-import { button, fill, h } from "../dom.js";
+import { fill, h } from "../dom.js";
 import { percent } from "../format.js";
 import { stemOf } from "../names.js";
 import { shapeWords } from "../quality.js";
 import { ViewerBox } from "../viewer-box.js";
-import { handOnButtons, saveBytes } from "./files.js";
+import { meshButtons } from "./files.js";
 import { PictureStage } from "./picture-stage.js";
 import { slider } from "./stage-controls.js";
 import { WallView } from "./wall-view.js";
@@ -28,7 +28,7 @@ export class FamilyStage extends PictureStage {
     else this.wall.box.say("No wall yet", "It comes with the result.", "info");
     this.shape = this.makes ? new ViewerBox("Shape", scope) : null;
     this.pick = slider("family-shape", "Shape", 0, () => this._show(Number(this.pick.input.value)));
-    this.save = h("div", { class: "row", hidden: true }, button("Download this shape", () => this._download(), { icon: "download" }), handOnButtons(async () => this._mesh()));
+    this.save = h("div", { class: "row", hidden: true }, meshButtons("Download this shape", () => this._mesh()));
     this.frame = h("div", { class: "stage pair-stage" }, this.wall.box.element, this.shape?.element);
     this.element = h("section", { class: this.shape ? "job-stage" : "job-stage wall-only", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.controls);
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
@@ -89,10 +89,5 @@ export class FamilyStage extends PictureStage {
   _mesh() {
     const bytes = this.files.get(this.name ?? "");
     return bytes ? { bytes: bytes.buffer, name: `${stemOf(this.job)}-${this.name}` } : null;
-  }
-
-  _download() {
-    const mesh = this._mesh();
-    if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
   }
 }

@@ -10,7 +10,7 @@ import { bytes, count, counted, figure } from "../format.js";
 import { stemOf } from "../names.js";
 import { orToast } from "../problem-box.js";
 import { ViewerBox } from "../viewer-box.js";
-import { handOnButtons, saveBytes } from "./files.js";
+import { meshButtons, saveBytes } from "./files.js";
 import { PictureStage } from "./picture-stage.js";
 import { chooser, drawnPicture, showLegend, slider, toggle } from "./stage-controls.js";
 
@@ -35,9 +35,9 @@ export class FieldStage extends PictureStage {
     const reset = button("Reset view", () => this.box.resetView(), { icon: "reset", quiet: true, class: "button-quiet" });
     this.scalars = chooser("field-scalars", "Scalars", () => this._scalar(Number(this.scalars.input.value)));
     this.tools = h("div", { class: "row stage-tools", hidden: true }, this.heats, this.farther, this.wires, reset);
-    const save = button("Download this level", () => this._download(), { icon: "download" });
+    const [save, ...handOn] = meshButtons("Download this level", () => this._mesh());
     const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
-    this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture, handOnButtons(async () => this._mesh()));
+    this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture, handOn);
     this.element = h(
       "section",
       { class: "job-stage single field-stage", "aria-label": "Surface" },
@@ -276,11 +276,6 @@ export class FieldStage extends PictureStage {
   /** The level that is shown. */
   _mesh() {
     return this.glb && this.shown ? { bytes: this.glb, name: `${this.stem}-level${this.shown.level}.glb` } : null;
-  }
-
-  _download() {
-    const mesh = this._mesh();
-    if (mesh) saveBytes(new Blob([mesh.bytes], { type: "model/gltf-binary" }), mesh.name);
   }
 
   _picture() {

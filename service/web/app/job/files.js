@@ -101,16 +101,26 @@ async function copyText(text, done) {
 }
 
 /**
- * Two buttons; none for who looks by a link, who may start nothing.
- * @param {() => Promise<{bytes: ArrayBuffer, name: string} | null>} mesh Returns a GLB; null while there is none.
+ * Buttons that save a mesh which was made here, and that hand it to the form; the latter not for who looks by a link, and may start nothing.
+ * @param {string} label Of the first.
+ * @param {() => {bytes: ArrayBuffer, name: string} | null} mesh Returns a GLB; null while there is none.
  */
-export function handOnButtons(mesh) {
-  if (currentLink() || DEMO) return null;
-  const use = (/** @type {"asset" | "target"} */ part) => async () => {
-    const made = await mesh();
-    if (made) await handOn(new Asset(new Blob([made.bytes], { type: "model/gltf-binary" }), made.name), part);
+export function meshButtons(label, mesh) {
+  const made = () => {
+    const { bytes, name } = mesh() ?? {};
+    return bytes ? new File([bytes], name ?? "", { type: "model/gltf-binary" }) : null;
   };
-  return h("div", { class: "row" }, button("Deform this mesh", use("asset"), { icon: "spark" }), button("Use as target", use("target"), { class: "button-quiet" }));
+  const save = () => {
+    const file = made();
+    if (file) saveBytes(file, file.name);
+  };
+  const use = (/** @type {"asset" | "target"} */ part) => async () => {
+    const file = made();
+    if (file) await handOn(new Asset(file, file.name), part);
+  };
+  const saving = button(label, save, { icon: "download" });
+  if (currentLink() || DEMO) return [saving];
+  return [saving, button("Deform this mesh", use("asset"), { icon: "spark" }), button("Use as target", use("target"), { class: "button-quiet" })];
 }
 
 /** What else was typed in the form stays. @param {Asset} mesh @param {"asset" | "target"} part */

@@ -62,50 +62,34 @@ export function filesPanel(job, artifacts, scope) {
   // Who came by a link reads what there is.
   const shared = currentLink() !== "";
   const sorted = [...artifacts].sort((a, b) => rank(order, a.name) - rank(order, b.name));
-  const row = (/** @type {string} */ name, /** @type {string} */ saved, /** @type {string} */ text, /** @type {number} */ size, /** @type {string} */ path, /** @type {boolean} */ signed) =>
-    h(
-      "li",
-      { class: "file" },
-      h("div", null, h("strong", null, name), h("span", { class: "small muted" }, `${text} · ${bytes(size)}`)),
-      h(
-        "div",
-        { class: "row" },
-        signed && !shared ? button(`Copy a link to ${name}`, () => copyLink(path, scope), { icon: "link", quiet: true, class: "button-quiet" }) : null,
-        button(`Download ${name}`, () => download(path, saved, size, signed, scope), { icon: "download", quiet: true }),
-      ),
-    );
+  const line = (/** @type {string} */ title, /** @type {string} */ text, /** @type {(HTMLElement | null)[]} */ ...tools) =>
+    h("li", { class: "file" }, h("div", null, h("strong", null, title), h("span", { class: "small muted" }, text)), h("div", { class: "row" }, tools));
+  const row = (/** @type {any} */ found) => {
+    const path = `v1/jobs/${job.id}/artifacts/${found.name}`;
+    const text = PICTURES[job.kind]?.[found.name] ?? FILES[found.name] ?? (found.content_type === "model/gltf-binary" ? "A mesh" : found.content_type);
+    const link = shared ? null : button(`Copy a link to ${found.name}`, () => copyLink(path, scope), { icon: "link", quiet: true, class: "button-quiet" });
+    return line(found.name, `${text} · ${bytes(found.size)}`, link, button(`Download ${found.name}`, () => download(path, artifactName(job, found.name), found.size, true, scope), { icon: "download", quiet: true }));
+  };
   const makeRow = (/** @type {string} */ name) => {
     const make = button(`Make and download ${name}`, async () => {
       make.disabled = true;
       await downloadMade(job, name, scope);
       make.disabled = false;
     }, { icon: "download", quiet: true });
-    const words = h("div", null, h("strong", null, name), h("span", { class: "small muted" }, `${FILES[name]} · made when you download it`));
-    return h("li", { class: "file" }, words, h("div", { class: "row" }, make));
+    return line(name, `${FILES[name]} · made when you download it`, make);
   };
   const mayMake = job.state === "succeeded" && isDeformation(job) && !shared;
   const others = fileInput("alike", "Files to deform alike", "", (files) => deformAlike(job, files, scope), true);
-  return panel(
-    "files-title",
-    "Files",
-    h(
-      "ul",
-      { class: "files" },
-      sorted.map((found) =>
-        row(found.name, artifactName(job, found.name), PICTURES[job.kind]?.[found.name] ?? FILES[found.name] ?? (found.content_type === "model/gltf-binary" ? "A mesh" : found.content_type), found.size, `v1/jobs/${job.id}/artifacts/${found.name}`, true),
-      ),
-      mayMake ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
-      row(job.asset.filename, job.asset.filename, `The ${job.kind === "family_fit" ? "collection" : "asset"} as ${shared ? "it was sent" : "you sent it"}`, job.asset.size, `v1/jobs/${job.id}/asset`, false),
-      mayMake
-        ? h(
-            "li",
-            { class: "file" },
-            h("div", null, h("strong", null, "Other files"), h("span", { class: "small muted" }, "Levels of detail, clothes, props that lie where the asset does")),
-            h("div", { class: "row" }, others, button("Deform other files alike", () => others.click(), { icon: "spark", quiet: true })),
-          )
-        : null,
-    ),
+  const { filename, size } = job.asset;
+  const list = h(
+    "ul",
+    { class: "files" },
+    sorted.map(row),
+    mayMake ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
+    line(filename, `The ${job.kind === "family_fit" ? "collection" : "asset"} as ${shared ? "it was sent" : "you sent it"} · ${bytes(size)}`, button(`Download ${filename}`, () => download(`v1/jobs/${job.id}/asset`, filename, size, false, scope), { icon: "download", quiet: true })),
+    mayMake ? line("Other files", "Levels of detail, clothes, props that lie where the asset does", others, button("Deform other files alike", () => others.click(), { icon: "spark", quiet: true })) : null,
   );
+  return panel("files-title", "Files", list);
 }
 
 /** @param {string[]} order @param {string} name */

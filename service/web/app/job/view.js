@@ -18,7 +18,6 @@ import { FamilyStage } from "./family-stage.js";
 import { FieldStage } from "./field-stage.js";
 import { PictureStage } from "./picture-stage.js";
 import { ProgressPanel } from "./progress.js";
-import { showVariations } from "./strip.js";
 import { versionsPanel } from "./versions.js";
 import { filesPanel, isLesson, lessonPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
@@ -67,7 +66,6 @@ export class JobView {
     this.results = h("div", { class: "results" });
     this.folds = h("div", { class: "results" }, parametersPanel(job, null));
     this.versions = h("div", { class: "results" });
-    this.variations = h("nav", { "aria-label": "Variations", hidden: true });
     this._thread();
     const group = job.metadata?.group;
     const goal = goalWords(job);
@@ -83,7 +81,6 @@ export class JobView {
         h("p", { class: "row meta" }, this.badge, meta(job)),
         this.actions.element,
       ),
-      this.variations,
       h(
         "div",
         { class: "job" },
@@ -140,9 +137,8 @@ export class JobView {
     if (this.error && history.error) fill(this.error, problemBox(history.error));
   }
 
-  /** Show the versions of the asset and the variations beside it, which a link does not give. */
+  /** Show the versions of the asset, which a link does not give. */
   _thread() {
-    if (this.variations && !currentLink()) void showVariations(this.job, this.variations, this.scope);
     if (this.versions && isDeformation(this.job) && !currentLink()) fill(this.versions, versionsPanel(this.job, this.scope));
   }
 
@@ -162,7 +158,7 @@ export class JobView {
     await this._refresh();
     await this._keep();
     if (this.scope.over) return;
-    if (this.job.metadata?.thread || this.job.metadata?.group) this._thread(); // it can be compared now
+    if (this.job.metadata?.thread) this._thread(); // it can be compared now
     const succeeded = this.history.state === "succeeded";
     try {
       const artifacts = await client.artifacts(this.id, this.scope.signal);
