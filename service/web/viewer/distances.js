@@ -42,7 +42,7 @@ export function distancesFrom(positions, indices, source) {
 }
 
 /** The corners at each vertex, one list after the other. @param {Uint32Array} indices @param {number} count */
-function facesAround(indices, count) {
+export function facesAround(indices, count) {
   const starts = new Uint32Array(count + 1);
   for (const vertex of indices) starts[vertex + 1]++;
   for (let v = 0; v < count; v++) starts[v + 1] += starts[v];

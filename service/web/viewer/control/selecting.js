@@ -1,5 +1,6 @@
 // @ts-check
 /** Which faces the regions of a request select, and which of them do not move. No WebGL here, so that node can test it. */
+import { facesAround } from "../distances.js";
 
 /** @typedef {import("./surface.js").NumberedSurface} Surface */
 /** @typedef {Record<string, any>} Region as in `params.regions` of a request */
@@ -107,13 +108,9 @@ export class Neighbours {
   constructor({ corners, groups, shown }) {
     this.corners = Uint32Array.from(corners, (corner) => groups[corner]);
     this.shown = shown;
-    // The faces around each place, one list after the other.
-    this.starts = new Uint32Array(groups.length + 1);
-    for (const place of this.corners) this.starts[place + 1]++;
-    for (let v = 0; v < groups.length; v++) this.starts[v + 1] += this.starts[v];
-    this.faces = new Uint32Array(this.corners.length);
-    const next = this.starts.slice();
-    this.corners.forEach((place, i) => (this.faces[next[place]++] = Math.floor(i / 3)));
+    const { starts, around } = facesAround(this.corners, groups.length);
+    this.starts = starts;
+    this.faces = around.map((corner) => Math.floor(corner / 3));
   }
 
   /**
