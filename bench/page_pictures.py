@@ -6,7 +6,6 @@ python -m bench.page_pictures                 writes docs/pictures/web_job.png, 
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
 from collections.abc import Iterator
@@ -14,9 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import httpx
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from meshdeform import Client
 from tests.acceptance.service import serving
 from tests.browser.conftest import CHROMIUM_ARGUMENTS, DEADLINE_MS, chromium_path
 
@@ -59,7 +58,7 @@ def opened(browser: Browser, url: str, view: str, path: Path, **options: Any) ->
     page.goto(view)
     yield page
     page.wait_for_load_state("networkidle")
-    page.screenshot(path=path, full_page=page.locator(".legend").count() > 0)
+    page.screenshot(path=path, full_page=page.locator(".legend").is_visible())
     context.close()
     assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
 
@@ -115,14 +114,12 @@ def take_prompts(browser: Browser, url: str, path: Path) -> None:
 
 def take_comparison(browser: Browser, url: str, path: Path) -> None:
     """Save a picture of two results of one asset."""
-    jobs = []
-    with httpx.Client(base_url=url, timeout=60) as http:
-        for seed, prompt in enumerate(("a lamp", "a tall thin vase")):
-            request = {"prompt": prompt, "params": {"preset": "preview", "seed": seed}}
-            files = {"asset": ("vase.glb", (ROOT / "service/web/examples/vase.glb").read_bytes())}
-            made = http.post("/v1/jobs", data={"request": json.dumps(request)}, files=files)
-            jobs.append(made.raise_for_status().json()["id"])
-    take(browser, url, path, f"/#/compare/{jobs[0]}/{jobs[1]}", ".compare-table", "Displacement", **JOB)
+    asset = ROOT / "service/web/examples/vase.glb"
+    with Client(url) as client:
+        prompts = enumerate(("a lamp", "a tall thin vase"))
+        jobs = [client.submit(asset, prompt, params={"preset": "preview", "seed": seed}) for seed, prompt in prompts]
+        a, b = (client.wait(job).id for job in jobs)
+    take(browser, url, path, f"/#/compare/{a}/{b}", ".compare-table", "Displacement", **JOB)
 
 
 def main() -> None:
