@@ -185,24 +185,18 @@ def test_compressed_streams_are_dropped(name: str) -> None:
     assert referenced <= len(binary) <= referenced + 4 * len(root["bufferViews"])
 
 
-def test_data_uris_are_moved_and_their_old_positions_overwritten() -> None:
+def test_what_is_replaced_leaves_no_rows_behind() -> None:
     data = text_gltf()
     root, binary, _ = unpack(written(data, compact=True))
     sizes = [buffer["byteLength"] for buffer in json.loads(data)["buffers"]]
     assert len(root["buffers"]) == 1
     assert sum(sizes) + len(DOT) <= len(binary) < sum(sizes) + len(DOT) + 12
     assert root["meshes"] == json.loads(data)["meshes"]
-
-
-def test_rebuilt_normals_replace_those_of_the_file() -> None:
     data = damaged(np.nan).glb()
     before, after = unpack(data), unpack(written(data, compact=True))
     assert len(after[1]) == len(before[1])
     for key in ("accessors", "bufferViews"):
         assert len(after[0][key]) == len(before[0][key])
-
-
-def test_quantized_positions_leave_only_their_rows() -> None:
     root, binary, _ = unpack(written(quantized(), compact=True))
     assert len(root["accessors"]) == 4
     assert len(binary) == 4 * 28 + 12 + 48  # the shared view, the indices, and the new positions; normals fit
@@ -229,9 +223,6 @@ def test_provenance_is_stored_beside_what_is_there() -> None:
     glb = asset.replace(asset.surface.positions, provenance={"prompt": "a vase", "seed": 7})
     assert unpack(glb)[0]["asset"]["extras"] == {"author": "é", "meshdeform": {"prompt": "a vase", "seed": 7}}
     assert unpack(asset.replace(asset.surface.positions))[0]["asset"]["extras"] == {"author": "é"}
-
-
-def test_extras_that_are_no_object_stay() -> None:
     root, binary, _ = unpack(separate())
     root["asset"]["extras"] = ["a", 1]
     asset = load_asset(pack(root, binary))

@@ -137,24 +137,18 @@ def test_a_draco_primitive_that_is_not_deformed_stays_compressed() -> None:
     assert root["extensionsRequired"] == [DRACO]
 
 
-def test_a_draco_strip_becomes_the_list_that_its_stream_holds() -> None:
-    asset = load_asset(draco_asset(draco_stream(), mode=5).glb())
-    assert asset.surface.triangles.tolist() == QUAD_FACES.tolist()
-    root, _, _ = unpack(asset.replace(asset.surface.positions))
-    assert root["meshes"][0]["primitives"][0]["mode"] == 4
-
-
-@each_case("change", [{"count": 5}, {"type": "VEC2"}])
-def test_a_draco_stream_of_another_size_is_told(change: dict[str, Any]) -> None:
-    builder = draco_asset(draco_stream())
-    builder.root["accessors"][2] |= change if "type" not in change else {"type": "VEC4"}
-    with pytest.raises(AssetError):
-        load_asset(builder.glb())
-
-
-def test_a_broken_draco_stream_is_told() -> None:
+def test_a_draco_stream_that_does_not_fit_its_accessors_is_told() -> None:
+    for change in ({"count": 5}, {"type": "VEC4"}):
+        builder = draco_asset(draco_stream())
+        builder.root["accessors"][2] |= change
+        with pytest.raises(AssetError):
+            load_asset(builder.glb())
     with pytest.raises(AssetError, match="Draco"):
         load_asset(draco_asset(b"DRACO" + bytes(40)).glb())
+    # A strip becomes the list that its stream holds.
+    asset = load_asset(draco_asset(draco_stream(), mode=5).glb())
+    assert asset.surface.triangles.tolist() == QUAD_FACES.tolist()
+    assert unpack(asset.replace(asset.surface.positions))[0]["meshes"][0]["primitives"][0]["mode"] == 4
 
 
 # One triangle's three positions as 4-byte integers of meshopt's version 0, and its indices.
@@ -233,32 +227,6 @@ def triangles_up_to_rotation(triangles: np.ndarray) -> list[list[int]]:
     return sorted(np.roll(row, -int(np.argmin(row))).tolist() for row in triangles)
 
 
-def test_weights_sum_to_one_after_a_lossy_filter() -> None:
-    builder = meshopt_asset()
-    weights = np.random.default_rng(0).random((4, 4)).astype(np.float32)
-    weights /= weights.sum(axis=1, keepdims=True)
-    mantissas = np.round(weights * 2**10).astype(np.int64)
-    packed = (np.int64(-10) << 24 | mantissas & 0xFFFFFF).astype(np.uint32).view("<u4")
-    import meshoptimizer
-
-    stream = meshoptimizer.encode_vertex_buffer(packed, 4, 16)
-    extension = {"buffer": 0, "byteOffset": len(builder.binary) + -len(builder.binary) % 4, "byteLength": len(stream)}
-    extension |= {"byteStride": 16, "count": 4, "mode": "ATTRIBUTES", "filter": "EXPONENTIAL"}
-    view = {"buffer": 1, "byteOffset": 0, "byteLength": 64, "extensions": {"EXT_meshopt_compression": extension}}
-    builder.view(stream)
-    builder.root["bufferViews"][-1] = view
-    primitive = builder.root["meshes"][0]["primitives"][0]
-    builder.root["accessors"].append(
-        {"bufferView": len(builder.root["bufferViews"]) - 1, "componentType": 5126, "count": 4, "type": "VEC4"}
-    )
-    primitive["attributes"]["WEIGHTS_0"] = len(builder.root["accessors"]) - 1
-    asset = load_asset(builder.glb())
-    root, binary, _ = unpack(asset.replace(asset.surface.positions))
-    written = accessor(root, binary, root["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"])
-    np.testing.assert_allclose(written, weights, atol=2e-3)
-    np.testing.assert_allclose(written.astype(np.float64).sum(axis=1), 1.0, atol=4e-7, rtol=0)
-
-
 @each_case("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
 def test_meshopt_becomes_plain_views(name: str) -> None:
     builder = meshopt_asset(name=name)
@@ -290,14 +258,11 @@ def test_meshopt_with_plain_data_beside_it_is_read_plain_and_left_alone() -> Non
     ("member", "value", "error"),
     [
         ("buffer", 1, AssetTruncatedError),
-        ("buffer", 7, AssetError),
         ("byteOffset", 10**6, AssetTruncatedError),
         ("byteLength", 20, AssetError),
         ("count", 5, AssetError),
         ("byteStride", 6, AssetError),
-        ("mode", "TRIANGLES", AssetError),
         ("mode", "NEW", AssetError),
-        ("filter", "OCTAHEDRAL", AssetError),
         ("filter", "NEW", AssetError),
     ],
 )

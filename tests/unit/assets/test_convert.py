@@ -10,7 +10,6 @@ import pytest
 from meshdeform.assets import Limits, Primitive, build_glb, load_asset
 from meshdeform.errors import AssetTooLargeError
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, unpack
-from tests.unit.assets.test_replace import accessor, position
 
 OBJ = b"""mtllib missing.mtl
 o first
@@ -54,35 +53,14 @@ def stl() -> bytes:
     return bytes(80) + struct.pack("<I", 2) + triangle * 2
 
 
-def test_obj_keeps_its_uvs_and_invents_no_normals() -> None:
-    asset = load_asset(OBJ, "mesh.obj")
-    assert asset.summary.format == "obj"
-    assert sorted(asset.surface.positions.tolist()) == sorted(QUAD_VERTS.tolist())
-    assert len(asset.surface.triangles) == 2
-    root, binary, _ = unpack(asset.to_bytes())
-    attributes = root["meshes"][0]["primitives"][0]["attributes"]
-    assert set(attributes) == {"POSITION", "TEXCOORD_0"}
-    by_vertex = dict(
-        zip(
-            map(tuple, position(asset.to_bytes()).tolist()),
-            accessor(root, binary, attributes["TEXCOORD_0"]).tolist(),
-            strict=True,
-        )
-    )
-    assert by_vertex[(1.0, 1.0, 0.5)] == [0.25, 0.25]  # v grows downwards in glTF
-
-
 def test_obj_vertices_are_split_at_uv_seams_and_not_merged() -> None:
     seam = OBJ.replace(b"f 3/3 2/2 4/4", b"f 3/4 2/2 4/4") + b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 5/1 6/2 7/3\n"
     assert len(load_asset(seam, "mesh.obj").surface.positions) == 8
-
-
-def test_faces_have_a_limit() -> None:
     with pytest.raises(AssetTooLargeError):
         load_asset(PLY, "a.ply", Limits(max_triangles=1))
 
 
-def test_a_built_glb_reads_back() -> None:
+def test_a_built_glb_reads_back_and_large_ones_have_wide_indices() -> None:
     glb = build_glb(
         QUAD_VERTS,
         QUAD_FACES,
@@ -98,9 +76,6 @@ def test_a_built_glb_reads_back() -> None:
     root, _, _ = unpack(glb)
     assert root["materials"][0]["name"] == "clay"
     assert root["nodes"] == [{"name": "quad", "mesh": 0}]
-
-
-def test_large_meshes_get_wide_indices() -> None:
     verts = np.random.default_rng(0).random((70_000, 3))
     faces = np.arange(69_999).reshape(-1, 3)
     root, _, _ = unpack(build_glb([Primitive(verts, faces), Primitive(QUAD_VERTS, QUAD_FACES, material="m")]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import struct
 import unicodedata
 import zipfile
 from collections.abc import Mapping
@@ -105,20 +104,6 @@ def test_utf8_without_the_flag_is_read(tmp_path: Path) -> None:
     path.write_bytes(bytes(raw))
     assert COMPOSED not in zipfile.ZipFile(path).namelist()
     assert has_picture(load_asset(bytes(raw), "a.zip"))
-
-
-def test_a_file_without_a_name_is_passed_over() -> None:
-    raw = packed({**files("wood.png", "wood.png"), "x": b""})
-    for magic, offset in ((b"PK\x03\x04", 26), (b"PK\x01\x02", 28)):
-        at = raw.rfind(magic)
-        length = 30 if offset == 26 else 46
-        assert raw[at + length : at + length + 1] == b"x"
-        raw = raw[: at + offset] + b"\0\0" + raw[at + offset + 2 : at + length] + raw[at + length + 1 :]
-    end = raw.rfind(b"PK\x05\x06")
-    size, start = end - raw.find(b"PK\x01\x02"), raw.find(b"PK\x01\x02")
-    raw = raw[: end + 12] + struct.pack("<II", size, start) + raw[end + 20 :]
-    assert "" in zipfile.ZipFile(io.BytesIO(raw)).namelist()
-    assert has_picture(load_asset(raw, "a.zip"))
 
 
 @each_case("kind", ["TGA", "BMP", "TIFF"])

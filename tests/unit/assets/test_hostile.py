@@ -13,9 +13,7 @@ from meshdeform.assets import inspect, inspect_asset, load_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTooLargeError
 from tests.cases import each_case
-from tests.unit.assets.builders import QUAD_NORMALS, Builder, pack, quad, unpack
-
-SMALL = Limits(max_primitives=1000)
+from tests.unit.assets.builders import QUAD_NORMALS, Builder, pack, unpack
 
 
 def builder() -> Builder:
@@ -62,57 +60,42 @@ def test_checks_look_at_each_array_a_few_times_only(
     assert looked_at < 50_000
 
 
-def test_a_thousand_primitives_a_thousand_times() -> None:
-    made = builder()
+def primitives_of_many_nodes(made: Builder) -> None:
     made.root["meshes"][0]["primitives"] += [{"mode": 0}] * 100
     for _ in range(50):
         made.node(0)
-    with pytest.raises(AssetTooLargeError, match="1000 primitives and morph targets"):
-        inspect_asset(made.glb(), limits=SMALL)
 
 
-def test_targets_of_one_primitive_count_for_all() -> None:
-    made = builder()
+def targets_of_many_primitives(made: Builder) -> None:
     primitives = made.root["meshes"][0]["primitives"]
     primitives[0]["targets"] = [{}] * 100
     primitives += [made.primitive() for _ in range(100)]
-    with pytest.raises(AssetTooLargeError, match="1000 primitives and morph targets"):
-        inspect_asset(made.glb(), limits=SMALL)
 
 
-def test_weights_of_a_mesh_that_is_shown_often_count() -> None:
-    made = builder()
+def weights_of_many_nodes(made: Builder) -> None:
     made.root["meshes"][0]["weights"] = [0.0] * 500
     made.node(0)
     made.node(0)
+
+
+@each_case("fill", [primitives_of_many_nodes, targets_of_many_primitives, weights_of_many_nodes])
+def test_what_multiplies_has_a_limit(fill: Callable[[Builder], None]) -> None:
+    made = builder()
+    fill(made)
     with pytest.raises(AssetTooLargeError, match="1000 primitives and morph targets"):
-        inspect_asset(made.glb(), limits=SMALL)
-
-
-def test_chunks_have_a_limit() -> None:
-    chunks = [(b"XTRA", b"")] * 20
-    inspect_asset(quad_with(*chunks), limits=Limits(max_chunks=30))
+        inspect_asset(made.glb(), limits=Limits(max_primitives=1000))
+    glb = builder().glb(*[(b"XTRA", b"")] * 20)
+    inspect_asset(glb, limits=Limits(max_chunks=30))
     with pytest.raises(AssetTooLargeError, match="more than 10 chunks"):
-        inspect_asset(quad_with(*chunks), limits=Limits(max_chunks=10))
-
-
-def quad_with(*chunks: tuple[bytes, bytes]) -> bytes:
-    root, binary, _ = unpack(quad())
-    return pack(root, binary, *chunks)
+        inspect_asset(glb, limits=Limits(max_chunks=10))
 
 
 def test_animations_that_share_an_output_share_the_grown_one() -> None:
-    made = Builder()
-    primitive = made.primitive(NORMAL=QUAD_NORMALS)
-    primitive["targets"] = [{"NORMAL": primitive["attributes"]["NORMAL"]}]
-    node = made.node(made.mesh(primitive, weights=[0.0]))
-    times = made.accessor(np.array([0, 1], np.float32), bounds=True)
-    output = made.accessor(np.array([0, 0.5], np.float32))
-    samplers = [{"input": times, "output": output} for _ in range(50)]
-    channels = [{"sampler": i, "target": {"node": node, "path": "weights"}} for i in range(50)]
-    made.root["animations"] = [{"samplers": samplers, "channels": channels}]
-    glb = made.glb()
-    asset = load_asset(glb)
+    root, binary, _ = unpack(animated({"node": 0, "path": "weights"}))
+    (animation,) = root["animations"]
+    animation["samplers"] *= 50
+    animation["channels"] = [{**animation["channels"][0], "sampler": i} for i in range(50)]
+    asset = load_asset(pack(root, binary))
     root, _, _ = unpack(asset.replace(asset.surface.positions + 1.0, morph=True))
     grown = {root["animations"][0]["samplers"][c["sampler"]]["output"] for c in root["animations"][0]["channels"]}
     assert len(grown) == 1

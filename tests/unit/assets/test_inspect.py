@@ -81,9 +81,10 @@ def test_a_summary_counts_every_instance() -> None:
     assert (summary.format, summary.vertices, summary.triangles, summary.meshes) == ("glb", 8, 4, 2)
     assert summary.extensions == ("X_other",)
     assert summary.skipped == ()  # points follow the surface
+    assert inspect_asset(quad(), "model.obj").format == "glb"
 
 
-def test_triangles_of_all_instances_have_a_limit() -> None:
+def test_limits_come_from_the_settings_and_are_told() -> None:
     builder = Builder()
     mesh = builder.mesh(builder.primitive())
     for _ in range(6):
@@ -91,16 +92,18 @@ def test_triangles_of_all_instances_have_a_limit() -> None:
     assert inspect_asset(builder.glb(), limits=Limits(max_triangles=12)).triangles == 12
     with pytest.raises(AssetTooLargeError, match="MESHDEFORM_MAX_TRIANGLES"):
         inspect_asset(builder.glb(), limits=Limits(max_triangles=11))
-
-
-def test_limits_come_from_the_settings() -> None:
-    limits = Limits.from_settings(Settings(max_upload_bytes=5000, max_triangles=7, max_json_bytes=2048))
-    assert (limits.max_bytes, limits.max_triangles, limits.max_json_bytes) == (5000, 7, 2048)
+    low = Limits.from_settings(Settings(max_upload_bytes=5000, max_triangles=7, max_json_bytes=2048))
+    assert (low.max_bytes, low.max_triangles, low.max_json_bytes) == (5000, 7, 2048)
     with pytest.raises(AssetTooLargeError, match="more than 5,000 bytes") as refused:
-        inspect_asset(bytes(6000), limits=limits)
+        inspect_asset(bytes(6000), limits=low)
     assert "MESHDEFORM_MAX_UPLOAD_BYTES" in refused.value.advice_text
     with pytest.raises(AssetTooLargeError, match="The ZIP unpacks to more than 100 MiB, which is the limit"):
         Limits().check_bytes(2**27, "The ZIP unpacks to")
+    usual = Limits()
+    assert usual.memory_bytes(usual.max_bytes) == usual.max_memory_bytes > usual.memory_bytes(0)
+    assert Limits(max_memory_bytes=5).memory_bytes(10**9) == 5
+    larger = Limits.from_settings(Settings(max_upload_bytes=2**30))
+    assert larger.max_memory_bytes == larger.memory_bytes(2**30) > usual.max_memory_bytes
 
 
 def broken(change: Any) -> bytes:
@@ -126,7 +129,6 @@ def put(*path: Any) -> Any:
 @each_case(
     ("change", "error"),
     [
-        (put("asset", {}), AssetFormatError),
         (put("asset", "version", "1.0"), AssetFormatError),
         (put("asset", "version", 2.0), AssetError),
         (put("asset", "minVersion", "2.1"), AssetUnsupportedError),
@@ -134,8 +136,6 @@ def put(*path: Any) -> Any:
         (put("accessors", 0, "count", 0), AssetError),
         (put("accessors", 0, "count", -1), AssetError),
         (put("accessors", 0, "count", True), AssetError),
-        (put("accessors", 0, "count", 4.5), AssetError),
-        (put("accessors", 0, "count", "4"), AssetError),
         (put("accessors", 0, "byteOffset", 4), AssetTruncatedError),
         (put("accessors", 0, "byteOffset", -4), AssetError),
         (put("accessors", 0, "bufferView", 9), AssetError),
@@ -147,24 +147,19 @@ def put(*path: Any) -> Any:
         (put("accessors", 1, "count", 3 * 2**40), AssetTooLargeError),
         (put("accessors", 1, "componentType", 5122), AssetError),
         (put("bufferViews", 0, "byteLength", 10**6), AssetTruncatedError),
-        (put("bufferViews", 0, "byteOffset", 2**40), AssetTruncatedError),
         (put("bufferViews", 0, "byteStride", 24), AssetTruncatedError),
         (put("bufferViews", 0, "buffer", 1), AssetError),
         (put("bufferViews", 0, []), AssetError),
         (put("buffers", [{"byteLength": 10}]), None),
         (put("buffers", [{"uri": "scene.bin", "byteLength": 10}]), AssetExternalError),
-        (put("images", [{"uri": "https://example.org/a.png"}]), None),
-        (put("images", [{"uri": "../../etc/passwd"}]), None),
         (put("images", [{"uri": 1}]), AssetError),
         (put("buffers", [{"uri": "data:;base64,AAAA", "byteLength": 10}]), AssetTruncatedError),
         (put("extensionsRequired", ["X_changes_everything"]), AssetUnsupportedError),
         (put("extensionsRequired", [1]), AssetError),
         (put("scene", 4), AssetError),
         (put("nodes", 0, "mesh", 1), AssetError),
-        (put("nodes", 0, "mesh", "0"), AssetError),
         (put("nodes", 0, "children", [0]), AssetError),
         (put("nodes", 0, "children", [7]), AssetError),
-        (put("nodes", 0, "children", 7), AssetError),
         (put("nodes", 0, "matrix", [1, 0, 0]), AssetError),
         (put("nodes", 0, "scale", [1, 0, "x"]), AssetError),
         (put("nodes", 0, "scale", [1e999, 1, 1]), AssetError),
@@ -172,7 +167,6 @@ def put(*path: Any) -> Any:
         (put("nodes", [{"mesh": 0, "children": [1]}, {"children": [0]}]), AssetError),
         (put("nodes", [{"mesh": 0, "children": [2]}, {"children": [2]}, {}]), AssetError),
         (put("nodes", 0, "skin", 0), AssetError),
-        (put("skins", [{"joints": []}]), AssetError),
         (put("skins", [{"joints": [0], "inverseBindMatrices": 0}]), AssetError),
         (put("meshes", 0, "primitives", 0, "attributes", "POSITION", 12), AssetError),
         (put("meshes", 0, "primitives", 0, "attributes", []), AssetError),
@@ -181,7 +175,6 @@ def put(*path: Any) -> Any:
         (put("meshes", 0, "primitives", 0, "indices", 0), AssetError),
         (put("meshes", 0, "primitives", 0, "targets", [{"POSITION": 99}]), AssetError),
         (put("meshes", 0, "primitives", "x"), AssetError),
-        (put("meshes", [1]), AssetError),
         (put("scenes", [{"nodes": []}]), AssetEmptyError),
     ],
 )
@@ -215,13 +208,10 @@ def test_links_to_other_places_are_kept_and_named(link: str, told: str | None) -
     assert all(told in warning and link.strip("\\") in warning.replace("\\\\", "\\") for warning in warnings if told)
 
 
-def test_a_buffer_longer_than_the_binary_chunk_is_told() -> None:
+def test_a_buffer_without_its_data_is_told() -> None:
     root = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 9}]}
     with pytest.raises(AssetTruncatedError):
         inspect_asset(pack(root, b"12345678"))
-
-
-def test_a_buffer_without_data_is_told() -> None:
     builder = Builder()
     builder.node(builder.mesh(builder.primitive()))
     builder.root["buffers"].append({"byteLength": 10**9})
@@ -257,10 +247,6 @@ def test_other_formats(data: bytes, name: str, error: type[AssetError]) -> None:
         inspect_asset(data, name)
 
 
-def test_the_first_bytes_count_more_than_the_name() -> None:
-    assert inspect_asset(quad(), "model.obj").format == "glb"
-
-
 @each_case(
     ("data", "name", "surface"),
     [
@@ -281,36 +267,25 @@ def test_a_surface_without_triangles_is_told_what_to_do(data: bytes, name: str, 
 
 
 @each_case(
-    ("host", "origin"),
+    ("host", "origin", "foreign"),
     [
-        ("127.0.0.1:8765", None),
-        ("localhost:8765", None),
-        ("[::1]:8765", None),
-        (None, None),
-        ("localhost:8765", "http://localhost:8765"),
-        ("127.0.0.1:8765", "http://localhost:3000"),
+        ("127.0.0.1:8765", None, False),
+        ("[::1]:8765", None, False),
+        (None, None, False),
+        ("localhost:8765", "http://localhost:8765", False),
+        ("127.0.0.1:8765", "http://localhost:3000", False),
+        ("evil.example:8765", None, True),
+        ("127.0.0.1:8765", "https://evil.example", True),
+        ("127.0.0.1:8765", "null", True),
+        ("127.0.0.1.evil.example", None, True),
+        ("localhost.evil.example", None, True),
+        ("[::1", None, True),
+        ("", None, True),
+        ("10.0.0.7:8765", None, True),
     ],
 )
-def test_programs_and_pages_of_this_machine_may_ask(host: str | None, origin: str | None) -> None:
-    assert not is_foreign(host, origin)
-
-
-@each_case(
-    ("host", "origin"),
-    [
-        ("evil.example:8765", None),
-        ("evil.example", "http://evil.example"),
-        ("127.0.0.1:8765", "https://evil.example"),
-        ("127.0.0.1:8765", "null"),
-        ("127.0.0.1.evil.example", None),
-        ("localhost.evil.example", None),
-        ("[::1", None),
-        ("", None),
-        ("10.0.0.7:8765", None),
-    ],
-)
-def test_pages_of_others_may_not(host: str | None, origin: str | None) -> None:
-    assert is_foreign(host, origin)
+def test_only_programs_and_pages_of_this_machine_may_ask(host: str | None, origin: str | None, foreign: bool) -> None:
+    assert is_foreign(host, origin) is foreign
 
 
 # Parts of a grid that are thinner than its cells can tell: where they are told, and where nothing is.
@@ -328,29 +303,30 @@ def told(values: np.ndarray) -> tuple[str, ...]:
     return thin_warnings(values, np.full(3, CELL))
 
 
-@each_case("cells", [1.5, 2.0, 2.5])
-def test_a_tube_of_few_cells_is_told(cells: float) -> None:
-    for values in (ring(cells / 2 * CELL), np.clip(ring(cells / 2 * CELL), -3 * CELL, 3 * CELL)):
-        (sentence,) = told(values)
-        assert "four are needed" in sentence
-        assert "finer grid" in sentence
-
-
-def test_a_thin_plate_is_told_though_all_within_it_is_alike() -> None:
+def test_what_is_thinner_than_a_few_cells_is_told() -> None:
+    for cells in (1.5, 2.5):
+        for values in (ring(cells / 2 * CELL), np.clip(ring(cells / 2 * CELL), -3 * CELL, 3 * CELL)):
+            (sentence,) = told(values)
+            assert "four are needed" in sentence
+            assert "finer grid" in sentence
+    # A plate is told though all within it is alike.
     assert told(np.maximum(np.abs(AT[..., :2]).max(-1) - 0.7, np.abs(AT[..., 2]) - CELL))
+    file = io.BytesIO()
+    np.savez(file, sdf=ring(0.6 * CELL), origin=[-1.0] * 3, spacing=CELL)
+    found = read_surface_file(file.getvalue(), "thin.npz")
+    assert found is not None
+    assert len(summary_of(found, "thin.npz").warnings) == 1
 
 
 @each_case(
     "values",
     [
         lambda: ring(2.1 * CELL),
-        lambda: np.clip(ring(4 * CELL), -3 * CELL, 3 * CELL),
         lambda: np.linalg.norm(AT, axis=-1) - 0.7,
         lambda: np.abs(AT).max(-1) - 0.7,
-        lambda: (np.abs(AT).sum(-1) - 0.9) / np.sqrt(3),
         lambda: np.linalg.norm(AT, axis=-1) - 0.7 + np.random.default_rng(0).normal(size=(40,) * 3) * 0.2 * CELL,
     ],
-    ids=["tube", "band", "ball", "box", "octahedron", "noise"],
+    ids=["tube", "ball", "box", "noise"],
 )
 def test_what_is_thick_enough_is_not_told(values: Callable[[], np.ndarray]) -> None:
     assert told(values()) == ()
@@ -366,23 +342,7 @@ def test_of_a_large_grid_the_values_that_are_looked_at_count() -> None:
     assert thin_warnings(values[8:-8], np.ones(3)) == ()
 
 
-def test_the_summary_of_an_upload_has_the_sentence() -> None:
-    file = io.BytesIO()
-    np.savez(file, sdf=ring(0.6 * CELL), origin=[-1.0] * 3, spacing=CELL)
-    found = read_surface_file(file.getvalue(), "thin.npz")
-    assert found is not None
-    assert len(summary_of(found, "thin.npz").warnings) == 1
-
-
 # The second gate: a child process decodes, the parent gets a verdict whatever happens to the child.
-
-
-def nan_quad() -> bytes:
-    builder = Builder()
-    primitive = builder.primitive()
-    primitive["attributes"]["POSITION"] = builder.accessor(QUAD_VERTS * np.float32("nan"))
-    builder.node(builder.mesh(primitive))
-    return builder.glb()
 
 
 PYTHON = sys.executable
@@ -399,47 +359,39 @@ def stand_in_for_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child: s
     monkeypatch.setattr(limits.sys, "executable", str(stand_in))
 
 
-def test_a_good_file(tmp_path: Path) -> None:
+def test_the_child_says_what_a_file_holds_whatever_its_name(tmp_path: Path) -> None:
     path = tmp_path / "stored"
     path.write_bytes(quad())
     summary = check_asset_subprocess(path, "quad.glb")
     assert (summary.format, summary.vertices, summary.triangles, summary.skipped) == ("glb", 4, 2, ())
+    for name in ("--help", "a\0b.glb", "\ud800.glb", "a\nb.glb", "x" * 200_000 + ".glb"):
+        assert check_asset_subprocess(path, name) == summary
+    with pytest.raises(AssetTooLargeError):
+        check_asset_subprocess(path, limits=Limits(max_triangles=1))
+    with pytest.raises(AssetError) as raised:
+        check_asset_subprocess(path, limits=Limits(max_memory_bytes=24 * 2**20))
+    assert raised.value.status in (413, 422)
 
 
-def test_the_childs_error_is_the_parents(tmp_path: Path) -> None:
-    path = tmp_path / "nan.glb"
-    path.write_bytes(nan_quad())
-    with pytest.raises(AssetNotFiniteError, match="4 positions") as raised:
-        check_asset_subprocess(path)
-    assert raised.value.advice_text == AssetNotFiniteError.advice
-
-
-@each_case("width", [0.0, 1e-6, 9e-6])
-def test_triangles_that_the_solve_takes_for_collapsed_are_refused(tmp_path: Path, width: float) -> None:
-    with pytest.raises(AssetEmptyError, match="zero area"):
-        check_asset_subprocess(needles(tmp_path, width))
-
-
-def test_a_thin_triangle_that_the_solve_can_use_is_accepted(tmp_path: Path) -> None:
-    assert check_asset_subprocess(needles(tmp_path, 1e-4)).triangles == 2
-
-
-def needles(folder: Path, width: float) -> Path:
-    """Write a square that is as narrow as this share of its length."""
+def stretched(path: Path, *scale: float) -> Path:
+    """Write the quad with its positions multiplied."""
     builder = Builder()
     primitive = builder.primitive()
-    primitive["attributes"]["POSITION"] = builder.accessor(QUAD_VERTS * np.float32([1, width, width]))
+    primitive["attributes"]["POSITION"] = builder.accessor(QUAD_VERTS * np.float32(scale))
     builder.node(builder.mesh(primitive))
-    path = folder / "needles.glb"
     path.write_bytes(builder.glb())
     return path
 
 
-def test_limits_reach_the_child(tmp_path: Path) -> None:
+def test_the_childs_error_is_the_parents(tmp_path: Path) -> None:
     path = tmp_path / "quad.glb"
-    path.write_bytes(quad())
-    with pytest.raises(AssetTooLargeError):
-        check_asset_subprocess(path, limits=Limits(max_triangles=1))
+    with pytest.raises(AssetNotFiniteError, match="4 positions") as raised:
+        check_asset_subprocess(stretched(path, np.nan))
+    assert raised.value.advice_text == AssetNotFiniteError.advice
+    for width in (0.0, 9e-6):  # the solve takes these for collapsed
+        with pytest.raises(AssetEmptyError, match="zero area"):
+            check_asset_subprocess(stretched(path, 1, width, width))
+    assert check_asset_subprocess(stretched(path, 1, 1e-4, 1e-4)).triangles == 2
 
 
 @each_case(
@@ -447,7 +399,7 @@ def test_limits_reach_the_child(tmp_path: Path) -> None:
     [
         ("import os; os.kill(os.getpid(), 11)", AssetError, "SIGSEGV"),
         ("import os; os.kill(os.getpid(), 9)", AssetTooLargeError, "memory"),
-        ("raise SystemExit(7)", AssetError, "exit status 7"),
+        ("print('decoding {'); print('[]'); raise SystemExit(7)", AssetError, "exit status 7"),
         ("import time; time.sleep(600)", AssetTooLargeError, "within 0.5 s"),
     ],
 )
@@ -459,41 +411,9 @@ def test_a_child_that_dies_is_an_error(
         check_asset_subprocess(tmp_path / "quad.glb", timeout_s=0.5 if "sleep" in child else 60)
 
 
-@each_case("name", ["-x.glb", "--help", "a\0b.glb", "\ud800.glb", "a\nb.glb", "x" * 200_000 + ".glb"])
-def test_a_name_that_no_command_line_takes(tmp_path: Path, name: str) -> None:
-    path = tmp_path / "stored"
-    path.write_bytes(quad())
-    assert check_asset_subprocess(path, name).triangles == 2
-
-
-def test_a_decoder_that_prints_is_still_understood(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    stand_in_for_child(tmp_path, monkeypatch, "print('decoding {'); print('[]'); import sys; sys.exit(3)")
-    with pytest.raises(AssetError, match="exit status 3"):
-        check_asset_subprocess(tmp_path / "quad.glb")
-
-
 def test_a_machine_that_starts_no_process_is_not_the_files_fault(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "quad.glb"
-    path.write_bytes(quad())
     monkeypatch.setattr(limits.sys, "executable", str(tmp_path / "nothing"))
     with pytest.raises(UnavailableError):
-        check_asset_subprocess(path)
-
-
-def test_a_file_that_takes_more_memory_than_it_may_is_too_large(tmp_path: Path) -> None:
-    path = tmp_path / "quad.glb"
-    path.write_bytes(quad())
-    with pytest.raises(AssetError) as raised:
-        check_asset_subprocess(path, limits=Limits(max_memory_bytes=24 * 2**20))
-    assert raised.value.status in (413, 422)
-
-
-def test_memory_and_time_are_limits() -> None:
-    limits = Limits()
-    assert limits.memory_bytes(limits.max_bytes) == limits.max_memory_bytes
-    assert limits.memory_bytes(0) < limits.max_memory_bytes
-    assert Limits(max_memory_bytes=5).memory_bytes(10**9) == 5
-    larger = Limits.from_settings(Settings(max_upload_bytes=2**30))
-    assert larger.max_memory_bytes == larger.memory_bytes(2**30) > limits.max_memory_bytes
+        check_asset_subprocess(stretched(tmp_path / "quad.glb", 1))

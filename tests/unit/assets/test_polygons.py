@@ -114,13 +114,3 @@ def test_a_polygon_that_would_take_minutes_is_refused() -> None:
     zigzag = np.random.default_rng(0).random((20_000, 3))
     with pytest.raises(AssetTooLargeError, match="20,000 corners"):
         cut_polygons(zigzag, np.array([20_000]))
-
-
-def test_what_was_cut_is_told() -> None:
-    triangle, square = placed([(0, 0), (1, 0), (0, 1)]), placed([(0, 0), (1, 0), (1, 1), (0, 1)])
-    assert check_cut([triangle]).notices() == ()
-    assert check_cut([square]).notices() == ("1 polygon with more than three corners became triangles.",)
-    cut = check_cut([square, triangle, placed(DART), placed(COMB)])
-    assert cut.notices() == (
-        "3 polygons with more than three corners became triangles, 2 of them concave and cut by ear clipping.",
-    )

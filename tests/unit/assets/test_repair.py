@@ -42,24 +42,18 @@ def test_rows_without_a_direction_are_rebuilt_and_the_others_kept(bad: float, uv
     assert "2 normals and 2 tangents" in asset.summary.warnings[0]
 
 
-def test_a_morph_target_begins_with_the_rebuilt_normals() -> None:
+def test_every_normal_has_a_direction_then_and_a_good_file_is_left_alone() -> None:
     asset = load_asset(damaged(np.nan).glb())
     surface = asset.surface
     morph = asset.replace(surface.positions + 1, surface.normals, surface.tangents, morph=True)
     assert np.isfinite(position(morph, name="NORMAL")).all()
     assert np.isfinite(position(morph, name="TANGENT")).all()
     assert load_asset(morph).repairs.normals == 0
-
-
-def test_a_vertex_that_no_face_uses_gets_a_normal_too() -> None:
     builder = Builder()
     normals = np.vstack([QUAD_NORMALS, [[np.nan] * 3]]).astype(np.float32)
     verts = np.vstack([QUAD_VERTS, [[7, 7, 7]]])
     builder.node(builder.mesh(builder.primitive(verts, QUAD_FACES, NORMAL=normals)))
     assert np.isfinite(load_asset(builder.glb()).surface.normals).all()
-
-
-def test_a_good_file_is_left_alone() -> None:
     asset = load_asset(quad())
     assert (asset.repairs.normals, notable(asset)) == (0, ())
     np.testing.assert_array_equal(position(asset.replace(asset.surface.positions), name="TANGENT"), QUAD_TANGENTS)

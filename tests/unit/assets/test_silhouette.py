@@ -43,11 +43,17 @@ def test_a_mask_is_read_exactly_whichever_of_its_colours_is_the_object(light_obj
     assert found.summary.share == pytest.approx(mask.mean(), rel=0.01)
 
 
-def test_a_transparent_background_needs_no_colour() -> None:
+def test_transparent_and_large_pictures_are_read() -> None:
     mask = disk()
     colours = RNG.integers(0, 255, (200, 300, 4))
     colours[..., 3] = np.where(mask, 255, 0)
     assert (read_silhouette(encoded(colours)).mask == mask).all()
+    large = disk(900, 1200, 300)
+    exif = Image.Exif()
+    exif[0x0112] = 6  # turn by 90 degrees clockwise
+    found = read_silhouette(encoded(np.where(large, 0, 255), "JPEG", exif=exif))
+    assert found.mask.shape == (512, 384)
+    assert (found.summary.width, found.summary.height) == (900, 1200)
 
 
 def test_a_photograph_in_front_of_a_plain_background_survives_noise_and_compression() -> None:
@@ -55,15 +61,6 @@ def test_a_photograph_in_front_of_a_plain_background_survives_noise_and_compress
     picture = np.where(mask[..., None], [150, 60, 40], [225, 222, 210]) + RNG.normal(0, 4, (200, 300, 1))
     found = read_silhouette(encoded(picture.clip(0, 255), "JPEG", quality=70)).mask
     assert (found & mask).sum() / (found | mask).sum() > 0.98
-
-
-def test_a_large_picture_is_reduced_and_turned_upright() -> None:
-    mask = disk(900, 1200, 300)
-    exif = Image.Exif()
-    exif[0x0112] = 6  # turn by 90 degrees clockwise
-    found = read_silhouette(encoded(np.where(mask, 0, 255), "JPEG", exif=exif))
-    assert found.mask.shape == (512, 384)
-    assert (found.summary.width, found.summary.height) == (900, 1200)
 
 
 @each_case(

@@ -92,6 +92,9 @@ def test_the_number_of_triangles_is_limited_and_fine_assets_stay_as_they_are() -
     again, nothing = fine.subdivided(MAX_TRIANGLES)
     assert again is fine
     assert not nothing.split
+    half = source.subdivided(300)[0].surface  # stops in the middle, with triangles of all patterns
+    edges = edges_of(torch.as_tensor(weld(half.positions, half.triangles).mesh.faces))
+    assert bool(((edges.counts == 2) & edges.consistent).all())
 
 
 def test_everything_attached_to_a_source_stays() -> None:
@@ -176,11 +179,3 @@ def test_extensions_that_list_edges_are_removed_and_named() -> None:
     root, _, _ = unpack(made.to_bytes())
     assert "extensionsUsed" not in root
     assert "extensions" not in root["meshes"][0]["primitives"][0]
-
-
-def test_the_faces_of_a_manifold_source_have_two_neighbours_each() -> None:
-    made, _ = load_asset(box().glb()).subdivided(300)  # stops in the middle, with triangles of all patterns
-    welded = weld(made.surface.positions, made.surface.triangles)
-    edges = edges_of(torch.as_tensor(welded.mesh.faces))
-    assert bool((edges.counts == 2).all())
-    assert bool(edges.consistent.all())

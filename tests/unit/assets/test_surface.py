@@ -73,7 +73,7 @@ def test_primitives_that_share_accessors_share_vertices() -> None:
     np.testing.assert_array_equal(surface.triangles, QUAD_FACES)
 
 
-def test_only_the_default_scene_is_read() -> None:
+def test_only_the_default_scene_is_read_and_without_scenes_every_root_node() -> None:
     builder = Builder()
     builder.node(builder.mesh(builder.primitive()))
     other = builder.node(builder.mesh(builder.primitive(QUAD_VERTS + 7)), in_scene=False)
@@ -81,13 +81,8 @@ def test_only_the_default_scene_is_read() -> None:
     np.testing.assert_array_equal(load_asset(builder.glb()).surface.positions, QUAD_VERTS)
     builder.root["scene"] = 1
     np.testing.assert_array_equal(load_asset(builder.glb()).surface.positions, QUAD_VERTS + 7)
-
-
-def test_without_scenes_every_root_node_counts() -> None:
-    builder = Builder()
-    builder.node(builder.mesh(builder.primitive()))
     del builder.root["scenes"], builder.root["scene"]
-    assert len(load_asset(builder.glb()).surface.positions) == 4
+    assert len(load_asset(builder.glb()).surface.positions) == 8
 
 
 def test_flattened_meshes_are_listed_as_skipped_and_points_are_not() -> None:
@@ -111,43 +106,10 @@ def test_a_skin_places_its_mesh_by_the_joints_and_not_by_its_node() -> None:
     joints, weights = np.zeros((4, 4), np.uint8), np.eye(4, dtype=np.float32)[[0] * 4]
     builder.node(builder.mesh(builder.primitive(JOINTS_0=joints, WEIGHTS_0=weights)), skin=0, translation=[99, 0, 0])
     np.testing.assert_allclose(load_asset(builder.glb()).surface.positions, QUAD_VERTS + [1.0, 0.0, 0.0], atol=1e-6)
-
-
-def test_a_posed_skin_is_placed_by_the_joint_that_agrees_with_most() -> None:
-    builder = Builder()
-    joints = [builder.node(translation=[0, y, 0]) for y in (0, 0, 0, 5)]
-    builder.root["skins"] = [{"joints": joints}]
-    builder.node(builder.mesh(builder.primitive()), skin=0)
-    np.testing.assert_array_equal(load_asset(builder.glb()).surface.positions, QUAD_VERTS)
-
-
-def test_missing_normals_are_nan() -> None:
-    builder = Builder()
-    builder.node(builder.mesh(builder.primitive()))
-    surface = load_asset(builder.glb()).surface
-    assert np.isnan(surface.normals).all()
-    assert np.isnan(surface.tangents).all()
-
-
-@each_case("dtype", [np.uint8, np.uint16, np.uint32])
-def test_every_index_type(dtype: Any) -> None:
-    builder = Builder()
-    builder.node(builder.mesh(builder.primitive(faces=QUAD_FACES.astype(dtype))))
-    np.testing.assert_array_equal(load_asset(builder.glb()).surface.triangles, QUAD_FACES)
-
-
-def test_without_indices_vertices_come_in_order() -> None:
-    builder = Builder()
-    builder.node(builder.mesh(builder.primitive(QUAD_VERTS[:3], None)))
-    np.testing.assert_array_equal(load_asset(builder.glb()).surface.triangles, [[0, 1, 2]])
-
-
-def test_strips_and_fans() -> None:
-    builder = Builder()
-    strip = {**builder.primitive(faces=np.arange(4, dtype=np.uint8)), "mode": 5}
-    fan = {**builder.primitive(faces=np.array([0, 1, 3, 2], np.uint8)), "mode": 6}
-    builder.node(builder.mesh(strip, fan))
-    assert load_asset(builder.glb()).surface.triangles.tolist() == [[0, 1, 2], [1, 3, 2], [5, 7, 4], [7, 6, 4]]
+    posed = Builder()  # by the joint that agrees with most
+    posed.root["skins"] = [{"joints": [posed.node(translation=[0, y, 0]) for y in (0, 0, 0, 5)]}]
+    posed.node(posed.mesh(posed.primitive()), skin=0)
+    np.testing.assert_array_equal(load_asset(posed.glb()).surface.positions, QUAD_VERTS)
 
 
 def test_interleaved_views() -> None:
@@ -184,9 +146,7 @@ def test_sparse_accessors(with_base: bool) -> None:
     ("dtype", "normalized", "scale"),
     [
         (np.int8, True, 127),
-        (np.uint8, True, 255),
         (np.int16, True, 32767),
-        (np.uint16, True, 65535),
         (np.uint16, False, 1),
     ],
 )
@@ -205,76 +165,56 @@ def test_quantized_positions(dtype: Any, normalized: bool, scale: int) -> None:
     np.testing.assert_allclose(surface.positions, stored[:, :3].astype(float) / scale, rtol=1e-7)
 
 
-def test_embedded_buffers_are_read() -> None:
-    import base64
-
-    builder = Builder()
-    builder.node(builder.mesh(builder.primitive()))
-    root = {key: value for key, value in builder.root.items() if value}
-    uri = "data:application/octet-stream;base64," + base64.b64encode(builder.binary).decode()
-    root["buffers"] = [{"byteLength": len(builder.binary), "uri": uri}]
-    from tests.unit.assets.builders import json, pack
-
-    for data, name in ((pack(root), "a.glb"), (json.dumps(root).encode(), "a.gltf")):
-        np.testing.assert_array_equal(load_asset(data, name).surface.positions, QUAD_VERTS)
-
-
-@each_case("bad", [np.nan, np.inf, -np.inf])
-def test_positions_that_are_not_finite_are_told(bad: float) -> None:
-    verts = QUAD_VERTS.copy()
-    verts[2, 1] = bad
-    builder = Builder()
-    primitive = builder.primitive()
-    primitive["attributes"]["POSITION"] = builder.accessor(verts)
-    builder.node(builder.mesh(primitive))
-    with pytest.raises(AssetNotFiniteError, match="1 positions"):
-        load_asset(builder.glb())
-
-
-def test_an_index_out_of_range_is_told() -> None:
+def test_what_has_no_surface_is_told() -> None:
+    for bad in (np.nan, np.inf, -np.inf):
+        verts = QUAD_VERTS.copy()
+        verts[2, 1] = bad
+        builder = Builder()
+        primitive = builder.primitive()
+        primitive["attributes"]["POSITION"] = builder.accessor(verts)
+        builder.node(builder.mesh(primitive))
+        with pytest.raises(AssetNotFiniteError, match="1 positions"):
+            load_asset(builder.glb())
     builder = Builder()
     builder.node(builder.mesh(builder.primitive(faces=np.array([0, 1, 4], np.uint16))))
     with pytest.raises(AssetError, match="vertex 4"):
         load_asset(builder.glb())
+    for mode in (0, 1, 2, 3):
+        builder.root["meshes"][0]["primitives"][0]["mode"] = mode
+        with pytest.raises(AssetEmptyError, match="only follow a surface"):
+            load_asset(builder.glb())
 
 
-@each_case("mode", [0, 1, 2, 3])
-def test_nothing_to_deform_is_told(mode: int) -> None:
+@each_case(
+    ("corners", "mode", "restart", "triangles"),
+    [
+        # A list keeps its degenerate triangles, and drops what is left over.
+        ([0, 1, 2, 2, 2, 3, 9], 4, None, [[0, 1, 2], [2, 2, 3]]),
+        # Every second triangle of a strip is turned, also of one that repeated corners stitch.
+        ([0, 1, 2, 3, 4], 5, None, [[0, 1, 2], [1, 3, 2], [2, 3, 4]]),
+        ([0, 1, 2, 3, 3, 4, 4, 5, 6], 5, None, [[0, 1, 2], [1, 3, 2], [4, 5, 6]]),
+        ([0, 1, 2, 3], 6, None, [[1, 2, 0], [2, 3, 0]]),
+        ([0, 1, 2, 255, 3, 4, 5, 6, 255, 7], 5, 255, [[0, 1, 2], [3, 4, 5], [4, 6, 5]]),
+        ([0, 1, 2, 255, 3, 4, 5], 6, 255, [[1, 2, 0], [4, 5, 3]]),
+        *[([0, 1], mode, None, []) for mode in (4, 5, 6)],
+    ],
+)
+def test_lists_strips_and_fans_make_the_triangles_that_the_specification_lists(
+    corners: list[int], mode: int, restart: int | None, triangles: list[list[int]]
+) -> None:
+    assert triangle_list(np.array(corners, np.int64), mode, restart).tolist() == triangles
     builder = Builder()
-    builder.node(builder.mesh({**builder.primitive(), "mode": mode}))
-    with pytest.raises(AssetEmptyError, match="only follow a surface"):
-        load_asset(builder.glb())
+    builder.node(builder.mesh({**builder.primitive(QUAD_VERTS[[0, 1, 2, 3] * 3], np.uint8(corners)), "mode": mode}))
+    if restart is None and triangles:
+        assert load_asset(builder.glb()).surface.triangles.tolist() == triangles
 
 
-# Strips and fans make the triangles that the glTF specification lists.
-
-
-def triangles(corners: list[int], mode: int, restart: int | None = None) -> list[list[int]]:
-    return triangle_list(np.array(corners, np.int64), mode, restart).tolist()
-
-
-def test_a_list_keeps_its_degenerate_triangles_and_drops_what_is_left_over() -> None:
-    assert triangles([0, 1, 2, 2, 2, 3, 9], 4) == [[0, 1, 2], [2, 2, 3]]
-
-
-def test_every_second_triangle_of_a_strip_is_turned() -> None:
-    assert triangles([0, 1, 2, 3, 4], 5) == [[0, 1, 2], [1, 3, 2], [2, 3, 4]]
-
-
-def test_a_strip_stitched_by_repeated_corners_keeps_its_winding() -> None:
-    assert triangles([0, 1, 2, 3, 3, 4, 4, 5, 6], 5) == [[0, 1, 2], [1, 3, 2], [4, 5, 6]]
-
-
-def test_a_fan_turns_around_its_first_corner() -> None:
-    assert triangles([0, 1, 2, 3], 6) == [[1, 2, 0], [2, 3, 0]]
-
-
-def test_restarts_begin_a_new_strip_and_a_new_fan() -> None:
-    assert triangles([0, 1, 2, 255, 3, 4, 5, 6, 255, 7], 5, 255) == [[0, 1, 2], [3, 4, 5], [4, 6, 5]]
-    assert triangles([0, 1, 2, 255, 3, 4, 5], 6, 255) == [[1, 2, 0], [4, 5, 3]]
-
-
-def test_too_few_corners_make_no_triangle() -> None:
-    for mode in (4, 5, 6):
-        assert triangles([0, 1], mode) == []
-        assert triangles([], mode) == []
+@each_case("dtype", [np.uint8, np.uint16, np.uint32, None])
+def test_every_index_type(dtype: Any) -> None:
+    builder = Builder()
+    verts, faces = (QUAD_VERTS[:3], None) if dtype is None else (QUAD_VERTS, QUAD_FACES.astype(dtype))
+    builder.node(builder.mesh(builder.primitive(verts, faces)))
+    surface = load_asset(builder.glb()).surface
+    np.testing.assert_array_equal(surface.triangles, [[0, 1, 2]] if faces is None else QUAD_FACES)
+    assert np.isnan(surface.normals).all()
+    assert np.isnan(surface.tangents).all()
