@@ -20,15 +20,10 @@ from tests.fault_proxy import FaultProxy
 from tests.s3_server import S3Server
 from tests.unit.storage.test_store import (  # noqa: F401 - the same tests, here on S3
     test_a_copy_is_an_object_of_its_own,
-    test_a_digest_is_of_the_bytes_that_are_there,
     test_a_fetched_object_is_a_whole_file,
     test_a_list_names_every_key_below_a_prefix_with_its_size,
-    test_a_prefix_is_a_folder_and_not_the_beginning_of_a_name,
-    test_a_second_put_takes_the_place_of_the_first,
     test_a_signed_url_lives_up_to_a_week,
-    test_a_store_that_is_there_answers,
-    test_an_empty_object_is_an_object,
-    test_delete_takes_one_and_does_not_mind_none,
+    test_delete_takes_one_or_a_folder_and_does_not_mind_none,
     test_parts_are_parts_of_the_whole,
     test_verified_bytes_are_read_back,
     test_what_is_not_there_is_not_found,

@@ -245,6 +245,26 @@ def test_meshopt_becomes_plain_views(name: str) -> None:
     np.testing.assert_array_equal(load_asset(written).surface.triangles, asset.surface.triangles)
 
 
+def test_weights_sum_to_one_after_a_lossy_filter() -> None:
+    import meshoptimizer
+
+    builder = meshopt_asset()
+    weights = np.random.default_rng(0).random((4, 4)).astype(np.float32)
+    weights /= weights.sum(axis=1, keepdims=True)
+    packed = (np.int64(-10) << 24 | np.round(weights * 2**10).astype(np.int64) & 0xFFFFFF).astype(np.uint32)
+    at = builder.view(meshoptimizer.encode_vertex_buffer(packed, 4, 16))
+    stream = {key: builder.root["bufferViews"][at][key] for key in ("byteOffset", "byteLength")} | {"buffer": 0}
+    stream |= {"byteStride": 16, "count": 4, "mode": "ATTRIBUTES", "filter": "EXPONENTIAL"}
+    builder.root["bufferViews"][at] = {"buffer": 1, "byteLength": 64, "extensions": {"EXT_meshopt_compression": stream}}
+    item = {"bufferView": at, "componentType": 5126, "count": 4, "type": "VEC4"}
+    builder.root["accessors"].append(item)
+    builder.root["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = len(builder.root["accessors"]) - 1
+    asset = load_asset(builder.glb())
+    written = position(asset.replace(asset.surface.positions), name="WEIGHTS_0")
+    np.testing.assert_allclose(written, weights, atol=2e-3)
+    np.testing.assert_allclose(written.astype(np.float64).sum(axis=1), 1.0, atol=4e-7, rtol=0)
+
+
 def test_meshopt_with_plain_data_beside_it_is_read_plain_and_left_alone() -> None:
     asset = load_asset(meshopt_asset(fallback=True).glb())
     np.testing.assert_array_equal(asset.surface.positions, QUAD_VERTS)

@@ -60,15 +60,12 @@ def event(seq: int, kind: str = "progress", **more: Any) -> bytes:
     return f"id: {seq}\nevent: {kind}\ndata: {json.dumps(document)}\n\n".encode()
 
 
-def test_a_known_job_is_of_the_known_classes() -> None:
+def test_a_known_job_is_of_the_known_classes_and_what_is_new_is_kept() -> None:
     job = read(JobView, JOB, "u")
     assert type(job.params) is DeformParams
     assert type(job.output) is OutputOptions
     assert job.state is JobState.QUEUED
     assert job.params.model_fields_set == {"preset", "seed"}
-
-
-def test_what_is_new_is_kept() -> None:
     job = read(JobView, FUTURE, "u")
     assert (job.kind, job.state, job.state.terminal) == ("image_deform", "paused", False)
     assert isinstance(job.state, JobState)
@@ -86,9 +83,6 @@ def test_what_is_new_is_kept() -> None:
     assert {name: written[name] for name in ("kind", "state", "params", "output", "team")} == {
         name: FUTURE[name] for name in ("kind", "state", "params", "output", "team")
     }
-
-
-def test_other_documents_keep_what_is_new() -> None:
     limits = {"max_bytes": 1, "max_uploads": None, "max_uploads_bytes": None, "ttl_s": 1, "signed_url_ttl_s": 1}
     assert read(UploadLimits, {**limits, "gpus": 3}, "u").model_extra == {"gpus": 3}
     asset = dict.fromkeys(("vertices", "triangles", "meshes", "size"), 1) | {"filename": "a", "sha256": "0"}
@@ -144,11 +138,8 @@ def test_an_event_that_is_missing_is_asked_for() -> None:
     assert [found.seq for found in gone] == [1, 3, 4]
 
 
-def test_nothing_left_to_come_ends_it() -> None:
-    assert watched(answer(204), after=9)[0] == []
-
-
 def test_what_is_no_stream_is_told() -> None:
+    assert watched(answer(204), after=9)[0] == []  # nothing is left to come
     with pytest.raises(MeshdeformError, match="not a stream"):
         watched(answer(200, "<html>", content_type="text/html"))
     with pytest.raises(MeshdeformError):

@@ -189,16 +189,6 @@ def test_a_lattice_around_large_faces_is_coarser_and_says_so() -> None:
     assert (usual.coarse, usual.warnings) == (False, [])
 
 
-def test_a_cell_holds_the_faces_of_which_it_has_a_sample() -> None:
-    mesh = RestMesh.of(icosphere(3))
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()[::7]
-    found = Lattice.around(mesh)
-    points, _ = samples_of(verts, faces, found.spacing / 2)
-    expected = {tuple(cell) for cell in np.floor((points - found.origin) / found.spacing).astype(int).tolist()}
-    assert {tuple(cell) for cell in found.cells[found.cells_of_faces(verts, faces)].tolist()} == expected
-    assert not found.cells_of_faces(verts, faces[:0]).any()
-
-
 def test_the_nearest_place_is_found_with_fewer_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = RestMesh.of(torus())
     points = np.random.default_rng(2).normal(size=(500, 3))

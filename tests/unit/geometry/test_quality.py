@@ -41,6 +41,8 @@ def test_a_similarity_changes_nothing_but_size(mesh: TriangleMesh) -> None:
     assert found.area_ratio == pytest.approx(9.0)
     assert found.area_ratio_spread == pytest.approx(0.0, abs=1e-9)
     assert found.kept_share == pytest.approx(1.0)
+    inside_out = compare(mesh, mesh.verts * torch.tensor([-1.0, 1, 1], dtype=torch.float64))
+    assert inside_out.volume_ratio == pytest.approx(-1)
 
 
 def test_a_stretched_plane_by_hand() -> None:
@@ -64,20 +66,14 @@ def test_what_is_resized_keeps_its_shape_and_what_is_stretched_does_not(factor: 
     assert compare(plates, verts).kept_share == pytest.approx(kept)
 
 
-@pytest.mark.parametrize(
-    ("flipped", "added", "collapsed", "sentences"),
-    [
-        (0, 0, 0, []),
-        (0, 1234, 0, ["Damaged faces in the bind pose, of 5,120: 1,234 newly cutting others."]),
-        (2, 44, 1, ["Damaged faces in the bind pose, of 5,120: 2 flipped, 44 newly cutting others, 1 without area."]),
-    ],
-)
-def test_only_damage_is_told(flipped: int, added: int, collapsed: int, sentences: list[str]) -> None:
-    mesh = icosphere(1)
-    found = replace(
-        compare(mesh, mesh.verts), flipped_faces=flipped, self_intersections_added=added, collapsed_faces=collapsed
-    )
-    assert found.warnings(5120, " in the bind pose") == sentences
+def test_only_damage_is_told() -> None:
+    found = compare(icosphere(1), icosphere(1).verts)
+    assert found.warnings(5120) == []
+    damaged = replace(found, flipped_faces=2, self_intersections_added=1234, collapsed_faces=1)
+    (sentence,) = damaged.warnings(5120, " in the bind pose")
+    for words in ("in the bind pose, of 5,120", "2 flipped", "1,234 newly cutting others", "1 without area"):
+        assert words in sentence
+    assert "flipped" not in replace(damaged, flipped_faces=0).warnings(5120)[0]
 
 
 @each_case(
@@ -86,16 +82,6 @@ def test_only_damage_is_told(flipped: int, added: int, collapsed: int, sentences
 def test_a_crease_is_folded_once_it_bends_by_a_right_angle(before: float, after: float, flipped: int) -> None:
     """Against the large square alone, a strip would be folded from 91 degrees on: so are many of hard-edged assets."""
     assert compare(creased(before), creased(after).verts).flipped_faces == flipped
-
-
-def test_a_vertex_pulled_over_its_neighbours_flips_faces() -> None:
-    mesh = grid(6)
-    verts = mesh.verts.clone()
-    centre = int(verts.norm(dim=1).argmin())
-    verts[centre, :2] += 0.3
-    found = compare(mesh, verts)
-    assert 1 <= found.flipped_faces <= 6
-    assert compare(mesh, mesh.verts).flipped_faces == 0
 
 
 def test_faces_that_collapse_are_counted_and_kept_out_of_the_rest() -> None:
@@ -108,24 +94,6 @@ def test_faces_that_collapse_are_counted_and_kept_out_of_the_rest() -> None:
     assert math.isfinite(found.symmetric_dirichlet_p99)
     line = compare(mesh, mesh.verts * torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64))
     assert line.collapsed_faces == len(mesh.faces)
-
-
-def test_intersections_are_counted_before_and_after() -> None:
-    ball = icosphere(2, 0.5)
-    shift = torch.tensor([1.5, 0.02, 0.01], dtype=torch.float64)
-    apart = join(ball, TriangleMesh(ball.verts + shift, ball.faces))
-    verts = apart.verts.clone()
-    verts[len(ball.verts) :, 0] -= 0.9
-    found = compare(apart, verts)
-    assert found.self_intersecting_faces_before == 0
-    assert found.self_intersecting_faces_after > 20
-    assert found.symmetric_dirichlet_mean == pytest.approx(1.0)
-    assert found.volume_ratio == pytest.approx(1.0)
-
-
-def test_a_mesh_turned_inside_out_has_a_negative_volume() -> None:
-    mesh = icosphere(1)
-    assert compare(mesh, mesh.verts * torch.tensor([-1.0, 1, 1], dtype=torch.float64)).volume_ratio == pytest.approx(-1)
 
 
 coordinate = st.sampled_from([0.0, 1.0, -1.0, 0.5, 1e-12, 3.0])
@@ -247,26 +215,13 @@ def similar(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
     return moved
 
 
-@each_case("scale", [1.0, 2.0, 0.1])
-def test_a_similarity_has_1(scale: float) -> None:
-    found = measure_texture_stretch(TEXELS, SHEET, similar(SHEET, scale))
-    assert found is not None
-    assert [found.p50, found.p95, found.above_2, found.scale, found.measured] == pytest.approx([1, 1, 0, scale, 1])
-
-
-def test_texels_drawn_out_sixfold_in_one_direction() -> None:
-    """The square texels of a sheet become six times as high; its area grows sixfold, so s is the root of 6."""
-    found = measure_texture_stretch(SHEET[..., :2], SHEET, SHEET * [1, 6, 1])
-    assert found is not None
-    assert [found.p50, found.p95, found.above_2, found.scale] == pytest.approx([6**0.5, 6**0.5, 1, 6**0.5])
-
-
 def test_percentiles_and_the_share_are_of_the_results_area() -> None:
     """The right tenth of the sheet becomes nine times as wide: 9 of the 18 tenths of the result."""
     bent = SHEET.copy()
     bent[..., 0] = np.where(bent[..., 0] > 0.9, 0.9 + 9 * (bent[..., 0] - 0.9), bent[..., 0])
     found = measure_texture_stretch(SHEET[..., :2], SHEET, bent)
     assert found is not None
+    assert found.measured == 1
     scale = 1.8**0.5
     assert [found.p95, found.above_2, found.scale] == pytest.approx([9 / scale, 0.5, scale])
     values, _ = face_stretch(SHEET[..., :2], SHEET, bent)

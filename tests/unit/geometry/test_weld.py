@@ -33,6 +33,7 @@ def test_a_split_mesh_is_welded_to_what_it_was(mesh) -> None:  # type: ignore[no
     assert np.array_equal(welded.face_source, np.arange(len(triangles)))
     assert np.array_equal(welded.mesh.verts.numpy()[welded.vertex_map], positions)
     assert set(welded.skipped.values()) == {0}
+    assert np.array_equal(welded.scatter(welded.mesh.verts, positions), positions)
 
 
 def test_vertices_a_rounding_error_apart_are_one_and_keep_their_offset() -> None:
@@ -45,25 +46,7 @@ def test_vertices_a_rounding_error_apart_are_one_and_keep_their_offset() -> None
     np.testing.assert_allclose(out, positions + noise + 1.0, atol=1e-15, rtol=0)
 
 
-def test_no_deformation_gives_the_same_bits() -> None:
-    mesh = box(2, (1e3, 1.0, 1e-3))
-    positions, triangles = split(mesh.verts + 1 / 3, mesh.faces)
-    welded = weld(positions, triangles)
-    assert np.array_equal(welded.scatter(welded.mesh.verts, positions), positions)
-
-
-def test_unreferenced_vertices_keep_their_place() -> None:
-    positions = np.array([[0, 0, 0], [9, 9, 9], [1, 0, 0], [0, 1, 0], [0, 0, 0]], float)
-    welded = weld(positions, np.array([[0, 2, 3]]))
-    assert welded.vertex_map.tolist() == [0, -1, 1, 2, -1]
-    assert welded.skipped["unreferenced_vertices"] == 2
-    out = welded.scatter(welded.mesh.verts + 5, positions)
-    assert out[1].tolist() == [9, 9, 9]
-    assert out[4].tolist() == [0, 0, 0]
-    assert out[0].tolist() == [5, 5, 5]
-
-
-def test_collapsing_faces_are_skipped_and_counted() -> None:
+def test_what_is_not_part_of_the_surface_is_skipped_and_counted() -> None:
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0.5, 0, 0]], float)
     welded = weld(positions, np.array([[0, 1, 3], [0, 1, 2], [0, 1, 4], [2, 2, 1]]))
     assert welded.face_source.tolist() == [1, 2]
@@ -75,11 +58,13 @@ def test_collapsing_faces_are_skipped_and_counted() -> None:
         "border_edges": 4,
     }
     assert welded.vertex_map[3] == welded.vertex_map[1]
-
-
-def test_negative_zero_is_zero() -> None:
-    positions = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [-0.0, 0, -0.0], [0, -1, 0]])
-    assert weld(positions, np.array([[0, 1, 2], [3, 4, 1]])).mesh.verts.shape == (4, 3)
+    # Vertices that no face uses keep their place; negative zero is zero.
+    positions = np.array([[0, 0, 0], [9, 9, 9], [1, 0, 0], [0, 1, 0], [0, 0, 0], [-0.0, 0, -0.0]], float)
+    welded = weld(positions, np.array([[0, 2, 3], [5, 3, 2]]))
+    assert welded.vertex_map.tolist() == [0, -1, 1, 2, -1, 0]
+    assert welded.skipped["unreferenced_vertices"] == 2
+    out = welded.scatter(welded.mesh.verts + 5, positions)
+    assert out[[0, 1, 4]].tolist() == [[5, 5, 5], [9, 9, 9], [0, 0, 0]]
 
 
 def test_a_chain_of_near_vertices_does_not_become_one_point() -> None:
@@ -104,9 +89,6 @@ def test_everything_at_one_place_is_quick_and_an_error_with_advice() -> None:
     with pytest.raises(AssetEmptyError) as caught:
         weld(positions, triangles)
     assert caught.value.advice_text
-
-
-def test_no_triangles_are_an_error() -> None:
     with pytest.raises(AssetEmptyError):
         weld(np.zeros((3, 3)), np.zeros((0, 3), np.int64))
 

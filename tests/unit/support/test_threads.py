@@ -23,37 +23,32 @@ def eight_cores(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("eight_cores")
 @each_case(
-    ("limit", "threads"),
+    ("limit", "chosen", "threads"),
     [
-        ("max 100000", 8),
-        ("200000 100000", 2),
-        ("250000 100000", 3),
-        ("50000 100000", 1),
-        ("6400000 100000", 8),
-        ("", 8),
+        ("max 100000", "", 8),
+        ("200000 100000", "", 2),
+        ("250000 100000", "", 3),
+        ("50000 100000", "", 1),
+        ("6400000 100000", "", 8),
+        ("", "", 8),
+        *(("", chosen, threads) for chosen, threads in (("3", 3), ("16", 16), ("4,2", 4), ("0", 8), ("many", 8))),
     ],
 )
-def test_a_container_uses_no_more_threads_than_its_cpu_limit(tmp_path: Path, limit: str, threads: int) -> None:
+def test_a_container_uses_no_more_threads_than_its_cpu_limit_unless_omp_num_threads_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, chosen: str, threads: int
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", chosen)
     (tmp_path / "cpu.max").write_text(f"{limit}\n")
     assert default_threads(tmp_path) == threads
 
 
 @pytest.mark.usefixtures("eight_cores")
-@pytest.mark.parametrize(("quota", "threads"), [(-1, 8), (150_000, 2)])
-def test_the_limits_of_control_groups_version_1_are_read(tmp_path: Path, quota: int, threads: int) -> None:
+def test_the_limits_of_control_groups_version_1_are_read(tmp_path: Path) -> None:
     (tmp_path / "cpu").mkdir()
-    (tmp_path / "cpu/cpu.cfs_quota_us").write_text(f"{quota}\n")
     (tmp_path / "cpu/cpu.cfs_period_us").write_text("100000\n")
-    assert default_threads(tmp_path) == threads
-
-
-@pytest.mark.usefixtures("eight_cores")
-@each_case(("value", "threads"), [("3", 3), ("16", 16), ("4,2", 4), ("0", 8), ("many", 8)])
-def test_omp_num_threads_decides_where_the_setting_does_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: str, threads: int
-) -> None:
-    monkeypatch.setenv("OMP_NUM_THREADS", value)
-    assert default_threads(tmp_path) == threads
+    for quota, threads in ((-1, 8), (150_000, 2)):
+        (tmp_path / "cpu/cpu.cfs_quota_us").write_text(f"{quota}\n")
+        assert default_threads(tmp_path) == threads
 
 
 def test_the_setting_comes_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:

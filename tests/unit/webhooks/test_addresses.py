@@ -38,9 +38,9 @@ def knows(*addresses: str):
 @each_case("address", NOT_PUBLIC)
 def test_an_address_that_is_not_public_is_refused_by_itself_and_as_what_a_name_means(address: str) -> None:
     assert not is_public(ipaddress.ip_address(address))
-    with pytest.raises(WebhookAddressError, match="not public"):
-        find_destination("https://example.com/", (), knows(address))
     literal = f"[{address}]" if ":" in address else address
+    with pytest.raises(WebhookAddressError, match="not public"):
+        find_destination("https://example.com/", (), knows("8.8.8.8", address))
     with pytest.raises(WebhookAddressError, match="not public"):
         find_destination(f"https://{literal}/", ())
 
@@ -50,11 +50,6 @@ def test_a_public_address_is_taken(address: str) -> None:
     found = find_destination("https://example.com/hook", (), knows(address))
     assert (found.host, found.port) == ("example.com", 443)
     assert [ipaddress.ip_address(text) for text in found.addresses] == [ipaddress.ip_address(address)]
-
-
-def test_one_address_that_is_not_public_spoils_the_host() -> None:
-    with pytest.raises(WebhookAddressError, match="not public"):
-        find_destination("https://example.com/", (), knows("8.8.8.8", "10.0.0.1", "8.8.4.4"))
 
 
 @each_case(
@@ -69,16 +64,9 @@ def test_numbers_that_resolvers_take_for_addresses_are_no_hosts(host: str) -> No
     for written in (host, f"{host}."):
         with pytest.raises(WebhookAddressError):
             find_destination(f"https://{written}/", LOOPBACK, forbidden)
-
-
-@each_case(
-    "url",
-    ["https://localhost/", "https://LOCALHOST/", "https://localhost./", "https://127.0.0.1./", "https://127.0.0.1:443/",
-     "https://[::1]/", "https://[0:0:0:0:0:0:0:1]/", "https://[::ffff:7f00:1]/"],
-)  # fmt: skip
-def test_loopback_is_refused_however_it_is_written(url: str) -> None:
-    with pytest.raises(WebhookAddressError):
-        find_destination(url, ())
+    for written in ("LOCALHOST", "localhost.", "127.0.0.1.", "[::ffff:7f00:1]"):
+        with pytest.raises(WebhookAddressError):
+            find_destination(f"https://{written}/", ())
 
 
 @each_case(
@@ -86,16 +74,11 @@ def test_loopback_is_refused_however_it_is_written(url: str) -> None:
     [
         ("http://example.com/", "https"),
         ("ftp://example.com/", "https"),
-        ("file:///etc/passwd", "https"),
-        ("gopher://example.com/", "https"),
         ("example.com/hook", "https"),
         ("//example.com/hook", "https"),
         ("https:///hook", "host"),
-        ("https://", "host"),
         ("https://user@example.com/", "password"),
-        ("https://user:secret@example.com/", "password"),
         ("https://example.com:22/", "Port 22"),
-        ("https://example.com:25/", "Port 25"),
         ("https://example.com:0/", "Port 0"),
         ("https://example.com:1023/", "Port 1023"),
         ("https://example.com:65536/", "."),
@@ -103,7 +86,6 @@ def test_loopback_is_refused_however_it_is_written(url: str) -> None:
         ("https://exa mple.com/", "characters"),
         ("https://example.com\\@10.0.0.1/", "characters"),
         ("https://example.com/\r\nX-Evil: 1", "characters"),
-        ("https://example.com/\x00", "characters"),
         ("https://exam%70le.com/", "host"),
         ("https://\uff11\uff12\uff17.0.0.1/", "."),
         ("https://[::1", "."),

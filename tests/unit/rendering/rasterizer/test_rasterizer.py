@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.mesh import edges_of
+from meshdeform.geometry.mesh import TriangleMesh, edges_of
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import (
@@ -42,6 +42,7 @@ def flat(points: list[tuple[float, float, float]]) -> Tensor:
 def test_a_triangle_covers_the_pixels_that_it_should(backend) -> None:
     clip = flat([(1, 1, 0), (7, 1, 0), (1, 7, 0)])
     ids, depth = backend(clip, torch.tensor([[0, 1, 2]]), 8, 8)
+    assert torch.equal(ids, backend(clip, torch.tensor([[0, 2, 1]]), 8, 8)[0])  # both sides are seen
     expected = torch.full((8, 8), -1)
     for row in range(8):
         for column in range(8):
@@ -75,14 +76,6 @@ def test_what_lies_at_or_beyond_the_far_plane_stays_behind(backend, far: float) 
 
 
 @each_case("backend", BACKENDS)
-def test_both_sides_are_seen(backend) -> None:
-    clip = flat([(1, 1, 0), (7, 1, 0), (1, 7, 0)])
-    front, _ = backend(clip, torch.tensor([[0, 1, 2]]), 8, 8)
-    back, _ = backend(clip, torch.tensor([[0, 2, 1]]), 8, 8)
-    assert torch.equal(front, back)
-
-
-@each_case("backend", BACKENDS)
 def test_neighbours_neither_overlap_nor_leave_gaps(backend) -> None:
     """A tessellated square covers each pixel once: removing any face uncovers exactly its own pixels."""
     mesh = grid(5, 1.8)
@@ -105,20 +98,6 @@ def test_the_backends_agree(size: tuple[int, int]) -> None:
         assert_close(depth, other_depth, atol=1e-5, rtol=0)
 
 
-def test_a_fan_of_slivers_is_exact() -> None:
-    n = 2000
-    angle = torch.arange(n, dtype=torch.float64) / n * 2 * torch.pi
-    rim = torch.stack([angle.cos(), angle.sin(), torch.zeros(n)], 1) * 0.9
-    verts = torch.cat([torch.zeros(1, 3), rim])
-    faces = torch.stack([torch.zeros(n, dtype=torch.int64), 1 + torch.arange(n), 1 + (torch.arange(n) + 1) % n], 1)
-    clip = torch.cat([verts.float(), torch.ones(n + 1, 1)], 1)[None]
-    ids, _ = rasterize_spans(clip, faces, 128, 128)
-    other, _ = rasterize_compiled(clip, faces, 128, 128)
-    assert torch.equal(ids >= 0, other >= 0)
-    area = (ids >= 0).float().mean() * 4
-    assert area.item() == pytest.approx(torch.pi * 0.81, rel=5e-3)
-
-
 @each_case("backend", BACKENDS)
 def test_triangles_behind_the_camera_and_empty_meshes_draw_nothing(backend) -> None:
     clip = torch.tensor([[[0.0, 0, 0, -1], [1, 0, 0, 1], [0, 1, 0, 1]]])
@@ -139,10 +118,9 @@ def test_wrong_shapes_are_refused() -> None:
 SIZE = 24
 
 
-def scene() -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-    mesh = icosphere(1, 0.8)
-    cameras = fixed_cameras(20.0, 10.0)
-    clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+def scene(subdivisions: int = 1) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    mesh = icosphere(subdivisions, 0.8)
+    clip = to_clip(mesh.verts)
     ids = rasterize(clip, mesh.faces, SIZE, SIZE).face_ids.view(-1)
     pixels = (ids >= 0).nonzero()[:, 0]
     return mesh.verts, clip, mesh.faces, pixels, ids[pixels]
@@ -159,8 +137,10 @@ def test_a_function_that_is_linear_in_space_is_exact() -> None:
     assert_close(found[:, 1] / found[:, 3], y, atol=1e-5, rtol=0)
 
 
-def test_the_backends_agree_in_values_and_gradients() -> None:
-    verts, clip, faces, pixels, face = scene()
+@each_case("subdivisions", [1, 5])
+def test_the_backends_agree_in_values_and_gradients(subdivisions: int) -> None:
+    """Also on 20,480 faces of few pixels: x - p w cancels, and float32 would leave percents of the gradients."""
+    verts, clip, faces, pixels, face = scene(subdivisions)
     values = torch.stack([verts.float().sin()] * 4)
     weights = torch.rand(len(pixels), 3, generator=torch.Generator().manual_seed(0))
     found = []
@@ -170,25 +150,7 @@ def test_the_backends_agree_in_values_and_gradients() -> None:
         (out * weights).sum().backward()
         found.append((out, c.grad, v.grad))
     for a, b in zip(*found, strict=True):
-        assert_close(a, b, atol=2e-4, rtol=1e-3)
-
-
-def test_the_backends_agree_on_small_faces() -> None:
-    """20,480 faces of a few pixels each: x - p w cancels, and float32 would leave percents of the gradients."""
-    mesh = icosphere(5, 0.6)
-    cameras = fixed_cameras(20.0, 15.0)
-    clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
-    ids = rasterize(clip, mesh.faces, SIZE, SIZE).face_ids.view(-1)
-    pixels = (ids >= 0).nonzero()[:, 0]
-    values = torch.stack([mesh.verts.float().sin()] * 4)
-    weights = torch.rand(len(pixels), 3, generator=torch.Generator().manual_seed(0))
-    gradients = []
-    for function in (interpolate, interpolate_torch):
-        c = clip.clone().requires_grad_()
-        (function(c, values, mesh.faces, pixels, ids[pixels], SIZE, SIZE) * weights).sum().backward()
-        assert c.grad is not None
-        gradients.append(c.grad)
-    assert float((gradients[0] - gradients[1]).abs().max()) < 1e-5 * float(gradients[0].abs().max())
+        assert float((a - b).detach().abs().max()) < 1e-5 * float(a.detach().abs().max())
 
 
 def test_gradcheck() -> None:
@@ -243,9 +205,10 @@ def silhouette_edges(faces: Tensor) -> SilhouetteEdges:
     return SilhouetteEdges(edges.edges, edges.opposite)
 
 
-@each_case(("subdivisions", "size"), [(1, 64), (3, 64), (5, 64), (2, 256)])
-def test_the_area_of_a_sphere_grows_as_it_should(subdivisions: int, size: int) -> None:
-    mesh = icosphere(subdivisions)
+@each_case(
+    ("mesh", "size"), [(icosphere(1), 64), (icosphere(3), 64), (icosphere(5), 64), (icosphere(2), 256), (grid(8), 64)]
+)
+def test_the_area_of_a_sphere_and_of_an_open_grid_grows_as_it_should(mesh: TriangleMesh, size: int) -> None:
     edges = silhouette_edges(mesh.faces)
     verts = mesh.verts.float()
     scale = torch.tensor(0.6, requires_grad=True)
@@ -277,28 +240,6 @@ def test_a_torus_moves_and_stretches_as_finite_differences_say() -> None:
     expected = torch.tensor(differences)
     assert p.grad is not None
     assert (p.grad - expected).norm() < 0.06 * expected.norm()
-
-
-def test_an_open_border_has_a_gradient() -> None:
-    mesh = grid(8)
-    edges = silhouette_edges(mesh.faces)
-    scale = torch.tensor(1.0, requires_grad=True)
-    draw(mesh.verts.float() * scale, mesh.faces, edges, 64, None, True).backward()
-    with torch.no_grad():
-        above = draw(mesh.verts.float() * 1.02, mesh.faces, edges, 1024, None, False)
-        below = draw(mesh.verts.float() * 0.98, mesh.faces, edges, 1024, None, False)
-    assert scale.grad is not None
-    assert scale.grad.item() == pytest.approx(((above - below) / 0.04).item(), rel=0.05)
-
-
-def test_coverage_after_antialiasing_is_nearer_to_the_truth() -> None:
-    mesh = icosphere(3)
-    edges = silhouette_edges(mesh.faces)
-    verts = mesh.verts.float() * 0.7
-    true = draw(verts, mesh.faces, edges, 1024, None, False)
-    errors = [abs((draw(verts, mesh.faces, edges, 32, None, smooth) - true).item()) for smooth in (False, True)]
-    assert errors[1] < 0.002
-    assert errors[1] <= errors[0]
 
 
 def test_hidden_edges_change_nothing() -> None:
