@@ -108,14 +108,14 @@ class _Job:
     def _run(
         asset: str,
         prompt: str,
-        given: dict[str, Any] | None,
+        sent_params: dict[str, Any] | None,
         target: str | None,
         *,
         preset: str,
         seed: int,
         filename_prefix: str,
     ) -> dict[str, Any]:
-        params = {**(given or {}), "preset": preset, "seed": seed}
+        params = {**(sent_params or {}), "preset": preset, "seed": seed}
         if target is not None:
             params = without_unused({**params, "guidance": {**params.get("guidance", {}), "kind": "target"}})
         with explained():

@@ -25,9 +25,9 @@ _UNSET = -1.0
 
 def inputs() -> dict[str, tuple[Any, ...]]:
     """Return the widgets of the node, in the form's order."""
-    found = {name: _widget(member) for name, member in _form().items()}
+    widgets = {name: _widget(member) for name, member in _form().items()}
     help_more = 'Any other parameters, as a JSON object: {"control": {"symmetry": "auto", "falloff": 0.2}}'
-    return {**found, MORE: ("STRING", {"default": "", "multiline": True, "tooltip": help_more})}
+    return {**widgets, MORE: ("STRING", {"default": "", "multiline": True, "tooltip": help_more})}
 
 
 def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,9 +109,9 @@ def _object(text: str) -> dict[str, Any]:
     if not text.strip():
         return {}
     try:
-        found = json.loads(text)
+        document = json.loads(text)
     except ValueError as error:
         raise ValueError(f"{MORE}: this is not JSON: {error}") from error
-    if not isinstance(found, dict):
+    if not isinstance(document, dict):
         raise ValueError(f'{MORE}: write a JSON object, such as {{"control": {{"symmetry": "auto"}}}}.')  # noqa: TRY004 - a value
-    return found
+    return document

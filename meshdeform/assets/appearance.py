@@ -232,8 +232,8 @@ class _Part:
 
 
 def _material(primitive: Json) -> int | None:
-    found: Any = primitive.get("material")
-    return found if isinstance(found, int) else None
+    number: Any = primitive.get("material")
+    return number if isinstance(number, int) else None
 
 
 def _moved(places: NDArray[np.float32], use: TextureUse) -> NDArray[np.float32]:

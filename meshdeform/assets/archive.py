@@ -85,10 +85,10 @@ class Archive:
 
     def find(self, link: str, beside: str = "") -> bytes | None:
         """Return the file that a link of the file `beside` means, or None; see `FileNames.find`."""
-        found = self._names.find(link, posixpath.dirname(beside or self.main))
-        if found is None:
+        entry = self._names.find(link, posixpath.dirname(beside or self.main))
+        if entry is None:
             return None
-        name, elsewhere = found
+        name, elsewhere = entry
         if elsewhere:
             self.guessed[link] = name
         return self.files[name]
@@ -97,9 +97,9 @@ class Archive:
         """Return a sentence about links to places where there is no file."""
         if not self.guessed:
             return ()
-        taken = [f"{name} for {link[:60]!r}" for link, name in list(self.guessed.items())[:3]]
+        guesses = [f"{name} for {link[:60]!r}" for link, name in list(self.guessed.items())[:3]]
         more = " ..." if len(self.guessed) > 3 else ""
-        return (f"Links lead nowhere, so files of the same name elsewhere were taken: {', '.join(taken)}{more}.",)
+        return (f"Links lead nowhere, so files of the same name elsewhere were taken: {', '.join(guesses)}{more}.",)
 
     @cached_property
     def _names(self) -> FileNames:
@@ -205,12 +205,12 @@ def _decoded(entry: zipfile.ZipInfo) -> str:
 def _main(names: list[str]) -> str:
     """Return the name of the archive's only asset; of several kinds, the one that holds the most."""
     for endings in _ENDINGS:
-        found = [name for name in names if name.lower().rpartition(".")[2] in endings]
-        if len(found) > 1:
-            listed = ", ".join(sorted(found)[:5]) + (" ..." if len(found) > 5 else "")
-            raise AssetError(f"The ZIP holds {len(found)} assets: {listed}.", advice="Send one asset per ZIP.")
-        if found:
-            return found[0]
+        candidates = [name for name in names if name.lower().rpartition(".")[2] in endings]
+        if len(candidates) > 1:
+            listed = ", ".join(sorted(candidates)[:5]) + (" ..." if len(candidates) > 5 else "")
+            raise AssetError(f"The ZIP holds {len(candidates)} assets: {listed}.", advice="Send one asset per ZIP.")
+        if candidates:
+            return candidates[0]
     raise AssetEmptyError(
         "The ZIP holds no asset.", advice="Pack a .gltf, .glb, .obj, .ply or .stl with the files that it refers to."
     )

@@ -77,15 +77,15 @@ def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = Non
 
 def _triangles_of_primitives(piece: Piece) -> list[tuple[tuple[int, int], NDArray[np.int64]]]:
     """Return (block, primitive) and the corners (F, 3), rows of the surface, of each primitive with triangles left."""
-    found, start = [], 0
+    triangles, start = [], 0
     for number, block in enumerate(piece.asset._blocks):
         for primitive, count in zip(block.primitives, block.triangles, strict=True):
             rows = slice(start, start + count)
             chosen = piece.asset.surface.triangles[rows][piece.triangles[rows]]
             start += count
             if len(chosen):
-                found.append(((number, primitive), chosen))
-    return found
+                triangles.append(((number, primitive), chosen))
+    return triangles
 
 
 def _primitive(
@@ -143,12 +143,12 @@ class _Looks:
             return value
         if name == "extras":
             return clone(value)
-        found = {key: self._copied(each, key) for key, each in value.items()}
+        copies = {key: self._copied(each, key) for key, each in value.items()}
         if name == "extensions":
             self.extensions |= set(value)
         if name.endswith("Texture") and isinstance(value.get("index"), int):
-            found["index"] = self._texture(value["index"])
-        return found
+            copies["index"] = self._texture(value["index"])
+        return copies
 
     def _texture(self, number: int) -> int:
         texture = self._copied(self._source.root["textures"][number])

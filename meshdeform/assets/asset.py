@@ -92,10 +92,10 @@ class Asset:
         self.backdrop = find_backdrop(document, self.surface, self._blocks)
         backdrops = () if self.backdrop is None else (self.backdrop.warning,)
         parts = self.parts()
-        drawn = self.surface.triangles
+        triangles_drawn = self.surface.triangles
         if self.backdrop is not None and self.backdrop.left:
-            drawn = drawn[~self.backdrop.triangles]
-        shape = self.surface.positions, drawn
+            triangles_drawn = triangles_drawn[~self.backdrop.triangles]
+        shape = self.surface.positions, triangles_drawn
         rounded = rounding_warnings(self.surface, self._blocks)
         notices = (*backdrops, *up_axis_warnings(*shape), *coarseness_warnings(*shape), *rounded)
         self.summary = dataclasses.replace(
@@ -106,7 +106,7 @@ class Asset:
             joints=tuple(parts.joints),
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),
-            bounds=_bounds(self.surface.positions[drawn]),
+            bounds=_bounds(self.surface.positions[triangles_drawn]),
             skipped=tuple(self.surface.skipped),
             warnings=(*summary.warnings, *self.repairs.warnings, *notices),
         )
@@ -150,13 +150,13 @@ class Asset:
 
     def polygons(self) -> list[dict[str, Any]]:
         """List the polygons that the triangles of each primitive were cut from, where they were."""
-        found = []
+        polygons = []
         for block in self._blocks:
             for p in block.primitives:
                 extras = self._document.root["meshes"][block.mesh]["primitives"][p].get("extras")
                 if isinstance(extras, dict) and isinstance(extras.get("polygons"), list):
-                    found.append({"node": block.node, "primitive": p, "runs": extras["polygons"]})
-        return found
+                    polygons.append({"node": block.node, "primitive": p, "runs": extras["polygons"]})
+        return polygons
 
     def joint_weights(self, joints: Collection[int]) -> NDArray[np.float64]:
         """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1."""
@@ -175,14 +175,14 @@ class Asset:
 
     def texture_coordinates(self) -> dict[str, str]:
         """Return the SHA-256 of each decoded texture coordinate set by place of use, to prove UVs unchanged."""
-        found: dict[str, str] = {}
+        names: dict[str, str] = {}
         for number, block in enumerate(self._blocks):
             for p in block.primitives:
                 attributes = self._document.root["meshes"][block.mesh]["primitives"][p]["attributes"]
                 for name in sorted(a for a in attributes if a.startswith("TEXCOORD_")):
                     values = read_floats(self._document, attributes[name])
-                    found[f"{number}/{p}/{name}"] = hashlib.sha256(values.tobytes()).hexdigest()
-        return found
+                    names[f"{number}/{p}/{name}"] = hashlib.sha256(values.tobytes()).hexdigest()
+        return names
 
     def rig(self) -> Rig:
         """Count the morph targets, joints and animations that would have to follow the surface."""
@@ -224,8 +224,8 @@ class Asset:
         for at in below:  # grows while it is read; nodes form a forest
             below += self._document.root["nodes"][at].get("children", [])
         excluded = self.excluded | frozenset(below)
-        found = Asset(self._document.fork(), self._read_summary, self._source, self._usage, excluded)
-        return found._as_repaired(self)
+        copy = Asset(self._document.fork(), self._read_summary, self._source, self._usage, excluded)
+        return copy._as_repaired(self)
 
     def _as_repaired(self, source: Asset) -> Asset:
         """Take over what was repaired when the source was read."""
@@ -261,8 +261,8 @@ class Asset:
             return self, done
         embed_data_uris(document)
         compact(document, self._usage, [])
-        made = load_asset(document.to_bytes(), limits=Limits.unlimited()).without(self.excluded)
-        return made._as_repaired(self), done
+        finer = load_asset(document.to_bytes(), limits=Limits.unlimited()).without(self.excluded)
+        return finer._as_repaired(self), done
 
     def replace(
         self,
@@ -377,8 +377,8 @@ class Asset:
     def provenance(self) -> dict[str, Any] | None:
         """The provenance that `output.provenance` stored in the file; None if there is none."""
         extras = self._document.root["asset"].get("extras")
-        found = extras.get("meshdeform") if isinstance(extras, dict) else None
-        return found if isinstance(found, dict) else None
+        provenance = extras.get("meshdeform") if isinstance(extras, dict) else None
+        return provenance if isinstance(provenance, dict) else None
 
 
 def _unpack(archive: Archive, limits: Limits) -> tuple[bytes, tuple[str, ...]]:
@@ -454,11 +454,11 @@ class Repairs:
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user, if anything was rebuilt."""
         counts = ((self.normals, "normals"), (self.tangents, "tangents"))
-        found = [f"{count} {name}" for count, name in counts if count]
-        if not found:
+        parts = [f"{count} {name}" for count, name in counts if count]
+        if not parts:
             return ()
         return (
-            f"{' and '.join(found)} of the file have no direction (not finite, or of length zero). They were rebuilt.",
+            f"{' and '.join(parts)} of the file have no direction (not finite, or of length zero). They were rebuilt.",
         )
 
 
@@ -495,12 +495,12 @@ def _rebuild(document: Document, mesh: int, numbers: list[int]) -> tuple[dict[st
     """Rebuild the directions of primitives that share their vertices; return their new accessors."""
     primitives = [document.root["meshes"][mesh]["primitives"][p] for p in numbers]
     attributes: Json = primitives[0]["attributes"]
-    found: dict[str, _Rows] = {
+    rebuilt: dict[str, _Rows] = {
         name: read_floats(document, attributes[name]).astype(np.float64)
         for name in ("NORMAL", "TANGENT")
         if name in attributes
     }
-    bad = {name: _undirected(values) for name, values in found.items()}
+    bad = {name: _undirected(values) for name, values in rebuilt.items()}
     if not any(rows.any() for rows in bad.values()):
         return {}, Repairs()
     positions = read_floats(document, attributes["POSITION"]).astype(np.float64)
@@ -512,13 +512,13 @@ def _rebuild(document: Document, mesh: int, numbers: list[int]) -> tuple[dict[st
         [read_triangles(document, p, count, f"{where}[{n}]") for p, n in zip(primitives, numbers, strict=True)]
     )
     new: dict[str, _Rows] = {}
-    normals = found["NORMAL"] if "NORMAL" in found else _normals(positions, triangles)
+    normals = rebuilt["NORMAL"] if "NORMAL" in rebuilt else _normals(positions, triangles)
     if "NORMAL" in bad and bad["NORMAL"].any():
         new["NORMAL"] = normals = np.where(bad["NORMAL"][:, None], _normals(positions, triangles), normals)
     if "TANGENT" in bad and bad["TANGENT"].any():
         uvs = read_floats(document, attributes["TEXCOORD_0"]) if "TEXCOORD_0" in attributes else None
-        built = _tangents(positions, triangles, normals, uvs, found["TANGENT"][:, 3])
-        new["TANGENT"] = np.where(bad["TANGENT"][:, None], built, found["TANGENT"])
+        built = _tangents(positions, triangles, normals, uvs, rebuilt["TANGENT"][:, 3])
+        new["TANGENT"] = np.where(bad["TANGENT"][:, None], built, rebuilt["TANGENT"])
     accessors = document.root["accessors"]
     written = {
         name: document.append_accessor(values.astype(np.float32), like=accessors[attributes[name]])

@@ -214,9 +214,9 @@ def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]
 
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
     limits.check_bytes(path.stat().st_size)
-    found = read_surface_file(path.read_bytes(), filename, limits)
-    assert found is not None
-    return asdict(summary_of(found, filename))
+    surface = read_surface_file(path.read_bytes(), filename, limits)
+    assert surface is not None
+    return asdict(summary_of(surface, filename))
 
 
 def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:

@@ -117,18 +117,18 @@ def _bounds(limits: Limits) -> Limits:
 
 
 def _assets_of(names: list[str]) -> list[str]:
-    found = sorted(name for name in names if name.lower().rpartition(".")[2] in _ENDINGS)
+    assets = sorted(name for name in names if name.lower().rpartition(".")[2] in _ENDINGS)
     advice = (
         f"Pack {MIN_COLLECTION} to {MAX_COLLECTION:,} files of the types {', '.join(_ENDINGS)}, each whole by itself."
     )
-    if not found:
+    if not assets:
         raise AssetEmptyError("The ZIP holds no asset.", advice=advice)
-    if len(found) < MIN_COLLECTION:
-        count = "one asset" if len(found) == 1 else f"{len(found)} assets"
+    if len(assets) < MIN_COLLECTION:
+        count = "one asset" if len(assets) == 1 else f"{len(assets)} assets"
         raise AssetError(f"The ZIP holds {count}; a family has at least {MIN_COLLECTION}.", advice=advice)
-    if len(found) > MAX_COLLECTION:
-        raise AssetTooLargeError(f"The ZIP holds {len(found)} assets; the limit is {MAX_COLLECTION:,}.", advice=advice)
-    return found
+    if len(assets) > MAX_COLLECTION:
+        raise AssetTooLargeError(f"The ZIP holds {len(assets)} assets; the limit is {MAX_COLLECTION:,}.", advice=advice)
+    return assets
 
 
 def _labels(data: bytes, names: list[str]) -> FamilyLabels:

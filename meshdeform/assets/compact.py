@@ -46,23 +46,23 @@ def _overwrite(
 ) -> dict[int, int]:
     """Write new values over the old ones where nothing else uses the bytes; return the old accessor of each new one."""
     used = {holder[key] for holder, key in accessor_slots(root)} | opaque
-    gone = {old for old, _ in replaced if old in source.accessors and old not in used}
+    replaced_accessors = {old for old, _ in replaced if old in source.accessors and old not in used}
     held = np.zeros(len(data), bool)
     for start, end in _held_ranges(root, opaque):
         held[start:end] = True
     for i, accessor in enumerate(root["accessors"]):
-        if i not in gone:
+        if i not in replaced_accessors:
             _rows(root, held, accessor)[...] = True
     moved: dict[int, int] = {}
     for old, new in replaced:
         before, after = root["accessors"][old], root["accessors"][new]
-        if old not in gone or not _same_layout(root, before, after) or _rows(root, held, before).any():
+        if old not in replaced_accessors or not _same_layout(root, before, after) or _rows(root, held, before).any():
             continue
         values = np.frombuffer(data, np.uint8)
         _rows(root, values, before)[...] = _rows(root, values, after)
         before |= {key: after[key] for key in ("min", "max") if key in after}
         _rows(root, held, before)[...] = True
-        gone.remove(old)
+        replaced_accessors.remove(old)
         moved[new] = old
     return moved
 
@@ -108,9 +108,9 @@ def _fill(items: list[Json], used_before: frozenset[int], count: int, slots: lis
     places = places[: len(appended)]
     places += range(count, count + len(appended) - len(places))
     number = dict(zip(appended, places, strict=True))
-    taken = [items[i] for i in appended]
+    sources = [items[i] for i in appended]
     del items[count:]
-    for place, item in zip(places, taken, strict=True):
+    for place, item in zip(places, sources, strict=True):
         items[place : place + 1] = [item]
     for holder, key in slots:
         holder[key] = number.get(holder[key], holder[key])

@@ -113,10 +113,10 @@ _DATA_KEYS = {"bufferView", "byteOffset", "sparse"}
 
 
 def _attribute_rows(stream: Any, unique_id: int, accessor: Json, where: str) -> NDArray[Any]:
-    found = next((item for item in stream.attributes if item["unique_id"] == unique_id), None)
-    if found is None or not isinstance(found.get("data"), np.ndarray):
+    attribute = next((item for item in stream.attributes if item["unique_id"] == unique_id), None)
+    if attribute is None or not isinstance(attribute.get("data"), np.ndarray):
         raise AssetUnsupportedError(f"{where}: the Draco stream has no attribute {unique_id}.", advice=_ADVICE)
-    rows = found["data"]
+    rows = attribute["data"]
     dtype = np.dtype(DTYPES[accessor["componentType"]])
     if rows.shape != (accessor["count"], TYPE_COMPONENTS[accessor["type"]]):
         raise AssetError(

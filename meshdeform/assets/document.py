@@ -116,11 +116,11 @@ class Document:
         ]
         return views + bodies
 
-    def remove_buffers(self, gone: set[int]) -> None:
+    def remove_buffers(self, removed: set[int]) -> None:
         """Remove unreferenced buffers and renumber the others."""
-        if not gone:
+        if not removed:
             return
-        kept = [i for i in range(len(self.root["buffers"])) if i not in gone]
+        kept = [i for i in range(len(self.root["buffers"])) if i not in removed]
         number = {old: new for new, old in enumerate(kept)}
         self.root["buffers"] = [self.root["buffers"][i] for i in kept]
         for holder in self.buffer_holders():
@@ -312,24 +312,24 @@ def buffer_ranges(root: Json) -> Iterator[tuple[Json, int, int]]:
 
 def possible_references(root: Json) -> set[int]:
     """Return every integer in extras and in extensions that Meshdeform does not know: any may be an index."""
-    found: set[int] = set()
-    _search(root, found, opaque=False)
-    return found
+    numbers: set[int] = set()
+    _search(root, numbers, opaque=False)
+    return numbers
 
 
-def _search(value: Any, found: set[int], *, opaque: bool) -> None:
+def _search(value: Any, numbers: set[int], *, opaque: bool) -> None:
     if isinstance(value, list):
         for item in value:
-            _search(item, found, opaque=opaque)
+            _search(item, numbers, opaque=opaque)
     elif isinstance(value, dict):
         for key, item in value.items():
             if key == "extensions" and isinstance(item, dict):
                 for name, body in item.items():
-                    _search(body, found, opaque=opaque or not name.startswith(_WITHOUT_REFERENCES))
+                    _search(body, numbers, opaque=opaque or not name.startswith(_WITHOUT_REFERENCES))
             else:
-                _search(item, found, opaque=opaque or key == "extras")
+                _search(item, numbers, opaque=opaque or key == "extras")
     elif opaque and isinstance(value, int) and not isinstance(value, bool):
-        found.add(value)
+        numbers.add(value)
 
 
 def _objects(holder: Json, key: str) -> list[Json]:

@@ -53,9 +53,9 @@ class FamilyFile:
     def member(self, name: str) -> int | None:
         """Return the number of a member by its name in the collection, its file name, or that without its ending."""
         for of in (str, lambda n: PurePosixPath(n).name, lambda n: PurePosixPath(n).stem):
-            found = [number for number, each in enumerate(self.names) if of(each) == name]
-            if len(found) == 1:
-                return found[0]
+            numbers = [number for number, each in enumerate(self.names) if of(each) == name]
+            if len(numbers) == 1:
+                return numbers[0]
         return None
 
 
@@ -140,10 +140,10 @@ def _load(data: bytes) -> tuple[dict[str, str], Arrays]:
 
 
 def _strings(metadata: dict[str, str], name: str) -> list[str]:
-    found = json.loads(metadata[name])
-    if not isinstance(found, list) or not all(isinstance(each, str) and len(each) <= 4096 for each in found):
+    strings = json.loads(metadata[name])
+    if not isinstance(strings, list) or not all(isinstance(each, str) and len(each) <= 4096 for each in strings):
         raise ValueError(f"{name} is no list of names")
-    return found
+    return strings
 
 
 def _split(values: NDArray[Any], counts: NDArray[Any]) -> list[NDArray[np.uint8]]:
@@ -163,7 +163,7 @@ def _check(family: FamilyFile) -> None:
         raise ValueError("a name is there twice")
     hidden = family.machine["w1"].shape[0], family.machine["w2"].shape[0], family.machine["w3"].shape[0]
     latent = family.machine["g0"].shape[0]
-    wanted: dict[str, tuple[NDArray[Any], tuple[int, ...], str]] = {
+    expected: dict[str, tuple[NDArray[Any], tuple[int, ...], str]] = {
         "labels": (family.labels, (count,), "int64"),
         "scaling": (family.scaling, (4,), "float32"),
         "points": (family.points, (members, count, 3), "float64"),
@@ -186,8 +186,8 @@ def _check(family: FamilyFile) -> None:
         "g0": (latent,),
         "eg": (count, latent),
     }
-    wanted |= {name: (family.machine[name], shape, "float32") for name, shape in shapes.items()}
-    for name, (values, shape, kind) in wanted.items():
+    expected |= {name: (family.machine[name], shape, "float32") for name, shape in shapes.items()}
+    for name, (values, shape, kind) in expected.items():
         if values.shape != shape or values.dtype != np.dtype(kind):
             raise ValueError(f"{name} has another shape or type")
         if values.dtype.kind == "f" and not np.isfinite(values).all():

@@ -489,9 +489,9 @@ class PictureSummary:
     share: float  # share of the picture that the silhouette covers
 
     @classmethod
-    def read(cls, found: Mapping[str, Any]) -> Self:
+    def read(cls, document: Mapping[str, Any]) -> Self:
         """Return a summary from its JSON."""
-        return cls(**{**found, "box": tuple(found["box"])})
+        return cls(**{**document, "box": tuple(document["box"])})
 
 
 @dataclass(frozen=True)
@@ -614,7 +614,7 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
 def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...]) -> AssetSummary:
     vertices = triangles = meshes = primitives = 0
     skipped: list[dict[str, Any]] = []
-    drawn: list[int] = []
+    materials_drawn: list[int] = []
     loose = 0
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
@@ -630,7 +630,7 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
             )
         many = instance_count(root, instance.node)
         if many is not None:
-            drawn.append(many)
+            materials_drawn.append(many)
         mesh_vertices, mesh_triangles, mesh_loose, mesh_skipped = per_mesh[instance.mesh]
         loose += mesh_loose
         vertices, triangles, meshes = vertices + mesh_vertices, triangles + mesh_triangles, meshes + 1
@@ -645,7 +645,11 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
     outside = outside_images(root)
     foreign = [link for link in outside if _ELSEWHERE.match(link)]
     beside = [link for link in outside if link not in foreign]
-    sentences = [_many(drawn)] * bool(drawn) + [_beside(beside)] * bool(beside) + [_foreign(foreign)] * bool(foreign)
+    sentences = (
+        [_many(materials_drawn)] * bool(materials_drawn)
+        + [_beside(beside)] * bool(beside)
+        + [_foreign(foreign)] * bool(foreign)
+    )
     warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
 
@@ -672,10 +676,10 @@ def _hidden(root: Json, hidden: list[Instance]) -> str:
     return f"{VISIBILITY} hides {names}: what is hidden is neither drawn nor deformed, and stays in the file as it is."
 
 
-def _many(drawn: list[int]) -> str:
-    meshes = "1 mesh" if len(drawn) == 1 else f"{len(drawn)} meshes"
+def _many(counts: list[int]) -> str:
+    meshes = "1 mesh" if len(counts) == 1 else f"{len(counts)} meshes"
     return (
-        f"{GPU_INSTANCING} draws {meshes} {sum(drawn)} times. Each is deformed once, in the place of its first "
+        f"{GPU_INSTANCING} draws {meshes} {sum(counts)} times. Each is deformed once, in the place of its first "
         "instance, and all its instances get the new shape."
     )
 

@@ -48,30 +48,30 @@ def inspect_lesson(data: Data, limits: Limits) -> AssetSummary:
     files = open_lesson(data, "", limits)
     for name, content in files.items():
         try:
-            found = inspect_asset(content, name, limits)
+            summary = inspect_asset(content, name, limits)
         except AssetError as error:
             raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
         # Polygons of other formats count as one here; the run counts their triangles.
-        if found.triangles < (MIN_FACES if found.format == "glb" else 2):
+        if summary.triangles < (MIN_FACES if summary.format == "glb" else 2):
             raise AssetEmptyError(
-                f"{name}: {found.triangles} faces are too few; a shape to learn from has at least {MIN_FACES}.",
+                f"{name}: {summary.triangles} faces are too few; a shape to learn from has at least {MIN_FACES}.",
                 advice="Export the whole object as a mesh.",
             )
-        vertices, triangles = vertices + found.vertices, triangles + found.triangles
+        vertices, triangles = vertices + summary.vertices, triangles + summary.triangles
     names = tuple({"index": index, "name": name} for index, name in enumerate(files))
     return AssetSummary("zip", vertices, triangles, meshes=len(files), mesh_names=names)
 
 
 def _meshes_of(names: list[str]) -> list[str]:
-    found = sorted(
+    meshes = sorted(
         name
         for name in names
         if name.lower().rpartition(".")[2] in _ENDINGS and not any(part.startswith(".") for part in name.split("/"))
     )
-    if not found:
+    if not meshes:
         raise AssetEmptyError("The ZIP holds no mesh.", advice=_ADVICE)
-    if len(found) > MAX_MESHES:
+    if len(meshes) > MAX_MESHES:
         raise AssetTooLargeError(
-            f"The ZIP holds {len(found)} meshes; a lesson takes at most {MAX_MESHES}.", advice=_ADVICE
+            f"The ZIP holds {len(meshes)} meshes; a lesson takes at most {MAX_MESHES}.", advice=_ADVICE
         )
-    return found
+    return meshes

@@ -156,11 +156,11 @@ def run_child(module: str, arguments: list[str], *, timeout_s: float, temporary:
 
 def _environment(temporary: Path | None = None) -> dict[str, str]:
     """Return the child's environment: what an interpreter needs, and no secrets."""
-    found = {name: value for name, value in os.environ.items() if name in _PASSED_ON}
+    environment = {name: value for name, value in os.environ.items() if name in _PASSED_ON}
     folders = [folder for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if Path(folder).is_absolute()]
     one_thread = dict.fromkeys(_THREADS, "1")
     own = {} if temporary is None else {"TMPDIR": str(temporary)}
-    return {**found, **one_thread, **own, "PYTHONPATH": os.pathsep.join(folders)}
+    return {**environment, **one_thread, **own, "PYTHONPATH": os.pathsep.join(folders)}
 
 
 def _verdict(stdout: bytes) -> dict[str, Any] | None:
@@ -177,12 +177,12 @@ def error_to_json(error: MeshdeformError) -> dict[str, Any]:
     return {"code": error.code, "detail": error.detail, "advice": error.advice_text, "extra": error.extra}
 
 
-def error_from(found: dict[str, Any]) -> MeshdeformError:
+def error_from(document: dict[str, Any]) -> MeshdeformError:
     """Return the error that a child has printed."""
     others = (DependencyError, ParameterError, UnavailableError)
     kinds: list[type[MeshdeformError]] = [AssetError, *AssetError.__subclasses__(), *others]
-    kind = next((kind for kind in kinds if kind.code == found["code"]), AssetError)
-    return kind(found["detail"], advice=found["advice"], **found["extra"])
+    kind = next((kind for kind in kinds if kind.code == document["code"]), AssetError)
+    return kind(document["detail"], advice=document["advice"], **document["extra"])
 
 
 def bound_resources(memory_bytes: int, seconds: float, file_bytes: int = 0) -> None:
@@ -193,17 +193,17 @@ def bound_resources(memory_bytes: int, seconds: float, file_bytes: int = 0) -> N
         return
     bound_memory(memory_bytes)
     # The parent limits the wall-clock time; this ends a child whose parent has died.
-    for bound, wanted in ((resource.RLIMIT_CPU, math.ceil(seconds) + 1), (resource.RLIMIT_FSIZE, file_bytes)):
-        resource.setrlimit(bound, (wanted, wanted))
+    for bound, bound_value in ((resource.RLIMIT_CPU, math.ceil(seconds) + 1), (resource.RLIMIT_FSIZE, file_bytes)):
+        resource.setrlimit(bound, (bound_value, bound_value))
 
 
-def bound_memory(wanted: int) -> None:
-    """Limit this process's address space to `wanted` bytes and disable core dumps."""
+def bound_memory(limit: int) -> None:
+    """Limit this process's address space to `limit` bytes and disable core dumps."""
     try:
         import resource
     except ImportError:
         return
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    if hard == resource.RLIM_INFINITY or hard > wanted:
-        resource.setrlimit(resource.RLIMIT_AS, (wanted, hard))
+    if hard == resource.RLIM_INFINITY or hard > limit:
+        resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

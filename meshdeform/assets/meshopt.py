@@ -63,8 +63,8 @@ def decode_attributes(data: bytes, count: int, stride: int) -> Bytes:
     groups: Groups = {bits: [] for bits in (1, 2, 4, _BYTES)}
     literals = list(_find_groups(data, end, deltas.shape, count, version, groups))
     stream = np.frombuffer(data, np.uint8)
-    for bits, found in groups.items():
-        _place_groups(stream, end, deltas.reshape(-1), bits, found)
+    for bits, rows in groups.items():
+        _place_groups(stream, end, deltas.reshape(-1), bits, rows)
     for offset, start, size in literals:
         deltas.reshape(-1)[start : start + size] = stream[offset : offset + size]
     modes = tail[stride:] if version else np.zeros(stride // 4, np.uint8)

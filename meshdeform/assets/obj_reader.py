@@ -253,13 +253,13 @@ def _distinct(rows: _Index) -> tuple[_Index, _Index]:
     return first, kinds
 
 
-def _title(names: list[str], taken: dict[str, None]) -> str:
+def _title(names: list[str], titles: dict[str, None]) -> str:
     title = start = "_".join(filter(None, names)) or "geometry"
     number = 0
-    while title in taken:
+    while title in titles:
         number += 1
         title = f"{start}_{number}"
-    taken[title] = None
+    titles[title] = None
     return title
 
 
@@ -341,10 +341,10 @@ class _Libraries:
     def read_line(self, value: str) -> None:
         """Read the libraries of an `mtllib` line: it may list several, or one whose name has spaces."""
         for names in ([value], value.split()):
-            found = [(name, self._archive.find(name)) for name in names]
-            if any(library is not None for _, library in found):
+            files = [(name, self._archive.find(name)) for name in names]
+            if any(library is not None for _, library in files):
                 break
-        for name, library in found:
+        for name, library in files:
             if library is None:
                 self._libraries.append(name)
             else:
@@ -424,7 +424,7 @@ def _picture_paths(value: str) -> list[str]:
 
 def _numbers(text: str) -> list[float]:
     """Return the leading numbers of a line, each limited to 0..1."""
-    found = []
+    numbers = []
     for word in text.split():
         try:
             value = float(word)
@@ -432,5 +432,5 @@ def _numbers(text: str) -> list[float]:
             break
         if value != value:
             break
-        found.append(min(max(value, 0.0), 1.0))
-    return found
+        numbers.append(min(max(value, 0.0), 1.0))
+    return numbers

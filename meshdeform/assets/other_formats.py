@@ -135,7 +135,7 @@ def is_ascii_stl(data: Data) -> bool:
 
 def _stl_counts(data: Data) -> tuple[int, int]:
     if is_ascii_stl(data):
-        faces = sum(1 for found in _STL_FACET.finditer(data) if b"normal" in found.group().lower())
+        faces = sum(1 for facet in _STL_FACET.finditer(data) if b"normal" in facet.group().lower())
         return 3 * faces, faces
     if len(data) < 84:
         raise AssetTruncatedError("A binary STL file has at least 84 bytes.")

@@ -132,12 +132,12 @@ def linked_pictures(data: bytes) -> list[str]:
         comments = _header(data).comments
     except AssetError:
         return []
-    return [found[1].strip() for comment in comments if (found := _TEXTURE.match(comment))]
+    return [match[1].strip() for comment in comments if (match := _TEXTURE.match(comment))]
 
 
 def _textures(header: _Header, archive: Archive, notices: list[str]) -> list[bytes]:
     """Return the encoded textures that the file names; empty ones for those that are not there."""
-    names = [found[1].strip() for comment in header.comments if (found := _TEXTURE.match(comment))]
+    names = [match[1].strip() for comment in header.comments if (match := _TEXTURE.match(comment))]
     pictures = [archive.find(name) or b"" for name in names]
     if missing := [name for name, picture in zip(names, pictures, strict=True) if not picture]:
         notices.append(not_found("Textures", missing))
@@ -268,11 +268,11 @@ def _of_strips(strips: PlyElement) -> PlyElement:
 
 def _header(data: bytes) -> _Header:
     head = data[:_MAX_HEADER]
-    found = re.search(rb"(?:^|[\r\n])[ \t]*end_header[ \t]*(\r\n|\n|\r)", head)
-    if not head.startswith(b"ply") or found is None:
+    match = re.search(rb"(?:^|[\r\n])[ \t]*end_header[ \t]*(\r\n|\n|\r)", head)
+    if not head.startswith(b"ply") or match is None:
         raise AssetTruncatedError("The PLY file has no end_header.")
     order, comments, elements = None, list[str](), list[tuple[str, int, list[_Property]]]()
-    for line in head[: found.start()].decode("utf-8", "replace").splitlines()[1:]:
+    for line in head[: match.start()].decode("utf-8", "replace").splitlines()[1:]:
         keyword, _, rest = line.strip().partition(" ")
         words = rest.split()
         try:
@@ -290,11 +290,11 @@ def _header(data: bytes) -> _Header:
             raise AssetFormatError(f"A line of the PLY header cannot be read: {line.strip()[:80]!r}.") from error
     if order is None:
         raise AssetFormatError("The PLY header has no format.")
-    left = len(data) - found.end()
+    left = len(data) - match.end()
     for name, count, properties in elements:  # each number takes a byte at least, so that no header asks for memory
         if count < 0 or count * len(properties) > left:
             raise _truncated(name)
-    return _Header(order, comments, [each for each in elements if each[2]], found.end())
+    return _Header(order, comments, [each for each in elements if each[2]], match.end())
 
 
 def _elements(data: bytes, header: _Header, notices: list[str]) -> dict[str, PlyElement]:
@@ -393,10 +393,10 @@ def _rows(
             element.columns[each.name] = _typed(values[place], each.type)
             place = place + 1
             continue
-        given = values[place]
-        if not ((given >= 0) & (given <= ends - place - 1)).all():
+        lengths_given = values[place]
+        if not ((lengths_given >= 0) & (lengths_given <= ends - place - 1)).all():
             raise _truncated(name)
-        sizes = given.astype(np.int64)
+        sizes = lengths_given.astype(np.int64)
         flat = np.repeat(place + 1 - (np.cumsum(sizes) - sizes), sizes) + np.arange(int(sizes.sum()))
         element.lists[each.name] = sizes, _typed(values[flat], each.type)
         place = place + 1 + sizes

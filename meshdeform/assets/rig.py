@@ -152,7 +152,7 @@ def _joint_moves(
     at, owners, share = joint_shares(document, blocks, rigid=motion.posed)
     order = np.argsort(owners, kind="stable")
     owners, at, share = owners[order], at[order], share[order]
-    found = {}
+    moves = {}
     for joint, bind in joints.items():
         first, last = np.searchsorted(owners, [joint, joint + 1])
         own, by = at[first:last], share[first:last]
@@ -160,8 +160,8 @@ def _joint_moves(
             own = np.concatenate(everything.get(joint, [np.empty(0, np.int64)]))
             by = np.ones(len(own))
         if len(own):
-            found[joint] = _carried(bind[:3, 3], own, by, motion)
-    return found
+            moves[joint] = _carried(bind[:3, 3], own, by, motion)
+    return moves
 
 
 def _carried(point: _Floats, rows: NDArray[np.int64], weights: _Floats, motion: RigMotion) -> JointMove:
@@ -307,14 +307,14 @@ def _move_animations(document: Document, nodes: list[Json], offsets: Mapping[int
             node, sampler = _translation_of(channel, len(nodes), samplers)
             if node is None or node not in offsets:
                 continue
-            made = _moved_output(document, samplers[sampler], offsets[node])
-            if made is None:
+            output = _moved_output(document, samplers[sampler], offsets[node])
+            if output is None:
                 continue
-            replaced.append((samplers[sampler]["output"], made))
+            replaced.append((samplers[sampler]["output"], output))
             if users.count(sampler) == 1:
-                samplers[sampler]["output"] = made
+                samplers[sampler]["output"] = output
             else:
-                samplers.append({**samplers[sampler], "output": made})
+                samplers.append({**samplers[sampler], "output": output})
                 channel["sampler"] = len(samplers) - 1
     return replaced
 
@@ -416,13 +416,13 @@ def corner_colors(document: Document, blocks: Sequence[Block]) -> _Floats:
 def _gathered(
     document: Document, blocks: Sequence[Block], values: Callable[[Block, Json], _Floats], width: int
 ) -> _Floats:
-    found = [np.empty((0, 3, width))]
+    gathered = [np.empty((0, 3, width))]
     for block in blocks:
         for number in block.primitives:
             primitive = document.root["meshes"][block.mesh]["primitives"][number]
             corners = read_triangles(document, primitive, len(block.positions), "a primitive")
-            found.append(values(block, primitive)[corners])
-    return np.concatenate(found)
+            gathered.append(values(block, primitive)[corners])
+    return np.concatenate(gathered)
 
 
 def skin_weights(
@@ -484,9 +484,9 @@ def _weights(document: Document, block: Block, primitive: Json, joints: Collecti
     skin = document.root["nodes"][block.node].get("skin")
     if skin is None:
         return total
-    wanted = np.isin(np.array(document.root["skins"][skin]["joints"]), list(joints))
-    at, which, share = skin_weights(document, primitive, len(total), len(wanted))
-    np.add.at(total[:, 0], at, wanted[which] * share)
+    chosen = np.isin(np.array(document.root["skins"][skin]["joints"]), list(joints))
+    at, which, share = skin_weights(document, primitive, len(total), len(chosen))
+    np.add.at(total[:, 0], at, chosen[which] * share)
     return total
 
 

@@ -84,9 +84,9 @@ def read_scalar_file(data: bytes) -> SampledScalars:
     return SampledScalars(points, normals, values, labels)
 
 
-def summary_of_scalars(found: SampledScalars) -> AssetSummary:
+def summary_of_scalars(scalars: SampledScalars) -> AssetSummary:
     """Return the summary: `vertices` counts the points, `meshes` the names."""
-    return AssetSummary("npz", len(found.points), 0, meshes=len(found.values) + len(found.labels))
+    return AssetSummary("npz", len(scalars.points), 0, meshes=len(scalars.values) + len(scalars.labels))
 
 
 def _arrays(data: bytes) -> dict[str, NDArray[np.generic]]:

@@ -127,9 +127,9 @@ def _of_colours(picture: Image.Image, name: str) -> NDArray[np.bool_]:
             advice="Cut the object out (a transparent background is best), or send a mask.",
         )
     threshold = max(_NOISE, _otsu(np.minimum(distance, 255).astype(np.uint8)))
-    found = Image.fromarray(np.where(distance > threshold, 255, 0).astype(np.uint8))
+    mask = Image.fromarray(np.where(distance > threshold, 255, 0).astype(np.uint8))
     # Specks of noise and compression.
-    return np.asarray(found.filter(ImageFilter.MedianFilter(3))) > 0
+    return np.asarray(mask.filter(ImageFilter.MedianFilter(3))) > 0
 
 
 def _otsu(values: NDArray[np.uint8]) -> int:

@@ -99,16 +99,16 @@ def subdivide(document: Document, max_triangles: int, excluded: frozenset[int] =
     changed, limited = set[int](), False
     while True:
         edges = _measured(groups)
-        longest = max((float(found.lengths.max(initial=0.0)) for found in edges), default=0.0)
+        longest = max((float(group_edges.lengths.max(initial=0.0)) for group_edges in edges), default=0.0)
         if longest <= LONGEST_EDGE * size:
             break
         least = _least_length(groups, edges, longest, LONGEST_EDGE * size, max_triangles)
         if least is None:
             limited = True
             break
-        for at, found in enumerate(edges):
-            if (found.lengths > least).any():
-                groups[at] = _split(groups[at], found, found.lengths > least)
+        for at, group_edges in enumerate(edges):
+            if (group_edges.lengths > least).any():
+                groups[at] = _split(groups[at], group_edges, group_edges.lengths > least)
                 changed.add(at)
         count = sum(len(group.placements) * len(group.triangles) for group in groups)
     dropped = {name for at in sorted(changed) for name in _write(document, groups[at])}
@@ -193,7 +193,7 @@ def _measured(groups: list[_Group]) -> list[_Edges]:
     starts = np.cumsum([0, *(len(pairs) for pairs, _ in edges)])
     points = [_placed(group, placement) for group in groups for placement in group.placements]
     if not points or not starts[-1]:
-        return [_Edges(*found, np.empty(len(found[0]))) for found in edges]
+        return [_Edges(*group_edges, np.empty(len(group_edges[0]))) for group_edges in edges]
     everything = np.concatenate(points)
     label = coincident(everything, WELD_TOLERANCE * float(np.linalg.norm(np.ptp(everything, axis=0))))
     ends, owners, offset = [], [], 0
@@ -209,18 +209,18 @@ def _measured(groups: list[_Group]) -> list[_Edges]:
     proper = places[:, 0] != places[:, 1]  # others are shorter than the tolerance
     longest = longest_together(owner[proper], place[proper], lengths[proper], int(starts[-1]))
     parts = np.split(longest, starts[1:-1])
-    return [_Edges(*found, part) for found, part in zip(edges, parts, strict=True)]
+    return [_Edges(*group_edges, part) for group_edges, part in zip(edges, parts, strict=True)]
 
 
 def _least_length(
-    groups: list[_Group], edges: list[_Edges], longest: float, wanted: float, max_triangles: int
+    groups: list[_Group], edges: list[_Edges], longest: float, requested: float, max_triangles: int
 ) -> float | None:
     """Return the length above which the next pass splits edges, or None if any would make too many triangles."""
     for share in _SHARES:
-        least = max(wanted, share * longest)
+        least = max(requested, share * longest)
         after = sum(
-            len(group.placements) * (len(group.triangles) + int((found.lengths > least)[found.sides].sum()))
-            for group, found in zip(groups, edges, strict=True)
+            len(group.placements) * (len(group.triangles) + int((group_edges.lengths > least)[group_edges.sides].sum()))
+            for group, group_edges in zip(groups, edges, strict=True)
         )
         if after <= max_triangles:
             return least
@@ -275,8 +275,8 @@ def _append(document: Document, values: NDArray[Any], like: Json, key: str) -> i
     rows[:, : packed.shape[1]] = packed
     view = document.append_view(rows.tobytes(), ARRAY_BUFFER)
     document.root["bufferViews"][view]["byteStride"] = rows.shape[1]
-    gone = ("byteOffset", "sparse", "min", "max")
-    kept = {name: clone(value) for name, value in like.items() if name not in gone}
+    left_out = ("byteOffset", "sparse", "min", "max")
+    kept = {name: clone(value) for name, value in like.items() if name not in left_out}
     document.items("accessors").append({**kept, "bufferView": view, "count": len(values)})
     return len(document.items("accessors")) - 1
 
@@ -303,15 +303,15 @@ def middles(columns: Mapping[str, _Rows], a: _Index, b: _Index) -> dict[str, _Ro
     in the file, and sum to 1. Integers of the application's own attributes and feature ids, which may be numbers of
     something, are those of `a`; other integers are rounded.
     """
-    found = {name: _middle(name, values, a, b) for name, values in columns.items()}
+    middle = {name: _middle(name, values, a, b) for name, values in columns.items()}
     sets = [name[8:] for name in columns if name.startswith("WEIGHTS_") and f"JOINTS_{name[8:]}" in columns]
     if sets:
         joints = np.concatenate([columns[f"JOINTS_{n}"] for n in sets], axis=1)
         weights = np.concatenate([columns[f"WEIGHTS_{n}"] for n in sets], axis=1)
         mixed = _mixed_weights(joints, weights, a, b)
         for k, n in enumerate(sets):
-            found[f"JOINTS_{n}"], found[f"WEIGHTS_{n}"] = (rows[:, 4 * k : 4 * k + 4] for rows in mixed)
-    return found
+            middle[f"JOINTS_{n}"], middle[f"WEIGHTS_{n}"] = (rows[:, 4 * k : 4 * k + 4] for rows in mixed)
+    return middle
 
 
 def _middle(name: str, values: _Rows, a: _Index, b: _Index) -> _Rows:
@@ -344,9 +344,9 @@ def _mixed_weights(joints: _Rows, weights: _Rows, a: _Index, b: _Index) -> tuple
     row, joint, total = row[order], joint[order], total[order]
     rank = np.arange(len(row)) - np.searchsorted(row, row)
     kept = rank < width
-    made, share = np.zeros((count, width), joints.dtype), np.zeros((count, width))
-    made[row[kept], rank[kept]], share[row[kept], rank[kept]] = joint[kept], total[kept]
-    return made, _stored(_shares(share), weights.dtype)
+    mixed, share = np.zeros((count, width), joints.dtype), np.zeros((count, width))
+    mixed[row[kept], rank[kept]], share[row[kept], rank[kept]] = joint[kept], total[kept]
+    return mixed, _stored(_shares(share), weights.dtype)
 
 
 def _shares(weights: _Rows) -> NDArray[np.float64]:

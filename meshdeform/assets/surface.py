@@ -241,18 +241,18 @@ def _loose_blocks(
     for p, primitive in enumerate(document.root["meshes"][instance.mesh].get("primitives", [])):
         if primitive.get("mode", TRIANGLES) < TRIANGLES and "POSITION" in primitive.get("attributes", {}):
             groups.setdefault(primitive["attributes"]["POSITION"], []).append(p)
-    found = []
+    blocks = []
     for position, primitives in groups.items():
         positions = read_floats(document, position)
         if np.isfinite(positions).all():
             accessors, rows = (position, None, None), slice(0, 0)
             place = instance.node, instance.mesh, tuple(primitives), (0,) * len(primitives)
-            found.append(Block(*place, accessors, rows, placement, positions, None, None))
+            blocks.append(Block(*place, accessors, rows, placement, positions, None, None))
         else:
             reason = "points or lines whose positions are not finite"
             place_of = {"node": instance.node, "mesh": instance.mesh, "primitive": primitives[0]}
             skipped.append({**place_of, "reason": reason})
-    return found
+    return blocks
 
 
 def _read_block(
@@ -452,13 +452,13 @@ def _joints(document: Document, blocks: Sequence[Block]) -> list[int]:
 def _with_ancestors(nodes: set[int], children: dict[int, list[int]]) -> list[int]:
     """Return these nodes and all above them, ascending."""
     parents = {child: at for at, below in children.items() for child in below}
-    found: set[int] = set()
+    nodes_above: set[int] = set()
     for node in nodes:
         at: int | None = node
-        while at is not None and at not in found:
-            found.add(at)
+        while at is not None and at not in nodes_above:
+            nodes_above.add(at)
             at = parents.get(at)
-    return sorted(found)
+    return sorted(nodes_above)
 
 
 def _mesh(node: dict[str, Any], meshes: list[dict[str, Any]]) -> dict[str, Any]:
@@ -466,8 +466,8 @@ def _mesh(node: dict[str, Any], meshes: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _material(primitive: dict[str, Any]) -> int:
-    found = primitive.get("material")
-    return found if type(found) is int and found >= 0 else -1
+    number = primitive.get("material")
+    return number if type(number) is int and number >= 0 else -1
 
 
 def _name(item: Any) -> str:

@@ -96,16 +96,16 @@ def read_surface_file(
     return _grid(data) if kind == "grid" else _network(data)
 
 
-def summary_of(found: OrientedPoints | DistanceGrid | ImplicitNetwork, filename: str) -> AssetSummary:
+def summary_of(source: OrientedPoints | DistanceGrid | ImplicitNetwork, filename: str) -> AssetSummary:
     """Return the summary of a surface without triangles: `vertices` counts its points, if it has any."""
     ending = filename.lower().rpartition(".")[2] if "." in filename else "ply"
-    count = len(found.points) if isinstance(found, OrientedPoints) else 0
-    return AssetSummary(ending, count, 0, warnings=warnings_about(found))
+    count = len(source.points) if isinstance(source, OrientedPoints) else 0
+    return AssetSummary(ending, count, 0, warnings=warnings_about(source))
 
 
-def warnings_about(found: object) -> tuple[str, ...]:
+def warnings_about(source: object) -> tuple[str, ...]:
     """Return sentences about what limits a surface, if it is a grid; of others nothing is known before a fit."""
-    return thin_warnings(found.values, found.spacing) if isinstance(found, DistanceGrid) else ()
+    return thin_warnings(source.values, source.spacing) if isinstance(source, DistanceGrid) else ()
 
 
 def _points(points: _Floats, normals: _Floats) -> OrientedPoints:

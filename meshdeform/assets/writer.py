@@ -349,14 +349,14 @@ def carry_targets(
     linear = block.placement[:3, :3]
     maps = np.linalg.inv(linear) @ jacobians @ linear
     bases = {"NORMAL": (block.normals, normals), "TANGENT": (block.tangents, tangents)}
-    made: dict[tuple[str, int], int] = {}
+    copies: dict[tuple[str, int], int] = {}
     for number in block.primitives:
         for target in mesh["primitives"][number].get("targets", []):
             for name in ("POSITION", "NORMAL", "TANGENT"):
                 old = target.get(name)
                 if not isinstance(old, int):
                     continue
-                if (name, old) not in made:
+                if (name, old) not in copies:
                     before = read_floats(document, old)
                     if len(before) != len(maps) or before.shape[1] != 3:
                         continue
@@ -366,11 +366,11 @@ def carry_targets(
                     changed = np.asarray(moved & np.isfinite(after).all(1))
                     values = np.where(changed[:, None], after, before)
                     like = document.root["accessors"][old]
-                    made[name, old] = document.append_accessor(
+                    copies[name, old] = document.append_accessor(
                         values.astype(np.float32), like=like, bounds=name == "POSITION"
                     )
-                target[name] = made[name, old]
-    return [(old, new) for (_, old), new in made.items()]
+                target[name] = copies[name, old]
+    return [(old, new) for (_, old), new in copies.items()]
 
 
 def _position(before: NDArray[np.float32], maps: Floats) -> Floats:

@@ -199,11 +199,11 @@ class Mirror:
     across: sparse.csr_matrix  # sparse (V, V): takes values of the vertices to their mirror images
 
     @classmethod
-    def of_partners(cls, found: Partners) -> Mirror:
+    def of_partners(cls, partners: Partners) -> Mirror:
         """Return the mirror of a mesh whose vertices all have a partner."""
-        count = len(found.partner)
+        count = len(partners.partner)
         rows = np.arange(count + 1)
-        return cls(found.axis, sparse.csr_matrix((np.ones(count), found.partner, rows), shape=(count, count)))
+        return cls(partners.axis, sparse.csr_matrix((np.ones(count), partners.partner, rows), shape=(count, count)))
 
     @classmethod
     def of_surface(cls, mesh: RestMesh, axis: int, plane: float) -> Mirror:
@@ -333,8 +333,8 @@ def surface_distances(mesh: RestMesh, sources: NDArray[np.bool_], *, limit: floa
     ends, lengths = _connections(mesh)
     # Zero would mean that there is no connection; coincident vertices are a negligible distance apart.
     graph = sparse.csr_matrix((np.maximum(lengths, 1e-300), tuple(ends.T)), shape=(count, count))
-    found = csgraph.dijkstra(graph, directed=False, indices=start, min_only=True, limit=limit)
-    out[:] = found
+    distances = csgraph.dijkstra(graph, directed=False, indices=start, min_only=True, limit=limit)
+    out[:] = distances
     return out
 
 

@@ -242,10 +242,10 @@ class Level:
         facing = np.zeros_like(centres) if normals is None else reach * normals
         tree = cKDTree(np.hstack([centres, facing]))
         across = [_reflection(plane) for plane in structure.planes]
-        found = [tree.query(np.hstack([middle + signs * (centres - middle), signs * facing])) for signs in across]
-        if len(found) > 1 and max(apart.mean() for apart, _ in found) > _NEAR * reach:
+        matches = [tree.query(np.hstack([middle + signs * (centres - middle), signs * facing])) for signs in across]
+        if len(matches) > 1 and max(apart.mean() for apart, _ in matches) > _NEAR * reach:
             return None  # what is to be round would lean
-        return cls(None, len(centres), [partner.astype(np.int64) for _, partner in found], structure)
+        return cls(None, len(centres), [partner.astype(np.int64) for _, partner in matches], structure)
 
     def least(self, of_element: _Floats) -> _Floats:
         """Return the least of 1 and the values (E,) of the elements that each control reaches, (K,)."""

@@ -70,11 +70,11 @@ class EditMap:
             simple = RestMesh.of(simplified(before, count))
             if not len(simple.faces) or len(simple.faces) == len(before.faces):
                 break
-            found = cls(simple, whole._carry(simple) - simple.verts, joints)
-            apart = (found._carry(before) - after).norm(dim=1).numpy()
+            edit = cls(simple, whole._carry(simple) - simple.verts, joints)
+            apart = (edit._carry(before) - after).norm(dim=1).numpy()
             error = float(np.percentile(apart, 99)) / _diagonal(before)
             if error <= _ERROR:
-                return cls(simple, found.moved, joints, error)
+                return cls(simple, edit.moved, joints, error)
         return whole
 
     def move(self, mesh: TriangleMesh, outside: Outside = Outside.REFUSE) -> Tensor:

@@ -217,7 +217,7 @@ class LatticeSystem:
         # Row 3 c + a of the field is column a of the Jacobian of cell c.
         column = np.broadcast_to(3 * np.arange(count)[:, None, None] + np.arange(3)[:, None], (count, 3, 4)).ravel()
         row = lattice.cell_edges.ravel()
-        wanted = sparse.csr_matrix((lattice.spacing / around[row], (row, column)), shape=(n_edges, 3 * count))
+        target = sparse.csr_matrix((lattice.spacing / around[row], (row, column)), shape=(n_edges, 3 * count))
         weighted = difference.T @ sparse.diags(around / 4.0)
         matrix = (weighted @ difference).tocsr()
         held = pinned is not None and bool(pinned.any())
@@ -226,7 +226,7 @@ class LatticeSystem:
         if factor is None:
             raise NumericalError("The lattice's Laplacian could not be factored.")
         self._factor = factor
-        self._divergence = (weighted @ wanted).tocsr()
+        self._divergence = (weighted @ target).tocsr()
         self._divergence_t = self._divergence.T.tocsr()
         self._rest = lattice.nodes
         self._pull = matrix[:, self._pinned] @ self._rest[self._pinned] if held else None
@@ -482,9 +482,9 @@ def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
     own = np.zeros(len(verts))
     np.maximum.at(own, faces.ravel(), np.repeat(mesh.areas, 3))
     component = mesh.components.numpy()
-    given = LargeFaces(corners[large], mesh.areas[large], component[faces[large, 0]])
+    large_faces = LargeFaces(corners[large], mesh.areas[large], component[faces[large, 0]])
     reaches = (_CONTACT * lattice.spacing, lattice.spacing)
-    nearest, shares, distances = nearest_larger_faces(verts, own, component, given, *reaches)
+    nearest, shares, distances = nearest_larger_faces(verts, own, component, large_faces, *reaches)
     followers = np.flatnonzero(nearest >= 0)
     if not len(followers):
         return nothing

@@ -363,11 +363,11 @@ def _chosen_faces(rest: RestMesh, of_face: _Index, random: np.random.Generator) 
     total = np.bincount(of_face, areas)
     components = np.unique(of_face)
     fewest = max(1, min(_FEWEST, _MOST // len(components)))
-    wanted = np.maximum(fewest, np.rint(_POINTS * total[components] / max(total.sum(), np.finfo(float).tiny)))
+    counts = np.maximum(fewest, np.rint(_POINTS * total[components] / max(total.sum(), np.finfo(float).tiny)))
     order = np.argsort(of_face, kind="stable")
     bounds = np.searchsorted(of_face[order], components), np.searchsorted(of_face[order], components, "right")
     chosen = []
-    for begin, end, number in zip(*bounds, wanted.astype(int), strict=True):
+    for begin, end, number in zip(*bounds, counts.astype(int), strict=True):
         own = order[begin:end]
         share = areas[own] / areas[own].sum() if areas[own].sum() > 0 else np.full(len(own), 1 / len(own))
         chosen.append(random.choice(own, number, p=share))

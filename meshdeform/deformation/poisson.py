@@ -340,14 +340,14 @@ def _ungrounded(labels: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[n
 def _prepare(rest: RestMesh, free: NDArray[np.int64]) -> tuple[RestMesh, Factor, sparse.csr_matrix, sparse.csr_matrix]:
     """Factor; return the mesh with the threshold used, factor, matrix, and the right-hand side's operator (V, 3F)."""
     for shape in _SHAPES:
-        taken = rest if shape == rest.collapsed_shape else RestMesh(rest.verts, rest.faces, shape)
-        weighted = taken.gradient.T @ sparse.diags(np.repeat(taken.areas, 3))
-        springs, stretch, weights = _springs(taken, np.flatnonzero(~taken.solid))
+        rest_used = rest if shape == rest.collapsed_shape else RestMesh(rest.verts, rest.faces, shape)
+        weighted = rest_used.gradient.T @ sparse.diags(np.repeat(rest_used.areas, 3))
+        springs, stretch, weights = _springs(rest_used, np.flatnonzero(~rest_used.solid))
         pull = springs.T @ sparse.diags(weights)
-        matrix = (weighted @ taken.gradient + pull @ springs).tocsr()
+        matrix = (weighted @ rest_used.gradient + pull @ springs).tocsr()
         factor = factorise(matrix, free)
         if factor is not None:
-            return taken, factor, matrix, (weighted + pull @ stretch).tocsr()
+            return rest_used, factor, matrix, (weighted + pull @ stretch).tocsr()
     raise NumericalError(
         "The mesh's Laplacian could not be factored.",
         advice="Remove needle-thin triangles (for example: merge vertices by distance), then try again.",

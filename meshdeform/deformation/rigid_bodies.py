@@ -101,8 +101,8 @@ class _ClosestRotation(torch.autograd.Function):
         trace = stretch.diagonal(dim1=1, dim2=2).sum(1)[:, None, None]
         stiffness = (1 + _LEAST_STIFFNESS) * trace * identity - stretch
         turned = rotations.mT @ gradient
-        found = torch.linalg.solve(stiffness, _vee(turned - turned.mT))
-        moments: Tensor = rotations @ _cross_matrix(found)
+        solution = torch.linalg.solve(stiffness, _vee(turned - turned.mT))
+        moments: Tensor = rotations @ _cross_matrix(solution)
         return moments
 
 

@@ -130,7 +130,9 @@ def _looked_up(
     density = colours.texel_areas().numpy()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)
     level = 0.5 * np.log2(np.maximum(density * 2 * areas / (sides - 1) ** 2, 1e-12))
     paint = colours.paint[face]
-    found = colours.colours(paint, values, torch.from_numpy(level).float())
-    rgba = torch.cat([srgb_from_linear(found[:, :3].clamp(0, 1)), colours.opacity(paint, found)[:, None]], 1)
+    values_found = colours.colours(paint, values, torch.from_numpy(level).float())
+    rgba = torch.cat(
+        [srgb_from_linear(values_found[:, :3].clamp(0, 1)), colours.opacity(paint, values_found)[:, None]], 1
+    )
     pixels: NDArray[np.uint8] = (rgba * 255).round().to(torch.uint8).numpy()
     return pixels

@@ -361,7 +361,7 @@ class SurfaceGuard:
             self.crowded = True
             return np.empty(0, np.int64)
         near = tree.query_ball_point(of_bodies, reach, return_sorted=False)
-        owner = np.repeat(face[rigid[face]], [len(found) for found in near])
+        owner = np.repeat(face[rigid[face]], [len(neighbours) for neighbours in near])
         return self._keys(np.column_stack([owner, face[np.concatenate(near).astype(np.int64)]]))
 
     def _across_collapsed(self, pairs: _Index) -> _Flags:

@@ -62,7 +62,7 @@ _NEIGHBOURS = 4
 _Floats = NDArray[np.float64]
 
 
-def interpolate(points: _Floats, values: _Floats, wanted: _Floats) -> _Floats:
+def interpolate(points: _Floats, values: _Floats, query: _Floats) -> _Floats:
     """Return the mean of the four nearest points' values; at a point itself, exactly its value.
 
     Parameters
@@ -77,7 +77,7 @@ def interpolate(points: _Floats, values: _Floats, wanted: _Floats) -> _Floats:
     (M, K) float64
     """
     count = min(_NEIGHBOURS, len(points))
-    distance, near = cKDTree(points).query(wanted, k=[*range(1, count + 1)])
+    distance, near = cKDTree(points).query(query, k=[*range(1, count + 1)])
     nearest = distance[:, :1]
     at_point = nearest == 0.0
     ratio = nearest / np.where(distance > 0.0, distance, 1.0)

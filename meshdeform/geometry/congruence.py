@@ -53,11 +53,11 @@ def components_of(mesh: RestMesh) -> list[Component]:
     of_face = label[faces[:, 0]]
     order = np.argsort(of_face, kind="stable")
     numbers, starts = np.unique(of_face[order], return_index=True)
-    found = []
+    components = []
     for number, own in zip(numbers.tolist(), np.split(faces[order], starts[1:]), strict=True):
         used, local = np.unique(own, return_inverse=True)
-        found.append(Component(number, mesh.verts.numpy()[used], local.reshape(-1, 3)))
-    return found
+        components.append(Component(number, mesh.verts.numpy()[used], local.reshape(-1, 3)))
+    return components
 
 
 def congruent_groups(components: list[Component]) -> list[list[int]]:
@@ -73,8 +73,8 @@ def congruent_groups(components: list[Component]) -> list[list[int]]:
                 break
         else:
             alike.append((component, distances, [component.number]))
-    found = [numbers for alike in groups.values() for _, _, numbers in alike if len(numbers) > 1]
-    return sorted(found)
+    groups_found = [numbers for alike in groups.values() for _, _, numbers in alike if len(numbers) > 1]
+    return sorted(groups_found)
 
 
 def is_of_revolution(component: Component) -> bool:

@@ -47,10 +47,10 @@ def split_triangles(triangles: _Index, middles: _Index, positions: NDArray[np.fl
         ((count == 2) & ~by_first, [(ab, b, bc), (a, ab, c), (ab, bc, c)]),
         (count == 3, [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]),
     )
-    made = [(np.flatnonzero(where), np.stack(part, 1)[where]) for where, parts in cases for part in parts]
-    parents = np.concatenate([parent for parent, _ in made])
+    pieces = [(np.flatnonzero(where), np.stack(part, 1)[where]) for where, parts in cases for part in parts]
+    parents = np.concatenate([parent for parent, _ in pieces])
     order = np.argsort(parents, kind="stable")
-    return np.concatenate([part for _, part in made])[order], parents[order]
+    return np.concatenate([part for _, part in pieces])[order], parents[order]
 
 
 def longest_together(edges: _Index, places: _Index, lengths: NDArray[np.float64], count: int) -> NDArray[np.float64]:

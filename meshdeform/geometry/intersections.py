@@ -258,7 +258,7 @@ def _sweep(
     # strip that has both. A pair cuts each other or, with a `reach` (F,), touches. `work` is counted in comparisons of
     # boxes.
     first, _, members, ends = _in_strips(low, high)
-    found, listing, touching = 0, len(hit) == 0, len(reach) > 0
+    count, listing, touching = 0, len(hit) == 0, len(reach) > 0
     for strip in range(_STRIPS):
         for a in range(ends[strip], ends[strip + 1]):
             f = members[a]
@@ -282,14 +282,14 @@ def _sweep(
                 elif not faces_cut(verts, faces[f], faces[g]):
                     continue
                 if listing:
-                    if found == len(out):
+                    if count == len(out):
                         return -1
-                    out[found, 0], out[found, 1] = f, g
-                    found += 1
+                    out[count, 0], out[count, 1] = f, g
+                    count += 1
                 else:
                     hit[f] = True
                     hit[g] = True
-    return found
+    return count
 
 
 @kernel
@@ -315,10 +315,10 @@ def _search(verts: _Floats, faces: _Index, reach: _Floats, hit: _Flags, out: _In
     low, high = (np.ascontiguousarray(ends[order][:, axes]) for ends in (low, high))
     work = _BOXES_OF_TEST * (_TESTS + _TESTS_OF_FACE * len(faces))
     reach = reach[order] if len(reach) else reach
-    found = _sweep(points, np.ascontiguousarray(faces[order]), low, high, reach, work, hit, out)
-    if found < 0:
+    count = _sweep(points, np.ascontiguousarray(faces[order]), low, high, reach, work, hit, out)
+    if count < 0:
         raise TooManyPairsError
-    return order, found
+    return order, count
 
 
 def _pairs(verts: _Floats, faces: _Index, reach: _Floats) -> _Index:
@@ -327,8 +327,8 @@ def _pairs(verts: _Floats, faces: _Index, reach: _Floats) -> _Index:
         return np.empty((0, 2), np.int64)
     # Memory that nothing is written to is not taken.
     out = np.empty((_LISTED + _LISTED_OF_FACE * len(faces), 2), np.int64)
-    order, found = _search(verts, faces, reach, np.empty(0, np.bool_), out)
-    pairs = np.sort(order[out[:found]], axis=1)
+    order, count = _search(verts, faces, reach, np.empty(0, np.bool_), out)
+    pairs = np.sort(order[out[:count]], axis=1)
     return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])
 
 

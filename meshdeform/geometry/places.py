@@ -197,12 +197,12 @@ class SurfaceTree:
         points, normals : (P, 3) float64
             Normals are unit normals of the surface to which the points belong; zero if unknown.
         """
-        found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
+        nearest, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
         for rows in _chunks(len(points)):
-            wanted = np.concatenate([points[rows], self._turn * normals[rows]], 1)
-            found[rows] = self._owner[self._tree.query(wanted, eps=self._slack)[1]]
-            _descend(points[rows], found[rows], self._verts, self._faces, self._around, self._begin, weights[rows])
-        return found, weights
+            queries = np.concatenate([points[rows], self._turn * normals[rows]], 1)
+            nearest[rows] = self._owner[self._tree.query(queries, eps=self._slack)[1]]
+            _descend(points[rows], nearest[rows], self._verts, self._faces, self._around, self._begin, weights[rows])
+        return nearest, weights
 
 
 class NearestPlaces:
@@ -275,8 +275,8 @@ def nearest_larger_faces(
     def search(within: float, touching: _Index) -> tuple[_Index, _Floats, _Floats]:
         face, weights, squared = np.full(len(points), -1), np.zeros((len(points), 3)), np.full(len(points), within**2)
         low, high = faces.corners.min(1) - within, faces.corners.max(1) + within
-        given = (faces.corners, faces.areas, faces.components, low, high)
-        _search(points, sizes, components, *given, count, touching, face, squared, weights)
+        arrays = (faces.corners, faces.areas, faces.components, low, high)
+        _search(points, sizes, components, *arrays, count, touching, face, squared, weights)
         return face, weights, np.sqrt(squared)
 
     close, weights, distances = search(contact, np.empty(0, np.int64))
@@ -383,7 +383,7 @@ def _descend(
     points: _Floats, faces_found: _Index, verts: _Floats, faces: _Index, around: _Index, begin: _Index, weights: _Floats
 ) -> None:
     """Walk from a face to the nearest one around it as long as that is nearer; set it and the coordinates."""
-    found = np.empty(3)
+    nearest = np.empty(3)
     for number in range(len(points)):
         p, face = points[number], faces_found[number]
         best = _nearest_place(p, verts[faces[face, 0]], verts[faces[face, 1]], verts[faces[face, 2]], weights[number])
@@ -394,13 +394,13 @@ def _descend(
                 for at in range(begin[corner], min(begin[corner + 1], begin[corner] + _MOST_AROUND)):
                     other = around[at]
                     squared = _nearest_place(
-                        p, verts[faces[other, 0]], verts[faces[other, 1]], verts[faces[other, 2]], found
+                        p, verts[faces[other, 0]], verts[faces[other, 1]], verts[faces[other, 2]], nearest
                     )
                     if squared < best:
                         best, face = squared, other
                         # One by one: to assign a row, numba compiles the text of an error for seconds.
                         for i in range(3):
-                            weights[number, i] = found[i]
+                            weights[number, i] = nearest[i]
             if face == here:
                 break
         faces_found[number] = face

@@ -212,7 +212,7 @@ def _added(rest: _Floats, verts: _Floats, faces: _Faces, diagonal: float) -> int
     pairs = cutting_pairs(verts, faces)
     cutting = np.unique(pairs)
     touching = cutting[touching_pairs(rest, faces[cutting], np.full(len(cutting), _TOUCHING * diagonal))]
-    keys, known = (found[:, 0] * len(faces) + found[:, 1] for found in (pairs, touching))
+    keys, known = (pair[:, 0] * len(faces) + pair[:, 1] for pair in (pairs, touching))
     return len(np.unique(pairs[~np.isin(keys, known)]))
 
 
@@ -367,9 +367,9 @@ def face_stretch(texels: _Floats, before: _Floats, after: _Floats) -> tuple[_Flo
     if not valid.any():
         return np.full(len(texels), np.nan), 1.0
     scale = float(np.sqrt(_areas(after)[valid].sum() / _areas(before)[valid].sum()))
-    found = np.full(len(texels), np.nan)
-    np.divide(new, old * max(scale, 1e-300), out=found, where=valid)
-    return found, scale
+    stretch = np.full(len(texels), np.nan)
+    np.divide(new, old * max(scale, 1e-300), out=stretch, where=valid)
+    return stretch, scale
 
 
 def measure_texture_stretch(texels: _Floats, before: _Floats, after: _Floats) -> TextureStretch | None:
@@ -380,10 +380,10 @@ def measure_texture_stretch(texels: _Floats, before: _Floats, after: _Floats) ->
     if not valid.any() or new[valid].sum() <= 0:
         return None
     order = np.argsort(values[valid], kind="stable")
-    found, weights = values[valid][order], new[valid][order]
+    sorted_values, weights = values[valid][order], new[valid][order]
     share = np.cumsum(weights) / weights.sum()
-    p50, p95 = (float(found[np.searchsorted(share, q - 1e-12)]) for q in (0.5, 0.95))
-    above = float(weights[found > _STRONG].sum() / weights.sum())
+    p50, p95 = (float(sorted_values[np.searchsorted(share, q - 1e-12)]) for q in (0.5, 0.95))
+    above = float(weights[sorted_values > _STRONG].sum() / weights.sum())
     return TextureStretch(p50, p95, above, scale, float(old[valid].sum() / old.sum()))
 
 
@@ -459,15 +459,15 @@ def _diagonal(verts: _Floats) -> float:
 def _asymmetry(rest: RestMesh, places: _Places, after: _Floats) -> float | None:
     before = rest.verts.numpy()
     points = places.on(before)
-    found: dict[float, float] = {}
+    asymmetry: dict[float, float] = {}
     axes = (0, 2)
     for axis, (mirrored, partners) in zip(axes, NearestPlaces.of_mirrored(rest, points, axes), strict=True):
         matched = partners.distances(mirrored) < _MATCHED * _diagonal(before)
         if (share := float(matched.mean())) >= _SYMMETRIC_SHARE:
             old, new = (_mirror_error(places.on(v), partners.blend(v), matched, axis, v) for v in (before, after))
-            found[share] = min(max(0.0, new - old), found.get(share, np.inf))
+            asymmetry[share] = min(max(0.0, new - old), asymmetry.get(share, np.inf))
     # A cart is nearly its own mirror image from front to back: that is not the symmetry to keep.
-    return min((error for share, error in found.items() if share >= max(found) - _AS_GOOD), default=None)
+    return min((error for share, error in asymmetry.items() if share >= max(asymmetry) - _AS_GOOD), default=None)
 
 
 def _mirror_error(points: _Floats, partners: _Floats, matched: NDArray[np.bool_], axis: int, verts: _Floats) -> float:
@@ -552,5 +552,5 @@ def distances_between(mesh: TriangleMesh, other: TriangleMesh) -> _Floats:
     verts, faces = goal.verts.numpy(), goal.faces.numpy()
     spacing = _SPACING * float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0)))
     tree = SurfaceTree(verts, faces, goal.normals.numpy(), spacing=spacing, opposite=0.0)
-    found, places = tree.find(points, np.zeros_like(points))
-    return np.asarray(np.linalg.norm((verts[faces[found]] * places[:, :, None]).sum(1) - points, axis=1))
+    nearest, places = tree.find(points, np.zeros_like(points))
+    return np.asarray(np.linalg.norm((verts[faces[nearest]] * places[:, :, None]).sum(1) - points, axis=1))

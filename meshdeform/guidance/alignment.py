@@ -113,10 +113,10 @@ def require_overlap(alignment: Alignment, advice: str) -> None:
 class _Sides:
     """Samples of both surfaces with their normals, centred and scaled as the source."""
 
-    def __init__(self, goal: RestMesh, rest: RestMesh, centre: _Floats, scale: float, wanted: _Floats) -> None:
+    def __init__(self, goal: RestMesh, rest: RestMesh, centre: _Floats, scale: float, target: _Floats) -> None:
         self.diagonal = diagonal_of(rest)
         self._goal = self._samples(goal, centre, scale)
-        self._rest = self._samples(rest, wanted, 1.0)
+        self._rest = self._samples(rest, target, 1.0)
         self._trees = cKDTree(self._goal), cKDTree(self._rest)
 
     def _samples(self, mesh: RestMesh, centre: _Floats, scale: float) -> _Floats:
@@ -135,13 +135,13 @@ def _best_turn(grade: Callable[[float], float]) -> float:
     step = 2 * math.pi / _TURNS
     best, least = 0.0, grade(0.0) * (1 - _GAIN)
     for number in range(1, _TURNS):
-        if (found := grade(number * step)) < least:
-            best, least = number * step, found
+        if (error := grade(number * step)) < least:
+            best, least = number * step, error
     for _ in range(_HALVINGS):
         step /= 2
         for turn in (best - step, best + step):
-            if (found := grade(turn)) < least:
-                best, least = turn, found
+            if (error := grade(turn)) < least:
+                best, least = turn, error
     return best
 
 
@@ -155,10 +155,10 @@ def _moments(mesh: RestMesh) -> tuple[_Floats, float]:
         distances = np.linalg.norm(middles - centre, axis=1)
         order = np.argsort(distances, kind="stable")
         half = np.searchsorted(np.cumsum(areas[order]), areas.sum() / 2)
-        found = (areas > 0) & (distances <= _FAR * distances[order[half]])
-        if not found.any() or np.array_equal(found, kept):
+        near = (areas > 0) & (distances <= _FAR * distances[order[half]])
+        if not near.any() or np.array_equal(near, kept):
             break
-        kept = found
+        kept = near
     shares = areas[kept] / areas[kept].sum()
     centre = (shares[:, None] * middles[kept]).sum(0)
     arms = corners[kept] - centre
@@ -179,10 +179,10 @@ def _overlap(goal: RestMesh, rest: RestMesh, matrix: _Floats) -> float:
     return min(float(share.mean()) for share in shares)
 
 
-def _matrix(turn: float, scale: float, centre: _Floats, wanted: _Floats) -> _Floats:
+def _matrix(turn: float, scale: float, centre: _Floats, target: _Floats) -> _Floats:
     matrix = np.eye(4)
     matrix[:3, :3] = scale * _about_y(turn)
-    matrix[:3, 3] = wanted - matrix[:3, :3] @ centre
+    matrix[:3, 3] = target - matrix[:3, :3] @ centre
     return matrix
 
 

@@ -122,10 +122,10 @@ class PointTerm:
     def _translation(self, apart: _Floats, normals: _Floats) -> _Floats:
         """Return the translation (3,) that brings planes together best; zero along directions in which none resists."""
         total = normals.T @ (normals * apart).sum(1)
-        found = np.linalg.pinv(normals.T @ normals, rcond=_LEAST_RESISTANCE, hermitian=True) @ total
-        length = float(np.linalg.norm(found))
+        translation = np.linalg.pinv(normals.T @ normals, rcond=_LEAST_RESISTANCE, hermitian=True) @ total
+        length = float(np.linalg.norm(translation))
         most = _MOST_SHIFT * self._diagonal
-        return np.asarray(found if length <= most else found * (most / length))
+        return np.asarray(translation if length <= most else translation * (most / length))
 
     def _kept(self, blend: sparse.csr_matrix, points: _Floats, normals: _Floats, counts: _Flags) -> _Pairs:
         share = float(counts.mean())

@@ -93,14 +93,14 @@ class Texts:
 
     def grouped(self, values: Sequence[Tensor]) -> list[Tensor]:
         """Return, for each group, the sum of its prompts' values with their weights."""
-        found: list[Tensor] = []
+        terms: list[Tensor] = []
         for each, value in zip(self._prompts, values, strict=True):
             weighted = each.weight * value
-            if each.group < len(found):
-                found[each.group] = found[each.group] + weighted
+            if each.group < len(terms):
+                terms[each.group] = terms[each.group] + weighted
             else:
-                found.append(weighted)
-        return found
+                terms.append(weighted)
+        return terms
 
 
 _DRAWS = 3
@@ -193,17 +193,17 @@ class ScoreDistillation:
         NumericalError
             The prediction or z0 is not finite for any of several draws of timestep and noise.
         """
-        found, logs = self.losses(image, context)
-        return (found[0] if len(found) == 1 else torch.stack(found).sum()), logs
+        terms, logs = self.losses(image, context)
+        return (terms[0] if len(terms) == 1 else torch.stack(terms).sum()), logs
 
     def losses(self, image: Tensor, context: StepContext) -> tuple[list[Tensor], dict[str, float]]:
         """Return one loss for each group of prompts; `loss` is their sum, and has the same parameters and errors."""
         z0 = self._prior.encode_image(image)
         for _ in range(_DRAWS):
-            found, logs = self._evaluate(z0.detach(), context)
-            if math.isfinite(sum(value.item() for value, _ in found)) and math.isfinite(logs["sds_gradient_norm"]):
+            terms, logs = self._evaluate(z0.detach(), context)
+            if math.isfinite(sum(value.item() for value, _ in terms)) and math.isfinite(logs["sds_gradient_norm"]):
                 apply = _StraightThrough.apply
-                return [apply(z0, value, gradient) for value, gradient in found], logs  # type: ignore[no-untyped-call]
+                return [apply(z0, value, gradient) for value, gradient in terms], logs  # type: ignore[no-untyped-call]
         raise NumericalError(
             f"The diffusion prior's prediction at timestep {logs['timestep']:.0f} is not finite in {_DRAWS} draws of "
             "timestep and noise.",
@@ -216,15 +216,15 @@ class ScoreDistillation:
         timestep = self._draw_timestep(len(z0), context)
         level = self._prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
         weight = (1 - level) * (REFERENCE_ELEMENTS / z0.numel())
-        found, squares = [], []
+        terms, squares = [], []
         for residual in self._residuals(z0, timestep, level, context):
             gradient = weight * residual
-            found.append((0.5 * (gradient * residual).sum(), gradient))
+            terms.append((0.5 * (gradient * residual).sum(), gradient))
             squares.append(residual.square().mean())
-        whole = found[0][1] if len(found) == 1 else torch.stack([gradient for _, gradient in found]).sum(0)
+        whole = terms[0][1] if len(terms) == 1 else torch.stack([gradient for _, gradient in terms]).sum(0)
         mean_square, norm = torch.stack([torch.stack(squares).mean(), whole.norm()]).tolist()
         mean_timestep = timestep.double().mean().item()
-        return found, {"sds_mse": mean_square, "sds_gradient_norm": norm, "timestep": mean_timestep}
+        return terms, {"sds_mse": mean_square, "sds_gradient_norm": norm, "timestep": mean_timestep}
 
     @torch.no_grad()
     def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
@@ -265,8 +265,8 @@ class ScoreDistillation:
             return grades
 
         ranges = [grade(0, len(poses))] if self.is_heavy else share_work(grade, len(poses))
-        found = [value for graded in ranges for value in graded]
-        return torch.stack(found).double().cpu()
+        values = [value for graded in ranges for value in graded]
+        return torch.stack(values).double().cpu()
 
     def timestep_bounds(self, context: StepContext) -> tuple[int, int]:
         """Return the lowest and highest timestep that may be drawn at this step, both inclusive."""
@@ -314,8 +314,8 @@ def rescaled(predicted: Tensor, text: Tensor, noisy: Tensor, level: Tensor, phi:
     """
     signal, sigma = level.sqrt(), (1 - level).sqrt()
     clean, prompted = (noisy - sigma * predicted) / signal, (noisy - sigma * text) / signal
-    spread, wanted = clean.std((1, 2, 3), keepdim=True), prompted.std((1, 2, 3), keepdim=True)
-    clean = clean * (phi * wanted / spread.clamp_min(1e-8) + 1 - phi)
+    spread, target = clean.std((1, 2, 3), keepdim=True), prompted.std((1, 2, 3), keepdim=True)
+    clean = clean * (phi * target / spread.clamp_min(1e-8) + 1 - phi)
     return (noisy - signal * clean) / sigma
 
 

@@ -126,13 +126,13 @@ class SilhouetteTerm:
     def _rest_masks(self, mesh: TriangleMesh, reach: float) -> list[tuple[NDArray[np.bool_], float]]:
         """Return the coverage of each view by the mesh, and the length of a pixel in the plane of the origin."""
         assert self._renderer is not None
-        found = []
+        masks = []
         for view in self._views:
             cameras = _cameras(view, _MARGIN * reach).to(self._device)
             with torch.no_grad():
                 covered = self._renderer.render(mesh.verts.float().to(self._device), cameras)[0]
-            found.append((covered.cpu().numpy() > 0.5, _view_width(view, _MARGIN * reach) / self._side))
-        return found
+            masks.append((covered.cpu().numpy() > 0.5, _view_width(view, _MARGIN * reach) / self._side))
+        return masks
 
     def _place(self, view: SilhouetteView, scale: float, radius: float) -> _Placed:
         width = _view_width(view, radius) / scale  # in pixels of the picture
@@ -158,15 +158,15 @@ class SilhouetteTerm:
     def loss(self, verts: Tensor, _context: StepContext | None = None) -> tuple[Tensor, dict[str, float]]:
         """Return the loss above, float64 and differentiable in the vertices (V, 3); and `silhouette_iou`, its mean."""
         assert self._renderer is not None, "begin() has not been called"
-        drawn = verts.float().to(self._device)
+        points = verts.float().to(self._device)
         total, overlap = verts.sum() * 0.0, 0.0
         for placed in self._placed:
-            covered = self._renderer.render(drawn, placed.cameras)[0]
+            covered = self._renderer.render(points, placed.cameras)[0]
             mask, distance = placed.moved_to(covered)
             common = (covered * mask).sum()
             iou = common / (covered + mask - covered * mask).sum().clamp_min(1e-6)
             area = mask.sum().clamp_min(1e-6)
-            far = ((covered - mask) * distance).sum() + self._unreached(drawn, placed.cameras, covered, mask)
+            far = ((covered - mask) * distance).sum() + self._unreached(points, placed.cameras, covered, mask)
             total = total + (1 - iou + _DISTANCE_WEIGHT * far / area).double().cpu()
             overlap += iou.item()
         return total / len(self._placed), {"silhouette_iou": overlap / len(self._placed)}
@@ -191,12 +191,12 @@ class SilhouetteTerm:
     def masks(self, verts: Tensor) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
         """Return for every view what vertices (V, 3) cover and what they should cover, (S, S) each."""
         assert self._renderer is not None, "begin() has not been called"
-        found = []
+        masks = []
         for placed in self._placed:
             covered = self._renderer.render(verts.float().to(self._device), placed.cameras)[0]
             pair = (covered, placed.moved_to(covered)[0])
-            found.append(tuple(np.asarray(each.cpu().numpy() > 0.5) for each in pair))
-        return found  # type: ignore[return-value]
+            masks.append(tuple(np.asarray(each.cpu().numpy() > 0.5) for each in pair))
+        return masks  # type: ignore[return-value]
 
 
 def picture_scales(views: Sequence[SilhouetteView]) -> _Floats:
@@ -217,11 +217,11 @@ def picture_scales(views: Sequence[SilhouetteView]) -> _Floats:
     system = np.array(rows)
     from scipy.optimize import nnls  # a part of scipy that no other run needs
 
-    found, _ = nnls(np.delete(system, 3, 1), -system[:, 3])
-    squared = np.concatenate([[1.0], found[3:]])
+    scales, _ = nnls(np.delete(system, 3, 1), -system[:, 3])
+    squared = np.concatenate([[1.0], scales[3:]])
     if (squared <= 0).any():
         raise _contradiction(views)
-    seen = np.sqrt(np.maximum(system[:, :3] @ found[:3], 0) / np.repeat(squared, 2))
+    seen = np.sqrt(np.maximum(system[:, :3] @ scales[:3], 0) / np.repeat(squared, 2))
     if np.abs(seen - 1).max() > _CONTRADICTION:
         raise _contradiction(views)
     return np.asarray(np.sqrt(squared))
@@ -342,10 +342,10 @@ class BesideSilhouettes(SilhouetteGuidance):
 
     def losses(self, image: Tensor, context: StepContext) -> tuple[list[Tensor], dict[str, float]]:
         """Return the losses of the guidance on the views, if it has several."""
-        found: tuple[list[Tensor], dict[str, float]] = self._guidance.losses(image, context)  # type: ignore[attr-defined]
-        return found
+        evaluated: tuple[list[Tensor], dict[str, float]] = self._guidance.losses(image, context)  # type: ignore[attr-defined]
+        return evaluated
 
     def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
         """Grade several azimuths of the same picture, as the guidance does."""
-        found: Tensor = self._guidance.grades(image, poses, fraction, generator)  # type: ignore[attr-defined]
-        return found
+        graded: Tensor = self._guidance.grades(image, poses, fraction, generator)  # type: ignore[attr-defined]
+        return graded

@@ -131,8 +131,8 @@ class TargetGuidance:
             "fit.before": before,
             "fit.fraction": torch.tensor([fraction], dtype=torch.float64),
         }
-        found = self._points.pair(verts, before, fraction)
-        self.offset = before + found if self._shifts else before
+        pairs = self._points.pair(verts, before, fraction)
+        self.offset = before + pairs if self._shifts else before
 
     @property
     def state(self) -> dict[str, Tensor]:

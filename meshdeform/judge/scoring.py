@@ -287,9 +287,9 @@ class Judge:
         ShapeError
             The mesh has no faces, no extent or positions that are not finite.
         """
-        asked = encoded([parse(prompt) for prompt in prompts])
+        encoded_prompts = encoded([parse(prompt) for prompt in prompts])
         noun_logits, features = self._network.encode_views(draw_views(mesh, *self._cameras))
-        return self._network.scores(noun_logits, features, asked).mean(0) * self._network.prompt_sharpness
+        return self._network.scores(noun_logits, features, encoded_prompts).mean(0) * self._network.prompt_sharpness
 
     @torch.no_grad()
     def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:

@@ -112,9 +112,9 @@ class Body:
         """Which vertices are neighbours, (V, V) of 0 and 1."""
         ends = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
         both = np.concatenate([ends, ends[:, ::-1]])
-        found = sparse.csr_matrix((np.ones(len(both)), tuple(both.T)), shape=(len(self.points),) * 2)
-        found.data[:] = 1
-        return found
+        graph = sparse.csr_matrix((np.ones(len(both)), tuple(both.T)), shape=(len(self.points),) * 2)
+        graph.data[:] = 1
+        return graph
 
     @cached_property
     def components(self) -> Index:
@@ -171,14 +171,14 @@ class Body:
         places, normals = self.samples(_SAMPLES)
         reach = 0.1 * self.diagonal
         tree = cKDTree(np.hstack([places, reach * normals]))
-        found = {}
+        asymmetry = {}
         for axis in (0, 2):
             images, across = places.copy(), normals.copy()
             images[:, axis] = 2 * self.low[axis] + self.size[axis] - images[:, axis]
             across[:, axis] *= -1
             distance = tree.query(np.hstack([images, reach * across]))[0]
-            found[axis] = float(np.median(distance) + distance.mean()) / self.diagonal
-        return found
+            asymmetry[axis] = float(np.median(distance) + distance.mean()) / self.diagonal
+        return asymmetry
 
     @cached_property
     def lateral(self) -> int:
@@ -291,10 +291,10 @@ class Solid:
         around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1) if (a, b, c) > (0, 0, 0)]
         for offset in around:
             to = self.cells + offset  # the grid has empty layers around the body
-            found = number[tuple(to.T)]
-            at = np.flatnonzero(found >= 0)
+            neighbours = number[tuple(to.T)]
+            at = np.flatnonzero(neighbours >= 0)
             rows.append(at)
-            columns.append(found[at])
+            columns.append(neighbours[at])
             lengths.append(np.full(len(at), np.linalg.norm(offset) * self.side))
         data = np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))
         return sparse.coo_matrix(data, shape=(len(self.cells),) * 2).tocsr()
@@ -305,9 +305,9 @@ class Solid:
 
     def distances(self, cell: int) -> Floats:
         """Return how far each cell (C,) is from one of them, inside the solid."""
-        found = csgraph.dijkstra(self._graph, directed=False, indices=cell)
-        reached = np.isfinite(found)
-        return np.asarray(np.where(reached, found, found[reached].max()))
+        distances = csgraph.dijkstra(self._graph, directed=False, indices=cell)
+        reached = np.isfinite(distances)
+        return np.asarray(np.where(reached, distances, distances[reached].max()))
 
     def at(self, values: Floats, places: Floats, *, nearest: bool = False) -> Floats:
         """Return values (C,) of the cells at places (N, 3), interpolated."""
@@ -363,16 +363,16 @@ def bind_moves(asset: Asset, body: Body, changed: Body) -> Floats:
 def loose_body(asset: Asset, *, backdrop: bool = False) -> Body:
     """Return the body of an asset as a job would weld it, without torch; `backdrop`: with one that it has."""
     surface = asset.surface
-    drawn = np.ones(len(surface.triangles), bool)
+    visible = np.ones(len(surface.triangles), bool)
     if asset.backdrop is not None and asset.backdrop.left and not backdrop:
-        drawn = ~asset.backdrop.triangles
-    used = np.unique(surface.triangles[drawn])
+        visible = ~asset.backdrop.triangles
+    used = np.unique(surface.triangles[visible])
     points = surface.positions[used]
     first = coincident(points, WELD_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0))))
     kept, numbers = np.unique(first, return_inverse=True)
     vertex_map = np.full(len(surface.positions), -1, np.int64)
     vertex_map[used] = numbers
-    corners = vertex_map[surface.triangles[drawn]]
+    corners = vertex_map[surface.triangles[visible]]
     solid = (corners != np.roll(corners, 1, axis=1)).all(1)
     return body_of(asset, vertex_map, used[kept], corners[solid])
 
@@ -390,11 +390,11 @@ def _names(asset: Asset, vertex_map: Index, count: int) -> dict[str, Flags]:
     """Return the welded vertices of named nodes and materials, those of one name together."""
     parts, corners = asset.parts(), vertex_map[asset.surface.triangles]
     named = [(each, parts.in_node) for each in parts.nodes] + [(each, parts.of_material) for each in parts.materials]
-    found: dict[str, Flags] = {}
+    names: dict[str, Flags] = {}
     for each, triangles_of in named[:_MOST_NAMES]:
         if not tokens(each["name"]):
             continue
-        flags = found.setdefault(each["name"], np.zeros(count, bool))
+        flags = names.setdefault(each["name"], np.zeros(count, bool))
         own = corners[triangles_of(each["index"])].ravel()
         flags[own[own >= 0]] = True
-    return found
+    return names

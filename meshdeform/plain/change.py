@@ -44,18 +44,22 @@ class Done:
     @property
     def warnings(self) -> list[str]:
         """Sentences about what is less than was asked for."""
-        asked, what = self.change.factor, _phrase(self.change)
-        found = []
-        if self.factor != asked:
-            found.append(f"{what}: {asked:.2f} would flip faces, so it was {self.factor:.2f}.")
-        elif asked not in (0, 1) and self.change.operation not in SHAPES and (self.got - 1) / (asked - 1) < _SHORT:
-            found.append(
-                f"{what}: {asked:.2f} was asked for, and {self.got:.2f} came of it. Where triangles are large, "
+        requested, what = self.change.factor, _phrase(self.change)
+        warnings = []
+        if self.factor != requested:
+            warnings.append(f"{what}: {requested:.2f} would flip faces, so it was {self.factor:.2f}.")
+        elif (
+            requested not in (0, 1)
+            and self.change.operation not in SHAPES
+            and (self.got - 1) / (requested - 1) < _SHORT
+        ):
+            warnings.append(
+                f"{what}: {requested:.2f} was asked for, and {self.got:.2f} came of it. Where triangles are large, "
                 "output.subdivide helps."
             )
         if self.flips:
-            found.append(f"{what}: {self.flips} faces were flipped.")
-        return found
+            warnings.append(f"{what}: {self.flips} faces were flipped.")
+        return warnings
 
     def to_dict(self) -> dict[str, str | float | int]:
         """Return its entry in the report."""
@@ -112,15 +116,15 @@ def _apply(body: Body, change: Change) -> tuple[Body, Done]:
     parts = Parts(body)
     full = calibrated(parts, change)
     for parts.even, share in _ATTEMPTS:
-        made = move(parts, change, _part_of_way(change, full, share))
-        points = _settled(body, change, made)
+        moved = move(parts, change, _part_of_way(change, full, share))
+        points = _settled(body, change, moved)
         points, flipped = _relaxed(body, points, _flipped(body, points, change), change)
         if not flipped.any():
             break
-    before = made.length(body.points)
-    got = made.length(points) / before if before and change.operation not in SHAPES else change.factor * share
+    before = moved.length(body.points)
+    got = moved.length(points) / before if before and change.operation not in SHAPES else change.factor * share
     factor = _part_of_way(change, change.factor, share)
-    return body.moved(points), Done(change, made.found_by, factor, float(got), int(flipped.sum()))
+    return body.moved(points), Done(change, moved.found_by, factor, float(got), int(flipped.sum()))
 
 
 def _part_of_way(change: Change, factor: float, share: float) -> float:
@@ -133,19 +137,19 @@ def calibrated(parts: Parts, change: Change) -> float:
 
     Raises PartMissingError: the part is not there, or cannot be told from the rest.
     """
-    factor, asked = change.factor, change.factor
-    if change.operation in SHAPES or abs(asked - 1) < 0.02:
+    factor, requested = change.factor, change.factor
+    if change.operation in SHAPES or abs(requested - 1) < 0.02:
         return factor
     for _ in range(2):
-        made = move(parts, change, factor)
-        before = made.length(parts.body.points)
-        grown = made.length(_settled(parts.body, change, made)) / before - 1 if before else 0.0
-        if change.part != WHOLE and grown / (asked - 1) < _TOLD_APART:
+        moved = move(parts, change, factor)
+        before = moved.length(parts.body.points)
+        grown = moved.length(_settled(parts.body, change, moved)) / before - 1 if before else 0.0
+        if change.part != WHOLE and grown / (requested - 1) < _TOLD_APART:
             raise PartMissingError(f"The {change.part} cannot be told from the rest well enough to change it.")
-        if abs(grown - (asked - 1)) < 0.01 or grown * (asked - 1) <= 0:
+        if abs(grown - (requested - 1)) < 0.01 or grown * (requested - 1) <= 0:
             break
-        most = _MOST_CORRECTED * abs(asked - 1)
-        factor = 1 + float(np.clip((factor - 1) * (asked - 1) / grown, -min(most, 0.9), most))
+        most = _MOST_CORRECTED * abs(requested - 1)
+        factor = 1 + float(np.clip((factor - 1) * (requested - 1) / grown, -min(most, 0.9), most))
     return factor
 
 

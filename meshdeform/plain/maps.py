@@ -60,8 +60,8 @@ def move(parts: Parts, change: Change, factor: float) -> Moved:
         "body": lambda parts, operation, factor: _whole(parts, operation, factor) if operation == "fat" else None,
     }
     try:
-        made = special[change.part](parts, change.operation, factor) if change.part in special else None
-        return made or _limb(parts.named(change.part), change.operation, factor)
+        moved = special[change.part](parts, change.operation, factor) if change.part in special else None
+        return moved or _limb(parts.named(change.part), change.operation, factor)
     except PartMissingError:
         if change.part not in special:
             raise
@@ -250,7 +250,7 @@ def _girth(body: Body, legs: Legs) -> Callable[[Floats], float]:
 
 def _leg_lines(body: Body, legs: Legs, *, degree: int) -> list[tuple[Floats, _Line]]:
     """Return each leg's weight (V,) and its centre line: sideways and forward by height."""
-    found = []
+    lines = []
     for number in np.unique(legs.limb[legs.weight > 0.3]):
         weight = np.where(legs.limb == number, legs.weight, 0)
         own = weight > 0.5
@@ -264,8 +264,8 @@ def _leg_lines(body: Body, legs: Legs, *, degree: int) -> list[tuple[Floats, _Li
             (heights[own].min(), heights[own].max()),
             degree,
         )
-        found.append((weight, line))
-    return found
+        lines.append((weight, line))
+    return lines
 
 
 def _centre_line(
@@ -425,8 +425,8 @@ def _slab(parts: Parts, operation: str, factor: float) -> Moved:
     low, high = parts.slab
     within = ((body.points[:, UP] >= low) & (body.points[:, UP] <= high)).astype(float)
     if operation in ("wide", "long"):
-        made = _whole(parts, operation, factor)
-        return Moved(made.points, within, made.length, "geometry")
+        moved = _whole(parts, operation, factor)
+        return Moved(moved.points, within, moved.length, "geometry")
     if operation == "big":
         points = _resized(parts, 0, factor)
         points[:, 2] = _resized(parts, 2, factor)[:, 2]
@@ -491,8 +491,8 @@ def _shares(parts: Parts, legs: Legs | None) -> _Shares:
     body, none = parts.body, np.zeros(len(parts.body.points))
 
     def joined(rounds: int, *names: str) -> Floats:
-        found = [parts.of_class(name) for name in names]
-        return body.smooth(sum((each for each in found if each is not None), none), rounds)
+        flags = [parts.of_class(name) for name in names]
+        return body.smooth(sum((each for each in flags if each is not None), none), rounds)
 
     leg = none if legs is None else legs.weight
     if parts.rigged:

@@ -44,18 +44,17 @@ class NamedPart:
         return [int(first) if last == first + 1 else [int(first), int(last) - 1] for first, last in ends]
 
 
-def find_parts(body: Body, read: Callable[[str], Sentence | None], asked: Sentence | None = None) -> list[NamedPart]:
+def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sentence | None = None) -> list[NamedPart]:
     """Return the parts that words can name on a body: those that everybody knows, then names of nodes and materials.
 
-    `read`: reads a sentence: a name is left out that is not read as the name of its part; `asked`: only the parts that
-    it names.
+    `read`: reads a sentence: a name is left out that is not read as the name of its part; `sentence`: only parts in it.
     """
     parts = Parts(body)
     most = min(_MOST_NAMES, max(_FEWEST_NAMES, _MOST_TRIED // len(body.points)))
     own = [name for name in parts.own_names() if name not in PART_NAMES][:most]
     named = {**PART_NAMES, **{name: name for name in own}}
-    if asked is not None:
-        named = {each.part: named.get(each.part, each.part) for each in meant(body, asked) if each.part != WHOLE}
+    if sentence is not None:
+        named = {each.part: named.get(each.part, each.part) for each in meant(body, sentence) if each.part != WHOLE}
     found: dict[str, NamedPart] = {}
     for part, name in named.items():
         each = _find_part(parts, part, name, read)
@@ -63,16 +62,16 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], asked: Senten
             found[part] = each
     if "seat" in found and "back" not in found and "top" not in found:
         found["seat"] = replace(found["seat"], name="top")
-    return [each for part, each in found.items() if asked is not None or _is_evident(parts, part, found)]
+    return [each for part, each in found.items() if sentence is not None or _is_evident(parts, part, found)]
 
 
-def _is_evident(parts: Parts, part: str, found: Mapping[str, NamedPart]) -> bool:
+def _is_evident(parts: Parts, part: str, named: Mapping[str, NamedPart]) -> bool:
     """Return whether a part is what its name says: a ball has a lower end that is no leg, and no tail."""
     # Legs are several, or one below a table; a tail is that of something that has a front, and legs or a head.
-    if found[part].found_by != "geometry" or part not in ("leg", "seat", "top", "back", "tail"):
+    if named[part].found_by != "geometry" or part not in ("leg", "seat", "top", "back", "tail"):
         return True
-    stands = "leg" in found and (parts.legs.count > 1 or ("seat" in found and "back" not in found))
-    return stands if part != "tail" else not parts.body.either and (stands or "head" in found)
+    stands = "leg" in named and (parts.legs.count > 1 or ("seat" in named and "back" not in named))
+    return stands if part != "tail" else not parts.body.either and (stands or "head" in named)
 
 
 def _same(one: NamedPart, other: NamedPart) -> bool:
@@ -81,7 +80,7 @@ def _same(one: NamedPart, other: NamedPart) -> bool:
 
 def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentence | None]) -> NamedPart | None:
     """Return a part with the operations that suit it; None if there is none by this name."""
-    made: dict[str, Moved] = {}
+    moved: dict[str, Moved] = {}
     for operation in _TRIED:
         change = Change(operation, part, 1.0)
         if not all(_is_read(parts.body, f"{name} {word} by 30 %", change, read) for word in OF_PARTS[operation]):
@@ -91,15 +90,15 @@ def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentenc
                 tried = move(parts, change, calibrated(parts, replace(change, factor=factor)))
         except PartMissingError:
             continue
-        if tried.found_by and not any(np.array_equal(tried.points, other.points) for other in made.values()):
-            made[operation] = tried
-    if not made:
+        if tried.found_by and not any(np.array_equal(tried.points, other.points) for other in moved.values()):
+            moved[operation] = tried
+    if not moved:
         return None
-    first = next(iter(made.values()))
+    first = next(iter(moved.values()))
     inside = first.weight > _INSIDE
     if inside.all() or not inside.any():
         return None
-    return NamedPart(name, first.found_by, first.weight, tuple(each for each in OF_PARTS if each in made))
+    return NamedPart(name, first.found_by, first.weight, tuple(each for each in OF_PARTS if each in moved))
 
 
 def _is_read(body: Body, text: str, change: Change, read: Callable[[str], Sentence | None]) -> bool:
@@ -108,5 +107,5 @@ def _is_read(body: Body, text: str, change: Change, read: Callable[[str], Senten
         sentence = read(text)
     except PromptError:  # a name with words for opposites
         return False
-    asked = () if sentence is None else meant(body, sentence)
-    return [(each.operation, each.part) for each in asked] == [(change.operation, change.part)]
+    changes = () if sentence is None else meant(body, sentence)
+    return [(each.operation, each.part) for each in changes] == [(change.operation, change.part)]

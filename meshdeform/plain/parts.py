@@ -55,10 +55,10 @@ class _once(Generic[_Found]):  # noqa: N801 - like `cached_property`
                 parts.kept[self._find] = self._find(parts)
             except PartMissingError as missing:
                 parts.kept[self._find] = missing
-        found = parts.kept[self._find]
-        if isinstance(found, PartMissingError):
-            raise found.with_traceback(None)
-        kept: _Found = found
+        value = parts.kept[self._find]
+        if isinstance(value, PartMissingError):
+            raise value.with_traceback(None)
+        kept: _Found = value
         return kept
 
 
@@ -223,7 +223,7 @@ class Parts:
             for number, joint in enumerate(body.joints)
             if self._kinds[number] == "leg" and (joint.parent < 0 or self._kinds[joint.parent] != "leg")
         ]
-        found = np.zeros(len(body.points))
+        joints = np.zeros(len(body.points))
         for root in roots:
             below = [
                 number
@@ -233,9 +233,9 @@ class Parts:
             share = _share(body, np.array(below))
             own = body.points[share > 0.5, UP]
             if len(own) and own.min() < body.ground + 0.15 * body.size[UP] and np.ptp(own) > 0.05 * body.size[UP]:
-                found += share
+                joints += share
         # A foot may follow a control that hangs on the root: it belongs to legs that end above the ground.
-        return body.smooth(np.minimum(found, 1), 3) if found.max() > 0.5 else None
+        return body.smooth(np.minimum(joints, 1), 3) if joints.max() > 0.5 else None
 
     def _under(self, number: int, root: int) -> bool:
         while number >= 0 and number != root:
@@ -269,10 +269,10 @@ class Parts:
             raise PartMissingError("The skeleton has no head.")
         if self.built:
             raise PartMissingError("No head was found: this is a thing on legs or wheels.")
-        found = self._head_of_ends() or self._head_of_levels()
-        if found is None:
+        head = self._head_of_ends() or self._head_of_levels()
+        if head is None:
             raise PartMissingError("No head was found: there is nothing like a neck.")
-        return found
+        return head
 
     def _head_of_joints(self, own: Floats) -> Head:
         body = self.body
@@ -421,12 +421,12 @@ class Parts:
     def wheels(self) -> Flags:
         """The vertices (V,) of wheels: by name, else components that are round about the lateral axis and stand low."""
         body = self.body
-        found = np.zeros(len(body.points), bool)
+        wheels = np.zeros(len(body.points), bool)
         for name, flags in body.names.items():
             if {"wheel", "tire", "tyre"} & set(tokens(name)) and not flags.all():
-                found |= flags
-        if found.any() or self.rigged or body.components.max() >= 400:
-            return found
+                wheels |= flags
+        if wheels.any() or self.rigged or body.components.max() >= 400:
+            return wheels
         order = np.argsort(body.components, kind="stable")
         for own in np.split(order, np.cumsum(np.bincount(body.components))[:-1]):
             points = body.points[own]
@@ -437,8 +437,8 @@ class Parts:
                 radius = np.hypot(points[:, UP] - middle[UP], points[:, body.front] - middle[body.front])
                 rim = size[UP] / 2
                 if (radius > 0.93 * rim).mean() > 0.25 and radius.max() < 1.06 * rim:
-                    found[own] = True
-        return found
+                    wheels[own] = True
+        return wheels
 
     def _wheels_or_missing(self) -> Flags:
         if not self.wheels.any():
@@ -608,12 +608,12 @@ def _find_stand(body: Body) -> _Stand:
     )
 
 
-def _trunk_tips(labels: Index, found: list[int], body: Body, plane: float, breadth: int) -> list[tuple[int, int, int]]:
+def _trunk_tips(labels: Index, feet: list[int], body: Body, plane: float, breadth: int) -> list[tuple[int, int, int]]:
     """Return the lowest cell of each foot that stands alone on the mirror plane beside pairs: a trunk, or a tail."""
-    if len(found) < 5 or body.partners is None:
+    if len(feet) < 5 or body.partners is None:
         return []
     tips = []
-    for k in found:
+    for k in feet:
         cells = np.argwhere(labels == k)
         if abs(cells[:, body.lateral].mean() + 0.5 - plane) < 0.06 * breadth:
             tips.append(tuple(int(value) for value in cells[np.argmin(cells[:, 1])]))

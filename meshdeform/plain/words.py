@@ -170,13 +170,13 @@ class _Clause:
                 base = 1 / amount if amount else 0.0
             if how == "as" and less and amount < 1:  # "half as short" is taken for half
                 base = 1 / amount
-        found = 1 / base if less and base else base
-        if not 1 / _MOST <= found <= _MOST:
+        factor = 1 / base if less and base else base
+        if not 1 / _MOST <= factor <= _MOST:
             raise PromptError(
-                f"{sentence!r} asks for {found:g} times of something.",
+                f"{sentence!r} asks for {factor:g} times of something.",
                 advice=f"A change is between a fifth and {_MOST:g} times.",
             )
-        return found
+        return factor
 
 
 def singular(word: str) -> str:
@@ -226,20 +226,20 @@ def read_changes(text: str, noun_of: Callable[[str], str | None] = lambda _: Non
 
 def _amount(match: re.Match[str], rest: str) -> tuple[str, float]:
     """Return how an amount counts, `by` (added), `as` (times) or `to`, and what it is."""
-    found: Mapping[str, str | None] = match.groupdict()
-    if found["percent"]:
-        share = float(found["percent"]) / 100
-        return ("to", share) if found["to"] or _as_follows(rest) else ("by", share)
-    if found["count"]:
-        return "as", _number(found["count"]) + (0.5 if found["half"] else 0.0)
-    if found["factor"]:
-        return "as", _number(found["factor"])
-    if found["part"]:
-        share = _COUNT[found["many"] or "a"] * _FRACTION[found["part"]]
-        return ("as", share) if not found["by"] and _as_follows(rest) else ("by", share)
-    if found["by_half"]:
+    groups: Mapping[str, str | None] = match.groupdict()
+    if groups["percent"]:
+        share = float(groups["percent"]) / 100
+        return ("to", share) if groups["to"] or _as_follows(rest) else ("by", share)
+    if groups["count"]:
+        return "as", _number(groups["count"]) + (0.5 if groups["half"] else 0.0)
+    if groups["factor"]:
+        return "as", _number(groups["factor"])
+    if groups["part"]:
+        share = _COUNT[groups["many"] or "a"] * _FRACTION[groups["part"]]
+        return ("as", share) if not groups["by"] and _as_follows(rest) else ("by", share)
+    if groups["by_half"]:
         return "by", 0.5
-    return "as", _TIMES[found["word"] or ""]
+    return "as", _TIMES[groups["word"] or ""]
 
 
 def _number(text: str) -> float:
@@ -252,18 +252,18 @@ def _as_follows(rest: str) -> bool:
 
 def _split(text: str) -> list[tuple[str, list[str]]]:
     """Return the words of each clause, with what stands before it."""
-    found: list[tuple[str, list[str]]] = []
+    clauses: list[tuple[str, list[str]]] = []
     after, words = "", list[str]()
     for word in re.findall(r"§\d+|[^\W_]+(?:'[^\W_]+)?|[,;.]", text):
         if word in ("and", "but", "with", "then", ",", ";", "."):
             if words:
-                found.append((after, words))
+                clauses.append((after, words))
                 after, words = word, []
             elif word == "with":
                 after = word
             continue
         words.append(word)
-    return [*found, (after, words)]
+    return [*clauses, (after, words)]
 
 
 def _read_clause(
@@ -290,8 +290,8 @@ def _read_clause(
             clause.compared |= word == "more"
         elif word in _MEASURES and clause.times:
             clause.adjectives.append((_MEASURES[word], False))
-        elif (found := _adjective(word)) is not None:
-            operation, negative, compares = found
+        elif (adjective := _adjective(word)) is not None:
+            operation, negative, compares = adjective
             clause.adjectives.append((operation, negative != less))
             clause.compared |= compares
             less = False
@@ -309,8 +309,8 @@ def _read_clause(
 
 
 def _compares(words: list[str]) -> bool:
-    found = _adjective(words[0]) if words else None
-    return found is not None and found[2]
+    adjective = _adjective(words[0]) if words else None
+    return adjective is not None and adjective[2]
 
 
 def _adjective(word: str) -> tuple[str, bool, bool] | None:
@@ -372,13 +372,13 @@ def _on(operation: str, part: str) -> str:
 
 def _without_opposites(changes: list[Change], text: str) -> tuple[Change, ...]:
     """Return the changes once each; refuse those that undo each other."""
-    found = list(dict.fromkeys(changes))
-    for number, change in enumerate(found):
-        for other in found[:number]:
+    distinct = list(dict.fromkeys(changes))
+    for number, change in enumerate(distinct):
+        for other in distinct[:number]:
             same = (change.operation, change.part) == (other.operation, other.part)
             if same and (change.factor - 1) * (other.factor - 1) < 0 and change.operation not in SHAPES:
                 what = "the whole" if change.part == WHOLE else f"the {change.part}"
                 raise PromptError(
                     f"{text!r} asks for more and for less of {what} at once.", advice="Leave one of them out."
                 )
-    return tuple(found)
+    return tuple(distinct)

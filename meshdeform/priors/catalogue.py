@@ -136,13 +136,13 @@ def _vocabulary(nouns: Mapping[str, tuple[str, ...]], examples: Sequence[str]) -
 
 def _examples(words: Words, lessons: Sequence[Lesson]) -> list[str]:
     """Return prompts with the newest words, with the attributes that they were taught with."""
-    found = []
+    examples = []
     for lesson in reversed(lessons):
         if lesson.noun in words.nouns:
             degrees = [word for word in lesson.attributes if " " not in word] or ["tall"]
             own = (ParsedPrompt(lesson.noun), ParsedPrompt(lesson.noun, (Attribute("whole", degrees[0]),)))
-            found += [str(prompt) for prompt in own]
-    return (found or list(EXAMPLES))[: len(EXAMPLES)]
+            examples += [str(prompt) for prompt in own]
+    return (examples or list(EXAMPLES))[: len(EXAMPLES)]
 
 
 def _licence(model: str) -> str:
@@ -152,8 +152,8 @@ def _licence(model: str) -> str:
             head = card.read(_CARD)
     except (OSError, ValueError):
         return ""
-    found = re.search(r"^license:[ \t]*([\w.+-]{1,60})[ \t]*$", head, re.MULTILINE)
-    return found[1] if found and head.startswith("---") else ""
+    match = re.search(r"^license:[ \t]*([\w.+-]{1,60})[ \t]*$", head, re.MULTILINE)
+    return match[1] if match and head.startswith("---") else ""
 
 
 def _find(model: str, revision: str, hidden: Sequence[str]) -> tuple[bool | None, str | None]:

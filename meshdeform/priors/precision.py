@@ -39,8 +39,8 @@ def is_fast_in_int8(device: str | torch.device) -> bool:
 
 def _features() -> Mapping[str, Any]:
     """Return torch's description of this CPU: empty before torch 2.9."""
-    found: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
-    return found
+    features: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
+    return features
 
 
 class _Scale:

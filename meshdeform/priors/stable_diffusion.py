@@ -199,23 +199,23 @@ class StableDiffusionPrior:
         output: Tensor = self._unet(inputs, steps, encoder_hidden_states=embeddings).sample
         return output
 
-    def _replay_unet(self, *given: Tensor) -> Tensor:
+    def _replay_unet(self, *inputs: Tensor) -> Tensor:
         """Run the U-Net as one CUDA graph: kernel by kernel, a GPU waits most of the time for the next launch."""
         # The next call overwrites the result.
-        shapes = tuple(tensor.shape for tensor in given)
+        shapes = tuple(tensor.shape for tensor in inputs)
         if shapes not in self._graphs:
-            samples = tuple(tensor.clone() for tensor in given)
+            samples = tuple(tensor.clone() for tensor in inputs)
             graphed = torch.cuda.make_graphed_callables(self._run_unet, samples)
             self._graphs[shapes] = cast("Callable[..., Tensor]", graphed)
-        return self._graphs[shapes](*given)
+        return self._graphs[shapes](*inputs)
 
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
     """Return the torch dtype of a setting; `auto` is float32 on the CPU, else bfloat16 if supported, else float16."""
     # `int8`, a precision of the builtin model, is the same as `auto`.
     if name not in ("auto", "int8"):
-        found: torch.dtype = getattr(torch, name)
-        return found
+        dtype: torch.dtype = getattr(torch, name)
+        return dtype
     if device.type == "cpu":
         return torch.float32
     # bfloat16 has the range of float32, so nothing overflows.

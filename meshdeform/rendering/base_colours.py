@@ -45,7 +45,7 @@ class Textures:
     def __init__(self, textures: Sequence[Texture | None], device: torch.device | str = "cpu") -> None:
         starts, sizes, chunks, at = [], [], [], 0
         shared: dict[int, tuple[list[int], list[tuple[int, int]]]] = {}
-        for texture in (found or _WHITE for found in textures):
+        for texture in (texture_or_white or _WHITE for texture_or_white in textures):
             if id(texture.pixels) not in shared:
                 levels = _halved(texture.pixels) if texture.reduced else [texture.pixels]
                 place = [at + sum(level.shape[0] * level.shape[1] for level in levels[:k]) for k in range(len(levels))]
@@ -55,12 +55,14 @@ class Textures:
             place, size = shared[id(texture.pixels)]
             starts.append([place[min(k, len(place) - 1)] for k in range(_LEVELS)])
             sizes.append([size[min(k, len(size) - 1)] for k in range(_LEVELS)])
-        wraps = [[_WRAPS[mode] for mode in (found or _WHITE).wrap] for found in textures]
+        wraps = [[_WRAPS[mode] for mode in (texture_or_white or _WHITE).wrap] for texture_or_white in textures]
         self._texels = torch.from_numpy(np.concatenate(chunks)).to(device)
         self._starts = torch.tensor(starts, device=device)
         self._sizes = torch.tensor(sizes, device=device)
         self._wraps = torch.tensor(wraps, device=device)
-        self._nearest = torch.tensor([found is not None and found.nearest for found in textures], device=device)
+        self._nearest = torch.tensor(
+            [texture_or_white is not None and texture_or_white.nearest for texture_or_white in textures], device=device
+        )
         self._linear = linear_from_srgb(torch.arange(256, device=device) / 255)
 
     @property
@@ -285,10 +287,10 @@ class BaseColours:
 
     def coverage(self, paint: Tensor, values: Tensor, level: Tensor, colour: Tensor, stride: Tensor | None) -> Tensor:
         """Return `opacity` (P,), but at the edge of a cut-out the share that is left; `stride` is (P, 2, 2)."""
-        found = self.opacity(paint, colour)
+        opacity = self.opacity(paint, colour)
         cut = ((self._mode[paint] == _MASK) & self._textured[paint]).nonzero()[:, 0]
         if not len(cut) or stride is None:
-            return found
+            return opacity
         paint, alpha = paint[cut], colour[cut, 3]
         cutoff = self._cutoff[paint]
         with torch.no_grad():
@@ -299,7 +301,7 @@ class BaseColours:
             width = torch.minimum(change * self._factor[paint, 3] * values[cut, 5], most)
             edge = width > _STEEP
         covered = ((alpha - cutoff) / torch.where(edge, width, 1.0) + 0.5).clamp(0, 1)
-        return found.index_copy(0, cut, torch.where(edge, covered, found[cut]))
+        return opacity.index_copy(0, cut, torch.where(edge, covered, opacity[cut]))
 
 
 def _double_area(corners: Tensor) -> Tensor:

@@ -432,7 +432,7 @@ def _walk(
     height, width = depth.shape[1], depth.shape[2]
     x, y = np.empty(n_verts), np.empty(n_verts)
     # The crossing of each pixel with its right-hand and its lower neighbour.
-    taken = np.full(views * height * width * 2, -1, np.int32)
+    owners = np.full(views * height * width * 2, -1, np.int32)
     where = np.empty((256, 4), np.int64)
     what = np.empty((256, 6))
     count = 0
@@ -489,13 +489,13 @@ def _walk(
                 if hidden:
                     continue
                 pair = base * 2 + (1 if by_row else 0)
-                n = taken[pair]
+                n = owners[pair]
                 if n < 0:
                     n = count
                     if n == len(where):
                         where = np.concatenate((where, np.empty_like(where)))
                         what = np.concatenate((what, np.empty_like(what)))
-                    taken[pair] = n
+                    owners[pair] = n
                     count += 1
                 elif what[n, 5] <= z:
                     continue
@@ -604,9 +604,9 @@ class _Antialias(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor | None, ...]:
         flat, points, where, what, (height, width) = ctx.saved  # type: ignore[attr-defined]
-        given = gradient.contiguous().numpy().reshape(flat.shape)
-        d_flat, d_clip = given.copy(), np.zeros((points.shape[0] * points.shape[1], 4))
-        _blend_backward(flat, points.reshape(-1, 4), where, what, given, height, width, d_flat, d_clip)
+        incoming = gradient.contiguous().numpy().reshape(flat.shape)
+        d_flat, d_clip = incoming.copy(), np.zeros((points.shape[0] * points.shape[1], 4))
+        _blend_backward(flat, points.reshape(-1, 4), where, what, incoming, height, width, d_flat, d_clip)
         as_clip = torch.from_numpy(d_clip.astype(points.dtype)).view(points.shape)
         return torch.from_numpy(d_flat).view(gradient.shape), as_clip, None, None, None, None
 

@@ -352,13 +352,13 @@ class _Colour(torch.autograd.Function):
     def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor | None, ...]:
         verts, clip, faces, eye, axes, face_ids, kept = ctx.saved  # type: ignore[attr-defined]
         normals, lengths, share, smooth = kept
-        given = gradient.contiguous().numpy()
+        incoming = gradient.contiguous().numpy()
         d_verts, d_clip, d_normals = np.zeros(verts.shape), np.zeros(clip.shape), np.zeros((len(clip), *faces.shape))
 
         def through_views(begin: int, end: int) -> None:
             at = slice(begin, end)
             _backward(
-                verts, clip[at], faces, eye[at], axes[at], face_ids[at], normals, share, smooth, given[at],
+                verts, clip[at], faces, eye[at], axes[at], face_ids[at], normals, share, smooth, incoming[at],
                 d_normals[at], d_clip[at],
             )  # fmt: skip
 

@@ -144,8 +144,8 @@ class PaintedRenderer:
             front = (cross * (cameras.eye[b] - corners[:, 0])).sum(-1) >= 0
             kept = (front | self._double_sided[self._paint]).nonzero()[:, 0]
             level = self._colours.levels(clip, self._faces[kept], self._paint[kept], side)[0]
-        given = normals.isfinite().all(-1, keepdim=True)
-        values = torch.cat([torch.where(given, normals, 0.0), given.float()], 1)[self._rows]
+        defined = normals.isfinite().all(-1, keepdim=True)
+        values = torch.cat([torch.where(defined, normals, 0.0), defined.float()], 1)[self._rows]
         return _View(
             clip=clip,
             values=torch.cat([values, self._colours.values], 1)[None],

@@ -70,13 +70,13 @@ class Bucket:
 
     def ping(self, timeout_s: float | None = None) -> None:
         """Return once the bucket can be listed."""
-        found = self._api.list(self._store, prefix="ping", chunk_size=1)
+        listing = self._api.list(self._store, prefix="ping", chunk_size=1)
         with self._errors("the bucket"):
             if timeout_s is None:
-                next(iter(found), None)
+                next(iter(listing), None)
                 return
             # The client's timeouts apply to every request; a shorter one for this request needs an event loop.
-            asyncio.run(asyncio.wait_for(_first(found), timeout_s))
+            asyncio.run(asyncio.wait_for(_first(listing), timeout_s))
 
     def put(self, key: str, source: BinaryIO, content_type: str) -> None:
         """Store a file in one request, or from 8 MiB on in parts that are combined atomically.
@@ -115,18 +115,18 @@ class Bucket:
         )
         try:
             with self._errors(key):
-                found = self._api.get(self._store, key, options=options)
-                first, last = found.range
+                response = self._api.get(self._store, key, options=options)
+                first, last = response.range
         except UnavailableError as error:
             # A bucket refuses a range that begins at or past the end; here it means no bytes.
             if any(words in str(error.__cause__) for words in _NO_SUCH_RANGE) and start >= self.size(key):
                 return iter(())
             raise
-        return self._parts(key, found, last - first, chunk)
+        return self._parts(key, response, last - first, chunk)
 
-    def _parts(self, key: str, found: Any, left: int, chunk: int) -> Iterator[bytes]:
+    def _parts(self, key: str, response: Any, left: int, chunk: int) -> Iterator[bytes]:
         with self._errors(key):
-            for part in found.stream(min_chunk_size=chunk):
+            for part in response.stream(min_chunk_size=chunk):
                 left -= len(part)
                 yield bytes(part)
         if left:
@@ -198,24 +198,24 @@ class Bucket:
         return UnavailableError(f"The object store does not answer ({type(error).__name__}).")
 
 
-async def _first(found: Any) -> None:
-    async for _ in found:
+async def _first(response: Any) -> None:
+    async for _ in response:
         return
 
 
 def _client_settings(url: str, environment: Mapping[str, str]) -> dict[str, Any]:
     """Return the connection options from the environment, which obstore ignores if any options are given."""
     prefix = {"gs": "GOOGLE", "az": "AZURE", "ab": "AZURE"}.get(url[:2], "AWS")
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for name in ("allow_http", "allow_invalid_certificates"):
         if value := environment.get(f"{prefix}_{name.upper()}"):
-            found[name] = value.lower() in ("1", "true", "yes", "on")
+            settings[name] = value.lower() in ("1", "true", "yes", "on")
     for name in ("proxy_url", "proxy_ca_certificate", "proxy_excludes"):
         if value := environment.get(f"{prefix}_{name.upper()}"):
-            found[name] = value
+            settings[name] = value
     if bundle := environment.get("AWS_CA_BUNDLE"):
         try:
-            found["root_certificate"] = Path(bundle).read_bytes()
+            settings["root_certificate"] = Path(bundle).read_bytes()
         except OSError as error:
             raise UnavailableError(f"The certificates of AWS_CA_BUNDLE cannot be read ({error.strerror}).") from error
-    return found
+    return settings

@@ -147,11 +147,11 @@ class Folder:
                     continue
             try:
                 with self.errors(key):
-                    found = entry.stat()
+                    status = entry.stat()
             except NotFoundError:
                 continue  # removed since the folder was read
-            if stat.S_ISREG(found.st_mode):
-                yield key, found.st_size
+            if stat.S_ISREG(status.st_mode):
+                yield key, status.st_size
 
     def sync(self, key: str) -> None:
         """Sync the folders above a file, which another process may have renamed into place a moment ago."""

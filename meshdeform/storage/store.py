@@ -88,10 +88,10 @@ class ObjectStore:
         """
         check_key(key)
         with _opened(data) as source:
-            found = known or measured(parts_of(source))
+            measured_file = known or measured(parts_of(source))
             source.seek(0)
             self._backend.put(key, source, content_type)
-        return found
+        return measured_file
 
     def put_verified(
         self, key: str, data: bytes | Path, content_type: str = "application/octet-stream"
@@ -172,13 +172,13 @@ class ObjectStore:
             handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
             try:
                 with os.fdopen(handle, "wb") as file:
-                    found = measured(_written(parts, file))
-                if sha256 is not None and sha256.lower() != found.sha256:
+                    measured_file = measured(_written(parts, file))
+                if sha256 is not None and sha256.lower() != measured_file.sha256:
                     raise _damaged(key)
                 Path(temporary).replace(path)
             finally:
                 Path(temporary).unlink(missing_ok=True)
-        return found
+        return measured_file
 
     def copy(self, source: str, destination: str) -> None:
         """Copy an object to another key, within the store if it can."""
@@ -322,12 +322,12 @@ def verify_path(method: str, path: str, query: str, secret: bytes, now: float | 
     except ValueError as error:
         raise _refused() from error
     values = dict(pairs)
-    given, expires = values.pop(_SIGNATURE, ""), values.pop(_EXPIRES, "")
+    signature, expires = values.pop(_SIGNATURE, ""), values.pop(_EXPIRES, "")
     bound = [*sorted(values.items()), (_EXPIRES, expires)]
     # Require the exact signed query: no parameter twice, none in another order.
     if len(pairs) != len(bound) + 1 or [name for name, _ in pairs] != [*(name for name, _ in bound), _SIGNATURE]:
         raise _refused()
-    if not hmac.compare_digest(given.encode(), _signature(method, path, bound, secret).encode()):
+    if not hmac.compare_digest(signature.encode(), _signature(method, path, bound, secret).encode()):
         raise _refused()
     if (time.time() if now is None else now) >= int(expires):
         raise ForbiddenError("The signed URL has expired.", advice="Request a new one.")
@@ -384,17 +384,17 @@ class UploadArea:
         path, destination = self._path(upload_id), self._folder.root / key
         try:
             with self._locked(path) as file, self._folder.errors(key):
-                found = measured(parts_of(file))
+                measured_file = measured(parts_of(file))
                 # The bytes of an interrupted append may not be on the disk yet.
                 os.fsync(file.fileno())
                 self._folder.rename_into_place(path, key)
-                return found
+                return measured_file
         except NotFoundError:
             # Already renamed, by a process that died before it could record it.
             with self._folder.errors("such upload"), destination.open("rb") as file:
-                found = measured(parts_of(file))
+                measured_file = measured(parts_of(file))
                 sync_folder(destination.parent)
-                return found
+                return measured_file
 
     def discard(self, upload_id: str) -> None:
         """Remove the bytes received so far."""

@@ -149,8 +149,8 @@ def _log_crash(kind: type[BaseException], error: BaseException, trace: Traceback
 
 def _log_thread_crash(arguments: threading.ExceptHookArgs) -> None:
     if arguments.exc_value is not None and not isinstance(arguments.exc_value, SystemExit):
-        found = (arguments.exc_type, arguments.exc_value, arguments.exc_traceback)
-        logging.getLogger(__name__).error("a thread ends", exc_info=found)
+        error = (arguments.exc_type, arguments.exc_value, arguments.exc_traceback)
+        logging.getLogger(__name__).error("a thread ends", exc_info=error)
 
 
 _ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")

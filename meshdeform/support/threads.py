@@ -47,9 +47,9 @@ def default_threads(cgroup: Path = _CGROUP) -> int:
     ``OMP_NUM_THREADS`` if it is a number; otherwise the cores that this process may use, by its affinity and by the
     limit of its container, whichever is less. `cgroup` is where the control groups are mounted.
     """
-    asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
-    if asked.isdecimal() and int(asked):
-        return int(asked)
+    setting = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    if setting.isdecimal() and int(setting):
+        return int(setting)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(cores, _container_cores(cgroup)))
 

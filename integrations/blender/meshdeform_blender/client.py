@@ -171,14 +171,14 @@ def _part(boundary: str, name: str, data: bytes, filename: str = "", kind: str =
 
 def _document(data: bytes) -> dict[str, Any]:
     try:
-        found = json.loads(data)
+        document = json.loads(data)
     except ValueError:
-        found = None
-    if not isinstance(found, dict):
+        document = None
+    if not isinstance(document, dict):
         raise AddonError(
             "The server is not a Meshdeform service.", "Check the server's address in the add-on's preferences."
         )
-    return found
+    return document
 
 
 def _problem(error: urllib.error.HTTPError) -> AddonError:

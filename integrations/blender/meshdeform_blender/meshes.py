@@ -31,9 +31,9 @@ def gather(objects: Sequence[Any]) -> list[Source]:
 
     Modifiers are not applied: they still apply to the result. For a mesh with shape keys, the reference key is read.
     """
-    found: dict[str, Source] = {}
+    sources: dict[str, Source] = {}
     for obj in objects:
-        if obj.type != "MESH" or obj.data.name_full in found:
+        if obj.type != "MESH" or obj.data.name_full in sources:
             continue
         if not obj.data.is_editable:
             raise AddonError(f"The mesh of “{obj.name}” is linked.", "Make it local: Object > Relations > Make Local.")
@@ -41,8 +41,8 @@ def gather(objects: Sequence[Any]) -> list[Source]:
             raise AddonError(f"“{obj.name}” is being edited.", "Change to Object Mode.")
         matrix = np.array(obj.matrix_world, np.float64)
         part = Part(obj.name, _base_positions(obj.data), _triangles(obj.data), matrix)
-        found[obj.data.name_full] = Source(obj.session_uid, part, _hash(obj.data))
-    return list(found.values())
+        sources[obj.data.name_full] = Source(obj.session_uid, part, _hash(obj.data))
+    return list(sources.values())
 
 
 def group_weights(sources: Sequence[Source], group: str) -> list[NDArray[np.float32] | None]:
@@ -136,16 +136,16 @@ def _replace(mesh: Any, base: NDArray[np.float32], positions: NDArray[np.float32
 
 def _base_positions(mesh: Any) -> NDArray[np.float32]:
     points = mesh.shape_keys.reference_key.data if mesh.shape_keys else mesh.vertices
-    found = np.empty((len(points), 3), np.float32)
-    points.foreach_get("co", found.reshape(-1))
-    return found
+    positions = np.empty((len(points), 3), np.float32)
+    points.foreach_get("co", positions.reshape(-1))
+    return positions
 
 
 def _triangles(mesh: Any) -> NDArray[np.uint32]:
     mesh.calc_loop_triangles()
-    found = np.empty((len(mesh.loop_triangles), 3), np.uint32)
-    mesh.loop_triangles.foreach_get("vertices", found.reshape(-1))
-    return found
+    triangles = np.empty((len(mesh.loop_triangles), 3), np.uint32)
+    mesh.loop_triangles.foreach_get("vertices", triangles.reshape(-1))
+    return triangles
 
 
 def _hash(mesh: Any) -> str:

@@ -113,14 +113,14 @@ class Assembler:
             self._shapes[member] = MemberShape(self.family, member, self._load(member))
         return self._shapes[member]
 
-    def chosen(self, drawn: Drawn) -> dict[int, int]:
+    def chosen(self, draw: Drawn) -> dict[int, int]:
         """Return the first member for each part that may give it and has points of it that the shape has.
 
         A part that is drawn of one member alone comes from that one, whatever its boundary.
         """
         choice: dict[int, int] = {}
-        there = self.family.exists & drawn.exists
-        for part, members in drawn.sources.items():
+        there = self.family.exists & draw.exists
+        for part, members in draw.sources.items():
             own = np.asarray(there[:, self.family.labels == part].any(axis=1))
             for member in members:
                 if (own[member] and self.offered[member, part]) or (len(members) == 1 and there[member].any()):
@@ -208,14 +208,14 @@ class Assembler:
     def _meetings(self, each: PlacedPart, done: list[PlacedPart]) -> list[tuple[PlacedPart, bool, list[Contact]]]:
         """Return the placed neighbours of a part, whose side the contacts are on (True: its own), and the contacts."""
         # A part that may not move says itself where it is touched: those of others meet their own neighbours elsewhere.
-        found = []
+        meetings = []
         for other in done:
             own, theirs = (a.shape.contacts(a.number, b.number) for a, b in ((each, other), (other, each)))
             if own and not (theirs and other.embedding is None):
-                found.append((other, True, own))
+                meetings.append((other, True, own))
             elif theirs:
-                found.append((other, False, theirs))
-        return found
+                meetings.append((other, False, theirs))
+        return meetings
 
     def _meet(self, each: PlacedPart, done: list[PlacedPart], surfaces: dict[int, PlacedSurface]) -> None:
         meetings = self._meetings(each, done)

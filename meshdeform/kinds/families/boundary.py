@@ -62,13 +62,13 @@ def boundary_defects(positions: _Floats, triangles: _Index, parts: NDArray[np.ui
     cut = parts[faces[:, 0]] != parts[faces[:, 1]]
     patches = components(len(triangles), faces[~cut])
     stray = _stray(parts, patches, areas, faces[cut])[patches]
-    found = np.full(count, np.inf)
+    defects = np.full(count, np.inf)
     for part in np.unique(parts):
         chosen = parts == part
         across = cut & chosen[faces].any(1)
         share = float(areas[chosen & stray].sum() / max(areas[chosen].sum(), 1e-300))
-        found[part] = share + _raggedness(positions, ends[across]) if across.any() else 0.0
-    return found
+        defects[part] = share + _raggedness(positions, ends[across]) if across.any() else 0.0
+    return defects
 
 
 def without_strays(positions: _Floats, triangles: _Index, parts: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -81,29 +81,29 @@ def without_strays(positions: _Floats, triangles: _Index, parts: NDArray[np.uint
     areas, corners = _areas(positions, triangles), welded(positions, triangles)
     faces, ends = _neighbours(corners)
     lengths = np.linalg.norm(positions[ends[:, 0]] - positions[ends[:, 1]], axis=1)
-    given = parts.astype(np.int64)
-    voted = _voted(corners, given, _smoothed(given, areas, faces, lengths), areas, faces, lengths)
+    labels = parts.astype(np.int64)
+    voted = _voted(corners, labels, _smoothed(labels, areas, faces, lengths), areas, faces, lengths)
     price = _BOUNDARY * float(np.linalg.norm(np.ptp(positions[np.unique(triangles)], axis=0)))
     return shortened(_smoothed(voted, areas, faces, lengths), areas, faces, price * lengths).astype(np.uint8)
 
 
 def _smoothed(parts: _Index, areas: _Floats, faces: _Index, lengths: _Floats) -> _Index:
     """Return the parts (F,) with stray patches given away; `faces` (E, 2) share edges of `lengths` (E,)."""
-    found = parts
+    smoothed = parts
     for _ in range(_ROUNDS):
-        cut = found[faces[:, 0]] != found[faces[:, 1]]
+        cut = smoothed[faces[:, 0]] != smoothed[faces[:, 1]]
         patches = components(len(parts), faces[~cut])
-        stray = _stray(found, patches, areas, faces[cut])
+        stray = _stray(smoothed, patches, areas, faces[cut])
         if not stray.any():
             break
-        shared = np.zeros((len(stray), int(found.max()) + 1))
+        shared = np.zeros((len(stray), int(smoothed.max()) + 1))
         for one, other in ((0, 1), (1, 0)):
             # Two strays beside each other would only change places.
             firm = cut & ~stray[patches[faces[:, other]]]
-            np.add.at(shared, (patches[faces[firm, one]], found[faces[firm, other]]), lengths[firm])
+            np.add.at(shared, (patches[faces[firm, one]], smoothed[faces[firm, other]]), lengths[firm])
         moved = stray & (shared.sum(1) > 0)
-        found = np.where(moved[patches], shared.argmax(1)[patches], found)
-    return found
+        smoothed = np.where(moved[patches], shared.argmax(1)[patches], smoothed)
+    return smoothed
 
 
 def _voted(corners: _Index, parts: _Index, smooth: _Index, areas: _Floats, faces: _Index, lengths: _Floats) -> _Index:

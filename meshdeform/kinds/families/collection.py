@@ -164,14 +164,14 @@ def _turned_costs(few: Tensor, *, per_axis: bool) -> Tensor:
 
 def _mean_distance(a: Tensor, b: Tensor) -> Tensor:
     """Return the mean distance (B,) between point sets (B, P, 3) and their nearest points in both directions."""
-    found = torch.cdist(a, b)
-    return found.amin(2).mean(1) + found.amin(1).mean(1)
+    distances = torch.cdist(a, b)
+    return distances.amin(2).mean(1) + distances.amin(1).mean(1)
 
 
 def _describe(points: Tensor, normals: Tensor) -> tuple[Tensor, Tensor]:
     """Return features (P, FEATURES) of the samples of one shape and their 8 nearest neighbours (P, 8)."""
     distance = torch.cdist(points, points)
-    found = []
+    features = []
     products = (points[:, :, None] * points[:, None]).reshape(-1, 9)
     for radius in _RADII:
         near = (distance < radius).float()
@@ -181,12 +181,12 @@ def _describe(points: Tensor, normals: Tensor) -> tuple[Tensor, Tensor]:
         values = torch.linalg.eigvalsh(covariance.double()).float().clamp_min(0).sqrt()
         total = values.sum(1).clamp_min(1e-9)
         # How much like a line, and like a body rather than a sheet, the neighbourhood is; and how heavy it is above.
-        found += [(values[:, 2] - values[:, 1]) / total, values[:, 0] / total, (mean - points)[:, 1] / radius]
+        features += [(values[:, 2] - values[:, 1]) / total, values[:, 0] / total, (mean - points)[:, 1] / radius]
     aside = points[:, [0, 2]].norm(dim=1)
-    found += [
+    features += [
         normals[:, 1].abs(),
         points[:, 1] / (points[:, 1].amax() - points[:, 1].amin()).clamp_min(1e-3),
         aside / aside.amax().clamp_min(1e-3),
         distance.mean(1),
     ]
-    return torch.stack(found, 1), distance.topk(9, largest=False).indices[:, 1:]
+    return torch.stack(features, 1), distance.topk(9, largest=False).indices[:, 1:]

@@ -28,26 +28,26 @@ def shortened(parts: _Index, areas: _Floats, faces: _Index, lengths: _Floats) ->
     faces, lengths : (E, 2) int64, (E,) float64
         Triangles that share an edge, and what a boundary there costs, in units of `areas`.
     """
-    found, scale = parts, _UNITS / max(float(areas.sum()), 1e-300)
+    labels, scale = parts, _UNITS / max(float(areas.sum()), 1e-300)
     for _ in range(_ROUNDS):
-        before = found
+        before = labels
         for part in np.unique(parts):
-            found = _expanded(found, int(part), parts, scale * areas, faces, scale * lengths)
-        if (found == before).all():
+            labels = _expanded(labels, int(part), parts, scale * areas, faces, scale * lengths)
+        if (labels == before).all():
             break
-    return found
+    return labels
 
 
-def _expanded(found: _Index, part: int, given: _Index, areas: _Floats, faces: _Index, lengths: _Floats) -> _Index:
+def _expanded(labels: _Index, part: int, fixed: _Index, areas: _Floats, faces: _Index, lengths: _Floats) -> _Index:
     """Return the best parts (F,) where each triangle keeps its own or takes one part."""
     i, j = faces.T
-    neither = lengths * (found[i] != found[j])
-    second, first = lengths * (found[i] != part), lengths * (found[j] != part)  # which one takes the part
-    cost = areas * (part != given) - areas * (found != given)
+    neither = lengths * (labels[i] != labels[j])
+    second, first = lengths * (labels[i] != part), lengths * (labels[j] != part)  # which one takes the part
+    cost = areas * (part != fixed) - areas * (labels != fixed)
     np.add.at(cost, i, first - neither)
     np.add.at(cost, j, -first)
     between, cost = np.rint(second + first - neither).astype(np.int32), np.rint(cost).astype(np.int32)
-    count, every = len(found), np.arange(len(found))
+    count, every = len(labels), np.arange(len(labels))
     takes, keeps, cut = cost > 0, cost < 0, between > 0
     rows = np.concatenate([np.full(takes.sum(), count), every[keeps], i[cut]])
     columns = np.concatenate([every[takes], np.full(keeps.sum(), count + 1), j[cut]])
@@ -58,4 +58,4 @@ def _expanded(found: _Index, part: int, given: _Index, areas: _Floats, faces: _I
     rest.eliminate_zeros()
     kept = np.zeros(count + 2, bool)
     kept[csgraph.breadth_first_order(rest, count, return_predecessors=False)] = True
-    return np.where(kept[:count], found, part)
+    return np.where(kept[:count], labels, part)

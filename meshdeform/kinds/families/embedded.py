@@ -65,15 +65,15 @@ class Embedding:
 
     def _graph(self) -> _Index:
         """Return the edges (E, 2) in both directions between near nodes of one piece."""
-        found: list[_Index] = []
+        edges: list[_Index] = []
         for piece in np.unique(self._components):
             rows = np.flatnonzero(self._components == piece)
             if len(rows) < 2:
                 continue
             near = cKDTree(self._nodes[rows]).query(self._nodes[rows], k=min(_NEIGHBOURS + 1, len(rows)))[1][:, 1:]
             pairs = np.stack([np.repeat(np.arange(len(rows)), near.shape[1]), near.reshape(-1)], 1)
-            found += [rows[pairs], rows[pairs[:, ::-1]]]
-        return np.unique(np.concatenate(found), axis=0) if found else np.empty((0, 2), np.int64)
+            edges += [rows[pairs], rows[pairs[:, ::-1]]]
+        return np.unique(np.concatenate(edges), axis=0) if edges else np.empty((0, 2), np.int64)
 
     def weights(self, points: _Floats, components: _Index) -> tuple[_Index, _Floats]:
         """Return the nodes (P, 4) that move each point, and their weights (P, 4), whose sum is 1.
@@ -107,9 +107,9 @@ class Embedding:
             blocks, residuals = [smooth], [self._smooth_residual(reach)]
             for matrix, pull in fixed:
                 blocks.append(matrix)
-                wanted = pull.targets - pull.points
+                offsets = pull.targets - pull.points
                 moved = self.displacement(pull.points, pull.components)
-                residuals.append(np.sqrt(pull.weight) * (moved - wanted).reshape(-1))
+                residuals.append(np.sqrt(pull.weight) * (moved - offsets).reshape(-1))
             matrix, residual = self._rotation_rows()
             still, held = self._still_rows()
             jacobian = sparse.vstack([*blocks, matrix, still]).tocsc()

@@ -85,9 +85,9 @@ def first_template(collection: Collection, boxed: Tensor, labels: Tensor, count:
             distance = distance.masked_fill(labels[pool][:, :, None] != marks, 10.0)
         gap = distance.amin(2)
         shape = int(gap.clamp_max(0.5).mean(1).argmax())
-        wanted = min(max(count // 20, 1), count - len(points))
-        lacking = gap[shape].topk(min(wanted * 4, gap.shape[1])).indices
-        lacking = lacking[far_apart(boxed[pool[shape]][lacking], min(wanted, len(lacking)))]
+        count_wanted = min(max(count // 20, 1), count - len(points))
+        lacking = gap[shape].topk(min(count_wanted * 4, gap.shape[1])).indices
+        lacking = lacking[far_apart(boxed[pool[shape]][lacking], min(count_wanted, len(lacking)))]
         points = torch.cat([points, boxed[pool[shape]][lacking]])
         features = torch.cat([features, collection.features[pool[shape]][lacking]])
         marks = torch.cat([marks, labels[pool[shape]][lacking]])
@@ -121,13 +121,13 @@ def graph(points: Tensor, labels: Tensor | None = None) -> Tensor:
     distance = torch.cdist(points, points)
     distance.fill_diagonal_(torch.inf)
     count = min(_NEIGHBOURS, len(points) - 1)
-    found = torch.zeros_like(distance)
-    found.scatter_(1, distance.topk(2 if count > 2 else count, largest=False).indices, 1.0)
+    edges = torch.zeros_like(distance)
+    edges.scatter_(1, distance.topk(2 if count > 2 else count, largest=False).indices, 1.0)
     if labels is not None:
         distance = distance.masked_fill(labels[:, None] != labels, 1e3)
     rows = distance.topk(count, largest=False)
-    found.scatter_(1, rows.indices, (rows.values < 1e3).float().maximum(found.gather(1, rows.indices)))
-    return torch.maximum(found, found.T)
+    edges.scatter_(1, rows.indices, (rows.values < 1e3).float().maximum(edges.gather(1, rows.indices)))
+    return torch.maximum(edges, edges.T)
 
 
 @dataclass
@@ -159,7 +159,7 @@ class Inference:
         self.alike = _alike(self.collection)
 
     @classmethod
-    def start(cls, collection: Collection, given: Tensor, count: int, parts: int) -> Inference:
+    def start(cls, collection: Collection, labels: Tensor, count: int, parts: int) -> Inference:
         """Make the templates and begin with each shape's box.
 
         Parameters
@@ -170,18 +170,18 @@ class Inference:
         parts : int
             Number of parts L.
         """
-        shapes, samples = given.shape
+        shapes, samples = labels.shape
         mean = collection.boxes.mean(0)
         boxed = collection.points * (mean / collection.boxes)[:, None]
-        template = first_template(collection, boxed, given, count, parts)
+        template = first_template(collection, boxed, labels, count, parts)
         return cls(
             collection,
             template,
-            given,
+            labels,
             deformed=template.points.expand(shapes, -1, -1).clone(),
             variance=torch.full((shapes, count, 3), _S1),
             mass=torch.full((shapes, count), samples / count),
-            parts=_fixed(torch.full((shapes, samples, parts), 1.0 / parts), given),
+            parts=_fixed(torch.full((shapes, samples, parts), 1.0 / parts), labels),
             crowding=torch.zeros(shapes, count),
             likelihood=torch.zeros(shapes),
             s1=torch.full((3,), _S1),
@@ -232,10 +232,10 @@ class Inference:
             s3 += each @ f.square()
             seen += mass
         samples = self.boxed.shape[0] * self.boxed.shape[1]
-        found = looks / seen[:, None].clamp_min(1e-6)
-        template.features = torch.where(seen[:, None] > 1e-3, found, template.features)
+        means = looks / seen[:, None].clamp_min(1e-6)
+        template.features = torch.where(seen[:, None] > 1e-3, means, template.features)
         # sum q (f_p - f_k)^2 = sum q f_p^2 - sum_k seen_k f_k^2, since f_k is the weighted mean.
-        self.s3 = ((s3 - (seen[:, None] * found.square()).sum(0)) / samples).clamp_min(_LEAST_S3)
+        self.s3 = ((s3 - (seen[:, None] * means.square()).sum(0)) / samples).clamp_min(_LEAST_S3)
         self.s1 = (s1 / samples).float().clamp_min(_LEAST_S1)
         template.points = self.deformed.mean(0)
         i, j = torch.nonzero(self.edges, as_tuple=True)
@@ -253,8 +253,8 @@ class Inference:
         size, look = self.s1.sqrt(), self.s3.sqrt()
         # The squares of both terms are those of one distance.
         features = torch.cat([points / size, self.collection.features[shape] / look], 1)
-        wanted = torch.cat([deformed / size, template.features / look], 1)
-        score = torch.cdist(features, wanted).square_()
+        queries = torch.cat([deformed / size, template.features / look], 1)
+        score = torch.cdist(features, queries).square_()
         score += (self.variance[shape] / self.s1).sum(1)
         score *= -0.5
         score += math.log(_EPSILON) * (1 - self.parts[shape][:, template.labels])
@@ -305,10 +305,10 @@ def _smallest(distance: Tensor, count: int) -> Tensor:
     return torch.from_numpy(np.partition(distance.numpy(), count - 1, axis=1)[:, count - 1].copy())
 
 
-def _fixed(parts: Tensor, given: Tensor) -> Tensor:
+def _fixed(parts: Tensor, labels: Tensor) -> Tensor:
     """Return the probabilities with those of given labels set to 0 and 1."""
-    known = torch.nn.functional.one_hot(given.clamp_min(0), parts.shape[-1]).float()
-    return torch.where((given >= 0)[..., None], known, parts)
+    known = torch.nn.functional.one_hot(labels.clamp_min(0), parts.shape[-1]).float()
+    return torch.where((labels >= 0)[..., None], known, parts)
 
 
 def _alike(collection: Collection) -> Tensor:

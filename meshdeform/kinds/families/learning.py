@@ -72,8 +72,8 @@ class Learning:
         first = torch.bernoulli(data.h1, generator=self.random) if self.epoch < from_below else None
         if self.epoch == from_below:  # errors of reconstructions from the top are others
             self.error = self.best_error = float("inf")
-        made, hidden = machine.reconstruct(top, exists, first)
-        error = float(((points - made).abs() * exists[:, :, None]).sum() / exists.sum().clamp_min(1) / 3)
+        reconstructed, hidden = machine.reconstruct(top, exists, first)
+        error = float(((points - reconstructed).abs() * exists[:, :, None]).sum() / exists.sum().clamp_min(1) / 3)
         known = exists[:, :, None].expand_as(points).reshape(len(points), -1)
         flat = points.reshape(len(points), -1)
         gradient = self._surface(flat.log(), (1 - flat).log(), data, known, 1.0)
@@ -122,13 +122,13 @@ class Learning:
     def _structure(self) -> dict[str, Tensor]:
         exists, machine = self.exists, self.machine
         latent = machine.structure(exists)
-        made = machine.existence(torch.bernoulli(latent, generator=self.random))
-        again = machine.structure(made)
+        existence = machine.existence(torch.bernoulli(latent, generator=self.random))
+        again = machine.structure(existence)
         count = len(exists)
         return {
-            "e0": (exists - made).sum(0) / count,
+            "e0": (exists - existence).sum(0) / count,
             "g0": (latent - again).sum(0) / count,
-            "eg": (exists.T @ latent - made.T @ again) / count,
+            "eg": (exists.T @ latent - existence.T @ again) / count,
         }
 
     def _draw_together(self, gradient: dict[str, Tensor]) -> None:

@@ -48,20 +48,20 @@ def correspondences(inference: Inference) -> Correspondences:
     """Find the surface point nearest to each deformed template point, and whether the point exists on the shape."""
     deformed = inference.deformed / inference.box_scale()
     points = inference.collection.points
-    found = [torch.cdist(d, p).min(1) for d, p in zip(deformed, points, strict=True)]
-    distance = torch.stack([each.values for each in found])
+    matches = [torch.cdist(d, p).min(1) for d, p in zip(deformed, points, strict=True)]
+    distance = torch.stack([each.values for each in matches])
     share = inference.mass / (points.shape[1] / deformed.shape[1])
     exists = ((share >= _MASS) & (distance < _NEAR)).float()
     confidence = torch.exp(-0.5 * (distance / (_NEAR / 2)).square()) * (share / (2 * _MASS)).clamp_max(1.0)
-    return Correspondences(torch.stack([each.indices for each in found]), confidence, exists)
+    return Correspondences(torch.stack([each.indices for each in matches]), confidence, exists)
 
 
-def visible_points(inference: Inference, found: Correspondences) -> tuple[Tensor, Tensor]:
+def visible_points(inference: Inference, matches: Correspondences) -> tuple[Tensor, Tensor]:
     """Return the machine's points (T, K, 3), in [0.25, 0.75], and the scaling (4,): lowest x, y, z, and size."""
     points = inference.collection.points
     low = points.amin((0, 1))
     size = (points.amax((0, 1)) - low).max()
-    chosen = points.gather(1, found.samples[:, :, None].expand(-1, -1, 3))
+    chosen = points.gather(1, matches.samples[:, :, None].expand(-1, -1, 3))
     return LOW + (HIGH - LOW) * (chosen - low) / size, torch.cat([low, size[None]])
 
 

@@ -64,12 +64,12 @@ def completed(
     known = np.isin(family.labels, keep)
     near = _nearest(distances(family, member, known), member)
     base = int(random.choice(near))
-    drawn = _beside(family, base, random, mixed)
+    draw = _beside(family, base, random, mixed)
     own, common = family.points[member], known & family.exists[member] & family.exists[base]
     scale, shift = axis_fit(family.points[base][common], own[common]) if common.any() else (np.ones(3), np.zeros(3))
-    points = np.where(known[:, None], own, drawn.points * scale + shift)
-    sources = {part: members for part, members in drawn.sources.items() if part not in keep}
-    return Drawn(points, np.where(known, family.exists[member], drawn.exists), sources)
+    points = np.where(known[:, None], own, draw.points * scale + shift)
+    sources = {part: members for part, members in draw.sources.items() if part not in keep}
+    return Drawn(points, np.where(known, family.exists[member], draw.exists), sources)
 
 
 def between(family: FamilyFile, pair: Sequence[int], share: float) -> Drawn:

@@ -64,5 +64,5 @@ def line_pictures(asset: Asset) -> NDArray[np.float32]:
 
 def distances(drawing: bytes, assets: Iterable[Asset]) -> _Floats:
     """Return how far the lines of each asset, from the side where they are most alike, are from a drawing."""
-    wanted = gradients(read_drawing(drawing)[None])
-    return np.array([np.linalg.norm(gradients(line_pictures(each)) - wanted, axis=1).min() for each in assets])
+    drawn_gradients = gradients(read_drawing(drawing)[None])
+    return np.array([np.linalg.norm(gradients(line_pictures(each)) - drawn_gradients, axis=1).min() for each in assets])

@@ -21,11 +21,11 @@ def _legs(kind: str, half_width: float, half_depth: float, top: float, thickness
     """Return what carries a seat or a table: four legs, a column on a cross, or two side walls."""
     r = thickness / 2
     if kind == "column":
-        made = {"column": tube([(0, r, 0), (0, top, 0)], [(thickness, thickness)] * 2, sides=16)}
+        parts = {"column": tube([(0, r, 0), (0, top, 0)], [(thickness, thickness)] * 2, sides=16)}
         for i, (x, z) in enumerate(((1, 1), (1, -1), (-1, -1), (-1, 1))):
             end = (0.75 * half_width * x, r, 0.75 * half_depth * z)
-            made[f"foot_{i}"] = tube([(0, 2 * r, 0), end], [(r, r)] * 2)
-        return made
+            parts[f"foot_{i}"] = tube([(0, 2 * r, 0), end], [(r, r)] * 2)
+        return parts
     if kind == "sides":
         return {
             f"side_{name}": box((x * half_width - r, 0, -half_depth), (x * half_width + r, top, half_depth))
@@ -43,8 +43,8 @@ def chair(n: _Numbers, c: _Choices) -> dict[str, Solid]:
     """Return a chair whose seat is at height 0.45."""
     w, d, leg = n["width"] / 2, n["depth"] / 2, n["leg_thickness"]
     low = _SEAT - n["seat_thickness"]
-    made = {"seat": box((-w, low, -d), (w, _SEAT, d))}
-    made |= _legs(c["legs"], w - leg / 2, d - leg / 2, low, leg)
+    parts = {"seat": box((-w, low, -d), (w, _SEAT, d))}
+    parts |= _legs(c["legs"], w - leg / 2, d - leg / 2, low, leg)
     top, thick = _SEAT + n["back_height"], 0.03
 
     def slab(x0: float, x1: float, y0: float, y1: float) -> Solid:
@@ -57,23 +57,23 @@ def chair(n: _Numbers, c: _Choices) -> dict[str, Solid]:
         )
 
     if c["back"] == "panel":
-        made["back"] = slab(-w, w, _SEAT, top)
+        parts["back"] = slab(-w, w, _SEAT, top)
     else:
         post = 0.035
-        made["post_l"], made["post_r"] = slab(-w, -w + post, _SEAT, top), slab(w - post, w, _SEAT, top)
+        parts["post_l"], parts["post_r"] = slab(-w, -w + post, _SEAT, top), slab(w - post, w, _SEAT, top)
         if c["back"] == "slats":
-            made["rail"] = slab(-w + post, w - post, top - 0.06, top)
+            parts["rail"] = slab(-w + post, w - post, top - 0.06, top)
             for i, at in enumerate(np.linspace(-w + post, w - post, 5)[1:-1]):
-                made[f"slat_{i}"] = slab(at - 0.014, at + 0.014, _SEAT, top - 0.06)
+                parts[f"slat_{i}"] = slab(at - 0.014, at + 0.014, _SEAT, top - 0.06)
         else:
             for i, at in enumerate(np.linspace(_SEAT, top, 4)[1:]):
-                made[f"rung_{i}"] = slab(-w + post, w - post, at - 0.05, at)
+                parts[f"rung_{i}"] = slab(-w + post, w - post, at - 0.05, at)
     if c["arms"] == "yes":
         r, high = 0.018, _SEAT + 0.2
         for x, side in ((-1, "l"), (1, "r")):
             path = [(x * (w + r), low, 0.7 * d), (x * (w + r), high, 0.7 * d), (x * (w + r), high, -d)]
-            made[f"arm_{side}"] = tube(path, [(r, r)] * 3, rows=13)
-    return made
+            parts[f"arm_{side}"] = tube(path, [(r, r)] * 3, rows=13)
+    return parts
 
 
 def table(n: _Numbers, c: _Choices) -> dict[str, Solid]:
@@ -82,12 +82,12 @@ def table(n: _Numbers, c: _Choices) -> dict[str, Solid]:
     low = top - n["top_thickness"]
     if c["top"] == "oval":
         disc = lathe([(0, low), (0.5, low), (0.5, top), (0, top)])
-        made = {"top": Solid(disc.verts * [1, 1, 2 * d], disc.faces)}
+        parts = {"top": Solid(disc.verts * [1, 1, 2 * d], disc.faces)}
         reach = 0.68  # legs stay below an oval
     else:
-        made, reach = {"top": box((-0.5, low, -d), (0.5, top, d))}, 1.0
+        parts, reach = {"top": box((-0.5, low, -d), (0.5, top, d))}, 1.0
     inset = leg / 2 + n["inset"]
-    return made | _legs(c["legs"], reach * 0.5 - inset, reach * d - inset, low, leg)
+    return parts | _legs(c["legs"], reach * 0.5 - inset, reach * d - inset, low, leg)
 
 
 def _smooth(points: list[tuple[float, float]], count: int) -> list[tuple[float, float]]:
@@ -102,13 +102,13 @@ def _smooth(points: list[tuple[float, float]], count: int) -> list[tuple[float, 
     row = np.clip(np.searchsorted(y, at, side="right") - 1, 0, len(y) - 2)
     h = y[row + 1] - y[row]
     t = (at - y[row]) / h
-    found = (
+    curve = (
         (2 * t**3 - 3 * t**2 + 1) * r[row]
         + (t**3 - 2 * t**2 + t) * h * slope[row]
         + (3 * t**2 - 2 * t**3) * r[row + 1]
         + (t**3 - t**2) * h * slope[row + 1]
     )
-    return [(float(radius), float(height)) for radius, height in zip(found, at, strict=True)]
+    return [(float(radius), float(height)) for radius, height in zip(curve, at, strict=True)]
 
 
 def _hollow(outside: list[tuple[float, float]], floor: float) -> Solid:
@@ -123,7 +123,7 @@ def vase(n: _Numbers, c: _Choices) -> dict[str, Solid]:
     neck_at = 0.84
     middle = [(n["belly_height"], n["belly"]), (neck_at, n["neck"])]
     outside = _smooth([(0.0, n["foot"]), *middle, (1.0, max(n["lip"], n["neck"] + 0.01))], 24)
-    made = {"body": _hollow(outside, 0.03)}
+    parts = {"body": _hollow(outside, 0.03)}
     # A handle leaves the neck, and comes back on the belly.
     low = 0.6 * n["belly_height"] + 0.4 * neck_at
     start = float(np.interp(low, [y for _, y in outside], [r for r, _ in outside])) - 0.01
@@ -131,8 +131,8 @@ def vase(n: _Numbers, c: _Choices) -> dict[str, Solid]:
     for x in {"none": (), "one": (1,), "two": (1, -1)}[c["handles"]]:
         path = [(n["neck"] * 0.95, neck_at, 0), (0.6 * reach + 0.1, neck_at + 0.06, 0), (reach, neck_at - 0.06, 0)]
         path += [(start, low, 0)]
-        made[f"handle_{'r' if x > 0 else 'l'}"] = tube([(x * a, b, z) for a, b, z in path], [(0.018, 0.018)] * 4)
-    return made
+        parts[f"handle_{'r' if x > 0 else 'l'}"] = tube([(x * a, b, z) for a, b, z in path], [(0.018, 0.018)] * 4)
+    return parts
 
 
 def goblet(n: _Numbers, c: _Choices) -> dict[str, Solid]:
@@ -159,18 +159,18 @@ def lamp(n: _Numbers, c: _Choices) -> dict[str, Solid]:
         angle = np.linspace(0, 0.42 * np.pi, 9)
         outside = [(float(wide * np.cos(a)), float(low + (1 - low) * np.sin(a) / np.sin(angle[-1]))) for a in angle]
     inside = [(radius - _WALL, height - _WALL) for radius, height in reversed(outside)]
-    made = {"shade": lathe([(0, 1.0), *reversed(outside), *reversed(inside), (0, 1.0 - _WALL)])}
-    made["shade"] = Solid(made["shade"].verts, made["shade"].faces[:, ::-1])
+    parts = {"shade": lathe([(0, 1.0), *reversed(outside), *reversed(inside), (0, 1.0 - _WALL)])}
+    parts["shade"] = Solid(parts["shade"].verts, parts["shade"].faces[:, ::-1])
     foot = 0.03 if c["base"] == "disc" else 0.25
-    made["pole"] = tube([(0, foot - 0.01, 0), (0, 1 - 2 * _WALL, 0)], [(r, r)] * 2, sides=12)
+    parts["pole"] = tube([(0, foot - 0.01, 0), (0, 1 - 2 * _WALL, 0)], [(r, r)] * 2, sides=12)
     base = n["base_radius"]
     if c["base"] == "disc":
-        made["base"] = lathe([(0, 0), (base, 0), (base, 0.03), (0, 0.03)])
+        parts["base"] = lathe([(0, 0), (base, 0), (base, 0.03), (0, 0.03)])
     else:
         for i in range(3):
             x, z = float(np.sin(i * 2 * np.pi / 3)), float(np.cos(i * 2 * np.pi / 3))
-            made[f"leg_{i}"] = tube([(base * x, 0.0, base * z), (0, foot, 0)], [(0.8 * r, 0.8 * r)] * 2)
-    return made
+            parts[f"leg_{i}"] = tube([(base * x, 0.0, base * z), (0, foot, 0)], [(0.8 * r, 0.8 * r)] * 2)
+    return parts
 
 
 def airplane(n: _Numbers, c: _Choices) -> dict[str, Solid]:
@@ -178,20 +178,20 @@ def airplane(n: _Numbers, c: _Choices) -> dict[str, Solid]:
     r, span, chord = n["body"], n["span"], n["chord"]
     sizes = [(s * r, s * r) for s in (0.15, 0.7, 1, 1, 0.75, 0.3)]
     body = tube([(0, 0, z) for z in (1, 0.9, 0.65, -0.2, -0.65, -1)], sizes, sides=14, rows=17)
-    made = {"body": body}
+    parts = {"body": body}
     place, low = 0.25, (0.6 if c["wings"] == "high" else -0.4) * r
     for x, side in ((-1, "l"), (1, "r")):
         tip = (x * span, low + 0.05, place - n["sweep"])
-        made[f"wing_{side}"] = plate((x * 0.6 * r, low, place), tip, chord, chord * n["taper"], 0.018)
+        parts[f"wing_{side}"] = plate((x * 0.6 * r, low, place), tip, chord, chord * n["taper"], 0.018)
         up = 0.75 * n["fin"] if c["tail"] == "v" else 0.0
-        made[f"tail_{side}"] = plate((x * 0.2 * r, 0, -0.7), (x * 0.38, up, -0.85), 0.25, 0.13, 0.014)
+        parts[f"tail_{side}"] = plate((x * 0.2 * r, 0, -0.7), (x * 0.38, up, -0.85), 0.25, 0.13, 0.014)
         if c["engines"] == "under_wings":
             at, e = 0.4 * span, 0.05
             z = place - 0.4 * n["sweep"]
             path = [(x * at, low - 1.4 * e, z + 0.12), (x * at, low - 1.4 * e, z - 0.16)]
-            made[f"engine_{side}"] = tube(path, [(e, e)] * 2, sides=12)
+            parts[f"engine_{side}"] = tube(path, [(e, e)] * 2, sides=12)
         elif c["engines"] == "propeller":
-            made[f"blade_{side}"] = tube([(x * 0.01, 0, 1.0), (x * 0.25, 0, 1.0)], [(0.012, 0.03)] * 2)
+            parts[f"blade_{side}"] = tube([(x * 0.01, 0, 1.0), (x * 0.25, 0, 1.0)], [(0.012, 0.03)] * 2)
     if c["tail"] == "cross":
-        made["fin"] = plate((0, 0.2 * r, -0.65), (0, 0.2 * r + n["fin"], -0.88), 0.3, 0.14, 0.014)
-    return made
+        parts["fin"] = plate((0, 0.2 * r, -0.65), (0, 0.2 * r + n["fin"], -0.88), 0.3, 0.14, 0.014)
+    return parts

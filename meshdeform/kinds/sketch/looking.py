@@ -153,15 +153,15 @@ def guess(data: bytes, *, family: str = "") -> list[Guess]:
     probabilities = seen.probabilities.tolist()
     names = list(FAMILIES)
     order = sorted(range(len(names)), key=lambda index: -probabilities[index])
-    wanted = [index for index in order if not family or names[index] == family][:3]
-    found = []
-    for index in wanted:
+    candidates = [index for index in order if not family or names[index] == family][:3]
+    guesses = []
+    for index in candidates:
         name = names[index]
         values = FAMILIES[name].values(seen.shares[name], seen.options[name])
-        found.append(Guess(name, round(probabilities[index], 4), values))
-    return found
+        guesses.append(Guess(name, round(probabilities[index], 4), values))
+    return guesses
 
 
-def is_unsure(found: Sequence[Guess], *, family: str = "") -> bool:
+def is_unsure(guesses: Sequence[Guess], *, family: str = "") -> bool:
     """Return whether a drawing may be of none of the families; never if its `family` was named."""
-    return not family and found[0].probability < SURE
+    return not family and guesses[0].probability < SURE

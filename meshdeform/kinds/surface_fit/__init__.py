@@ -67,10 +67,10 @@ def fit(
     frame = FieldFrame.around(surface.reference.verts)
     verts, faces = base_of(surface.reference, base_faces)
     base = encode_base(frame.enter(verts).clip(-1, 1), faces)
-    found = FieldFit(surface, frame, base.verts, base.faces, FitOptions(steps, **options))
-    for _ in found:
+    fitted = FieldFit(surface, frame, base.verts, base.faces, FitOptions(steps, **options))
+    for _ in fitted:
         pass
-    return write_field(base, found.field, centre=frame.centre, scale=frame.scale, rounding=found.rounding)
+    return write_field(base, fitted.field, centre=frame.centre, scale=frame.scale, rounding=fitted.rounding)
 
 
 def unfold(data: bytes | Path, level: int) -> tuple[_Floats, _Index]:

@@ -29,11 +29,11 @@ def places_of(
     return within_base(faces, level, *SurfaceTree.of(images, level.faces).find(points, normals))
 
 
-def within_base(faces: _Index, level: Level, found: _Index, shares: _Floats) -> tuple[_Index, _Floats]:
+def within_base(faces: _Index, level: Level, faces_at: _Index, shares: _Floats) -> tuple[_Index, _Floats]:
     """Return corners (P, 3) in the base and weights (P, 3) of places on faces (P,) of a level with shares (P, 3)."""
-    owner = faces[found // (len(level.faces) // len(faces))]
+    owner = faces[faces_at // (len(level.faces) // len(faces))]
     # A level's vertices have the corners of one of their faces; express them in those of the face that was found.
-    rows = level.faces[found]
+    rows = level.faces[faces_at]
     same = level.corners[rows][:, :, :, None] == owner[:, None, None, :]
     return owner, np.einsum("pv,pvk,pvkw->pw", shares, level.weights[rows], same.astype(np.float64))
 

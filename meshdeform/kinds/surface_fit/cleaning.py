@@ -62,10 +62,10 @@ def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
             advice="Recalculate the normals to the outside (Blender: Mesh, Normals, Recalculate Outside), and export.",
         )
     split, corners = glued_verts(verts, faces, twin)
-    found = topology(corners, twin)
-    if found.components > _MAX_COMPONENTS:
+    problems = topology(corners, twin)
+    if problems.components > _MAX_COMPONENTS:
         raise AssetError(
-            f"The mesh has {found.components} separate parts; a field can have {_MAX_COMPONENTS}.",
+            f"The mesh has {problems.components} separate parts; a field can have {_MAX_COMPONENTS}.",
             advice="Send one object at a time, or remove the loose parts.",
         )
     cleaned = {
@@ -75,7 +75,7 @@ def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
         "reversed_edges": reversed_edges,
         "separated_vertices": len(split) - len(np.unique(faces)),
     }
-    return CleanMesh(split, corners, twin, found, cleaned)
+    return CleanMesh(split, corners, twin, problems, cleaned)
 
 
 def _reversed(faces: _Index) -> int:

@@ -43,8 +43,8 @@ def collapsed(mesh: CleanMesh, count: int) -> tuple[_Floats, _Index]:
     places, corners = (verts - centre) / size, faces.ravel().copy()
     twin = glue(verts, faces).ravel()
     _collapse(places, corners, twin, _quadrics(places, faces, twin), len(faces) - count)
-    used, found = np.unique(corners[corners >= 0], return_inverse=True)
-    return centre + size * places[used], found.reshape(-1, 3).astype(np.int64)
+    used, numbers = np.unique(corners[corners >= 0], return_inverse=True)
+    return centre + size * places[used], numbers.reshape(-1, 3).astype(np.int64)
 
 
 def _with_unique_edges(mesh: CleanMesh) -> tuple[_Floats, _Index]:

@@ -132,7 +132,7 @@ def write_field(
         With features in the same order.
     """
     networks = [(field.tensors, rounding), *[(each.tensors, each.rounding) for each in scalars]]
-    steps = [given if given is not None else steps_of(tensors) for tensors, given in networks]
+    steps = [steps_given if steps_given is not None else steps_of(tensors) for tensors, steps_given in networks]
     weights = [_numbers(tensors, each) for (tensors, _), each in zip(networks, steps, strict=True)]
     raw = [base.codes, base.steps, *weights]
     packed = [_deflated(part) for part in raw]

@@ -260,8 +260,8 @@ class FieldFit:
         samples, normals = surface_samples(reference.verts, reference.faces, _OTHER_SAMPLES, seed)
         samples, level = self._frame.enter(samples), self._level
         images = self.positions(level.corners, level.weights)
-        found = [*places_of(self.faces, level, images, samples, normals), samples, normals, *self._border_pairs()]
-        tensors = [torch.from_numpy(each) for each in found]
+        others = [*places_of(self.faces, level, images, samples, normals), samples, normals, *self._border_pairs()]
+        tensors = [torch.from_numpy(each) for each in others]
         self._other = [each.float() if each.is_floating_point() else each for each in tensors]
 
     def _border_pairs(self) -> tuple[_Index, _Floats, _Floats, _Floats]:

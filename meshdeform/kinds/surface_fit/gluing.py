@@ -82,12 +82,12 @@ def _partners(verts: _Floats, faces: _Index, edges: _Index, low: _Index, high: _
     around = edges[np.argsort(angles, kind="stable")]
     forward = faces.ravel()[around] == low[edges[0]]
     # The normal of a face that runs forward points to greater angles, out of the solid: its partner is before it.
-    found, count = [], len(around)
+    partners, count = [], len(around)
     for i in np.flatnonzero(forward):
         j = (i - 1) % count
         if not forward[j]:
-            found.append((int(around[i]), int(around[j])))
-    return found
+            partners.append((int(around[i]), int(around[j])))
+    return partners
 
 
 def fans(faces: _Index, twin: _Index) -> tuple[int, _Index]:

@@ -77,13 +77,13 @@ def isosurface(values: _Floats, origin: _Floats, spacing: _Floats) -> tuple[_Flo
     share = flat[edges[:, 0]] / (flat[edges[:, 0]] - flat[edges[:, 1]])
     places = np.stack(np.unravel_index(edges, values.shape), -1)
     verts = origin + spacing * (places[:, 0] + share[:, None] * (places[:, 1] - places[:, 0]))
-    found = faces.reshape(-1, 3).astype(np.int64)
+    triangles = faces.reshape(-1, 3).astype(np.int64)
     outward = spacing * (np.stack(np.unravel_index(ends, values.shape), -1) @ np.eye(3))
     outward = (outward[:, :, 1] - outward[:, :, 0]).sum(1)
-    a, b, c = verts[found].transpose(1, 0, 2)
+    a, b, c = verts[triangles].transpose(1, 0, 2)
     wrong = (np.cross(b - a, c - a) * outward).sum(1) < 0
-    found[wrong] = found[wrong][:, ::-1]
-    return verts, found
+    triangles[wrong] = triangles[wrong][:, ::-1]
+    return verts, triangles
 
 
 def _paths() -> list[_Index]:

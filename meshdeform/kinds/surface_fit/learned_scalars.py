@@ -45,18 +45,18 @@ def learned_scalars(
     order = np.random.default_rng(seed).permutation(len(corners))
     other, known = np.split(order, [math.ceil(len(order) / _KEPT_BACK)])
     fields, facts = [], []
-    for name, wanted, labels in _tasks(samples):
+    for name, values, labels in _tasks(samples):
         learned = learn_scalars(
-            field.verts, corners[known], weights[known], wanted[known],
+            field.verts, corners[known], weights[known], values[known],
             name=name, labels=labels, steps=steps, seed=seed, on_step=on_step,
         )  # fmt: skip
-        found = learned.values(corners[other], weights[other])
+        learned_values = learned.values(corners[other], weights[other])
         if labels:
-            error = float((found.argmax(1) != wanted[other].argmax(1)).mean())
+            error = float((learned_values.argmax(1) != values[other].argmax(1)).mean())
             fact: dict[str, Any] = {"name": name, "pieces": len(labels), "share_wrong": error}
         else:
-            off = np.sqrt(((found - wanted[other]) ** 2).mean(0)) / learned.scale
-            fact = {"name": name, "scalars": wanted.shape[1], "relative_error": float(off.mean())}
+            off = np.sqrt(((learned_values - values[other]) ** 2).mean(0)) / learned.scale
+            fact = {"name": name, "scalars": values.shape[1], "relative_error": float(off.mean())}
         fields.append(learned)
         facts.append(fact)
     return fields, facts
@@ -64,11 +64,11 @@ def learned_scalars(
 
 def _tasks(samples: SampledScalars) -> list[tuple[str, _Floats, list[int]]]:
     """Return names, wanted values (P, C), and the numbers of pieces."""
-    found: list[tuple[str, _Floats, list[int]]] = [(name, values, []) for name, values in samples.values.items()]
+    tasks: list[tuple[str, _Floats, list[int]]] = [(name, values, []) for name, values in samples.values.items()]
     for name, owner in samples.labels.items():
         labels = np.unique(owner)
-        found.append((name, (owner[:, None] == labels).astype(np.float64), labels.tolist()))
-    return found
+        tasks.append((name, (owner[:, None] == labels).astype(np.float64), labels.tolist()))
+    return tasks
 
 
 def check_places(verts: _Floats, faces: _Index, samples: SampledScalars) -> None:

@@ -96,8 +96,8 @@ class Reference:
         """
         values, _ = spectrum(mesh, EIGENVALUES)
         count = min(len(values), len(self.eigenvalues))
-        wanted, found = self.eigenvalues[self.components : count], values[self.components : count]
-        errors = np.abs(found - wanted) / np.maximum(wanted, 1e-300)
+        reference, measured = self.eigenvalues[self.components : count], values[self.components : count]
+        errors = np.abs(measured - reference) / np.maximum(reference, 1e-300)
         near = cKDTree(self._verts).query(verts)[1]
         solver, ours = HeatGeodesics(mesh), cKDTree(verts)
         shares = []
@@ -120,9 +120,9 @@ class Reference:
 
 def spread(verts: _Floats, count: int) -> list[int]:
     """Return vertices that are far from each other, by farthest-point sampling."""
-    found = [int(np.linalg.norm(verts - verts.mean(0), axis=1).argmax())]
-    far = np.linalg.norm(verts - verts[found[0]], axis=1)
-    while len(found) < count:
-        found.append(int(far.argmax()))
-        far = np.minimum(far, np.linalg.norm(verts - verts[found[-1]], axis=1))
-    return found
+    chosen = [int(np.linalg.norm(verts - verts.mean(0), axis=1).argmax())]
+    far = np.linalg.norm(verts - verts[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(far.argmax()))
+        far = np.minimum(far, np.linalg.norm(verts - verts[chosen[-1]], axis=1))
+    return chosen

@@ -103,8 +103,8 @@ def steps_of(tensors: Sequence[Tensor], iterations: int = _OF_ITERATIONS, in_spr
     features, *others = [tensor.detach().double() for tensor in tensors]
     spreads = [*features.square().mean(0).sqrt().tolist(), *[float(each.square().mean().sqrt()) for each in others]]
     largest = [*features.abs().amax(0).tolist(), *[float(each.abs().max()) for each in others]]
-    wanted = [max(s / in_spread, m / _MOST, _LEAST) for s, m in zip(spreads, largest, strict=True)]
-    return [math.ceil(4 * math.log2(step)) for step in wanted]
+    steps = [max(s / in_spread, m / _MOST, _LEAST) for s, m in zip(spreads, largest, strict=True)]
+    return [math.ceil(4 * math.log2(step)) for step in steps]
 
 
 def rounded(tensors: Sequence[Tensor], steps: Sequence[int]) -> list[Tensor]:

@@ -53,10 +53,10 @@ def level_of(faces: _Index, vertices: int, level: int) -> Level:
     begin = vertices + len(edges) * inner
     table[:, interior] = begin + np.arange(len(faces) * per_face).reshape(len(faces), per_face)
     count = begin + len(faces) * per_face
-    corners, found = np.empty((count, 3), np.int64), np.empty((count, 3))
+    corners, coordinates = np.empty((count, 3), np.int64), np.empty((count, 3))
     corners[table.ravel()] = np.repeat(faces, len(weights), 0)
-    found[table.ravel()] = np.tile(weights, (len(faces), 1))
-    return Level(corners, found, table[:, small].reshape(-1, 3))
+    coordinates[table.ravel()] = np.tile(weights, (len(faces), 1))
+    return Level(corners, coordinates, table[:, small].reshape(-1, 3))
 
 
 def divided(verts: _Floats, faces: _Index, fewest: int) -> tuple[_Floats, _Index]:

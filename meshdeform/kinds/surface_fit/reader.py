@@ -45,8 +45,8 @@ class NeuralField:
 
     def unfold(self, level: int) -> tuple[_Floats, _Index]:
         """Return the vertices (V', 3) and faces (F 4^level, 3) of a level: each edge in 2^level parts."""
-        found = level_of(self.faces, len(self.verts), level)
-        return self.evaluate(found.corners, found.weights), found.faces
+        level_places = level_of(self.faces, len(self.verts), level)
+        return self.evaluate(level_places.corners, level_places.weights), level_places.faces
 
 
 def read_field(data: bytes | Path) -> NeuralField:
@@ -75,10 +75,12 @@ def _read(data: bytes) -> NeuralField:
     header = checked_header(json.loads(data[8:at].decode(errors="replace")), len(data) - 4 - at)
     vertices, count = header["vertices"], header["faces"]
     ends = at + np.cumsum([size for size, _ in header["sections"]])
-    found = [_numbers(data[end - size : end], n) for end, (size, n) in zip(ends, header["sections"], strict=True)]
-    faces, verts = _base(found[0], found[1], vertices, count, header["bits"])
+    sections = [_numbers(data[end - size : end], n) for end, (size, n) in zip(ends, header["sections"], strict=True)]
+    faces, verts = _base(sections[0], sections[1], vertices, count, header["bits"])
     networks = [header, *header.get("scalars", [])]
-    weights, *more = [_weights(part, given, vertices) for part, given in zip(found[2:], networks, strict=True)]
+    weights, *more = [
+        _weights(part, described, vertices) for part, described in zip(sections[2:], networks, strict=True)
+    ]
     features, layers = network_of(weights, vertices, header["features"], header["widths"])
     return NeuralField(header, verts, faces, features, layers, more)
 
@@ -113,10 +115,10 @@ def _numbers(data: bytes, size: int) -> NDArray[np.uint16]:
     return np.frombuffer(np.frombuffer(out, np.uint8).reshape(2, -1).T.tobytes(), "<u2")
 
 
-def _weights(part: NDArray[Any], given: dict[str, Any], vertices: int) -> NDArray[np.float32]:
+def _weights(part: NDArray[Any], described: dict[str, Any], vertices: int) -> NDArray[np.float32]:
     """Return features, weights and biases: whole multiples of steps 2^(n / 4)."""
-    counts = [n for before, after in itertools.pairwise(given["widths"]) for n in (after * before, after)]
-    channels, others = np.split(2.0 ** (np.array(given["steps"]) / 4), [-len(counts)])
+    counts = [n for before, after in itertools.pairwise(described["widths"]) for n in (after * before, after)]
+    channels, others = np.split(2.0 ** (np.array(described["steps"]) / 4), [-len(counts)])
     signed = (part >> 1) ^ -(part & 1).astype(np.int64)  # zigzag
     return np.asarray(signed * np.concatenate([np.tile(channels, vertices), np.repeat(others, counts)]), np.float32)
 

@@ -71,8 +71,8 @@ class ScalarField(FieldNetwork):
     @torch.no_grad()
     def values(self, corners: _Index, weights: _Floats) -> _Floats:
         """Return the scalars (P, C) float64 at places, as `patches.level_of` gives them."""
-        found = self.at(torch.from_numpy(corners), torch.from_numpy(weights).float())
-        return np.asarray(self.offset + self.scale * found.double().numpy())
+        predicted = self.at(torch.from_numpy(corners), torch.from_numpy(weights).float())
+        return np.asarray(self.offset + self.scale * predicted.double().numpy())
 
     @property
     def header(self) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def learn_scalars(
     """
     offset = np.zeros(values.shape[1]) if labels else values.mean(0)
     scale = np.ones(values.shape[1]) if labels else np.maximum(values.std(0), 1e-12)
-    wanted = torch.from_numpy((values - offset) / scale).float()
+    target = torch.from_numpy((values - offset) / scale).float()
     places, shares = torch.from_numpy(corners), torch.from_numpy(weights).float()
     tensors = _random(verts, values.shape[1], seed)
     field = ScalarField(name, tensors, offset, scale, labels)
@@ -152,11 +152,11 @@ def learn_scalars(
             rounding = steps_of(tensors, in_spread=in_spread)
         rows = torch.randint(0, len(values), (min(_BATCH, len(values)),), generator=generator)
         used = field if rounding is None else field.rounded(rounding)
-        found = used.at(places[rows], shares[rows])
+        prediction = used.at(places[rows], shares[rows])
         if labels:
-            loss = functional.binary_cross_entropy_with_logits(found, wanted[rows])
+            loss = functional.binary_cross_entropy_with_logits(prediction, target[rows])
         else:
-            loss = (found - wanted[rows]).square().mean()
+            loss = (prediction - target[rows]).square().mean()
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         fall = _LAST_RATE + (1 - _LAST_RATE) * 0.5 * (1 + math.cos(math.pi * step / steps))

@@ -46,18 +46,18 @@ def read_scalars(field: NeuralField) -> list[SurfaceScalars]:
     """
     try:
         return [
-            _read(given, rest, len(field.verts))
-            for given, rest in zip(field.header.get("scalars", []), field.more, strict=True)
+            _read(described, rest, len(field.verts))
+            for described, rest in zip(field.header.get("scalars", []), field.more, strict=True)
         ]
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError("The .ndf contradicts itself.") from error
 
 
-def _read(given: dict[str, object], rest: NDArray[np.float32], vertices: int) -> SurfaceScalars:
-    widths: list[int] = [int(width) for width in given["widths"]]  # type: ignore[attr-defined]
+def _read(described: dict[str, object], rest: NDArray[np.float32], vertices: int) -> SurfaceScalars:
+    widths: list[int] = [int(width) for width in described["widths"]]  # type: ignore[attr-defined]
     features, layers = network_of(rest, vertices, widths[0], widths)
-    offset, scale = (np.array(given[name], np.float64).reshape(widths[-1]) for name in ("offset", "scale"))
-    labels = [int(label) for label in given.get("labels", [])]  # type: ignore[attr-defined]
+    offset, scale = (np.array(described[name], np.float64).reshape(widths[-1]) for name in ("offset", "scale"))
+    labels = [int(label) for label in described.get("labels", [])]  # type: ignore[attr-defined]
     if len(labels) not in (0, widths[-1]):
         raise ValueError("sizes")
-    return SurfaceScalars(str(given["name"]), labels, offset, scale, features, layers)
+    return SurfaceScalars(str(described["name"]), labels, offset, scale, features, layers)

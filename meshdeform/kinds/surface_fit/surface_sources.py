@@ -145,16 +145,16 @@ class PointSurface:
         # Neighbours on the other side of a thin wall do not count.
         facing = np.clip((directions * normals[:, None]).sum(2), 0.0, 1.0) + 1e-6
         facing[(normals == 0).all(1)] = 1.0
-        found = points
+        projected = points
         for _ in range(_NEWTON_STEPS):
-            apart = found[:, None] - places
+            apart = projected[:, None] - places
             weights = facing * np.exp(-(apart**2).sum(2) / (2 * self._width**2)) + 1e-12 * facing
             weights /= weights.sum(1, keepdims=True)
             normal = (weights[:, :, None] * directions).sum(1)
             normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
             height = (weights * (apart * directions).sum(2)).sum(1)
-            found = found - height[:, None] * normal
-        return found, normal
+            projected = projected - height[:, None] * normal
+        return projected, normal
 
 
 class _Implicit(_Sampled):
@@ -167,7 +167,7 @@ class _Implicit(_Sampled):
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:  # noqa: ARG002 - a field has sides
         """Return points of the zero set and the directions of the gradient there."""
-        found, directions = np.empty_like(points), np.empty_like(points)
+        projected, directions = np.empty_like(points), np.empty_like(points)
         for start in range(0, len(points), _CHUNK):
             at = torch.from_numpy(points[start : start + _CHUNK])
             for _ in range(_NEWTON_STEPS):
@@ -177,9 +177,9 @@ class _Implicit(_Sampled):
                 length = step.norm(dim=1, keepdim=True).clamp_min(1e-300)
                 at = at - step * (self._reach / length).clamp_max(1.0)
             gradient = self._value(at)[1]
-            found[start : start + _CHUNK] = at.numpy()
+            projected[start : start + _CHUNK] = at.numpy()
             directions[start : start + _CHUNK] = functional.normalize(gradient, dim=1).numpy()
-        return found, directions
+        return projected, directions
 
 
 class GridSurface(_Implicit):
@@ -267,9 +267,9 @@ def _reference(verts: _Floats, faces: _Index, surface: Surface, base_faces: int,
             advice=f"Set it higher (the limit is {MAX_BASE_FACES}), or smooth the values of a grid or network, and "
             "check the normals of points.",
         )
-    found = clean(verts, faces)
-    moved, _ = surface.project(found.verts, np.zeros_like(found.verts))
-    return replace(found, verts=moved)
+    cleaned = clean(verts, faces)
+    moved, _ = surface.project(cleaned.verts, np.zeros_like(cleaned.verts))
+    return replace(cleaned, verts=moved)
 
 
 def _largest(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index]:

@@ -231,8 +231,12 @@ def suggest(
     chosen = list(nouns) or [noun for word in corrected if (noun := noun_of(word, words))]
     near: dict[str, list[str]] = {}
     if not chosen:
-        near = {word: found for word in unknown if word not in corrections and (found := nearest_nouns(word, words))}
-        chosen = [noun for found in near.values() for noun in found]
+        near = {
+            word: near_nouns
+            for word in unknown
+            if word not in corrections and (near_nouns := nearest_nouns(word, words))
+        }
+        chosen = [noun for near_nouns in near.values() for noun in near_nouns]
     prompts: list[str] = []
     for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in words.nouns] or words.nouns):
         candidates = [*_of_whole(whole), *_of_parts(noun, parts, words)]
@@ -248,24 +252,24 @@ def _of_whole(words: Iterable[str]) -> list[Attribute]:
 
 
 def _of_parts(noun: str, parts: Iterable[tuple[str, Sequence[str]]], words: Words) -> list[Attribute]:
-    found = []
+    attributes = []
     for part, sizes in parts:
         if part in words.nouns[noun]:
             degrees = [degree for size in sizes if (degree := degree_of(size, part))]
-            found += [Attribute(part, degree) for degree in degrees or PARTS[part]]
-    return found
+            attributes += [Attribute(part, degree) for degree in degrees or PARTS[part]]
+    return attributes
 
 
 def _fitted(noun: str, candidates: Iterable[Attribute]) -> ParsedPrompt:
     """Take each attribute that does not contradict those before it."""
-    taken: list[Attribute] = []
+    fitted: list[Attribute] = []
     for attribute in candidates:
-        of_whole = {other.degree for other in [*taken, attribute] if other.part == "whole"}
+        of_whole = {other.degree for other in [*fitted, attribute] if other.part == "whole"}
         clash = any(pair <= of_whole for pair in OPPOSITES)
-        sized = attribute.part != "whole" and any(other.part == attribute.part for other in taken)
-        if attribute not in taken and not clash and not sized and len(taken) < MAX_ATTRIBUTES:
-            taken.append(attribute)
-    return ParsedPrompt(noun, tuple(sorted(taken, key=ATTRIBUTES.index)))
+        sized = attribute.part != "whole" and any(other.part == attribute.part for other in fitted)
+        if attribute not in fitted and not clash and not sized and len(fitted) < MAX_ATTRIBUTES:
+            fitted.append(attribute)
+    return ParsedPrompt(noun, tuple(sorted(fitted, key=ATTRIBUTES.index)))
 
 
 def _advice(known: Words) -> str:
@@ -299,17 +303,19 @@ class _Reading:
 
     def refusal(self, detail: str, unknown: list[str]) -> VocabularyError:
         """Return an error with whole prompts that work instead, and with the vocabulary as data."""
-        found = suggest(self.nouns, self.whole, self.parts, self.unknown, self.known)
+        suggestion = suggest(self.nouns, self.whole, self.parts, self.unknown, self.known)
         offer = (
-            f"Did you mean {_listed(found.prompts, 'or')}?" if found.near else f"Try {_listed(found.prompts, 'or')}."
+            f"Did you mean {_listed(suggestion.prompts, 'or')}?"
+            if suggestion.near
+            else f"Try {_listed(suggestion.prompts, 'or')}."
         )
         return VocabularyError(
             detail,
             advice=f"{offer} {_advice(self.known)}",
             unknown=unknown,
-            suggestions=found.prompts,
-            corrections=found.corrections,
-            nearest=found.nearest,
+            suggestions=suggestion.prompts,
+            corrections=suggestion.corrections,
+            nearest=suggestion.nearest,
             nouns=sorted(self.known.nouns),
             attributes=[*ADJECTIVES, *(f"{low}/{high} {part}" for part, (low, high) in PARTS.items())],
         )
@@ -390,11 +396,11 @@ def _split(prompt: str, known: Words) -> list[str]:
     text = prompt.lower().replace("low poly", "low-poly")
     for compound in sorted((name for name in (*known.nouns, *known.synonyms) if "-" in name), key=len, reverse=True):
         text = re.sub(rf"\b{compound.replace('-', '[ -]+')}(?=s?\b)", compound, text)
-    found: list[str] = []
+    words: list[str] = []
     for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", text):
         pieces = [word] if noun_of(word, known) else word.split("-")
-        found += pieces if all(is_known(piece, known) for piece in pieces) else [word]
-    return _in_english(found, known)
+        words += pieces if all(is_known(piece, known) for piece in pieces) else [word]
+    return _in_english(words, known)
 
 
 def _in_english(words: list[str], known: Words) -> list[str]:
@@ -407,9 +413,9 @@ def _in_english(words: list[str], known: Words) -> list[str]:
 def _assemble(reading: _Reading) -> ParsedPrompt:
     """Check that known words fit together, and put them in canonical order."""
     if len(set(reading.nouns)) != 1:
-        found = f"{_listed(dict.fromkeys(reading.nouns), 'and')} were found" if reading.nouns else "None was found"
+        sentence = f"{_listed(dict.fromkeys(reading.nouns), 'and')} were found" if reading.nouns else "None was found"
         raise reading.refusal(
-            f"The built-in model needs exactly one object in the prompt, such as 'a mushroom'. {found}.", []
+            f"The built-in model needs exactly one object in the prompt, such as 'a mushroom'. {sentence}.", []
         )
     noun = reading.nouns[0]
     parts_of_noun = reading.known.nouns[noun]
@@ -488,17 +494,17 @@ _SPANISH = 1
 @lru_cache(maxsize=1)
 def _languages() -> tuple[dict[str, str], ...]:
     """Return the English word of each word, by language."""
-    found: tuple[dict[str, str], ...] = ({}, {})
+    tables: tuple[dict[str, str], ...] = ({}, {})
     for line in _TABLE.read_text(encoding="utf-8").splitlines():
         if not line.startswith("#"):
             english, *others = line.split("|")
-            for language, words in zip(found, others, strict=True):
+            for language, words in zip(tables, others, strict=True):
                 for word in words.split():
                     language.setdefault(word, english.strip())
-    for language in found:  # accents tell "Höcker" from "Hocker" where they are written
+    for language in tables:  # accents tell "Höcker" from "Hocker" where they are written
         for word in list(language):
             language.setdefault(_plain(word), language[word])
-    return found
+    return tables
 
 
 def _plain(word: str) -> str:

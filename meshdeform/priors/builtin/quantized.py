@@ -163,7 +163,7 @@ def quantize_normed(
     size = channels // groups
     for n in range(batch):
         _measure(x[n].reshape(height * width, channels), total, squares, lows, highs)
-        low, high, given = 0.0, 0.0, n % len(gain)
+        low, high, row = 0.0, 0.0, n % len(gain)
         for begin in range(0, channels, size):
             end, count = begin + size, size * height * width
             sum_1, sum_2 = 0.0, 0.0
@@ -173,8 +173,8 @@ def quantize_normed(
             mean = sum_1 / count
             scale = 1.0 / np.sqrt(max(sum_2 / count - mean * mean, 0.0) + _EPSILON)
             for c in range(begin, end):
-                product = scale * gain[given, c]
-                offset = shift[given, c] - mean * product
+                product = scale * gain[row, c]
+                offset = shift[row, c] - mean * product
                 a[c], b[c] = product, offset
                 one, other = product * lows[c] + offset, product * highs[c] + offset
                 low = min(low, one, other)
@@ -296,18 +296,18 @@ def _room(rows: _Floats, border: int) -> _Levels:
 
 def _levels(rows: _Floats, border: int = 0) -> _Levels:
     """Quantise pictures (B, H, W, C)."""
-    made = _room(rows, border)
-    quantize(rows, border, made.values, made.steps)
-    return made
+    levels = _room(rows, border)
+    quantize(rows, border, levels.values, levels.steps)
+    return levels
 
 
 def _normed(
     rows: _Floats, gain: _Floats, shift: _Floats, groups: int, *, silu: bool = True, border: int = 1
 ) -> _Levels:
     """Quantise pictures (B, H, W, C) after a group norm, scaled and shifted by (B, C) each, and SiLU."""
-    made = _room(rows, border)
-    quantize_normed(rows, gain, shift, groups, silu, border, made.values, made.steps)
-    return made
+    normed = _room(rows, border)
+    quantize_normed(rows, gain, shift, groups, silu, border, normed.values, normed.steps)
+    return normed
 
 
 class _Norm(nn.Module):
@@ -445,7 +445,7 @@ def quantized(network: PriorNetwork) -> PriorNetwork:
     layers = dict(network.named_modules())
     blocks = {name: layer for name, layer in layers.items() if isinstance(layer, ResidualBlock)}
     begins = accumulate((2 * block.norm_out.num_channels for block in blocks.values()), initial=0)
-    made: dict[str, nn.Module] = {
+    modules: dict[str, nn.Module] = {
         "modulate": _Modulation(blocks.values()),
         "norm": _Norm(network.norm),
         "activation": nn.Identity(),
@@ -453,7 +453,7 @@ def quantized(network: PriorNetwork) -> PriorNetwork:
         **{name: _ResidualBlock(block, begin) for (name, block), begin in zip(blocks.items(), begins, strict=False)},
         **{name: _AttentionBlock(layer) for name, layer in layers.items() if isinstance(layer, AttentionBlock)},
     }
-    for name, layer in made.items():
+    for name, layer in modules.items():
         parent, _, last = name.rpartition(".")
         setattr(network.get_submodule(parent), last, layer)
     return network

@@ -147,8 +147,8 @@ def read_metadata(path: Path) -> dict[str, str]:
             f"The file {path} has no weights of the builtin prior.",
             advice=f"Single files of other models are not read. {CONVERT}",
         )
-    found = header.get("__metadata__") or {}
-    return {str(key): str(value) for key, value in found.items()}
+    metadata = header.get("__metadata__") or {}
+    return {str(key): str(value) for key, value in metadata.items()}
 
 
 def check(path: Path) -> Words:

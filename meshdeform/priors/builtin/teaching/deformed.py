@@ -151,10 +151,10 @@ def deformed(part: Part, attributes: Iterable[Attribute], rng: Rng) -> Part:
 
     All deformations preserve the orientation of the faces.
     """
-    wanted = {attribute.degree for attribute in attributes if attribute.part == "whole"}
+    degrees = {attribute.degree for attribute in attributes if attribute.part == "whole"}
     shape = normalised(part)
     for word, apply in WHOLE.items():
-        if word in wanted:
+        if word in degrees:
             shape = normalised(Part(apply(shape.verts, rng), shape.faces))
     return shape
 
@@ -232,8 +232,8 @@ def single_views(shape: Part, count: int, generator: torch.Generator) -> tuple[T
     images, azimuths = [], []
     with torch.no_grad():
         for _ in range(count):
-            drawn = sample_orthogonal_cameras(CAMERAS, generator)
-            camera = fixed_cameras(drawn.azimuth_deg, drawn.elevation_deg[:1], drawn.fov_deg, views=1)
+            cameras = sample_orthogonal_cameras(CAMERAS, generator)
+            camera = fixed_cameras(cameras.azimuth_deg, cameras.elevation_deg[:1], cameras.fov_deg, views=1)
             view = renderer.render(verts, camera)[0].permute(2, 0, 1)
             images.append((view * 255.0).round().clamp(0, 255).to(torch.uint8))
             azimuths.append(camera.azimuth_deg)

@@ -66,9 +66,10 @@ def new_noun(name: str, known: Words, *, synonyms: Sequence[str] = (), replace_k
             f"The model knows {noun!r} already.",
             advice="Choose another name, or give the word a new meaning with --replace.",
         )
-    if taken := [word for word in others if word in known.nouns]:
+    if known_words := [word for word in others if word in known.nouns]:
         raise ParameterError(
-            f"{taken[0]!r} is a noun of its own and cannot be a synonym of {noun!r}.", advice="Leave this synonym out."
+            f"{known_words[0]!r} is a noun of its own and cannot be a synonym of {noun!r}.",
+            advice="Leave this synonym out.",
         )
     if not replaces and len(known.nouns) >= MAX_NOUNS:
         raise ParameterError(
@@ -96,29 +97,29 @@ def new_nouns(
     `labels`: by name, what meshes are labelled with; `synonyms`: other names of the only noun. Raises ParameterError:
     as `new_noun`, for all names at once.
     """
-    made: list[NewNoun] = []
+    nouns: list[NewNoun] = []
     refused: list[ParameterError] = []
     for name, attributes in labels.items():
-        words = made[-1].words if made else known
+        words = nouns[-1].words if nouns else known
         try:
             new = new_noun(name, words, synonyms=synonyms, replace_known=replace_known)
         except ParameterError as error:
             refused.append(error)
         else:
-            if any(new.noun == other.noun for other in made):
+            if any(new.noun == other.noun for other in nouns):
                 raise ParameterError(f"{name!r} and {new.noun!r} are one noun.", advice="Put its meshes in one folder.")
-            made.append(new.with_parts([attribute.part for attribute in attributes]))
+            nouns.append(new.with_parts([attribute.part for attribute in attributes]))
     if refused:
         raise ParameterError(" ".join(error.detail for error in refused[:_TOLD]), advice=refused[0].advice_text)
-    return made
+    return nouns
 
 
 def _canonical(name: str) -> str:
     """Return a name in small letters without its article, its words joined by hyphens."""
-    found = [word for word in re.split(r"[\s-]+", name.strip().lower()) if word]
-    if found[:1] and found[0] in ("a", "an", "the"):
-        found = found[1:]
-    noun = "-".join(found)
+    words = [word for word in re.split(r"[\s-]+", name.strip().lower()) if word]
+    if words[:1] and words[0] in ("a", "an", "the"):
+        words = words[1:]
+    noun = "-".join(words)
     if not _NOUN.fullmatch(noun) or len(noun) > _LONGEST:
         raise ParameterError(
             f"{name!r} is no noun that can be taught.",
@@ -171,20 +172,20 @@ def attributes_of_folder(name: str, new: NewNoun) -> tuple[Attribute, ...]:
     sized = any(part_of(word) is not None for word in words)
     prompt = f"{new.noun} with {text}" if sized else f"{text} {new.noun}"
     try:
-        found = parse(prompt, every).attributes
+        attributes = parse(prompt, every).attributes
     except (PromptError, VocabularyError) as error:
         raise ParameterError(
             f"The folder {name!r} does not name attributes of a {new.noun}: {error.detail}",
             advice=f"Name it by adjectives ({', '.join(ADJECTIVES)}) or by one sized part (long neck, big handle), "
             "or give the files themselves instead of their folder.",
         ) from error
-    if missing := [attribute.part for attribute in found if attribute.part not in new.words.tokens]:
+    if missing := [attribute.part for attribute in attributes if attribute.part not in new.words.tokens]:
         raise ParameterError(
             f"The folder {name!r} names a part that these weights do not know: {missing[0]}.",
             advice="Start from the weights in the package, or give the files themselves instead of their folder.",
         )
-    if not found:
+    if not attributes:
         raise ParameterError(
             f"The folder {name!r} does not name attributes of a {new.noun}.", advice="Rename it, or give its files."
         )
-    return found
+    return attributes

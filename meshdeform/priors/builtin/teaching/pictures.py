@@ -106,27 +106,27 @@ def draw_lesson(
     several = len(shapes) > 1
     if several:
         size = replace(size, members=size.members_each)
-    drawn = {
+    pictures = {
         noun: _of_noun(noun, words, own, size, seed + number, _HELD_MEMBERS_EACH if several else _HELD_MEMBERS)
         for number, (noun, own) in enumerate(shapes.items())
     }
     shipped = shipped_pictures(words)
-    old = [noun for noun in words.nouns if noun in shipped and noun not in drawn and noun not in replayed]
+    old = [noun for noun in words.nouns if noun in shipped and noun not in pictures and noun not in replayed]
     replay = [*(shipped[noun].training for noun in old), *replayed.values()]
     held_old = [
         shipped[noun].held_out for number, noun in enumerate(old) if number * _HELD_NOUNS % len(old) < _HELD_NOUNS
     ]
-    new = joined([each.training for each in drawn.values()])
-    order, most = torch.Generator().manual_seed(seed), max(KEPT_PICTURES // len(drawn), _FEWEST_KEPT)
+    new = joined([each.training for each in pictures.values()])
+    order, most = torch.Generator().manual_seed(seed), max(KEPT_PICTURES // len(pictures), _FEWEST_KEPT)
     repeats = max(1, round(len(new) * _OLD_TO_NEW / max(sum(map(len, replay)), 1)))
     return LessonPictures(
         joined([new, *replay * repeats]),
-        joined([each.held_out for each in drawn.values()]),
+        joined([each.held_out for each in pictures.values()]),
         joined(held_old),
-        frozenset(each.held_mesh for each in drawn.values() if each.held_mesh),
+        frozenset(each.held_mesh for each in pictures.values() if each.held_mesh),
         {
             noun: each.training.rows(torch.randperm(len(each.training), generator=order)[:most])
-            for noun, each in drawn.items()
+            for noun, each in pictures.items()
         },
     )
 
@@ -356,15 +356,15 @@ def seen_turned(shapes: Sequence[Shape]) -> dict[str, int]:
         return {}
     views = np.stack([four_views(shape.part) for shape in shapes])
     total = views.sum(0)
-    found = {}
+    turns = {}
     for number, shape in enumerate(shapes):
         others = (total - views[number]) / (len(shapes) - 1)
         # The front at azimuth 90 k shows in view k.
         apart = [float(np.square(np.roll(views[number], -k, 0) - others).mean()) for k in range(4)]
         best = int(np.argmin(apart))
         if best and apart[best] < _CLEARLY * apart[0]:
-            found[shape.name] = 90 * best
-    return found
+            turns[shape.name] = 90 * best
+    return turns
 
 
 def prompt_of(noun: str, attributes: Sequence[Attribute]) -> ParsedPrompt:

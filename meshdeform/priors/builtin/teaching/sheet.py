@@ -107,8 +107,8 @@ def _sheet_of_kit(network: PriorNetwork, words: Words, seen: Mapping[str, Pictur
     for noun, pictures in seen.items():
         azimuths = torch.tensor(_AZIMUTHS[:3]) + 30.0
         prompts = [str(ParsedPrompt(noun))] * len(azimuths)
-        made = sample(network, prompts, azimuths, steps=_STEPS, seed=seed, single=True, words=words, eta=1.0)
-        rows.append(torch.cat([_training(pictures, 1), made]))
+        samples = sample(network, prompts, azimuths, steps=_STEPS, seed=seed, single=True, words=words, eta=1.0)
+        rows.append(torch.cat([_training(pictures, 1), samples]))
     return contact_sheet(rows, [f"{noun}: from the training, learned" for noun in seen], columns=2)
 
 

@@ -104,9 +104,9 @@ class Trainer:
     def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]:
         """Draw noisy pictures, timesteps, tokens, azimuths, single-view flags and clean pictures from the generator."""
         size, draw = self.config.batch, self.generator
-        drawn = self.data.sample(size, draw)
-        clean = drawn.images.to(self.device).float() / 127.5 - 1.0
-        tokens = drawn.tokens
+        sampled = self.data.sample(size, draw)
+        clean = sampled.images.to(self.device).float() / 127.5 - 1.0
+        tokens = sampled.tokens
         tokens[torch.rand(size, generator=draw) < self.config.text_dropout] = 0
         share = (torch.rand(1, generator=draw) + torch.arange(size) / size) % 1.0
         noisy_part = _NOISY_FROM + (1 - _NOISY_FROM) * share / _NOISY_SHARE
@@ -114,7 +114,7 @@ class Trainer:
         timestep = (level * NUM_TIMESTEPS).long().clamp_max(NUM_TIMESTEPS - 1).to(self.device)
         noise = torch.randn(clean.shape, generator=draw).to(self.device)
         noisy = add_noise(clean, noise, timestep, self.alphas_cumprod).contiguous(memory_format=torch.channels_last)
-        azimuth_deg, single = drawn.azimuth_deg.to(self.device), drawn.single.to(self.device)
+        azimuth_deg, single = sampled.azimuth_deg.to(self.device), sampled.single.to(self.device)
         return noisy, timestep, tokens.to(self.device), azimuth_deg, single, clean
 
     def learning_rate(self) -> float:
@@ -204,12 +204,12 @@ def extended(network: PriorNetwork, known: Words, new: NewNoun, seed: int) -> Pr
     state = {name: tensor for name, tensor in network.state_dict().items() if name != _WORDS}
     rows = network.state_dict()[_WORDS]
     numbers = [known.tokens.index(noun) for noun in known.nouns]
-    made = new_rows(rows[numbers], 1, torch.Generator().manual_seed(seed))
+    rows_new = new_rows(rows[numbers], 1, torch.Generator().manual_seed(seed))
     if new.replaces:
         rows = rows.clone()
-        rows[known.tokens.index(new.noun)] = made[0]
+        rows[known.tokens.index(new.noun)] = rows_new[0]
     else:
-        rows = torch.cat([rows, made])
+        rows = torch.cat([rows, rows_new])
     copy.load_state_dict({**state, _WORDS: rows})
     return copy
 
@@ -383,7 +383,7 @@ def retrieved(
     generator = torch.Generator().manual_seed(seed)
     tokens = torch.tensor([tokenise(ParsedPrompt(noun), words) for noun in candidates], device=device)
     texts = network.text(tokens)
-    found = []
+    nouns = []
     for row in range(len(pictures)):
         clean = pictures.images[row : row + 1].to(device).float() / 127.5 - 1.0
         errors = torch.zeros(len(candidates), device=device)
@@ -397,8 +397,8 @@ def retrieved(
                 single = pictures.single[row].to(device).expand(len(some))
                 predicted = network(inputs, timestep.expand(len(some)), texts[some], azimuth, single)
                 errors[some] += (predicted - clean).square().mean((1, 2, 3))
-        found.append(candidates[int(errors.argmin())])
-    return found
+        nouns.append(candidates[int(errors.argmin())])
+    return nouns
 
 
 def interval(hits: int, count: int) -> tuple[float, float]:
