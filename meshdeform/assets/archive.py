@@ -164,7 +164,7 @@ def _entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipI
             advice="Pack only the asset and the files that it needs.",
         )
     limits.check_bytes(sum(entry.file_size for entry in entries), "The ZIP unpacks to")
-    found: dict[str, zipfile.ZipInfo] = {}
+    by_name: dict[str, zipfile.ZipInfo] = {}
     for entry in entries:
         name = _decoded(entry).replace("\\", "/")
         if not name or name.endswith("/") or name.startswith("__MACOSX/"):
@@ -183,13 +183,13 @@ def _entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipI
                 f"The ZIP compresses {name[:100]!r} by a method other than Deflate.", advice="Pack it with Deflate."
             )
         name = posixpath.normpath(name)
-        if name in found:
+        if name in by_name:
             raise AssetError(
                 f"The ZIP holds two files named {name[:100]!r}.",
                 advice="Give each a name of its own, and pack them again.",
             )
-        found[name] = entry
-    return found
+        by_name[name] = entry
+    return by_name
 
 
 def _decoded(entry: zipfile.ZipInfo) -> str:

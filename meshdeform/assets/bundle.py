@@ -37,14 +37,16 @@ def pack_gltf(archive: Archive, limits: Limits) -> bytes:
         uri = buffer.get("uri")
         if uri is None or _is_data(uri):
             continue
-        found = archive.find(uri)
-        if found is None:
+        content = archive.find(uri)
+        if content is None:
             raise AssetExternalError(
                 f"buffers[{i}] refers to a file that the ZIP does not hold: {uri[:80]!r}.", advice="Add it to the ZIP."
             )
-        if len(found) < buffer["byteLength"]:
-            raise AssetTruncatedError(f"buffers[{i}] has {buffer['byteLength']} bytes, but {uri[:80]!r} {len(found)}.")
-        document.attach_buffer(i, found)
+        if len(content) < buffer["byteLength"]:
+            raise AssetTruncatedError(
+                f"buffers[{i}] has {buffer['byteLength']} bytes, but {uri[:80]!r} {len(content)}."
+            )
+        document.attach_buffer(i, content)
     for image in objects(document.root, "images"):
         uri = image.get("uri", "data:")
         pixels = None if _is_data(uri) else archive.find(uri)
@@ -111,10 +113,10 @@ class _Folder:
         """Read the file that a link in the folder `beside` means, and return its name; None if there is none."""
         name = posixpath.normpath(posixpath.join(beside, link))
         if not self._is_inside(name):
-            found = self._names.find(link, beside)
-            if found is None or not self._is_inside(found[0]):
+            entry = self._names.find(link, beside)
+            if entry is None or not self._is_inside(entry[0]):
                 return None
-            name = found[0]
+            name = entry[0]
         if name not in self.files:
             self.files[name] = _read(self._folder / name, self._left)
             self._left -= len(self.files[name])

@@ -189,7 +189,7 @@ def compressed_view(root: Json, view: int) -> tuple[str, CompressedView] | None:
     buffer = index(body, "buffer", len(buffers), where)
     if buffer is None:
         raise AssetError(f"{where}.buffer is missing.")
-    found = CompressedView(
+    compressed = CompressedView(
         buffer=buffer,
         offset=integer(body, "byteOffset", where, default=0),
         length=integer(body, "byteLength", where, minimum=1),
@@ -198,19 +198,27 @@ def compressed_view(root: Json, view: int) -> tuple[str, CompressedView] | None:
         mode=text(body, "mode", where) or "",
         filter=text(body, "filter", where) or "NONE",
     )
-    if found.mode not in {"ATTRIBUTES", "TRIANGLES", "INDICES"}:
+    if compressed.mode not in {"ATTRIBUTES", "TRIANGLES", "INDICES"}:
         raise AssetUnsupportedError(
-            f"{where}.mode is {found.mode!r}.", advice="Decompress it: gltf-transform copy in.glb out.glb"
+            f"{where}.mode is {compressed.mode!r}.", advice="Decompress it: gltf-transform copy in.glb out.glb"
         )
-    strides = range(4, 257, 4) if found.mode == "ATTRIBUTES" else (2, 4)
-    filters = _FILTER_STRIDES.get(found.filter, ()) if found.mode == "ATTRIBUTES" or found.filter == "NONE" else ()
-    if found.stride not in strides or found.stride not in filters or (found.mode == "TRIANGLES" and found.count % 3):
+    strides = range(4, 257, 4) if compressed.mode == "ATTRIBUTES" else (2, 4)
+    filters = (
+        _FILTER_STRIDES.get(compressed.filter, ())
+        if compressed.mode == "ATTRIBUTES" or compressed.filter == "NONE"
+        else ()
+    )
+    if (
+        compressed.stride not in strides
+        or compressed.stride not in filters
+        or (compressed.mode == "TRIANGLES" and compressed.count % 3)
+    ):
         raise AssetError(f"{where} has an invalid combination of mode, filter, byteStride and count.")
-    if found.stride * found.count != integer(data, "byteLength", f"bufferViews[{view}]", minimum=1):
+    if compressed.stride * compressed.count != integer(data, "byteLength", f"bufferViews[{view}]", minimum=1):
         raise AssetError(f"{where}: byteStride times count does not equal the buffer view's byteLength.")
-    if found.offset + found.length > integer(buffers[buffer], "byteLength", f"buffers[{buffer}]", minimum=1):
+    if compressed.offset + compressed.length > integer(buffers[buffer], "byteLength", f"buffers[{buffer}]", minimum=1):
         raise AssetTruncatedError(f"{where} extends past the end of buffer {buffer}.")
-    return name, found
+    return name, compressed
 
 
 def _check_view(root: Json, i: int, binary_length: int | None) -> int:

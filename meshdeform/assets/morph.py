@@ -145,10 +145,10 @@ def _grow_animations(document: Document, owners: dict[int, int], before: dict[in
             if key not in grown:
                 # Samplers that share an output keep sharing it.
                 source = samplers[sampler]
-                made = (str(source.get("output")), str(source.get("interpolation")), before[node])
-                if made not in outputs:
-                    outputs[made] = _grown_output(document, source, before[node], rest)
-                output = outputs[made]
+                sampler_key = (str(source.get("output")), str(source.get("interpolation")), before[node])
+                if sampler_key not in outputs:
+                    outputs[sampler_key] = _grown_output(document, source, before[node], rest)
+                output = outputs[sampler_key]
                 if output is None:
                     continue
                 samplers.append({**samplers[sampler], "output": output})

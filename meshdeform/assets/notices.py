@@ -95,9 +95,9 @@ def _planes(surface: Surface, group: _Index, flat: float, small: float) -> tuple
     share = float(np.linalg.norm(high[~planes].max(0) - low[~planes].min(0))) / diagonal
     if share >= small:
         return none, share
-    found = none.copy()
-    found[order] = np.repeat(planes, np.diff(starts, append=len(group)))
-    return found, share
+    flags = none.copy()
+    flags[order] = np.repeat(planes, np.diff(starts, append=len(group)))
+    return flags, share
 
 
 def _may_have_sheet(surface: Surface) -> bool:

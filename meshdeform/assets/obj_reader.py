@@ -209,17 +209,17 @@ def _faces(lines: _Lines) -> tuple[_Index, _Index, _Index]:
         has = np.flatnonzero(slashes >= column)
         corners[has, column] = values[begin[has] + column]
     for column, (keyword, (what, *_)) in enumerate(_ELEMENTS.items()):
-        listed, given = lines.of(keyword), corners[:, column].copy()
+        listed, listed_numbers = lines.of(keyword), corners[:, column].copy()
         if column and not len(listed):  # some exporters number what they leave out
             corners[:, column] = 0
             continue
-        if (given < 0).any():
+        if (listed_numbers < 0).any():
             before = np.repeat(np.searchsorted(listed, numbers), sizes)
-            corners[:, column] = np.where(given < 0, given + before + 1, given)
-        wrong = (corners[:, column] > len(listed)) | ((corners[:, column] < 1) & ((given < 0) | (column == 0)))
+            corners[:, column] = np.where(listed_numbers < 0, listed_numbers + before + 1, listed_numbers)
+        wrong = (corners[:, column] > len(listed)) | ((corners[:, column] < 1) & ((listed_numbers < 0) | (column == 0)))
         for at in np.flatnonzero(wrong)[:1].tolist():
             line = numbers[np.searchsorted(np.cumsum(sizes), at, side="right")]
-            raise _wrong(line, f"a face uses {what} {given[at]}; the file has {len(listed)}")
+            raise _wrong(line, f"a face uses {what} {listed_numbers[at]}; the file has {len(listed)}")
     kept = sizes >= 3
     return numbers[kept], sizes[kept], corners[np.repeat(kept, sizes)]
 
@@ -371,10 +371,10 @@ class _Libraries:
     def _picture(self, value: str, beside: str) -> bytes:
         """Return the picture of a `map_Kd` statement as PNG or JPEG; empty if there is none."""
         paths = _picture_paths(value)
-        found = next(filter(None, (self._archive.find(path, beside) for path in paths)), b"")
-        picture = portable_picture(found) if found else b""
+        image = next(filter(None, (self._archive.find(path, beside) for path in paths)), b"")
+        picture = portable_picture(image) if image else b""
         if not picture:
-            (self._unreadable if found else self._pictures)[paths[0]] = None
+            (self._unreadable if image else self._pictures)[paths[0]] = None
         return picture
 
     def _read(self, library: bytes, beside: str) -> None:

@@ -434,7 +434,7 @@ def skin_weights(
     """
     nothing = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
     attributes = primitive["attributes"]
-    found = [nothing]
+    groups = [nothing]
     number = 0
     while f"JOINTS_{number}" in attributes and f"WEIGHTS_{number}" in attributes:
         try:
@@ -446,9 +446,9 @@ def skin_weights(
             return nothing
         rows, columns = np.nonzero(weights > 0)
         chosen = np.minimum(indices[rows, columns], joints - 1)
-        found.append((rows, chosen, weights[rows, columns]))
+        groups.append((rows, chosen, weights[rows, columns]))
         number += 1
-    at, which, share = (np.concatenate(part) for part in zip(*found, strict=True))
+    at, which, share = (np.concatenate(part) for part in zip(*groups, strict=True))
     return at, which, share
 
 
@@ -462,20 +462,20 @@ def joint_shares(
     nodes, skins = document.root["nodes"], document.root.get("skins", [])
     parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
     all_joints = {joint for skin in skins for joint in skin["joints"]}
-    found = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))]
+    groups = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))]
     for block in blocks:
         skin, count, above = nodes[block.node].get("skin"), len(block.positions), block.node
         if skin is not None:
             joints = np.array(skins[skin]["joints"])
             primitive = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]]
             at, which, share = skin_weights(document, primitive, count, len(joints))
-            found.append((at + block.rows.start, joints[which], share))
+            groups.append((at + block.rows.start, joints[which], share))
         elif rigid:
             while above not in all_joints and above in parents:
                 above = parents[above]
             if above in all_joints:
-                found.append((np.arange(block.rows.start, block.rows.stop), np.full(count, above), np.ones(count)))
-    rows, owners, shares = (np.concatenate(part) for part in zip(*found, strict=True))
+                groups.append((np.arange(block.rows.start, block.rows.stop), np.full(count, above), np.ones(count)))
+    rows, owners, shares = (np.concatenate(part) for part in zip(*groups, strict=True))
     return rows, owners, shares
 
 

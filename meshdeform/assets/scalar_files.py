@@ -94,8 +94,8 @@ def _arrays(data: bytes) -> dict[str, NDArray[np.generic]]:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             if sum(member.file_size for member in archive.infolist()) > _MAX_BYTES:
                 raise AssetTooLargeError("The file of scalars is too large.", advice="Give fewer points.")
-        with np.load(io.BytesIO(data), allow_pickle=False) as found:
-            return {name: np.atleast_1d(found[name]) for name in found.files}
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            return {name: np.atleast_1d(stored[name]) for name in stored.files}
     except MemoryError as error:  # the header of an array may state any shape
         raise AssetTooLargeError("The scalars do not fit into memory.", advice="Give fewer points.") from error
     except (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError) as error:

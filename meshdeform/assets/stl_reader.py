@@ -44,7 +44,7 @@ def _read_text(data: bytes, most_parts: int) -> list[Primitive]:
     if len(heads) > most_parts:
         raise AssetTooLargeError(f"The file has {len(heads)} parts; the limit is {most_parts}.")
     ends = [head.start() for head in heads[1:]] + [len(data)]
-    found = []
+    primitives = []
     for number, end in enumerate(ends):
         title, start = (heads[number][1], heads[number].end()) if heads else (b"", 0)
         try:
@@ -56,8 +56,8 @@ def _read_text(data: bytes, most_parts: int) -> list[Primitive]:
             ) from error
         if len(corners):
             name = " ".join(title.decode("utf-8", "replace").split())[:100]
-            found.append(_primitive(corners, name or f"geometry_{number}", None))
-    return found
+            primitives.append(_primitive(corners, name or f"geometry_{number}", None))
+    return primitives
 
 
 def _primitive(corners: NDArray[np.float64], name: str, colors: NDArray[np.uint8] | None) -> Primitive:

@@ -207,8 +207,8 @@ def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface
         loose += _loose_blocks(document, instance, placement, skipped)
     joined = np.concatenate(triangles) if triangles else np.empty((0, 3), np.int64)
     if len(joined) == 0:
-        found = {item["reason"] for item in skipped} | ({LOOSE} if loose else set())
-        reasons = "; ".join(sorted(found)[:5])
+        problems = {item["reason"] for item in skipped} | ({LOOSE} if loose else set())
+        reasons = "; ".join(sorted(problems)[:5])
         raise AssetEmptyError("The default scene shows no triangles" + (f": {reasons}." if reasons else "."))
     return _join(blocks, joined, owner, skipped), blocks, loose
 
@@ -511,14 +511,14 @@ def turned_parts(document: Document, blocks: Sequence[Block]) -> list[str]:
                 node = target.get("node")
                 if isinstance(node, int) and node not in joints:
                     turned.add(node)
-    found = []
+    results = []
     for block in blocks:
         at: int | None = None if "skin" in nodes[block.node] else block.node
         while at is not None and at not in turned and at not in joints:
             at = parents.get(at)
         if at is not None and at in turned:
-            found.append(_name(nodes[at]) or f"node {at}")
-    return list(dict.fromkeys(found))
+            results.append(_name(nodes[at]) or f"node {at}")
+    return list(dict.fromkeys(results))
 
 
 def rig_accessors(document: Document, blocks: Sequence[Block]) -> Iterator[int]:

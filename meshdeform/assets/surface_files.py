@@ -171,8 +171,8 @@ def _grid(data: bytes) -> DistanceGrid:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             if sum(member.file_size for member in archive.infolist()) > 8 * _MAX_GRID_VALUES + 4096:
                 raise AssetTooLargeError(f"The grid has more than {_MAX_GRID_VALUES} values.", advice=_COARSER)
-        with np.load(io.BytesIO(data), allow_pickle=False) as found:
-            arrays = {name: np.asarray(found[name]) for name in found.files}
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            arrays = {name: np.asarray(stored[name]) for name in stored.files}
     except MemoryError as error:  # the header of an array may state any shape
         raise AssetTooLargeError("The arrays of the NPZ file do not fit into memory.", advice=_COARSER) from error
     except (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError) as error:

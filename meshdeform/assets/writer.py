@@ -240,10 +240,10 @@ def _own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
     # The first node of a mesh keeps the original, unless a node that is not deformed (in another scene, or drawn by GPU
     # instancing) also shows the mesh and needs the original.
     nodes, meshes = document.root["nodes"], document.items("meshes")
-    found: dict[int, dict[int, None]] = defaultdict(dict)
+    users: dict[int, dict[int, None]] = defaultdict(dict)
     for block in blocks:
-        found[block.mesh][block.node] = None
-    deformed = {mesh: list(shown_by) for mesh, shown_by in found.items()}
+        users[block.mesh][block.node] = None
+    deformed = {mesh: list(shown_by) for mesh, shown_by in users.items()}
     shown: dict[int, set[int]] = defaultdict(set)
     for i, node in enumerate(nodes):
         if "mesh" in node:

@@ -290,9 +290,9 @@ def _in_one_piece(occupied: _Flags) -> _Flags:
     reached = islands.pop(max(range(count), key=lambda number: len(islands[number])))
     while islands:
         tree = cKDTree(reached)
-        found = [tree.query(island) for island in islands]
-        nearest = min(range(len(islands)), key=lambda number: float(found[number][0].min()))
-        distances, ends = found[nearest]
+        matches = [tree.query(island) for island in islands]
+        nearest = min(range(len(islands)), key=lambda number: float(matches[number][0].min()))
+        distances, ends = matches[nearest]
         island = islands.pop(nearest)
         begin = island[distances.argmin()]
         end = reached[ends[distances.argmin()]]
@@ -341,8 +341,8 @@ class LatticeField(ControlledMap):
         weights = _balanced(lattice, self._embedding.T @ shares, planes)
         system = LatticeSystem(lattice, weights, self._pinned(constraints))
         self._placement = constraints.placement(rest)
-        given = constraints.handles
-        handles = Handles(given, rest, self._placement, self._embedding, system.smooth) if given else None
+        requested = constraints.handles
+        handles = Handles(requested, rest, self._placement, self._embedding, system.smooth) if requested else None
         count = len(lattice.cells)
         rigid = None if self._bodies is None else self._bodies.members[rest.faces.numpy()].any(1)
         self.elements = Elements(lattice.cell_nodes, np.zeros(count, np.int64), self._cells_around, rigid)

@@ -141,21 +141,21 @@ class Deformation:
         # Bodies and handles are vertices of the mesh itself.
         own = not bodies and not constraints.handles
         self._stand_in = StandIn(mesh, simplify=own, constraints=constraints)
-        drawn = self._stand_in.mesh
+        shown = self._stand_in.mesh
         self._shape = guidance if isinstance(guidance, ShapeGuidance) else None
         if self._shape is not None:
-            self._shape.begin(drawn)
+            self._shape.begin(shown)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = views(bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
-        self._rest_extent = float(drawn.verts.abs().max())
+        self._rest_extent = float(shown.verts.abs().max())
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
-        self._renderer = Renderer(drawn.faces, drawn.verts.shape[0], self._views.style, device, appearance=worn)
+        self._renderer = Renderer(shown.faces, shown.verts.shape[0], self._views.style, device, appearance=worn)
         # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all, and
         # a loss for a region reaches its elements alone.
         few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS and not shares
-        planes = mirror_planes(drawn) if few or params.orientation is OrientationMode.AUTO else ()
+        planes = mirror_planes(shown) if few or params.orientation is OrientationMode.AUTO else ()
         self.orientation = (
             self._orient(initial, planes, front or Front(guidance if isinstance(guidance, Grader) else None))
             if checkpoint is None
@@ -164,8 +164,8 @@ class Deformation:
         self.structure = Structure() if few else None
         if few and params.keep_structure and not (front is not None and front.crooked):
             # Splines alone cannot keep collinear faces from cutting their neighbours.
-            turned = front is not None and front.turned and len(planes) == 2 and bool(drawn.areas.min() > 0)
-            built = is_level(drawn) or (front is not None and front.built and not turned and not is_block(drawn))
+            turned = front is not None and front.turned and len(planes) == 2 and bool(shown.areas.min() > 0)
+            built = is_level(shown) or (front is not None and front.built and not turned and not is_block(shown))
             # A building can only become an animal if it bends, which the parts of an asset would not survive.
             if front is not None and front.grown:
                 kind = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies))
@@ -174,7 +174,7 @@ class Deformation:
         if initial is not None:
             self.structure = _stored_structure(initial)  # only the same levels can represent its shape
         self._variables = (
-            variables(drawn)
+            variables(shown)
             if variables is not None
             else self._stand_in.carry(params.carrier, initial, bodies, self.structure)
         )
@@ -468,8 +468,8 @@ def _nearest_faces(mesh: RestMesh, variables: Variables) -> NDArray[np.int64] | 
         lattice = variables.lattice
         middles = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
         return NearestPlaces(mesh, middles, np.zeros_like(middles)).faces
-    drawn = variables.rest
-    if drawn.faces.shape == mesh.faces.shape:
+    shown = variables.rest
+    if shown.faces.shape == mesh.faces.shape:
         return None
-    middles = drawn.verts[drawn.faces].mean(1).numpy()
-    return NearestPlaces(mesh, middles, drawn.normals.numpy()).faces
+    middles = shown.verts[shown.faces].mean(1).numpy()
+    return NearestPlaces(mesh, middles, shown.normals.numpy()).faces

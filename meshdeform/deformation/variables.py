@@ -202,8 +202,8 @@ class JacobianField(ControlledMap):
         poisson = PoissonSystem(mesh, constraints.kept)
         self.rest = rest = poisson.rest
         self._placement = constraints.placement(rest)
-        given = constraints.handles
-        handles = Handles(given, rest, self._placement, None, poisson.smooth) if given else None
+        requested = constraints.handles
+        handles = Handles(requested, rest, self._placement, None, poisson.smooth) if requested else None
         super().__init__(poisson, _controls_of_faces(rest, structure), handles)
         self._regularizers = Regularizers(rest)
         self._along_normal = rest.normals[:, :, None] * rest.normals[:, None, :]

@@ -260,9 +260,9 @@ class Solid:
     def _places(self, body: Body) -> Floats:
         """Return places on the surface that leave no cell out."""
         areas = np.linalg.norm(body.crosses, axis=1) / 2
-        wanted = areas / self.side**2 * 11
-        wanted *= min(1.0, _MOST_PLACES / max(float(wanted.sum()), 1.0))  # foliage may have any area
-        counts = np.clip(np.ceil(wanted), 1, 60_000).astype(int)
+        densities = areas / self.side**2 * 11
+        densities *= min(1.0, _MOST_PLACES / max(float(densities.sum()), 1.0))  # foliage may have any area
+        counts = np.clip(np.ceil(densities), 1, 60_000).astype(int)
         of_face = np.repeat(np.arange(len(counts)), counts)
         u = np.random.default_rng(1).random((len(of_face), 2))
         u = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)

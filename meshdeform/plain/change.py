@@ -153,9 +153,9 @@ def calibrated(parts: Parts, change: Change) -> float:
     return factor
 
 
-def _settled(body: Body, change: Change, made: Moved) -> Floats:
+def _settled(body: Body, change: Change, result: Moved) -> Floats:
     """Return the points as symmetric as the source, and on the same ground if what stands on it was changed."""
-    moved = made.points - body.points
+    moved = result.points - body.points
     points = body.points + (moved if change.operation in _LOPSIDED else body.symmetric(moved))
     # What swims or hangs has no ground to sink into.
     grounded = change.operation != "fat" or abs(body.ground) <= _ON_ORIGIN * body.size[UP]

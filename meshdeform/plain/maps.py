@@ -193,10 +193,10 @@ def _obliqueness(body: Body, axis: int, low: float, extent: float) -> Floats:
     first, last = (np.clip(((end - low) / extent * _SLABS).astype(int), 0, _SLABS - 1) for end in ends)
     sums = []
     for values in (oblique, areas):
-        share, found = values / (last - first + 1), np.zeros(_SLABS + 1)
-        np.add.at(found, first, share)
-        np.add.at(found, last + 1, -share)
-        sums.append(np.maximum(np.cumsum(found[:-1]), 0))
+        share, totals = values / (last - first + 1), np.zeros(_SLABS + 1)
+        np.add.at(totals, first, share)
+        np.add.at(totals, last + 1, -share)
+        sums.append(np.maximum(np.cumsum(totals[:-1]), 0))
     ratio = sums[0] / np.maximum(sums[1], 1e-9 * max(float(sums[1].max()), 1e-300))
     return 0.5 * ratio / max(float(ratio.max()), 1e-9) + 0.5 * sums[0] / max(float(sums[0].max()), 1e-300)
 

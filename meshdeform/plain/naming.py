@@ -55,14 +55,14 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
     named = {**PART_NAMES, **{name: name for name in own}}
     if sentence is not None:
         named = {each.part: named.get(each.part, each.part) for each in meant(body, sentence) if each.part != WHOLE}
-    found: dict[str, NamedPart] = {}
+    results: dict[str, NamedPart] = {}
     for part, name in named.items():
         each = _find_part(parts, part, name, read)
-        if each is not None and not any(_same(each, other) for other in found.values()):
-            found[part] = each
-    if "seat" in found and "back" not in found and "top" not in found:
-        found["seat"] = replace(found["seat"], name="top")
-    return [each for part, each in found.items() if sentence is not None or _is_evident(parts, part, found)]
+        if each is not None and not any(_same(each, other) for other in results.values()):
+            results[part] = each
+    if "seat" in results and "back" not in results and "top" not in results:
+        results["seat"] = replace(results["seat"], name="top")
+    return [each for part, each in results.items() if sentence is not None or _is_evident(parts, part, results)]
 
 
 def _is_evident(parts: Parts, part: str, named: Mapping[str, NamedPart]) -> bool:

@@ -492,8 +492,8 @@ class Parts:
         return self._named[word]
 
     def _find_named(self, word: str) -> Limb:
-        body, wanted = self.body, set(word.split())
-        chosen = [n for n, joint in enumerate(body.joints) if wanted <= set(tokens(joint.name))]
+        body, name_words = self.body, set(word.split())
+        chosen = [n for n, joint in enumerate(body.joints) if name_words <= set(tokens(joint.name))]
         if chosen:
             below = [n for n in range(len(body.joints)) if any(self._under(n, root) for root in chosen)]
             weight = np.minimum(_share(body, np.array(below)), 1)
@@ -506,8 +506,8 @@ class Parts:
         for name, each in body.names.items():
             words = set(tokens(name))
             # "wheel back left" is no back.
-            elsewhere = wanted <= _SIDES and bool(words & set(_CLASSES) | (words & {"wheel", "door", "window"}))
-            if wanted <= words and not elsewhere and self._is_part(each):
+            elsewhere = name_words <= _SIDES and bool(words & set(_CLASSES) | (words & {"wheel", "door", "window"}))
+            if name_words <= words and not elsewhere and self._is_part(each):
                 flags |= each
         if not flags.any():
             raise PartMissingError(f"No part called {word!r} was found.")
@@ -555,10 +555,10 @@ def _find_stand(body: Body) -> _Stand:
     tips = _trunk_tips(*feet(ground + max(3, int(0.06 * (top - ground)))), body, plane, breadth)
     counts, kept = [], list[list[int]]()
     for layer in range(ground, top + 1):
-        labels, found = feet(layer)
+        labels, soles = feet(layer)
         bad = {int(labels[tip]) for tip in tips if tip[1] < labels.shape[1]}
         good = []
-        for k in found:
+        for k in soles:
             if k in bad:
                 cells = np.argwhere(labels[:, :3] == k)
                 if np.abs(cells[:, body.lateral] + 0.5 - plane).max() < 0.12 * breadth:
@@ -567,7 +567,7 @@ def _find_stand(body: Body) -> _Stand:
             good.append(k)
         counts.append(len(good))
         kept.append(good)
-        if layer - ground > 10 and len(good) < 2 and len(found) < 2:
+        if layer - ground > 10 and len(good) < 2 and len(soles) < 2:
             break
     number = np.array(counts)
     lowest = number[1 : max(3, int(0.12 * (top - ground)))]
@@ -582,8 +582,8 @@ def _find_stand(body: Body) -> _Stand:
             hip -= 1
     if hip < max(3, 0.08 * (top - ground)) or hip > 0.95 * (top - ground):
         raise PartMissingError("No legs were found: nothing stands between the ground and the body.")
-    labels, found = feet(ground + hip)
-    good = kept[hip] if hip < len(kept) else found
+    labels, soles = feet(ground + hip)
+    good = kept[hip] if hip < len(kept) else soles
     within = np.isin(labels, good)
     full = min(int(np.flatnonzero(number >= usual).max()) if usual >= 2 else hip, hip)
     low_labels, low_found = feet(ground + full)

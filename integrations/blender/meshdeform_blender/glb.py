@@ -72,15 +72,15 @@ def read_positions(glb: bytes, parts: Sequence[Part]) -> list[NDArray[np.float32
     """Read the new positions, each in its mesh's own space, from the deformed file of `write_glb` for these parts."""
     try:
         root, binary = _unpack(glb)
-        found = [_positions(root, binary, root["nodes"][number]["mesh"]) for number in range(len(parts))]
+        coordinates = [_positions(root, binary, root["nodes"][number]["mesh"]) for number in range(len(parts))]
     except (KeyError, IndexError, TypeError, ValueError, struct.error) as error:
         raise AddonError("The result cannot be read.", "Update the add-on or the service.") from error
-    for part, positions in zip(parts, found, strict=True):
+    for part, positions in zip(parts, coordinates, strict=True):
         if positions.shape != part.positions.shape or not np.isfinite(positions).all():
             raise AddonError(f"The result does not fit “{part.name}”.", "Update the add-on or the service.")
     return [
         (positions.astype(np.float64) @ np.linalg.inv(_UP @ _split(part)[0]).T).astype(np.float32)
-        for part, positions in zip(parts, found, strict=True)
+        for part, positions in zip(parts, coordinates, strict=True)
     ]
 
 

@@ -47,20 +47,20 @@ def gather(objects: Sequence[Any]) -> list[Source]:
 
 def group_weights(sources: Sequence[Source], group: str) -> list[NDArray[np.float32] | None]:
     """Return the weight of each vertex in a vertex group, for each source; None for an object without such a group."""
-    found: list[NDArray[np.float32] | None] = []
+    columns: list[NDArray[np.float32] | None] = []
     for source in sources:
         obj = _find(source)
         at = obj.vertex_groups.find(group) if obj else -1
         if at < 0:
-            found.append(None)
+            columns.append(None)
             continue
         weights = np.zeros(len(source.part.positions), np.float32)
         for vertex in obj.data.vertices:
             for each in vertex.groups:
                 if each.group == at:
                     weights[vertex.index] = each.weight
-        found.append(weights)
-    return found
+        columns.append(weights)
+    return columns
 
 
 def is_ready(sources: Sequence[Source]) -> bool:

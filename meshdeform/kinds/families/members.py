@@ -147,14 +147,14 @@ class MemberShape:
         pairs = cKDTree(points[near]).query_pairs(_SITE, output_type="ndarray")
         pairs = pairs[patches[near[pairs[:, 0]]] == patches[near[pairs[:, 1]]]]
         site = components(len(near), pairs)
-        found = []
+        touching = []
         for each in range(site.max() + 1):
             rows = near[site == each]
             rows = rows[:: max(1, len(rows) // _PER_SITE)]
             offsets, normals = points[rows] - place[rows], surface.normals[face[rows]]
             depth = depth_beyond(surface, own.beside(points[rows], patches[rows]), normals)
-            found.append(Contact(points[rows], patches[rows], offsets, normals, depth))
-        return found
+            touching.append(Contact(points[rows], patches[rows], offsets, normals, depth))
+        return touching
 
 
 def depth_beyond(surface: PlacedSurface, points: tuple[_Floats, _Floats], normals: _Floats) -> float:

@@ -237,8 +237,8 @@ class FieldFit:
             for k in range(3):
                 hints.index_add_(1, self._small[:, k], normals)
             hints = functional.normalize(hints, dim=-1).reshape(count, 3)
-        target, wanted = self.project(moved.detach(), hints)
-        mean = functional.normalize(wanted.reshape(chosen.shape[0], -1, 3)[:, self._small].sum(2), dim=-1)
+        target, directions = self.project(moved.detach(), hints)
+        mean = functional.normalize(directions.reshape(chosen.shape[0], -1, 3)[:, self._small].sum(2), dim=-1)
         facing = (normals * mean).sum(-1)
         turned = float((facing < 0).float().mean())
         self._folded = self._folded + 1 if turned > _FOLDED or self._folded >= _STEPS else 0
@@ -337,7 +337,7 @@ class FieldFit:
 
     def _take(self, tensors: dict[str, Tensor]) -> None:
         for i, tensor in enumerate(self._learned.tensors):
-            found = tensors.get(f"field.{i}")
-            if found is None or found.shape != tensor.shape:
+            value = tensors.get(f"field.{i}")
+            if value is None or value.shape != tensor.shape:
                 raise CheckpointError("The checkpoint has a field with another base or network.")
-            tensor.copy_(found)
+            tensor.copy_(value)

@@ -109,11 +109,11 @@ def steps_of(tensors: Sequence[Tensor], iterations: int = _OF_ITERATIONS, in_spr
 
 def rounded(tensors: Sequence[Tensor], steps: Sequence[int]) -> list[Tensor]:
     """Return the nearest multiples of the steps; their gradients are those of the tensors."""
-    found = []
+    results = []
     for tensor, step in zip(tensors, _sizes(tensors, steps), strict=True):
         near = (tensor.detach() / step).round() * step
-        found.append(tensor + (near - tensor.detach()))
-    return found
+        results.append(tensor + (near - tensor.detach()))
+    return results
 
 
 def whole(tensors: Sequence[Tensor], steps: Sequence[int]) -> list[Tensor]:

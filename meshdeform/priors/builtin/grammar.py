@@ -533,9 +533,9 @@ def translated(words: Sequence[str], is_kept: Callable[[str], bool], is_adjectiv
     sentence, such as a name; whether it is an adjective, which Spanish puts after its noun.
     """
     for language in range(len(_ENDINGS)):
-        found = [_english_of(word, language) or (word if is_kept(word) else "") for word in words]
-        if all(found):
-            return _before_nouns(found, is_adjective) if language == _SPANISH else found
+        english = [_english_of(word, language) or (word if is_kept(word) else "") for word in words]
+        if all(english):
+            return _before_nouns(english, is_adjective) if language == _SPANISH else english
     return list(words)
 
 

@@ -237,7 +237,7 @@ def read_replay(path: Path) -> dict[str, PictureSet]:
     """
     state, metadata = read_tensors(path)
     words = words_of(metadata, path)
-    found = {}
+    stored = {}
     for noun in words.nouns:
         tensors = {field.name: state.get(f"{REPLAY}{noun}.{field.name}") for field in fields(PictureSet)}
         images = tensors["images"]
@@ -256,8 +256,8 @@ def read_replay(path: Path) -> dict[str, PictureSet]:
         kept = PictureSet(**whole)
         if not 0 <= int(kept.tokens.min()) <= int(kept.tokens.max()) < len(words.tokens):
             raise _unreadable(path, noun)
-        found[noun] = kept
-    return found
+        stored[noun] = kept
+    return stored
 
 
 def replay_tensors(noun: str, pictures: PictureSet) -> dict[str, Tensor]:
