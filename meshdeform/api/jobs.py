@@ -181,23 +181,6 @@ class JobList(Document):
     )
 
 
-class RetriedJob(Document):
-    """A failed job, and what became of its retry."""
-
-    of: str = Field(description="The failed job.", examples=[_JOB_ID])
-    job_id: str | None = Field(None, description="The new job; null if it was refused.", examples=[_JOB_ID])
-    error: JobError | None = Field(None, description="Why it was refused; else null.")
-
-
-class RetriedJobs(Document):
-    """The failed jobs of a page, newest first."""
-
-    jobs: list[RetriedJob] = Field(description="Those that had not been retried before.")
-    next_cursor: str | None = Field(
-        None, description="Pass it as `cursor` to go on; null at the end.", examples=["am9iXzAxa2c5"]
-    )
-
-
 class ArtifactList(Document):
     """The results of a job."""
 

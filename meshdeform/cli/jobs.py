@@ -146,22 +146,14 @@ def jobs(
     ] = "",
     limit: Annotated[int, option("At most this many.", min=1)] = 20,
     failed: Annotated[str, option("Only jobs that failed with this error.", metavar="CODE")] = "",
-    retry: Annotated[bool, flag("--retry", "Retry all of them that were not retried before, with --failed.")] = False,
     *,
     place: Place,
     as_json: JsonOption = False,
 ) -> None:
-    """List the jobs of a service, newest first, or retry those that failed for one reason.
+    """List the jobs of a service, newest first.
 
     meshdeform jobs --state running --search "duck vase"
-
-    meshdeform jobs --failed internal --retry
     """
-    if retry:
-        if not failed or state is not None or label or search:
-            raise typer.BadParameter("goes with --failed CODE alone", param_hint="--retry")
-        _retry_failed(failed, place, as_json=as_json)
-        return
     if state is not None and state not in (known := complete_states("")):
         raise typer.BadParameter(f"{state!r} is not one of {', '.join(known)}", param_hint="--state")
     with place.connect() as client:
@@ -175,21 +167,6 @@ def jobs(
     titles = ("ID", "STATE", "PROGRESS", "LEFT", "CREATED", "ASSET", "PROMPT")
     now = datetime.now(UTC)
     typer.echo(table(titles, [_row(job, now) for job in found]))
-
-
-def _retry_failed(code: str, place: Place, *, as_json: bool) -> None:
-    """Retry the jobs that failed with an error, print a line for each, and fail if one was refused."""
-    with place.connect() as client:
-        outcomes = client.retry_failed(code)
-    refused = [each for each in outcomes if each.job_id is None]
-    if as_json:
-        emit({"jobs": [each.as_json() for each in outcomes]})
-    else:
-        for each in outcomes:
-            typer.echo(f"{each.of} -> {each.job_id or (each.error.detail if each.error else 'refused')}")
-        note(f"{len(outcomes) - len(refused)} retried, {len(refused)} refused.")
-    if refused:
-        raise typer.Exit(ExitCode.SOME_FAILED)
 
 
 def _row(job: JobView, now: datetime) -> tuple[str, ...]:

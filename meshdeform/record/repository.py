@@ -14,7 +14,7 @@ import base64
 import math
 import secrets as random_bytes
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -38,7 +38,6 @@ from meshdeform.record.models import (
     Job,
     JobState,
     NewJob,
-    OriginMode,
     Page,
 )
 from meshdeform.record.schema import (
@@ -172,28 +171,6 @@ class JobRecord:
             found = _with_artifacts(connection, [rows.job(row) for row in connection.execute(query)])
         more = len(found) > limit
         return Page(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
-
-    def retried(self, failed: Sequence[Job], owner: str) -> set[str]:
-        """Return which of an owner's failed jobs a later job of the owner's retries.
-
-        The retry of a job without a checkpoint of its own has the origin that this job had.
-        """
-        if not failed:
-            return set()
-        named = {job.id for job in failed} | {job.origin.job_id for job in failed if job.origin is not None}
-        origin = jobs.c.origin["job_id"].as_string()
-        oldest = min(job.id for job in failed)
-        query = sa.select(jobs.c.id, jobs.c.origin, jobs.c.request).where(jobs.c.owner_id == owner, jobs.c.id > oldest)
-        with self._database.read() as connection:
-            later = connection.execute(query.where(jobs.c.origin.is_not(None), origin.in_(named))).all()
-        retries = {each.origin["job_id"] for each in later if each.origin["mode"] == OriginMode.RETRY}
-
-        def inherited(job: Job) -> bool:
-            key = job.origin.key if job.origin is not None else ""
-            alike = (each for each in later if each.id > job.id and each.request == job.document)
-            return bool(key) and any(each.origin.get("key") == key for each in alike)
-
-        return {job.id for job in failed if job.id in retries or inherited(job)}
 
     def request_cancel(self, job_id: str, owner: str | None = None) -> Job:
         """Cancel a queued job at once; mark a running one as `canceling`. Repeating this is not an error.

@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 
-from meshdeform.api.jobs import RetriedJob, RetriedJobs
 from meshdeform.errors import (
     ConflictError,
-    LimitError,
-    MeshdeformError,
     NotFoundError,
     ParameterError,
     StoredFileError,
-    UnavailableError,
 )
 from meshdeform.record.files import FileLeases
-from meshdeform.record.ids import encode_cursor
-from meshdeform.record.models import CheckpointRef, Job, JobError, JobState, Origin, OriginMode, StoredFile
+from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
 from meshdeform.requests.choices import WEIGHTS_PART
 from meshdeform.runs import kind_of
 from service.http.idempotency import Answer, Caller, claimed, request_hash
@@ -61,35 +54,6 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
             size = {"faces": job.faces, "parts": job.parts}
             new = new_job(app, caller, job.request, job.files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
-
-
-def retry_failed(
-    app: AppState, caller: Caller, error: str, *, created_after: datetime | None, cursor: str | None, limit: int
-) -> RetriedJobs:
-    """Retry a page of the caller's jobs that failed with an error, but for those that were retried already.
-
-    Where a limit of the caller's stops it, the cursor is that of the rest, if any was retried.
-    """
-    page = app.record.list_jobs(None, cursor, limit, owner=caller.owner_id, created_after=created_after, error=error)
-    known = app.record.retried(page.jobs, caller.owner_id)
-    outcomes: list[RetriedJob] = []
-    for job in page.jobs:
-        if job.id in known:
-            continue
-        # Two requests at once make one retry.
-        once = replace(caller, path=f"/v1/jobs/{job.id}/retry", idempotency_key=f"retry-failed-{job.id}")
-        try:
-            outcomes.append(RetriedJob(of=job.id, job_id=retry(app, once, job.id).body["id"]))
-        except LimitError:
-            if not any(outcome.job_id for outcome in outcomes):
-                raise
-            before = page.jobs[page.jobs.index(job) - 1]
-            return RetriedJobs(jobs=outcomes, next_cursor=encode_cursor(before.id))
-        except UnavailableError:
-            raise
-        except MeshdeformError as refused:
-            outcomes.append(RetriedJob(of=job.id, error=JobError.of(refused)))
-    return RetriedJobs(jobs=outcomes, next_cursor=page.next_cursor)
 
 
 def branch(app: AppState, caller: Caller, job_id: str, step: int, document: BranchDocument, folder: Path) -> Answer:

@@ -7,16 +7,15 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Annotated, Any
 
 from anyio import to_thread
-from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi import APIRouter, Header, Request, Response
 
 from meshdeform.api.documents import FoundOrientation, FoundParts, Validation
-from meshdeform.api.jobs import JobView, RetriedJobs
+from meshdeform.api.jobs import JobView
 from meshdeform.api.states import MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
 from meshdeform.errors import (
     ConflictError,
     DependencyError,
     NotFoundError,
-    ParameterError,
     RequestError,
     StoredFileError,
     UnreadableJobError,
@@ -43,7 +42,7 @@ from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, parse_document, receive_document, receive_form
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
-from service.jobs.continuation import branch, retry, retry_failed
+from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument
 from service.jobs.intake import (
     Submission,
@@ -55,7 +54,7 @@ from service.jobs.intake import (
     take_along,
     validate,
 )
-from service.jobs.routes import CreatedAfter, Cursor, ErrorCode, shown
+from service.jobs.routes import shown
 from service.state import AppState, AppStateDep
 from service.webhooks.routes import checked_address
 
@@ -252,34 +251,6 @@ async def list_job_parts(
     """
     async with _submitted(request, app, principal.owner_id) as submission:
         found = await list_parts(app, principal.owner_id, submission)
-    return Response(found.model_dump_json(), media_type="application/json")
-
-
-@router.post(
-    ":retry",
-    operation_id="retry_failed_jobs",
-    summary="Retry the jobs that failed for one reason",
-    responses={
-        200: {"model": RetriedJobs, "description": "The new jobs of a page."},
-        **problem_responses(ParameterError, *NEW_JOB_ERRORS, *CALLER_ERRORS),
-    },
-)
-def retry_failed_jobs(
-    request: Request,
-    app: AppStateDep,
-    principal: PrincipalDep,
-    error: ErrorCode,
-    created_after: CreatedAfter = None,
-    limit: Annotated[int, Query(description="Failed jobs per call, at most.", ge=1, le=100, examples=[50])] = 50,
-    cursor: Cursor = None,
-) -> Response:
-    """Jobs that were retried already are left out, so that the call can be repeated.
-
-    Repeat it with `next_cursor` until that is null. A limit of unfinished jobs or stored bytes stops it in between; go
-    on later.
-    """
-    caller = Caller.of(request, principal)
-    found = retry_failed(app, caller, error, created_after=created_after, cursor=cursor, limit=limit)
     return Response(found.model_dump_json(), media_type="application/json")
 
 

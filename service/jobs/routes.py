@@ -54,31 +54,6 @@ def _written_time(value: object) -> object:
     return value
 
 
-CreatedAfter = Annotated[
-    Annotated[AwareDatetime, BeforeValidator(_written_time)] | None,
-    Query(
-        description="Only jobs created after this time, with its offset from UTC. Default: all.",
-        examples=["2026-01-31T12:00:00Z"],
-        json_schema_extra={"maxLength": 64},
-    ),
-]
-Cursor = Annotated[
-    str | None,
-    Query(
-        description="`next_cursor` of the previous page. Default: the first page.",
-        max_length=200,
-        examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
-    ),
-]
-_ERROR_CODE = {
-    "description": "Only jobs that failed with this error (its `code`).",
-    "max_length": 64,
-    "pattern": "^[a-z_]+$",
-    "examples": ["internal"],
-}
-ErrorCode = Annotated[str, Query(**_ERROR_CODE)]
-
-
 @router.get(
     "",
     operation_id="list_jobs",
@@ -97,9 +72,22 @@ def list_jobs(
         JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
     ] = None,
     error: Annotated[
-        str | None, Query(**{**_ERROR_CODE, "description": f"{_ERROR_CODE['description']} Default: all."})
+        str | None,
+        Query(
+            description="Only jobs that failed with this error (its `code`). Default: all.",
+            max_length=64,
+            pattern="^[a-z_]+$",
+            examples=["internal"],
+        ),
     ] = None,
-    created_after: CreatedAfter = None,
+    created_after: Annotated[
+        Annotated[AwareDatetime, BeforeValidator(_written_time)] | None,
+        Query(
+            description="Only jobs created after this time, with its offset from UTC. Default: all.",
+            examples=["2026-01-31T12:00:00Z"],
+            json_schema_extra={"maxLength": 64},
+        ),
+    ] = None,
     q: Annotated[
         str,
         Query(
@@ -111,7 +99,14 @@ def list_jobs(
         ),
     ] = "",
     limit: Annotated[int, Query(description="Jobs per page, at most.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
-    cursor: Cursor = None,
+    cursor: Annotated[
+        str | None,
+        Query(
+            description="`next_cursor` of the previous page. Default: the first page.",
+            max_length=200,
+            examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
+        ),
+    ] = None,
 ) -> Response:
     """Jobs that are created while you page through the list do not shift later pages."""
     labels = _labels(request)

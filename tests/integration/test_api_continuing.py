@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb
-from meshdeform.cli.app import app
-from meshdeform.errors import PromptError, StoredFileError, UnavailableError
+from meshdeform.errors import PromptError, UnavailableError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import Job, JobError, JobState, NewJob, OriginMode
 from meshdeform.requests.document import JobRequest
@@ -68,57 +66,13 @@ def test_a_retry_goes_on_from_the_last_checkpoint(api: Api, openapi: dict[str, A
 
 
 @pytest.mark.both_databases
-def test_jobs_that_failed_for_one_reason_are_listed_and_retried_once(api: Api, openapi: dict[str, Any]) -> None:
+def test_jobs_that_failed_for_one_reason_are_listed(api: Api) -> None:
     away, wrong = JobError.of(UnavailableError("The store is away.")), JobError.of(PromptError("Too long."))
     failed = [interrupted_job(api, steps=(100,), error=away) for _ in range(3)]
-    other = interrupted_job(api, error=wrong)
+    interrupted_job(api, error=wrong)
     interrupted_job(api, state=JobState.CANCELED)
     listed = api.http.get("/v1/jobs", params={"error": "unavailable"}).json()["jobs"]
     assert [job["id"] for job in listed] == failed[::-1]
-    by_hand = made_of(api, api.http.post(f"/v1/jobs/{failed[2]}/retry"))
-    damaged = api.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": kept(api, b"another asset")}))
-    assert api.record.leases.claim(damaged.id, "worker", 60.0)
-    api.record.leases.finish(damaged.id, 1, JobState.FAILED, away)
-    api.store.put(damaged.source.key, b"not as it was")
-    first = api.http.post("/v1/jobs:retry", params={"error": "unavailable", "limit": 3})
-    check_document(first.json(), "RetriedJobs", openapi)
-    assert [each["of"] for each in first.json()["jobs"]] == [damaged.id, failed[1]]
-    assert first.json()["jobs"][0]["job_id"] is None
-    assert first.json()["jobs"][0]["error"]["code"] == "file_damaged"
-    assert by_hand.id not in {each["job_id"] for each in first.json()["jobs"]}
-    second = api.http.post("/v1/jobs:retry", params={"error": "unavailable", "cursor": first.json()["next_cursor"]})
-    assert [each["of"] for each in second.json()["jobs"]] == [failed[0]]
-    assert second.json()["next_cursor"] is None
-    (made,) = second.json()["jobs"]
-    origin = api.record.get(made["job_id"]).origin
-    assert origin is not None
-    assert (origin.job_id, origin.step) == (failed[0], 100)
-    again = api.http.post("/v1/jobs:retry", params={"error": "unavailable"}).json()
-    assert [each["of"] for each in again["jobs"]] == [damaged.id], "the others have been retried"
-    check_problem(api.http.post("/v1/jobs:retry"), 422, "parameter_invalid")
-    done = CliRunner().invoke(app, ["jobs", "--failed", "prompt_invalid", "--retry", "--url", api.url])
-    assert done.exit_code == 0, done.output
-    assert done.stdout.startswith(f"{other} -> job_")
-    assert "1 retried, 0 refused." in done.stderr
-
-
-def test_a_retry_of_a_retry_counts_and_a_branch_does_not(api: Api) -> None:
-    away = JobError.of(StoredFileError("Damaged."))
-
-    def fail(job_id: str) -> str:
-        attempt = api.record.leases.claim(job_id, "worker", 60.0)
-        assert attempt is not None
-        api.record.leases.finish(job_id, attempt.attempt, JobState.FAILED, away)
-        return job_id
-
-    first = interrupted_job(api, steps=(100,), error=away)
-    second = fail(made_of(api, api.http.post(f"/v1/jobs/{first}/retry")).id)
-    third = made_of(api, api.http.post(f"/v1/jobs/{second}/retry")).id
-    branched = interrupted_job(api, steps=(100,), error=away)
-    made_of(api, api.http.post(f"/v1/jobs/{branched}/checkpoints/100/branch", json=BRANCH))
-    failed = [api.record.get(job_id) for job_id in (first, second, branched)]
-    assert api.record.retried(failed, "") == {first, second}
-    assert api.record.retried([api.record.get(fail(third))], "") == set()
 
 
 def test_a_retry_takes_the_last_checkpoint_that_is_whole(api: Api) -> None:

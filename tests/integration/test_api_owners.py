@@ -11,15 +11,14 @@ import httpx
 import pytest
 from fastapi import FastAPI, Request
 
-from meshdeform.errors import UnavailableError
-from meshdeform.record.models import JobError, JobState, NewJob
+from meshdeform.record.models import JobState, NewJob
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from service.app import create_app
 from service.http.auth import Principal, principal
 from tests.integration import conftest
 from tests.integration.conftest import Api, stored_file
-from tests.integration.http_calls import PROMPT, check_problem, finished_job, kept
+from tests.integration.http_calls import PROMPT, check_problem, finished_job
 
 
 def named(request: Request) -> Principal:
@@ -110,26 +109,3 @@ def test_one_key_of_two_owners_is_two_keys(two: tuple[Api, Api], sphere: bytes) 
     first, second = posted(two[0], "a vase"), posted(two[1], "a mushroom")
     assert (first.status_code, second.status_code) == (202, 202)
     assert first.json()["id"] != second.json()["id"]
-
-
-def test_retries_of_many_are_of_the_owner_s_own_and_stop_at_the_limit(two: tuple[Api, Api]) -> None:
-    ann, bob = two
-    away = JobError.of(UnavailableError("The store is away."))
-    failed = []
-    for _ in range(3):
-        job = ann.record.create(NewJob(JobRequest(prompt="a vase"), {"asset": kept(ann, b"x")}, owner_id="cid"))
-        assert ann.record.leases.claim(job.id, "worker", 60.0)
-        ann.record.leases.finish(job.id, 1, JobState.FAILED, away)
-        failed.append(job.id)
-    query = {"error": "unavailable"}
-    assert bob.http.post("/v1/jobs:retry", params=query).json()["jobs"] == []
-    assert bob.http.get("/v1/jobs", params=query).json()["jobs"] == []
-    cid = {"x-owner": "cid", "x-jobs": "2"}
-    first = ann.http.post("/v1/jobs:retry", params=query, headers=cid).json()
-    assert [each["of"] for each in first["jobs"]] == [failed[2], failed[1]]
-    more = {**query, "cursor": first["next_cursor"]}
-    check_problem(ann.http.post("/v1/jobs:retry", params=more, headers=cid), 429, "too_many_jobs")
-    for each in first["jobs"]:
-        ann.record.request_cancel(each["job_id"])
-    last = ann.http.post("/v1/jobs:retry", params=more, headers=cid).json()
-    assert ([each["of"] for each in last["jobs"]], last["next_cursor"]) == ([failed[0]], None)

@@ -24,8 +24,6 @@ from meshdeform.api.jobs import (
     CheckpointList,
     CheckpointView,
     EventView,
-    RetriedJob,
-    RetriedJobs,
     SignedUrl,
 )
 from meshdeform.api.states import JobState
@@ -65,7 +63,6 @@ from meshdeform.client.sync.transfers import followed, loaded, prepared, saved, 
 from meshdeform.errors import (
     ChecksumError,
     JobNotFinishedError,
-    LimitError,
     MeshdeformError,
     NotFoundError,
     UnavailableError,
@@ -414,29 +411,6 @@ class Client:
         """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
         call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
         return self._connection.document(JobView, call)
-
-    def retry_failed(self, error: str, *, created_after: datetime | None = None) -> list[RetriedJob]:
-        """Retry all jobs that failed with an error of this code, but for those that were retried already.
-
-        Returns what became of each, newest first. A limit of the caller's, such as that of unfinished jobs, ends the
-        list early, or is raised if it stops the first.
-        """
-        found: list[RetriedJob] = []
-        query: dict[str, str | int] = {"error": error, "limit": 100}
-        if created_after is not None:
-            query["created_after"] = created_after.astimezone().isoformat()
-        while True:
-            call = Call("POST", "/v1/jobs:retry", query=query, read_timeout_s=_MAKE_S)
-            try:
-                page = self._connection.document(RetriedJobs, call)
-            except LimitError:
-                if any(each.job_id for each in found):
-                    return found
-                raise
-            found += page.jobs
-            if page.next_cursor is None:
-                return found
-            query["cursor"] = page.next_cursor
 
     def branch(
         self,
