@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.api.jobs import JobView
 from meshdeform.api.states import JobError, WebhookEvent
-from meshdeform.record.webhooks import Delivery, DeliveryAttempt, Webhook
 from meshdeform.webhooks.addresses import MAX_URL
 
 __all__ = [
@@ -43,7 +42,7 @@ class _Body(BaseModel):
 
 
 class _Document(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore", from_attributes=True)
 
 
 class NewWebhook(_Body):
@@ -106,21 +105,6 @@ class WebhookView(_Document):
     )
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
 
-    @classmethod
-    def of(cls, webhook: Webhook, **more: Any) -> Self:
-        """Return the document of a webhook."""
-        return cls(
-            id=webhook.id,
-            url=webhook.url,
-            events=[WebhookEvent(event) for event in webhook.events],
-            enabled=webhook.disabled_at is None,
-            disabled_at=webhook.disabled_at,
-            disabled_reason=webhook.disabled_reason,
-            rotation_ends_at=webhook.previous_until,
-            created_at=webhook.created_at,
-            **more,
-        )
-
 
 class WebhookWithSecret(WebhookView):
     """A webhook with its secret, which no other response contains."""
@@ -158,23 +142,6 @@ class DeliveryView(_Document):
     )
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
 
-    @classmethod
-    def of(cls, delivery: Delivery, **more: Any) -> Self:
-        """Return the document of a delivery."""
-        return cls(
-            id=delivery.id,
-            webhook_id=delivery.webhook_id,
-            message_id=delivery.replay_of or delivery.id,
-            replay_of=delivery.replay_of,
-            type=delivery.type,
-            job_id=delivery.job_id or None,
-            state=delivery.state,
-            attempt_count=delivery.attempts,
-            next_at=delivery.next_at,
-            created_at=delivery.created_at,
-            **more,
-        )
-
 
 class DeliveryList(_Document):
     """A page of deliveries, newest first."""
@@ -196,17 +163,6 @@ class AttemptView(_Document):
     )
     seconds: float = Field(ge=0.0, description="How long it took.", examples=[0.12])
 
-    @classmethod
-    def of(cls, attempt: DeliveryAttempt) -> Self:
-        """Return the document of an attempt."""
-        return cls(
-            number=attempt.number,
-            at=attempt.at,
-            status=attempt.status,
-            error=attempt.error,
-            seconds=attempt.seconds,
-        )
-
 
 class DeliveryDetail(DeliveryView):
     """The delivery of a message to a webhook, with the message and all attempts."""
@@ -216,12 +172,6 @@ class DeliveryDetail(DeliveryView):
         examples=[{"type": "job.succeeded", "timestamp": _TIME, "data": {"seq": 4}}],
     )
     attempts: list[AttemptView] = Field(description="Every attempt, oldest first.")
-
-    @classmethod
-    def of_log(cls, delivery: Delivery) -> Self:
-        """Return the detailed document of a delivery."""
-        log = [AttemptView.of(attempt) for attempt in delivery.log]
-        return cls.of(delivery, payload=delivery.payload, attempts=log)
 
 
 class JobMessageData(_Document):

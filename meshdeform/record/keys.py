@@ -8,13 +8,13 @@ import re
 import secrets
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 import sqlalchemy as sa
 
 from meshdeform.errors import NotFoundError, ParameterError, UnauthorizedError, UnavailableError
 from meshdeform.record.database import Database
 from meshdeform.record.ids import id_pattern, new_id
+from meshdeform.record.rows import read
 from meshdeform.record.schema import api_keys
 from meshdeform.requests.document import MAX_PRIORITY
 
@@ -98,7 +98,7 @@ class KeyRing:
         }
         with self._database.write() as connection:
             row = connection.execute(sa.insert(api_keys).values(values).returning(api_keys)).one()
-        return _key(row), f"{key_id}.{secret}"
+        return read(ApiKey, row), f"{key_id}.{secret}"
 
     def list(self, owner: str | None = None) -> list[ApiKey]:
         """Return all keys or those of one owner, including revoked ones, oldest first."""
@@ -106,7 +106,7 @@ class KeyRing:
         if owner is not None:
             query = query.where(api_keys.c.owner_id == owner)
         with self._database.read() as connection:
-            return [_key(row) for row in connection.execute(query)]
+            return [read(ApiKey, row) for row in connection.execute(query)]
 
     def revoke(self, key_id: str) -> ApiKey:
         """Revoke a key permanently; revoking it again changes nothing. `NotFoundError`: there is no such key."""
@@ -116,7 +116,7 @@ class KeyRing:
             row = connection.execute(revoke).one_or_none()
         if row is None:
             raise NotFoundError(f"There is no key {key_id}.", advice="See: meshdeform keys list.")
-        return _key(row)
+        return read(ApiKey, row)
 
     def verify(self, text: str) -> ApiKey:
         """Return the key of a text sent by a request.
@@ -131,7 +131,7 @@ class KeyRing:
         same = hmac.compare_digest(_digest(secret), row.secret_hash if row is not None else _NO_DIGEST)
         if row is None or not same or row.revoked_at is not None:
             raise UnauthorizedError("The API key is not valid.")
-        key = _key(row)
+        key = read(ApiKey, row)
         self._record_use(key)
         return key
 
@@ -165,17 +165,3 @@ def _digest(secret: str) -> str:
 
 
 _NO_DIGEST = "0" * 64
-
-
-def _key(row: Any) -> ApiKey:
-    return ApiKey(
-        id=row.id,
-        owner_id=row.owner_id,
-        name=row.name,
-        created_at=row.created_at,
-        last_used_at=row.last_used_at,
-        revoked_at=row.revoked_at,
-        requests_per_minute=row.requests_per_minute,
-        max_active_jobs=row.max_active_jobs,
-        max_priority=row.max_priority,
-    )

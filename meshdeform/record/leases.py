@@ -298,7 +298,7 @@ class Leases:
             .order_by(checkpoints.c.attempt.desc(), checkpoints.c.step.desc())
         )
         with self._database.read() as connection:
-            return [rows.checkpoint(row) for row in connection.execute(query)]
+            return [rows.read(CheckpointRef, row) for row in connection.execute(query)]
 
     def finish(
         self,

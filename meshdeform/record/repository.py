@@ -222,7 +222,7 @@ class JobRecord:
         query = sa.select(artifacts).where(artifacts.c.job_id == job_id).order_by(artifacts.c.name)
         with self._database.read() as connection:
             find_job(connection, job_id, owner)
-            return [rows.artifact(row) for row in connection.execute(query)]
+            return [rows.read(Artifact, row) for row in connection.execute(query)]
 
     def add_artifact(self, job_id: str, found: Artifact, owner: str | None = None) -> Artifact:
         """Add an artifact to a job that has succeeded, unless it has one of that name; return the one that it has now.
@@ -240,7 +240,7 @@ class JobRecord:
                 job = find_job(connection, job_id, owner)
                 raise ConflictError(f"The job is {job.state}; only one that succeeded has artifacts.")
             if row := connection.execute(known).one_or_none():
-                return rows.artifact(row)
+                return rows.read(Artifact, row)
             connection.execute(sa.insert(artifacts).values(**values, attempt=attempt))
             change.update(jobs.c.id == job_id, {})
             measure(connection, job_id)
@@ -295,7 +295,7 @@ def _with_artifacts(connection: sa.Connection, found: list[Job]) -> list[Job]:
     query = sa.select(artifacts).where(artifacts.c.job_id.in_(begun)).order_by(artifacts.c.name)
     results: dict[str, list[Artifact]] = {}
     for row in connection.execute(query):
-        results.setdefault(row.job_id, []).append(rows.artifact(row))
+        results.setdefault(row.job_id, []).append(rows.read(Artifact, row))
     return [job.model_copy(update={"artifacts": tuple(results.get(job.id, ()))}) for job in found]
 
 

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 
 from meshdeform.record.models import (
-    Artifact,
-    CheckpointRef,
     Event,
     EventType,
     Job,
-    JobError,
     JobState,
     NewJob,
     Origin,
     OriginMode,
     Progress,
-    StoredFile,
 )
 from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.choices import JobKind, member_of
 from meshdeform.requests.document import JobRequest
 
 Row = sa.Row[Any]
+_Value = TypeVar("_Value")
 
 # Documents may have further members, such as the sources of their files.
 _REQUEST = set(JobRequest.model_fields)
@@ -83,43 +80,23 @@ def job_files(job_id: str, new: NewJob) -> list[dict[str, Any]]:
     return [{"job_id": job_id, "owner_id": new.owner_id, **each} for each in found]
 
 
+def read(model: type[_Value], row: Row, /, **others: Any) -> _Value:
+    """Return a value whose members are the columns of the same names, but for `others`."""
+    columns = row._mapping
+    return model(**{name: columns[name] for name in model.__annotations__ if name not in others}, **others)
+
+
 def job(row: Row) -> Job:
     """Return the job of a row, whichever version wrote it: the request is read only when it is asked for."""
-    return Job(
-        id=row.id,
+    return read(
+        Job,
+        row,
         kind=member_of(JobKind, row.kind),
         state=member_of(JobState, row.state),
         document=row.request,
-        priority=row.priority,
-        resolved=row.resolved,
-        files={part: StoredFile.model_validate(file) for part, file in row.files.items()},
-        error=JobError.model_validate(row.error) if row.error else None,
-        created_at=row.created_at,
-        started_at=row.started_at,
-        finished_at=row.finished_at,
-        progress=Progress.model_construct(
-            step=row.step,
-            total_steps=row.total_steps,
-            fraction=row.fraction,
-            phase=row.phase,
-            losses=row.losses,
-            eta_s=row.eta_s,
-            attempt=row.attempt,
-        ),
-        attempt=row.attempt,
-        version=row.version,
-        owner_id=row.owner_id,
         origin=_origin(row.origin) if row.origin else None,
-        deadline_at=row.deadline_at,
-        retain_until=row.retain_until,
-        retry_at=row.retry_at,
-        oom_attempts=row.oom_attempts,
-        ran_s=row.ran_s,
-        event_seq=row.event_seq,
-        request_id=row.request_id,
-        traceparent=row.traceparent,
-        faces=row.faces,
-        parts=row.parts,
+        progress=Progress.model_construct(**{name: row._mapping[name] for name in Progress.model_fields}),
+        artifacts=(),
     )
 
 
@@ -127,34 +104,6 @@ def _origin(document: dict[str, Any]) -> Origin:
     return Origin.model_validate({**document, "mode": member_of(OriginMode, document["mode"])})
 
 
-def artifact(row: Row) -> Artifact:
-    """Return the artifact of a row."""
-    return Artifact(
-        name=row.name,
-        content_type=row.content_type,
-        size=row.size,
-        sha256=row.sha256,
-        key=row.key,
-        created_at=row.created_at,
-    )
-
-
-def checkpoint(row: Row) -> CheckpointRef:
-    """Return the checkpoint of a row."""
-    return CheckpointRef(
-        key=row.key,
-        step=row.step,
-        attempt=row.attempt,
-        sha256=row.sha256,
-        size=row.size,
-        mesh_key=row.mesh_key,
-        mesh_sha256=row.mesh_sha256,
-        mesh_size=row.mesh_size,
-        created_at=row.created_at,
-    )
-
-
 def event(row: Row) -> Event:
     """Return the event of a row."""
-    kind = member_of(EventType, row.type)
-    return Event(job_id=row.job_id, seq=row.seq, type=kind, at=row.at, attempt=row.attempt, data=row.data)
+    return read(Event, row, type=member_of(EventType, row.type))

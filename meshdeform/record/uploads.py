@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 import sqlalchemy as sa
 
@@ -13,6 +12,7 @@ from meshdeform.errors import NotFoundError, TooManyUploadsError
 from meshdeform.record.database import Database
 from meshdeform.record.files import FileLedger
 from meshdeform.record.ids import new_id
+from meshdeform.record.rows import read
 from meshdeform.record.schema import job_files, uploads
 
 
@@ -78,7 +78,7 @@ class UploadLedger:
         with self._database.write() as connection:
             if max_uploads or max_bytes:
                 self._check_limits(connection, owner_id, size, max_uploads, max_bytes)
-            made = _upload(connection.execute(sa.insert(uploads).values(values).returning(uploads)).one())
+            made = read(Upload, connection.execute(sa.insert(uploads).values(values).returning(uploads)).one())
             if also is not None:
                 also(connection, made)
         return made
@@ -111,7 +111,7 @@ class UploadLedger:
             row = connection.execute(sa.select(uploads).where(self._is(upload_id, owner))).one_or_none()
         if row is None:
             raise NotFoundError(f"There is no upload {upload_id!r}.", advice="Announce it again: POST /v1/uploads.")
-        return _upload(row)
+        return read(Upload, row)
 
     def complete(self, upload_id: str, sha256: str, key: str, owner: str | None = None) -> Upload:
         """Record the stored and pinned file; its pin is released. Repeating this is not an error."""
@@ -121,7 +121,7 @@ class UploadLedger:
             if row is None:
                 raise NotFoundError(f"There is no upload {upload_id!r}.")
             self._files.unpin([key], connection)
-        return _upload(row)
+        return read(Upload, row)
 
     def delete(self, upload_id: str, owner: str | None = None) -> None:
         """Delete an upload; its file stays while a job needs it. `NotFoundError`: there is no such upload."""
@@ -135,7 +135,3 @@ class UploadLedger:
     def _is(self, upload_id: str, owner: str | None) -> sa.ColumnElement[bool]:
         alive = sa.and_(uploads.c.id == upload_id, uploads.c.expires_at > self._database.now())
         return alive if owner is None else sa.and_(alive, uploads.c.owner_id == owner)
-
-
-def _upload(row: sa.Row[Any]) -> Upload:
-    return Upload(**row._mapping)

@@ -19,6 +19,7 @@ from meshdeform.errors import ConflictError, NotFoundError, RequestError
 from meshdeform.record.database import Database
 from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.ids import decode_cursor, encode_cursor, new_id
+from meshdeform.record.rows import read
 from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
 
 MAX_WEBHOOKS = 20
@@ -38,9 +39,14 @@ class Webhook:
     url: str
     events: tuple[str, ...]
     created_at: datetime
-    previous_until: datetime | None
+    rotation_ends_at: datetime | None
     disabled_at: datetime | None
     disabled_reason: str | None
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it gets events."""
+        return self.disabled_at is None
 
 
 @dataclass(frozen=True)
@@ -59,20 +65,25 @@ class Delivery:
     """One message to one webhook.
 
     `pending` becomes `delivered` or `failed`, which never change. `replay_of` names the first delivery of a repeated
-    message. In a list of deliveries, `log` is empty, and `attempts` counts the attempts.
+    message. In a list of deliveries, `attempts` is empty.
     """
 
     id: str
     webhook_id: str
-    job_id: str
+    job_id: str | None
     replay_of: str | None
     type: str
     payload: dict[str, Any]
     state: str
-    attempts: int
+    attempt_count: int
     next_at: datetime | None
     created_at: datetime
-    log: tuple[DeliveryAttempt, ...] = ()
+    attempts: tuple[DeliveryAttempt, ...] = ()
+
+    @property
+    def message_id(self) -> str:
+        """The header `webhook-id`: the same for every attempt and every replay."""
+        return self.replay_of or self.id
 
 
 @dataclass(frozen=True)
@@ -215,9 +226,7 @@ class WebhookBook:
             _find(connection, webhook_id, owner)
             row = _find_delivery(connection, webhook_id, delivery_id)
             log = connection.execute(tried.order_by(delivery_attempts.c.number)).all()
-        return _delivery(
-            row, tuple(DeliveryAttempt(each.number, each.at, each.status, each.error, each.seconds) for each in log)
-        )
+        return _delivery(row, tuple(read(DeliveryAttempt, attempt) for attempt in log))
 
     def replay(self, webhook_id: str, delivery_id: str, owner: str) -> Delivery:
         """Send a message again as a new delivery; `ConflictError`: it is still pending, or the webhook is disabled.
@@ -318,29 +327,8 @@ def _find_delivery(connection: sa.Connection, webhook_id: str, delivery_id: str)
 
 
 def _webhook(row: sa.Row[Any]) -> Webhook:
-    return Webhook(
-        id=row.id,
-        owner_id=row.owner_id,
-        url=row.url,
-        events=tuple(row.events),
-        created_at=row.created_at,
-        previous_until=row.previous_until,
-        disabled_at=row.disabled_at,
-        disabled_reason=row.disabled_reason,
-    )
+    return read(Webhook, row, events=tuple(row.events), rotation_ends_at=row.previous_until)
 
 
 def _delivery(row: sa.Row[Any], log: tuple[DeliveryAttempt, ...] = ()) -> Delivery:
-    return Delivery(
-        id=row.id,
-        webhook_id=row.webhook_id,
-        job_id=row.job_id,
-        replay_of=row.replay_of,
-        type=row.type,
-        payload=row.payload,
-        state=row.state,
-        attempts=row.attempts,
-        next_at=row.next_at,
-        created_at=row.created_at,
-        log=log,
-    )
+    return read(Delivery, row, job_id=row.job_id or None, attempt_count=row.attempts, attempts=log)

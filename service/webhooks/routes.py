@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 import anyio
 from anyio import to_thread
@@ -34,6 +34,7 @@ from meshdeform.errors import (
     WebhookAddressError,
 )
 from meshdeform.record.ids import id_pattern
+from meshdeform.record.webhooks import Webhook
 from meshdeform.webhooks.addresses import LOOKUP_S, find_destination, parse_networks
 from service.documentation.responses import header
 from service.http.auth import PrincipalDep
@@ -77,9 +78,8 @@ async def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWeb
     """The host is resolved and must be public. This is checked again for every message."""
     url = await checked_address(app, principal.owner_id, body.url)
     webhook, secret = await to_thread.run_sync(app.record.webhooks.create, principal.owner_id, url, body.events)
-    document = WebhookWithSecret.of(webhook, secret=secret)
     return JSONResponse(
-        document.model_dump(mode="json"),
+        _with_secret(webhook, secret),
         201,
         {"Location": f"/v1/webhooks/{webhook.id}", "Cache-Control": "no-store"},
     )
@@ -96,8 +96,8 @@ async def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWeb
 )
 def list_webhooks(app: AppStateDep, principal: PrincipalDep) -> Response:
     """Not paginated: there are at most 20."""
-    found = [WebhookView.of(webhook) for webhook in app.record.webhooks.list_webhooks(principal.owner_id)]
-    return JSONResponse(WebhookList(webhooks=found).model_dump(mode="json"))
+    views = [WebhookView.model_validate(each) for each in app.record.webhooks.list_webhooks(principal.owner_id)]
+    return JSONResponse(WebhookList(webhooks=views).model_dump(mode="json"))
 
 
 @router.get(
@@ -126,7 +126,8 @@ def get_webhook_secret(app: AppStateDep, principal: PrincipalDep) -> Response:
 )
 def get_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002 - the path's own word
     """Shows whether it is enabled, and if not, why."""
-    return JSONResponse(WebhookView.of(app.record.webhooks.get(id, principal.owner_id)).model_dump(mode="json"))
+    webhook = app.record.webhooks.get(id, principal.owner_id)
+    return JSONResponse(WebhookView.model_validate(webhook).model_dump(mode="json"))
 
 
 @router.patch(
@@ -151,7 +152,7 @@ async def update_webhook(
     url = None if body.url is None else await checked_address(app, owner, body.url)
     update = partial(webhooks.update, id, owner, url=url, events=body.events, enabled=body.enabled)
     webhook = await to_thread.run_sync(update)
-    return JSONResponse(WebhookView.of(webhook).model_dump(mode="json"))
+    return JSONResponse(WebhookView.model_validate(webhook).model_dump(mode="json"))
 
 
 @router.delete(
@@ -183,8 +184,7 @@ def delete_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) ->
 def rotate_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
     """For 24 hours, messages have two signatures: one by the new secret and one by the previous secret."""
     webhook, secret = app.record.webhooks.rotate(id, principal.owner_id)
-    document = WebhookWithSecret.of(webhook, secret=secret)
-    return JSONResponse(document.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
+    return JSONResponse(_with_secret(webhook, secret), headers={"Cache-Control": "no-store"})
 
 
 @router.post(
@@ -200,7 +200,7 @@ def rotate_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) ->
 def test_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
     """Sends a message of type `meshdeform.test` like any other. Its delivery shows the outcome."""
     delivery = app.record.webhooks.send_test(id, principal.owner_id)
-    return JSONResponse(DeliveryView.of(delivery).model_dump(mode="json"), 202)
+    return JSONResponse(DeliveryView.model_validate(delivery).model_dump(mode="json"), 202)
 
 
 @router.get(
@@ -231,8 +231,7 @@ def list_deliveries(
 ) -> Response:
     """Deliveries are kept for 30 days."""
     page = app.record.webhooks.deliveries(id, principal.owner_id, state=state, cursor=cursor, limit=limit)
-    found = [DeliveryView.of(delivery) for delivery in page.deliveries]
-    return JSONResponse(DeliveryList(deliveries=found, next_cursor=page.next_cursor).model_dump(mode="json"))
+    return JSONResponse(DeliveryList.model_validate(page).model_dump(mode="json"))
 
 
 @router.get(
@@ -247,7 +246,7 @@ def list_deliveries(
 def get_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
     """Of the receiver's responses only the status is kept."""
     delivery = app.record.webhooks.delivery(id, delivery_id, principal.owner_id)
-    return JSONResponse(DeliveryDetail.of_log(delivery).model_dump(mode="json"))
+    return JSONResponse(DeliveryDetail.model_validate(delivery).model_dump(mode="json"))
 
 
 @router.post(
@@ -263,7 +262,12 @@ def get_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, deli
 def replay_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
     """Sends the same message with the same `webhook-id`: receivers ignore one that they have processed."""
     delivery = app.record.webhooks.replay(id, delivery_id, principal.owner_id)
-    return JSONResponse(DeliveryView.of(delivery).model_dump(mode="json"), 202)
+    return JSONResponse(DeliveryView.model_validate(delivery).model_dump(mode="json"), 202)
+
+
+def _with_secret(webhook: Webhook, secret: str) -> dict[str, Any]:
+    view = WebhookView.model_validate(webhook)
+    return WebhookWithSecret(**view.model_dump(), secret=secret).model_dump(mode="json")
 
 
 async def checked_address(app: AppState, owner: str, url: str) -> str:

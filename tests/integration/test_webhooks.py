@@ -54,8 +54,8 @@ def test_every_event_of_a_job_arrives_signed(record: JobRecord, delivery: Webhoo
         assert datetime.fromisoformat(event["timestamp"]).tzinfo is not None
     page = record.webhooks.deliveries(webhook.id, "")
     assert {found.id for found in page.deliveries} == set(told)
-    assert {(found.state, found.attempts, found.next_at) for found in page.deliveries} == {("delivered", 1, None)}
-    (attempt,) = record.webhooks.delivery(webhook.id, page.deliveries[0].id, "").log
+    assert {(found.state, found.attempt_count, found.next_at) for found in page.deliveries} == {("delivered", 1, None)}
+    (attempt,) = record.webhooks.delivery(webhook.id, page.deliveries[0].id, "").attempts
     assert (attempt.number, attempt.status, attempt.error) == (1, 204, None)
     assert delivery.run_once() == 0
     assert sums(record) == {"delivered": 2}
@@ -81,7 +81,7 @@ def test_it_is_tried_by_the_schedule_and_then_given_up(
         before = datetime.now(UTC)
         assert delivery.run_once() == 1
         found = only_delivery(record, webhook)
-        assert (found.state, found.attempts) == ("pending", number)
+        assert (found.state, found.attempt_count) == ("pending", number)
         # Up to a tenth later, so that not all come back at the same instant.
         asked = (before + timedelta(seconds=delay - 5), datetime.now(UTC) + timedelta(seconds=1.1 * delay + 5))
         assert asked[0] < found.next_at < asked[1]
@@ -89,9 +89,11 @@ def test_it_is_tried_by_the_schedule_and_then_given_up(
         make_due(record)
     assert delivery.run_once() == 1
     found = only_delivery(record, webhook)
-    assert (found.state, found.attempts, found.next_at) == ("failed", 10, None)
-    assert [(attempt.number, attempt.status) for attempt in found.log] == [(number, 500) for number in range(1, 11)]
-    assert {attempt.error for attempt in found.log} == {"The receiver answered 500."}
+    assert (found.state, found.attempt_count, found.next_at) == ("failed", 10, None)
+    assert [(attempt.number, attempt.status) for attempt in found.attempts] == [
+        (number, 500) for number in range(1, 11)
+    ]
+    assert {attempt.error for attempt in found.attempts} == {"The receiver answered 500."}
     assert len({message.id for message in receiver.messages}) == 1
     assert sum(RETRY_AFTER_S) == 75 * 3600 + 35 * 60 + 5
     assert sums(record) == {"retried": 9, "failed": 1}
@@ -115,7 +117,7 @@ def test_the_address_is_checked_again_when_a_message_is_sent(record: JobRecord, 
     webhook, _ = record.webhooks.create("", receiver.url, ["job.queued"])
     new_job(record)
     assert WebhookDelivery(record, Settings()).run_once() == 1
-    (attempt,) = only_delivery(record, webhook).log
+    (attempt,) = only_delivery(record, webhook).attempts
     assert (attempt.status, "not public" in attempt.error) == (None, True)
     assert receiver.messages == []
 
@@ -125,8 +127,8 @@ def test_two_signatures_while_the_secret_is_changed(
 ) -> None:
     webhook, first = record.webhooks.create("", receiver.url, ["job.queued"])
     changed, second = record.webhooks.rotate(webhook.id, "")
-    assert changed.previous_until is not None
-    assert timedelta(hours=23) < changed.previous_until - datetime.now(UTC) <= timedelta(hours=24)
+    assert changed.rotation_ends_at is not None
+    assert timedelta(hours=23) < changed.rotation_ends_at - datetime.now(UTC) <= timedelta(hours=24)
     assert len({first, second}) == 2
     assert first.startswith("whsec_")
 
@@ -222,7 +224,7 @@ def test_a_replay_is_a_new_delivery_of_the_same_message(
         record.webhooks.replay(webhook.id, first.id, "")
     delivery.run_once()
     again = record.webhooks.replay(webhook.id, first.id, "")
-    assert (again.replay_of, again.state, again.attempts, again.job_id) == (first.id, "pending", 0, job.id)
+    assert (again.replay_of, again.state, again.attempt_count, again.job_id) == (first.id, "pending", 0, job.id)
     assert delivery.run_once() == 1
     third = record.webhooks.replay(webhook.id, again.id, "")
     assert third.replay_of == first.id
@@ -275,7 +277,7 @@ def test_what_one_has_taken_another_does_not_get_until_the_takers_time_is_over(
     record.deliveries.succeeded(taken, at=now, status=200, seconds=0.1)
     record.deliveries.failed(taken, at=now, status=410, error="gone", seconds=0.1)
     found = only_delivery(record, webhook)
-    assert (found.state, found.attempts, len(found.log)) == ("pending", 1, 1)
+    assert (found.state, found.attempt_count, len(found.attempts)) == ("pending", 1, 1)
     assert record.webhooks.get(webhook.id, "").disabled_at is None
     assert sums(record) == {"retried": 1}
 
@@ -317,7 +319,7 @@ def test_it_runs_beside_the_api_sends_what_comes_and_stops_at_once(record: JobRe
     # The one that was under way is nobody's fault, and due again.
     over.set()
     newest = record.webhooks.deliveries(webhook.id, "").deliveries[0]
-    assert (newest.state, newest.attempts) == ("pending", 0)
+    assert (newest.state, newest.attempt_count) == ("pending", 0)
     receiver.answer = None
     assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 1
 
@@ -340,4 +342,4 @@ def test_receivers_that_hang_do_not_hold_up_another_ones_messages(record: JobRec
             record.create(NewJob(JobRequest(prompt="a mushroom"), {"asset": stored_file()}, owner_id=owner))
         assert WebhookDelivery(record, WEBHOOK_SETTINGS).run_once() == 2 * AT_ONCE + 1
     sent = record.webhooks.deliveries(webhook.id, "slow").deliveries
-    assert [(each.state, each.attempts) for each in sent] == [("delivered", 1)] * 2 * AT_ONCE
+    assert [(each.state, each.attempt_count) for each in sent] == [("delivered", 1)] * 2 * AT_ONCE
