@@ -68,21 +68,20 @@ def refuse_other_place(place: JobPlace, *, here: Mapping[str, Any], there: Mappi
 
 def run_on_service(
     request: JobRequest,
-    files: Mapping[str, Path | bytes],
+    files: Mapping[str, Path],
     place: JobPlace,
     folder: Path,
     printed: Printed,
     *,
-    filename: str | None = None,
     idempotency_key: str | None = None,
 ) -> None:
     """Submit a job, follow it to its end unless it is to be left alone, and save its artifacts into the folder.
 
-    The files are by part; `filename` is that of the first one, if it has none of its own. An OutcomeError tells that
-    the job did not succeed, that the time is over, or that Ctrl-C came.
+    The files are by part. An OutcomeError tells that the job did not succeed, that the time is over, or that Ctrl-C
+    came.
     """
     with place.connect() as client:
-        job = _submitted(client, request, files, filename, idempotency_key)
+        job = _submitted(client, request, files, idempotency_key)
         if place.detach:
             _print_new(job, place, printed)
             return
@@ -107,9 +106,7 @@ def _followed(
         return follow(client, job_id, shown, deadline=deadline, url=place.url, replay=replay)
 
 
-def _submitted(
-    client: Client, request: JobRequest, files: Mapping[str, Path | bytes], filename: str | None, key: str | None
-) -> JobView:
+def _submitted(client: Client, request: JobRequest, files: Mapping[str, Path], key: str | None) -> JobView:
     try:
         return client.submit(
             None,
@@ -119,7 +116,6 @@ def _submitted(
             output=request.output,
             metadata=request.metadata,
             files=dict(files),
-            filename=filename,
             priority=request.priority,
             deadline_s=request.deadline_s,
             max_run_s=request.max_run_s,

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
-import io
-import zipfile
+import tempfile
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 
-from meshdeform.cli.environment import load_settings, require
+from meshdeform.cli.environment import require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import of_kind, with_options, written
+from meshdeform.cli.form import of_kind, with_options
 from meshdeform.cli.jobs import refuse_other_place, run_on_service
 from meshdeform.cli.local import check_free, check_glb, run_here, write_all
 from meshdeform.cli.options import (
@@ -25,20 +23,22 @@ from meshdeform.cli.options import (
     SetOption,
     file_argument,
     file_option,
-    flag,
     option,
     output_option,
 )
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import ANCHOR, make_request, merge_params
-from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, ParameterError
-from meshdeform.support.files import slug, zipped
-
-if TYPE_CHECKING:
-    from meshdeform.runs.base import InputFile
+from meshdeform.errors import AssetError, ParameterError
+from meshdeform.requests.choices import JobKind
+from meshdeform.support.files import slug
 
 _FIT = "Base, network and fit"
 _MAX_FACES = 4_000_000
+_NAMED: Mapping[str, Mapping[str, str]] = {
+    JobKind.SURFACE_FIT: {".ndf": "surface.ndf", ".glb": "level_{level}.glb"},
+    JobKind.PRIOR_TEACH: {".safetensors": "weights.safetensors"},
+}
+"""The artifacts that `--output` may name, by its ending; the first one is written in any case."""
 
 
 @clean_errors
@@ -52,12 +52,10 @@ def surface_fit(
     output: Annotated[
         Path | None,
         output_option(
-            "The .ndf to write, or a .glb of the finest level with the .ndf beside it. Default: SURFACE.ndf here."
+            "The .ndf to write; a .glb of the finest level, with the .ndf beside it; or a folder for all levels. "
+            "Default: SURFACE.ndf here."
         ),
     ] = None,
-    meshes: Annotated[
-        bool, flag("--meshes", "Also write each level as a GLB, and the intrinsic triangulation.")
-    ] = False,
     base: Annotated[
         Path | None,
         file_option("A base mesh of its own, instead of one made from SURFACE; its holes may be others.", _FIT),
@@ -69,44 +67,20 @@ def surface_fit(
     param: SetOption = None,
     *,
     here: Here,
+    place: JobPlace,
     printed: Printed,
 ) -> None:
     """Fit a neural displacement field to SURFACE: a coarse mesh and a small network, a few kilobytes together.
 
     meshdeform surface-fit bunny.obj -o bunny.ndf
 
-    meshdeform surface-fit scan.ply --base-faces 2000 --steps 3000 --meshes
+    meshdeform surface-fit scan.ply --base-faces 2000 --steps 3000 -o scan
 
     meshdeform surface-fit points.xyz -o mesh.glb
     """
-    require("torch", "deform")
-    output = output or Path(f"{surface.stem}.ndf")
-    mesh = output if output.suffix.lower() == ".glb" else None
-    output = output.with_suffix(".ndf") if mesh else output
-    if output.suffix.lower() != ".ndf":
-        raise typer.BadParameter(f"{output.name} is neither a .ndf nor a .glb", param_hint="--output")
-    params = merge_params(ctx, param)
-    request = make_request("", params, more={"kind": "surface_fit"})
-    level: int = request.params.level  # type: ignore[attr-defined]
     files = {part: path for part, path in (("asset", surface), ("base", base), ("scalars", scalars)) if path}
-    paths = _paths(output, level if meshes else None)
-    if mesh is not None:
-        paths[f"level_{level}.glb"] = mesh
-    run = run_here(request, files, paths, here, quiet=printed.quiet)
-    print_result(request.kind, run, paths, printed)
-
-
-def _paths(output: Path, level: int | None) -> dict[str, Path]:
-    """Return where each artifact goes; `level` also asks for the meshes."""
-    paths = {
-        "surface.ndf": output,
-        "report.json": output.with_suffix(".report.json"),
-        "preview.png": output.with_suffix(".preview.png"),
-    }
-    if level is not None:
-        paths |= {f"level_{k}.glb": output.with_suffix(f".level_{k}.glb") for k in range(level + 1)}
-        paths["intrinsic.npz"] = output.with_suffix(".intrinsic.npz")
-    return paths
+    output = output or Path(surface.stem if place.url else f"{surface.stem}.ndf")
+    run_kind(JobKind.SURFACE_FIT, merge_params(ctx, param), files, output, here, place, printed)
 
 
 @clean_errors
@@ -149,39 +123,35 @@ def unfold(
     typer.echo(f"{output}: {len(triangles)} triangles, {len(verts)} vertices")
 
 
-_ENDINGS = {".glb", ".obj", ".ply", ".stl"}
-_FILE = "family.safetensors"
-
-
 @clean_errors
 @with_options(of_kind("family_fit"))
 def family_fit(
     ctx: typer.Context,
     collection: Annotated[
-        Path, typer.Argument(help="A folder or a ZIP of 10 to 3,000 assets of one family.", exists=True, readable=True)
+        Path,
+        typer.Argument(
+            help="A folder or a ZIP of 10 to 3,000 assets of one family, with labels.json, if some have labels "
+            "(docs/families.md).",
+            exists=True,
+        ),
     ],
-    labels: Annotated[
-        Path | None,
-        file_option("Parts of some of the assets (docs/families.md). Default: labels.json in the folder or ZIP."),
-    ] = None,
     output: Annotated[Path | None, output_option("The folder to write. Default: NAME-family.")] = None,
     param: SetOption = None,
     *,
     here: Here,
+    place: JobPlace,
     printed: Printed,
 ) -> None:
     """Find the parts and the correspondences of a family of assets, and learn its shapes.
 
-    meshdeform family-fit chairs/ --labels labels.json -o chairs-family
+    meshdeform family-fit chairs/ -o chairs-family
     """
-    require("torch", "deform")
-    params = merge_params(ctx, param)
-    folder = output or Path(f"{collection.stem}-family")
-    _run("family_fit", params, {"collection": _part(collection, labels)}, folder, here, printed)
+    output = output or Path(f"{collection.stem}-family")
+    run_kind(JobKind.FAMILY_FIT, merge_params(ctx, param), {"collection": collection}, output, here, place, printed)
 
 
 @clean_errors
-@with_options(of_kind("family_synthesize", hidden=("members",)))
+@with_options(of_kind("family_synthesize"))
 def family_synthesize(
     ctx: typer.Context,
     family: Annotated[
@@ -194,124 +164,48 @@ def family_synthesize(
             exists=True,
         ),
     ] = None,
-    member: Annotated[list[str] | None, option("A member: two for interpolate, one for complete and search.")] = None,
     output: Annotated[Path | None, output_option("The folder to write. Default: NAME-shapes.")] = None,
     param: SetOption = None,
     *,
     here: Here,
+    place: JobPlace,
     printed: Printed,
 ) -> None:
     """Make new assets of a family out of parts of its members.
 
     meshdeform family-synthesize chairs-family chairs/ --count 8
     """
-    require("torch", "deform")
-    source, assets = _sources(family, collection)
-    output = output or Path(f"{source.parent.name if family.is_dir() else source.stem}-shapes")
-    params = merge_params(ctx, param, members=member)
-    _run("family_synthesize", params, {"family": source, "collection": _part(assets)}, output, here, printed)
-
-
-def _run(
-    kind: str,
-    params: Mapping[str, Any],
-    files: Mapping[str, Path | InputFile],
-    folder: Path,
-    here: Here,
-    printed: Printed,
-) -> None:
-    """Run a job whose results fill a folder."""
-    from meshdeform.runs import kind_of
-
-    request = make_request("", params, more={"kind": kind})
-    outputs = {artifact.name: folder / artifact.name for artifact in kind_of(request.kind).artifacts}
-    run = run_here(request, files, outputs, here, quiet=printed.quiet, whole_folder=True)
-    print_result(request.kind, run, outputs, printed)
-
-
-def _part(collection: Path, labels: Path | None = None) -> InputFile:
-    from meshdeform.assets import Limits
-    from meshdeform.runs.base import InputFile
-
-    most = Limits.from_settings(load_settings()).max_bytes
-    return InputFile(packed(collection, most, labels), collection.name)
-
-
-def packed(path: Path, most: int, labels: Path | None = None) -> bytes:
-    """Return the ZIP of a folder, or the given one, with the labels; refuse none, or too many bytes, as AssetError."""
-    from meshdeform.assets.collection import LABELS_FILE, unpacked
-    from meshdeform.assets.limits import Limits
-
-    if path.is_file() and labels is None:
-        return path.read_bytes()
-    if path.is_dir():
-        files = _files_in(path, most)
-        beside = path / LABELS_FILE
-        labels = labels or (beside if beside.is_file() else None)
-    else:  # with the checks that the job makes
-        files = unpacked(path.read_bytes(), dataclasses.replace(Limits(), max_bytes=most))
-    if labels is not None:
-        files[LABELS_FILE] = labels.read_bytes()
-    return zipped(files)
-
-
-def _files_in(folder: Path, most: int) -> dict[str, bytes]:
-    """Return the assets in a folder by their names in it."""
-    paths = sorted(each for each in folder.rglob("*") if each.suffix.lower() in _ENDINGS and each.is_file())
-    if not paths:
-        raise AssetEmptyError(
-            f"The folder {folder} holds no asset.", advice="Give a folder with 10 to 3,000 GLB, OBJ, PLY or STL."
-        )
-    if sum(each.stat().st_size for each in paths) > most:
-        raise AssetTooLargeError.more_than(most, "The assets have")
-    return {each.relative_to(folder).as_posix(): each.read_bytes() for each in paths}
-
-
-def _sources(family: Path, collection: Path | None) -> tuple[Path, Path]:
-    """Return the family's file and the collection, or raise ParameterError if one is not there."""
-    source = family / _FILE if family.is_dir() else family
-    if not source.is_file():
-        raise ParameterError(
-            f"There is no {_FILE} in {family}.", advice="Give the folder that meshdeform family-fit wrote."
-        )
-    assets = collection or source.parent / "labelled.zip"
-    if not assets.exists():
-        raise ParameterError(
-            "The collection is missing.", advice="Give the folder or ZIP that was fitted as the second argument."
-        )
-    return source, assets
+    source = family / "family.safetensors" if family.is_dir() else family
+    files = {"family": source, "collection": collection or source.with_name("labelled.zip")}
+    for path in files.values():
+        if not path.exists():
+            raise ParameterError(
+                f"There is no {path}.",
+                advice="Name the folder that meshdeform family-fit wrote, and the collection that it was fitted to.",
+            )
+    output = output or Path(f"{family.stem}-shapes")
+    run_kind(JobKind.FAMILY_SYNTHESIZE, merge_params(ctx, param), files, output, here, place, printed)
 
 
 @clean_errors
-@with_options(of_kind("prior_teach", "Lesson", hidden=("noun", "synonyms", "front_deg")))
+@with_options(of_kind("prior_teach", "Lesson"))
 def teach(
     ctx: typer.Context,
-    noun: Annotated[str | None, typer.Argument(help='What the meshes show: "a teapot"; not with --folder.')] = None,
     meshes: Annotated[
-        list[Path] | None,
+        list[Path],
         typer.Argument(
-            help="GLB, OBJ, PLY, STL or ZIP files, or folders of them. The subfolders of a folder are named by "
-            "attributes: tall, long-nose.",
+            help="GLB, OBJ, PLY, STL or ZIP files, or folders of them. Subfolders are named by attributes: tall, "
+            "long-nose. Without --noun a kit, whose folders, or files in none, are named by nouns.",
             exists=True,
-            readable=True,
         ),
-    ] = None,
-    folder: Annotated[
-        Path | None,
-        option(
-            "A kit, instead of NOUN and MESHES: its subfolders, or files without one, are named by nouns.",
-            exists=True,
-            file_okay=False,
-        ),
-    ] = None,
+    ],
     output: Annotated[
         Path | None,
         output_option(
             "The file of weights, default: NOUN.safetensors, or the name of the folder; with --url a folder."
         ),
     ] = None,
-    synonym: Annotated[list[str] | None, option("Another name of the same thing; repeatable.")] = None,
-    front: Annotated[float, option("Azimuth of the front of the meshes: 0 is +Z, 90 is +X.", min=-360, max=360)] = 0.0,
+    param: SetOption = None,
     *,
     here: Here,
     place: JobPlace,
@@ -319,67 +213,97 @@ def teach(
 ) -> None:
     """Teach the builtin model nouns from your own meshes, so that prompts may name them.
 
-    meshdeform teach "a teapot" teapots/*.glb -o mine.safetensors
+    meshdeform teach teapots/*.glb --noun "a teapot" -o mine.safetensors
 
     meshdeform run sphere.glb "a teapot" --model mine.safetensors
 
-    meshdeform teach --folder kit/ -o kit.safetensors
+    meshdeform teach kit/ -o kit.safetensors
     """
-    if folder and (noun or meshes):
-        raise typer.BadParameter("a kit has no NOUN and MESHES beside it", param_hint="--folder")
-    if not folder and not (noun and meshes):
-        raise typer.BadParameter("give NOUN and MESHES, or --folder", param_hint="NOUN MESHES")
-    meshes = [folder] if folder else meshes or []
-    data, filename = _packed(meshes)
-    params = {"noun": noun, "synonyms": synonym or [], "front_deg": front, **written(ctx)}
-    if folder:
-        params = {"steps": _steps_of_kit(data, printed), **params}
-    request = make_request("", params, more={"kind": "prior_teach"})
-    refuse_other_place(place, here=here.written(), there={})
-    name = _slug(noun) if noun else slug(meshes[0].resolve().name) or "kit"
-    if place.url:
-        run_on_service(request, {"meshes": data}, place, output or Path(name), printed, filename=filename)
-        return
-    require("torch", "deform")
-    output = output or Path(f"{name}.safetensors")
-    if output.suffix != ".safetensors":
-        raise typer.BadParameter(f"{output.name} does not end in .safetensors", param_hint="--output")
-    from meshdeform.runs.base import WEIGHTS_ARTIFACT, InputFile
-
-    paths = {
-        WEIGHTS_ARTIFACT: output,
-        "report.json": output.with_suffix(".report.json"),
-        "preview.png": output.with_suffix(".preview.png"),
-    }
-    inputs = [*meshes, Path(request.params.model or "builtin")]
-    run = run_here(request, {"meshes": InputFile(data, filename)}, paths, here, quiet=printed.quiet, inputs=inputs)
-    print_result(request.kind, run, paths, printed)
+    params = merge_params(ctx, param)
+    noun = str(params.get("noun") or "")
+    if not noun:
+        params = {**_steps_of_kit(meshes, printed), **params}
+    name = slug(noun.split(maxsplit=1)[-1] if noun else meshes[0].resolve().stem) or "noun"
+    output = output or Path(name if place.url else f"{name}.safetensors")
+    run_kind(JobKind.PRIOR_TEACH, params, {"meshes": meshes}, output, here, place, printed)
 
 
-def _steps_of_kit(data: bytes, printed: Printed) -> int:
-    """Say which nouns a kit has; return the steps to learn them."""
+def run_kind(
+    kind: JobKind,
+    params: Mapping[str, Any],
+    files: Mapping[str, Path | Sequence[Path]],
+    output: Path,
+    here: Here,
+    place: JobPlace,
+    printed: Printed,
+    *,
+    idempotency_key: str | None = None,
+    **more: Any,
+) -> None:
+    """Run a job of a kind that is no deformation, here or on a service, and print its result.
+
+    The files are by part; folders, and several files, are packed. `more` are further members of the request.
+    """
+    request = make_request("", params, more={**more, "kind": kind})
+    refuse_other_place(place, here=here.written(), there=place.written())
+    with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
+        packed = {part: _packed(paths, Path(folder)) for part, paths in files.items()}
+        if place.url:
+            run_on_service(request, packed, place, output, printed, idempotency_key=idempotency_key)
+            return
+        require("torch", "deform")
+        paths, whole_folder = _outputs(kind, output, getattr(request.params, "level", 0))
+        run = run_here(request, packed, paths, here, quiet=printed.quiet, whole_folder=whole_folder)
+    print_result(kind, run, paths, printed)
+
+
+def _packed(paths: Path | Sequence[Path], folder: Path) -> Path:
+    """Return the only file, or a ZIP in a temporary folder of what is in folders and of several files."""
+    from meshdeform.client.orders import packed_meshes
+
+    paths = [paths] if isinstance(paths, Path) else paths
+    if len(paths) == 1 and paths[0].is_file():
+        return paths[0]
+    try:
+        data, _ = packed_meshes(paths)
+    except ValueError as error:
+        raise ParameterError(str(error)) from error
+    packed = folder / f"{paths[0].resolve().stem}.zip"
+    packed.write_bytes(cast("bytes", data))
+    return packed
+
+
+def _outputs(kind: JobKind, output: Path, level: int) -> tuple[dict[str, Path], bool]:
+    """Return the paths of artifacts, and whether they are all those of the kind, in a folder."""
+    from meshdeform.runs import kind_of
+
+    named = _NAMED.get(kind, {})
+    if not named or not output.suffix or output.is_dir():
+        return {artifact.name: output / artifact.name for artifact in kind_of(kind).artifacts}, True
+    if output.suffix.lower() not in named:
+        raise typer.BadParameter(
+            f"{output.name} does not end in {' or '.join(named)}, and is no folder", param_hint="--output"
+        )
+    beside = {artifact: output.with_suffix(f".{artifact}") for artifact in ("report.json", "preview.png")}
+    ending, main = next(iter(named.items()))
+    chosen = {named[output.suffix.lower()].format(level=level): output}
+    return {main: output.with_suffix(ending), **beside, **chosen}, False
+
+
+def _steps_of_kit(meshes: Sequence[Path], printed: Printed) -> dict[str, int]:
+    """Say which nouns the folders and files of a kit have; return the steps to learn them, as parameters."""
+    from meshdeform.client.orders import files_in
     from meshdeform.priors.builtin.teaching.lesson import nouns_of_kit
     from meshdeform.requests.teaching import TEACH_STEPS, TEACH_STEPS_FURTHER
 
-    nouns = Counter(noun for noun, _ in nouns_of_kit(zipfile.ZipFile(io.BytesIO(data)).namelist()).values())
+    if any(path.suffix.lower() == ".zip" for path in meshes):
+        return {}
+    try:
+        kit = nouns_of_kit(list(files_in(meshes)))
+    except ValueError as error:
+        raise ParameterError(str(error)) from error
+    nouns = Counter(noun for noun, _ in kit.values())
     if not printed.quiet:
         listed = ", ".join(f"{noun} ({count})" for noun, count in nouns.items())
         typer.echo(f"{len(nouns)} nouns and their meshes: {listed}", err=True)
-    return TEACH_STEPS + TEACH_STEPS_FURTHER * (len(nouns) - 1)
-
-
-def _packed(meshes: list[Path]) -> tuple[bytes, str]:
-    """Return the meshes as the part of a job, with its file name: one file as it is, several as a ZIP."""
-    from meshdeform.client.orders import packed_meshes
-
-    try:
-        data, filename = packed_meshes(meshes[0] if len(meshes) == 1 else meshes)
-    except ValueError as error:
-        raise ParameterError(str(error)) from error
-    return (data, filename or "mesh") if isinstance(data, bytes) else (meshes[0].read_bytes(), meshes[0].name)
-
-
-def _slug(noun: str) -> str:
-    """Return the noun without its article, as the name of a file."""
-    first, _, rest = noun.strip().partition(" ")
-    return slug(rest if first.lower() in ("a", "an", "the") and rest else noun) or "noun"
+    return {"steps": TEACH_STEPS + TEACH_STEPS_FURTHER * (len(nouns) - 1)}

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from meshdeform.cli.options import Here
     from meshdeform.priors.base import Prior
     from meshdeform.requests.document import JobRequest
-    from meshdeform.runs.base import InputFile, JobRun
+    from meshdeform.runs.base import JobRun
     from meshdeform.settings import Settings
 
 _FORCE = "Choose another name with -o, or overwrite it with --force."
@@ -63,7 +63,7 @@ class LocalJob:
     """
 
     request: JobRequest
-    files: Mapping[str, Path | InputFile]
+    files: Mapping[str, Path]
     outputs: Mapping[str, Path]
     settings: Settings
     checkpoint: Path | None = None
@@ -74,13 +74,14 @@ class LocalJob:
     _step: tuple[int, int] | None = field(default=None, init=False)
     _saved_step: int | None = field(default=None, init=False)
 
-    def check(self, *, force: bool = False, also: Sequence[Path] = (), inputs: Sequence[Path] = ()) -> None:
+    def check(self, *, force: bool = False, also: Sequence[Path] = ()) -> None:
         """Refuse, without torch, what could not run here, and unless with `force` to lose a file.
 
-        `also` are further files that the command writes, and `inputs` further ones that it reads.
+        `also` are further files that the command writes.
         """
         if not force:
-            read = [file for file in (*self.files.values(), *inputs, self.resume) if isinstance(file, Path)]
+            model = getattr(self.request.params, "model", None)
+            read = [*self.files.values(), *filter(None, [self.resume]), *([Path(model)] if model else [])]
             check_outputs(self.outputs, read, also=also, kind=str(self.request.kind))
             if self.checkpoint is not None:
                 _check_checkpoint(self.checkpoint)
@@ -112,10 +113,7 @@ class LocalJob:
         device = resolve_device(self.settings.device)
         job_input = RunInput(
             request=find_taught(self.request, self.settings),
-            files={
-                part: InputFile(read_with_files(file, limits), file.name) if isinstance(file, Path) else file
-                for part, file in self.files.items()
-            },
+            files={part: InputFile(read_with_files(path, limits), path.name) for part, path in self.files.items()},
             checkpoint=self.resume.read_bytes() if self.resume else None,
             load_prior=lambda model: self._prior(model, device),
             default_model=self.settings.model,
@@ -184,19 +182,18 @@ class LocalJob:
 
 def run_here(
     request: JobRequest,
-    files: Mapping[str, Path | InputFile],
+    files: Mapping[str, Path],
     outputs: Mapping[str, Path],
     here: Here,
     *,
     quiet: bool,
     whole_folder: bool = False,
     also: Sequence[Path] = (),
-    inputs: Sequence[Path] = (),
 ) -> FinishedRun:
     """Check and run a job of any kind and show its progress; the arguments are those of `LocalJob` and its check."""
     settings = load_settings(device=here.device, threads=here.threads)
     job = LocalJob(request, files, outputs, settings, here.checkpoint, here.resume, whole_folder)
-    job.check(force=here.force, also=also, inputs=inputs)
+    job.check(force=here.force, also=also)
     with show_progress(quiet=quiet) as progress:
         return job.run(progress)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed: Printed) -> None:
     """Print the result of a job of any kind, whose files are named by artifact, as JSON or in lines."""
     summarise, lines = _KINDS[kind]
-    summary = summarise(run, files)
+    summary = summarise(run, {name: path for name, path in files.items() if name in run.artifacts or name == _DRAWN})
     if printed.as_json:
         emit(summary)
     elif not printed.quiet:
@@ -141,8 +141,8 @@ def _shape_lines(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _lesson(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
-    weights, report, preview = (str(path) for path in files.values())
-    return {"report": report, "preview": preview, **run.report, "result": weights}
+    names = {"weights.safetensors": "result", "report.json": "report", "preview.png": "preview"}
+    return {**run.report, **{names[name]: str(path) for name, path in files.items()}}
 
 
 def _lesson_lines(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -262,12 +262,14 @@ def prompt_lines(found: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
+_DRAWN = "animation"
+"""The name of what a command draws beside the artifacts of a run."""
 _FILES = {
     "result": ("result.glb", "GLB"),
     "morph": ("morph.glb", "Morph GLB"),
     "report": ("report.json", "Report"),
     "preview": ("preview.png", "Picture"),
-    "animation": ("animation", "Animation"),
+    "animation": (_DRAWN, "Animation"),
 }
 """Members of a deformation's summary that are files: their artifacts and titles."""
 

@@ -12,6 +12,7 @@ from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, of_request, with_options, written
 from meshdeform.cli.jobs import refuse_other_place, run_on_service
+from meshdeform.cli.kinds import run_kind
 from meshdeform.cli.local import check_glb, run_here, write_all
 from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, option, output_option
 from meshdeform.cli.report_lines import print_result
@@ -20,7 +21,6 @@ from meshdeform.cli.results import check_animation, drawn_animation
 from meshdeform.requests.choices import JobKind
 
 _OUTPUTS = "Outputs"
-_LOCAL = {JobKind.SURFACE_FIT: "surface-fit", JobKind.PRIOR_TEACH: "teach"}
 
 
 def _file(text: str) -> Any:
@@ -77,7 +77,7 @@ def run(
     meshdeform run examples/sphere.glb "a mushroom" --url http://127.0.0.1:8765 -o mushroom
     """
     job = written(ctx, "job")
-    kind = JobKind(job.get("kind", JobKind.TEXT_DEFORM))
+    kind = JobKind(job.pop("kind", JobKind.TEXT_DEFORM))
     if animate is not None:
         check_animation(animate, "--animate")
     pictures, also = parse_pictures(silhouette), written(ctx).get("guidance", {}).get("prompts")
@@ -91,22 +91,20 @@ def run(
     if "morph_path" in outputs:
         outputs["morph"] = True
     files = {**parse_files(file, kind, asset), **({"target": target} if target else {}), **pictures.parts}
-    if not place.url and kind is not JobKind.TEXT_DEFORM:
-        command = _LOCAL.get(kind, str(kind).replace("_", "-"))
-        raise typer.BadParameter(
-            f"jobs of kind {kind} run on this machine by meshdeform {command}, and on a service with --url",
-            param_hint="--kind",
-        )
     refuse_other_place(
         place,
         here={"--report": report, "--preview": preview, "--animate": animate, **here.written()},
         there={"--label": label, "--idempotency-key": idempotency_key, **place.written()},
     )
+    job["metadata"] = parse_labels(label or [])
     if kind is not JobKind.TEXT_DEFORM:
         _refuse_deformation(kind, prompt, outputs)
-    request = make_request(prompt, params, output=outputs, more={**job, "metadata": parse_labels(label or [])})
+        folder = output or Path(f"{asset.stem}-{kind}")
+        run_kind(kind, params, files, folder, here, place, printed, idempotency_key=idempotency_key, **job)
+        return
+    request = make_request(prompt, params, output=outputs, more=job)
     if place.url:
-        folder = output or Path(f"{asset.stem}-deformed" if kind is JobKind.TEXT_DEFORM else f"{asset.stem}-{kind}")
+        folder = output or Path(f"{asset.stem}-deformed")
         run_on_service(request, files, place, folder, printed, idempotency_key=idempotency_key)
         return
     require("torch", "deform")

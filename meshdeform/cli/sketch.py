@@ -88,10 +88,13 @@ def _choose(drawing: Path, among: Path, output: Path, *, force: bool, as_json: b
     """Write the three assets of a folder or a ZIP that look most like a drawing."""
     from meshdeform.assets import Limits, load_asset
     from meshdeform.assets.collection import LABELS_FILE, unpacked
-    from meshdeform.cli.kinds import packed
+    from meshdeform.client.orders import files_in
     from meshdeform.kinds.sketch.choosing import distances
 
-    files = unpacked(packed(among, Limits().max_bytes), Limits())
+    if among.is_dir():
+        files = {name: path.read_bytes() for name, path in files_in([among]).items()}
+    else:
+        files = unpacked(among.read_bytes(), Limits())
     files.pop(LABELS_FILE, None)
     apart = distances(drawing.read_bytes(), (load_asset(data, name) for name, data in files.items()))
     nearest = [list(files)[place] for place in apart.argsort()[:3]]

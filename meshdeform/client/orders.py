@@ -192,21 +192,32 @@ def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
         meshes = [meshes]
     elif isinstance(meshes, bytes) or not isinstance(meshes, Sequence):
         return meshes, None
+    files = files_in([Path(cast("str", each)) for each in meshes])
+    return zipped({name: file.read_bytes() for name, file in files.items()}), "meshes.zip"
+
+
+def files_in(paths: Sequence[Path]) -> dict[str, Path]:
+    """Return meshes, and those in folders, by their names in a ZIP; with them the labels of a collection.
+
+    Raises ValueError: there is no mesh, or two have one name.
+    """
     files: dict[str, Path] = {}
-    for path in [Path(cast("str", each)) for each in meshes]:
-        for name, file in _meshes_in(path):
+    for path in paths:
+        for name, file in _files_of(path):
             if name in files:
                 raise ValueError(f"Two meshes are called {name}; rename one of them.")
             files[name] = file
     if not files:
-        raise ValueError("There is no mesh to learn from: give GLB, OBJ, PLY or STL files, or folders with some.")
-    return zipped({name: file.read_bytes() for name, file in files.items()}), "meshes.zip"
+        raise ValueError("There is no mesh: give GLB, OBJ, PLY or STL files, or folders with some.")
+    return files
 
 
-def _meshes_in(path: Path) -> list[tuple[str, Path]]:
+def _files_of(path: Path) -> list[tuple[str, Path]]:
     """Return the meshes of a folder by their names in it, or the file itself."""
     if not path.is_dir():
         return [(path.name, path)]
-    found = sorted(file for file in path.rglob("*") if file.suffix.lower() in _ENDINGS and file.is_file())
-    within = [(file.relative_to(path), file) for file in found]
-    return [(name.as_posix(), file) for name, file in within if not any(part.startswith(".") for part in name.parts)]
+    files = sorted(file for file in path.rglob("*") if file.suffix.lower() in _ENDINGS and file.is_file())
+    within = [(file.relative_to(path), file) for file in files]
+    meshes = [(name.as_posix(), file) for name, file in within if not any(part.startswith(".") for part in name.parts)]
+    labels = path / "labels.json"
+    return [*meshes, (labels.name, labels)] if meshes and labels.is_file() else meshes

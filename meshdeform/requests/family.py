@@ -66,6 +66,7 @@ class FamilySynthesisParams(StrictModel):
         max_length=2,
         description="Names of members, as the collection has them: two for `interpolate`, one for `complete` and "
         "`search`.",
+        json_schema_extra={"x-option": "member"},
         examples=[["chair_01.glb", "chair_02.glb"]],
     )
     keep: list[_Part] = Field(

@@ -30,6 +30,7 @@ class TeachParams(StrictModel):
         default_factory=list,
         max_length=MAX_SYNONYMS,
         description="Other names of the noun.",
+        json_schema_extra={"x-option": "synonym"},
         examples=[["dwarf"]],
     )
     replace: bool = Field(
@@ -48,6 +49,7 @@ class TeachParams(StrictModel):
         ge=-360.0,
         le=360.0,
         description="Azimuth of the front of the meshes in degrees: 0 is +Z, 90 is +X.",
+        json_schema_extra={"x-option": "front"},
         examples=[0.0],
     )
     model: str = Field(

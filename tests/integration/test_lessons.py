@@ -55,7 +55,7 @@ def test_meshes_are_packed_with_the_names_of_their_folders(pots: Path) -> None:
     assert packed_meshes(b"glTF") == (b"glTF", None)
     with pytest.raises(ValueError, match=r"Two meshes are called round\.glb"):
         packed_meshes([pots, pots / "round.glb"])
-    with pytest.raises(ValueError, match="no mesh to learn from"):
+    with pytest.raises(ValueError, match="There is no mesh"):
         packed_meshes([])
 
 
@@ -69,7 +69,7 @@ def test_a_client_posts_a_lesson(url: str, pots: Path, flavor: str) -> None:
 
 
 def test_the_command_line_posts_a_lesson(url: str, pots: Path, tmp_path: Path) -> None:
-    lesson = ["teach", "a gnome", str(pots), "--detach", "--url", url]
+    lesson = ["teach", str(pots), "--noun", "a gnome", "--detach", "--url", url]
     done = CliRunner().invoke(app, [*lesson, "--synonym", "dwarf", "--steps", "7"])
     assert done.exit_code == 0, done.output
     record = JobRecord(Settings(data_dir=tmp_path / "data").resolved_database_url)
@@ -80,6 +80,6 @@ def test_the_command_line_posts_a_lesson(url: str, pots: Path, tmp_path: Path) -
     refused = CliRunner().invoke(app, [*lesson, "--checkpoint", "x.state"])
     assert refused.exit_code == 2
     assert "on this machine, not for a service" in " ".join(refused.output.replace("│", " ").split())
-    known = CliRunner().invoke(app, ["teach", "a chair", str(pots), "--detach", "--url", url])
+    known = CliRunner().invoke(app, ["teach", str(pots), "--noun", "a chair", "--detach", "--url", url])
     assert known.exit_code == 3
     assert "knows 'chair' already" in known.output

@@ -62,7 +62,6 @@ def test_the_files_beside_a_gltf_come_along(tmp_path: Path) -> None:
         ("--kind family_synthesize --file collection=nowhere.zip --url", "not a file"),
         ("--kind unfold --url", "surface_fit"),
         ("mushroom --checkpoint state --url", "--checkpoint"),
-        ("--kind surface_fit", "meshdeform surface-fit"),
         ("mushroom --detach", "--url"),
     ],
 )

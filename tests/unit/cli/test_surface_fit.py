@@ -33,7 +33,7 @@ def test_a_fit_is_unfolded_and_nothing_else_is_overwritten(tmp_path: Path, monke
     assert len(load_asset(Path("mesh.glb").read_bytes()).surface.triangles) == 100
     Path("mine.ndf").write_bytes(b"mine")
     for line, said in (
-        ("surface-fit ball.glb -o mesh.obj", "neither a .ndf nor a .glb"),
+        ("surface-fit ball.glb -o mesh.obj", "does not end in .ndf or .glb"),
         *((f"surface-fit ball.glb --anchor {wrong}", "--anchor") for wrong in ("1,0:0,1,0", "1,0,0", "a,0,0:0,1,0")),
         (f"{_FIT} --scalars ball.glb -o x.ndf", "The scalars cannot be read"),
         ("surface-fit ball.glb --base-faces 1", "base_faces"),
