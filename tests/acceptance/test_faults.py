@@ -24,7 +24,6 @@ pytestmark = pytest.mark.acceptance
 
 WORKER_POINTS = [name for name in FAILPOINTS if name.startswith("worker.")]
 API_POINTS = [name for name in FAILPOINTS if name.startswith("api.")]
-"""Where the suite kills a supervisor; the other points of its worker differ little, and are `-m long`."""
 STEPS = 12
 SELDOM = 20
 """Checkpoints of jobs that are long, so that something can happen to them: each costs more than the steps before it."""

@@ -55,7 +55,6 @@ def _take_compiled(folder: Path) -> None:
             shutil.copy2(index, place)
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_the_installed_wheel_deforms_without_the_repository(installed: Path, tmp_path: Path, repository: Path) -> None:
     asset = repository / "examples/sphere.glb"
@@ -69,7 +68,6 @@ def test_the_installed_wheel_deforms_without_the_repository(installed: Path, tmp
     assert {path.name for path in tmp_path.iterdir()} >= {"m.glb", "m.report.json", "m.preview.png"}
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_what_is_released_is_uploaded_and_installed_from_a_local_index_and_registry(
     released: dict[str, Path], tmp_path: Path
@@ -106,7 +104,6 @@ def test_a_wheel_that_lacks_or_leaks_something_is_noticed(tmp_path: Path) -> Non
     assert "has service/__pycache__/app.pyc, which was left behind" in wrong
 
 
-@pytest.mark.long
 def test_the_bill_names_every_dependency_with_its_licence_and_is_the_same_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

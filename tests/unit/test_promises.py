@@ -14,13 +14,12 @@ PROMISES = sorted(set(re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", TEXT)))
 
 
 @each_case(("file", "test"), PROMISES)
-def test_a_test_that_holds_a_promise_exists_and_is_in_the_suite_or_said_to_be_long(file: str, test: str) -> None:
+def test_a_test_that_holds_a_promise_exists_and_is_in_the_suite(file: str, test: str) -> None:
     tree = ast.parse((ROOT / file).read_text())
     found = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
     assert test in found
     marks = {ast.unparse(mark) for mark in found[test].decorator_list}
-    left_out = bool(marks & {"pytest.mark.long", "pytest.mark.training"})
-    assert (f"`{file}::{test}` (long)" in TEXT) is left_out
+    assert "pytest.mark.training" not in marks
 
 
 def test_every_test_file_that_a_page_names_exists() -> None:

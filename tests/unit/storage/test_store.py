@@ -19,7 +19,7 @@ from tests.cases import each_case
 DATA = bytes(range(256)) * 17
 
 
-@pytest.fixture(params=["folder", pytest.param("memory", marks=pytest.mark.long)])  # test_s3.py is another bucket
+@pytest.fixture(params=["folder", "memory"])  # test_s3.py is another bucket
 def store(request: pytest.FixtureRequest, tmp_path: Path) -> ObjectStore:
     return ObjectStore(tmp_path / "deep" / "store" if request.param == "folder" else "memory://")
 
