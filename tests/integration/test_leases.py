@@ -280,3 +280,22 @@ def test_the_lease_of_a_job_keeps_its_worker_alive(record: JobRecord) -> None:
     with pytest.raises(StaleAttemptError):
         record.leases.heartbeat(job.id, 2, LEASE_S, worker=worker)
     assert record.leases.alive("one") == 0
+
+
+@pytest.mark.both_databases(long=True)
+def test_a_job_that_the_device_has_no_memory_for_fails_in_the_end(record: JobRecord) -> None:
+    job = new_job(record)
+    for attempt in (1, 2):
+        claimed(record, job)
+        assert record.leases.out_of_memory(job.id, attempt, 3) is JobState.QUEUED
+        assert record.get(job.id).oom_attempts == attempt
+    claimed(record, job)
+    assert record.leases.out_of_memory(job.id, 3, 3) is JobState.FAILED
+    failed = record.get(job.id)
+    assert failed.error is not None
+    assert (failed.error.code, failed.oom_attempts) == ("gpu_oom", 3)
+    assert failed.finished_at is not None
+    asked = claimed(record, new_job(record))
+    record.request_cancel(asked.id)
+    assert record.leases.out_of_memory(asked.id, 1, 1) is JobState.CANCELED
+    assert record.get(asked.id).error is None
