@@ -282,7 +282,7 @@ def test_the_lease_of_a_job_keeps_its_worker_alive(record: JobRecord) -> None:
     assert record.leases.alive("one") == 0
 
 
-@pytest.mark.both_databases(long=True)
+@pytest.mark.both_databases
 def test_a_job_that_the_device_has_no_memory_for_fails_in_the_end(record: JobRecord) -> None:
     job = new_job(record)
     for attempt in (1, 2):
