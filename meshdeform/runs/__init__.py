@@ -11,7 +11,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.document import JobKind, JobRequest
+from meshdeform.requests.document import JobKind, JobRequest, OutputOptions
 from meshdeform.runs.base import JobRun, Kind, RunInput
 from meshdeform.runs.family_fit_kind import FAMILY_FIT
 from meshdeform.runs.family_synthesize_kind import FAMILY_SYNTHESIZE
@@ -61,6 +61,8 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
     for name in sorted(set(files) - set(kind.parts)):
         reads = ", ".join(kind.parts) or "no file"
         raise ParameterError.at([name], f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
+    if request.output != OutputOptions() and not kind.takes_output:
+        raise ParameterError.at(["output"], "`output` is for jobs that deform one asset.", "Leave it out.")
     return kind.check(request, settings, frozenset(files))
 
 

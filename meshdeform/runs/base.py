@@ -19,16 +19,16 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 import meshdeform
 from meshdeform.assets.check import FileContent
 from meshdeform.errors import ParameterError
 from meshdeform.priors import hidden_folders
 from meshdeform.requests.choices import SENT_MODEL, TAUGHT_SUFFIX, WEIGHTS_PART, is_sent, teaching_job
-from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest
+from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest, read_unbounded
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
@@ -47,6 +47,8 @@ _PACKAGES = (
     "diffusers",
     "transformers",
 )
+
+P = TypeVar("P", bound=BaseModel)
 
 _MAX_SAMPLES = 200
 
@@ -167,6 +169,11 @@ class InputFile:
     data: bytes
     filename: str
     sha256: str | None = None  # SHA-256 of the data, hexadecimal, if known
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the data, hexadecimal."""
+        return self.sha256 or sha256_hex(self.data)
 
 
 def _no_prior(model: str) -> Prior:
@@ -310,6 +317,7 @@ class Kind:
     load: Callable[[], StartRun]
     """Imports the code that runs the kind, including torch, and returns the function that starts a run."""
     artifacts: tuple[ArtifactKind, ...]
+    takes_output: bool = False  # whether requests may have options in `output`
     uses: Callable[[JobRequest], Collection[str]] | None = None
     """Returns the names of the parts that a request uses; a branch inherits only these. Default: all."""
     check_files: Callable[[JobRequest, Any, Mapping[str, AssetSummary]], None] = lambda _request, _params, _files: None
@@ -340,6 +348,19 @@ class Kind:
     def inherits(self, request: JobRequest) -> frozenset[str]:
         """Return the names of the parts that a branch with this request takes from its job unless it replaces them."""
         return frozenset(self.parts if self.uses is None else self.uses(request))
+
+
+def params_of(request: JobRequest, model: type[P], kept: Mapping[str, Any] | None = None) -> P:
+    """Return a request's parameters, or those stored when it was accepted, if this version can read them.
+
+    `model`: that of the request's kind, by which the request was validated.
+    """
+    params: Any = request.params
+    assert isinstance(params, model)
+    try:
+        return params if kept is None else read_unbounded(model, kept)
+    except ValidationError:
+        return params
 
 
 def check_weights_part(model: str | None, files: Collection[str], *group: str) -> None:

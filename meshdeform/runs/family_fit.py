@@ -21,8 +21,8 @@ from meshdeform.kinds.families.learning import Learning
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.matching import correspondences, visible_points
 from meshdeform.requests.family import FamilyParams
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
-from meshdeform.runs.family_fit_kind import READ_STEPS, params_of, total_steps
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
+from meshdeform.runs.family_fit_kind import READ_STEPS, total_steps
 from meshdeform.runs.family_results import FamilyResults, labels_of
 
 
@@ -31,14 +31,13 @@ def start(given: RunInput) -> FamilyFitRun:
 
     Raises AssetError, RequestError, CheckpointError: the input cannot be run; the error says what to do.
     """
-    params = params_of(given.request)
+    params = params_of(given.request, FamilyParams)
     file = given.files["collection"]
     limits = given.limits or Limits()
     files = open_collection(file.data, limits)
-    digest = file.sha256 or sha256_hex(file.data)
-    run = fingerprint(kind="family_fit", params=params.model_dump(mode="json"), collection=digest)
+    run = fingerprint(kind="family_fit", params=params.model_dump(mode="json"), collection=file.digest)
     state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
-    return FamilyFitRun(files, params, limits, run, digest, state)
+    return FamilyFitRun(files, params, limits, run, file.digest, state)
 
 
 class FamilyFitRun(JobRun):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import JobKind
-from meshdeform.requests.document import JobRequest, OutputOptions
+from meshdeform.requests.document import JobRequest
 from meshdeform.requests.family import FamilyParams
-from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
+from meshdeform.runs.base import ArtifactKind, FilePart, Kind, params_of, start_of
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -18,18 +17,8 @@ READ_STEPS = 10
 """The assets are read in so many steps."""
 
 
-def params_of(request: JobRequest) -> FamilyParams:
-    """Return the parameters of a request of this kind.
-
-    Raises ParameterError: they are those of another kind, or the request asks for what this kind does not make.
-    """
-    params: Any = request.params
-    if not isinstance(params, FamilyParams):
-        raise ParameterError("The parameters are not those of `family_fit`.")
-    if request.output != OutputOptions():
-        raise ParameterError(
-            "`output` is for jobs that deform one asset.", advice="Leave it out; params.embed_labels writes the assets."
-        )
+def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilyParams:
+    params = params_of(request, FamilyParams)
     if params.samples < params.points:
         detail = f"params.samples is {params.samples}, less than params.points: {params.points}."
         advice = "Take at least as many samples as template points; twice as many is usual."
@@ -40,15 +29,6 @@ def params_of(request: JobRequest) -> FamilyParams:
 def total_steps(params: FamilyParams) -> int:
     """Return the number of steps of a run."""
     return READ_STEPS + params.iterations + params.epochs
-
-
-def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilyParams:
-    return params_of(request)
-
-
-def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | None) -> int:
-    params: Any = request.params
-    return total_steps(params) if isinstance(params, FamilyParams) else 0
 
 
 _NPZ = "application/x-npz"
@@ -67,7 +47,7 @@ FAMILY_FIT = Kind(
     ),
     params=FamilyParams,
     check=_check,
-    steps=_steps,
+    steps=lambda request, _model, _kept: total_steps(params_of(request, FamilyParams)),
     load=start_of("meshdeform.runs.family_fit"),
     artifacts=(
         ArtifactKind(

@@ -24,9 +24,10 @@ from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.sampling import Drawn, FreeEnergy, between, completed, sampled, to_machine
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilySynthesisParams
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput, sha256_hex
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
+from meshdeform.runs.family_fit_kind import READ_STEPS
 from meshdeform.runs.family_results import FamilyResults, SynthesisResults, nearest_members
-from meshdeform.runs.family_synthesize_kind import READ_STEPS, params_of, total_steps
+from meshdeform.runs.family_synthesize_kind import total_steps
 
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
@@ -46,10 +47,10 @@ def start(given: RunInput) -> FamilySynthesisRun:
 
     Raises AssetError, RequestError, CheckpointError: the input cannot be run; the error says what to do.
     """
-    params = params_of(given.request)
+    params = params_of(given.request, FamilySynthesisParams)
     limits = given.limits or Limits()
     files = {name: given.files[name] for name in ("family", "collection")}
-    digests = {name: file.sha256 or sha256_hex(file.data) for name, file in files.items()}
+    digests = {name: file.digest for name, file in files.items()}
     family = read_family(files["family"].data, limits)
     assets = open_collection(files["collection"].data, limits).assets
     run = fingerprint(kind="family_synthesize", params=params.model_dump(mode="json"), **digests)

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import JobKind, SynthesisMode
-from meshdeform.requests.document import JobRequest, OutputOptions
+from meshdeform.requests.document import JobRequest
 from meshdeform.requests.family import FamilySynthesisParams
-from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, Kind, start_of
+from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, Kind, params_of, start_of
+from meshdeform.runs.family_fit_kind import READ_STEPS
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
-
-READ_STEPS = 10
-"""The assets are read in so many steps."""
 
 _MEMBERS = {
     SynthesisMode.SAMPLE: 0,
@@ -25,16 +22,8 @@ _MEMBERS = {
 }
 
 
-def params_of(request: JobRequest) -> FamilySynthesisParams:
-    """Return the parameters of a request of this kind.
-
-    Raises ParameterError: they are those of another kind, or do not fit the mode.
-    """
-    params: Any = request.params
-    if not isinstance(params, FamilySynthesisParams):
-        raise ParameterError("The parameters are not those of `family_synthesize`.")
-    if request.output != OutputOptions():
-        raise ParameterError.at(["output"], "`output` is for jobs that deform one asset.", "Leave it out.")
+def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilySynthesisParams:
+    params = params_of(request, FamilySynthesisParams)
     wanted = _MEMBERS[params.mode]
     if len(params.members) != wanted:
         many = {0: "no member", 1: "one member", 2: "two members"}[wanted]
@@ -65,15 +54,6 @@ def total_steps(params: FamilySynthesisParams) -> int:
     return READ_STEPS + (1 if params.mode is SynthesisMode.SEARCH else params.count)
 
 
-def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilySynthesisParams:
-    return params_of(request)
-
-
-def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | None) -> int:
-    params: Any = request.params
-    return total_steps(params) if isinstance(params, FamilySynthesisParams) else 0
-
-
 FAMILY_SYNTHESIZE = Kind(
     name=JobKind.FAMILY_SYNTHESIZE,
     summary="Makes new assets of a fitted family out of parts of its members.",
@@ -95,7 +75,7 @@ FAMILY_SYNTHESIZE = Kind(
     ),
     params=FamilySynthesisParams,
     check=_check,
-    steps=_steps,
+    steps=lambda request, _model, _kept: total_steps(params_of(request, FamilySynthesisParams)),
     load=start_of("meshdeform.runs.family_synthesize"),
     artifacts=(
         ArtifactKind("result.glb", "model/gltf-binary", "The first shape, if shapes are made."),

@@ -53,6 +53,7 @@ from meshdeform.runs.base import (
     ArtifactData,
     JobRun,
     RunInput,
+    params_of,
     sha256_hex,
     versions,
     weights_on_disk,
@@ -62,7 +63,6 @@ from meshdeform.runs.prior_teach_kind import (
     MeshFile,
     check_count,
     packed_meshes,
-    params_of,
 )
 
 _LEARNED = 0.75
@@ -112,7 +112,7 @@ def start(given: RunInput) -> LessonRun:
 
 def _params(given: RunInput) -> TeachParams:
     """Return the parameters stored when the request was accepted, as far as this version can read them."""
-    params = params_of(given.request)
+    params = params_of(given.request, TeachParams)
     if given.resolved is None:
         return params
     try:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits
 from meshdeform.assets.lesson_archive import MAX_MESHES, open_lesson
@@ -23,7 +23,7 @@ from meshdeform.priors.builtin.teaching.lesson import (
     nouns_of_kit,
 )
 from meshdeform.requests.choices import WEIGHTS_PART, JobKind, is_sent, is_taught
-from meshdeform.requests.document import BUILTIN_MODEL, JobRequest, OutputOptions
+from meshdeform.requests.document import BUILTIN_MODEL, JobRequest
 from meshdeform.requests.teaching import TeachParams
 from meshdeform.runs.base import (
     TAUGHT_WEIGHTS,
@@ -33,6 +33,7 @@ from meshdeform.runs.base import (
     FilePart,
     Kind,
     check_weights_part,
+    params_of,
     start_of,
 )
 
@@ -41,18 +42,6 @@ if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
 MESHES_PART = "meshes"
-
-
-def params_of(request: JobRequest) -> TeachParams:
-    """Return the parameters of a request of this kind."""
-    params: Any = request.params
-    if not isinstance(params, TeachParams):
-        raise ParameterError("The parameters are not those of `prior_teach`.")
-    if request.output != OutputOptions():
-        raise ParameterError("`output` is for jobs that deform one asset.", advice="Leave it out.")
-    if request.prompt:
-        raise ParameterError.at(["prompt"], "A lesson has no prompt.", "Leave it out; params.noun is the word.")
-    return params
 
 
 def lesson_of(params: TeachParams, known: Words, names: Sequence[str]) -> dict[str, MeshLabel]:
@@ -85,7 +74,9 @@ def _kit(params: TeachParams, known: Words, names: Sequence[str]) -> dict[str, M
 
 
 def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> TeachParams:
-    params = params_of(request)
+    params = params_of(request, TeachParams)
+    if request.prompt:
+        raise ParameterError.at(["prompt"], "A lesson has no prompt.", "Leave it out; params.noun is the word.")
     check_weights_part(params.model, files)
     if is_sent(params.model):
         return params
@@ -113,7 +104,7 @@ def _check_files(_request: JobRequest, params: TeachParams, files: Mapping[str, 
 
 
 def _check_words(request: JobRequest, known: Words, files: Mapping[str, AssetSummary]) -> None:
-    _check_names(params_of(request), known, files)
+    _check_names(params_of(request, TeachParams), known, files)
 
 
 def _check_names(params: TeachParams, known: Words, files: Mapping[str, AssetSummary]) -> None:
@@ -122,19 +113,8 @@ def _check_names(params: TeachParams, known: Words, files: Mapping[str, AssetSum
     lesson_of(params, known, [str(mesh["name"]) for mesh in summary.mesh_names] if summary else ())
 
 
-def _steps(request: JobRequest, _default_model: str, _kept: Mapping[str, Any] | None) -> int:
-    params: Any = request.params
-    return params.steps if isinstance(params, TeachParams) else 0
-
-
 def _uses(request: JobRequest) -> Collection[str]:
-    params: Any = request.params
-    return [MESHES_PART, *([WEIGHTS_PART] if is_sent(params.model) else [])]
-
-
-def _goal(request: JobRequest, _files: Mapping[str, str]) -> str:
-    params: Any = request.params
-    return str(params.noun or "a kit")
+    return [MESHES_PART, *([WEIGHTS_PART] if is_sent(params_of(request, TeachParams).model) else [])]
 
 
 PRIOR_TEACH = Kind(
@@ -153,7 +133,7 @@ PRIOR_TEACH = Kind(
     ),
     params=TeachParams,
     check=_check,
-    steps=_steps,
+    steps=lambda request, _model, _kept: params_of(request, TeachParams).steps,
     load=start_of("meshdeform.runs.prior_teach"),
     artifacts=(
         ArtifactKind(
@@ -171,7 +151,7 @@ PRIOR_TEACH = Kind(
     uses=_uses,
     check_files=_check_files,
     check_words=_check_words,
-    goal=_goal,
+    goal=lambda request, _files: params_of(request, TeachParams).noun or "a kit",
 )
 
 

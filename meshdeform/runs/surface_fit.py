@@ -45,8 +45,7 @@ from meshdeform.kinds.surface_fit.reader import NeuralField, read_field
 from meshdeform.kinds.surface_fit.surface_sources import Surface, surface_of
 from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, sha256_hex, versions
-from meshdeform.runs.surface_fit_kind import params_of
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, params_of, sha256_hex, versions
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -64,9 +63,9 @@ _ANCHOR_SLACK = 0.1
 
 def start(given: RunInput) -> SurfaceFitRun:
     """Read the surface, make its base, and prepare the fit."""
-    log, params = RunLog(), params_of(given.request, given.resolved)
+    log, params = RunLog(), params_of(given.request, SurfaceFitParams, given.resolved)
     file = given.files["asset"]
-    sha256 = file.sha256 or sha256_hex(file.data)
+    sha256 = file.digest
     with log.phase("read"):
         source, asset = _source(given)
         own = _own_base(given)
@@ -81,7 +80,7 @@ def start(given: RunInput) -> SurfaceFitRun:
             around = np.concatenate([around, verts])
         frame = FieldFrame.around(around)
         base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
-    more = {"base": sha256_hex(given.files["base"].data)} if own is not None else {}
+    more = {"base": given.files["base"].digest} if own is not None else {}
     asked = params.model_dump(mode="json")
     shape = fingerprint(
         asset=sha256, **more, **params.model_dump(include={"base_faces", "features", "octaves", "width", "depth"})

@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
-
-from pydantic import ValidationError
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.document import JobKind, JobRequest, OutputOptions, read_unbounded
+from meshdeform.requests.document import JobKind, JobRequest
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, MAX_LEVEL, SurfaceFitParams
-from meshdeform.runs.base import ArtifactKind, FilePart, Kind, start_of
-
-if TYPE_CHECKING:
-    from meshdeform.settings import Settings
+from meshdeform.runs.base import ArtifactKind, FilePart, Kind, params_of, start_of
 
 _GLB = "model/gltf-binary"
 _SAME = ("base_faces", "features", "octaves", "width", "depth")
 
 
-def params_of(request: JobRequest, kept: Mapping[str, Any] | None = None) -> SurfaceFitParams:
-    """Return the parameters: those stored when the request was accepted, if this version can read them."""
-    params: Any = request.params
-    assert isinstance(params, SurfaceFitParams)
-    try:
-        return params if kept is None else read_unbounded(SurfaceFitParams, kept)
-    except ValidationError:
-        return params
-
-
-def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> SurfaceFitParams:  # noqa: ARG001
-    if request.output != OutputOptions():
-        detail = "A surface_fit job has no output options."
-        raise ParameterError.at(["output"], detail, "Leave `output` out; params.level chooses the meshes.")
-    return params_of(request)
-
-
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     """Return the branch's request with the base and the network of its job, whose weights it starts with."""
-    wanted, own = params_of(job), params_of(branch)
+    wanted, own = params_of(job, SurfaceFitParams), params_of(branch, SurfaceFitParams)
     for name in _SAME:
         if name in own.model_fields_set and getattr(own, name) != getattr(wanted, name):
             raise ParameterError.at(
@@ -79,8 +55,8 @@ SURFACE_FIT = Kind(
         ),
     ),
     params=SurfaceFitParams,
-    check=_check,
-    steps=lambda request, _model, kept: params_of(request, kept).steps,
+    check=lambda request, _settings, _files: params_of(request, SurfaceFitParams),
+    steps=lambda request, _model, kept: params_of(request, SurfaceFitParams, kept).steps,
     load=start_of("meshdeform.runs.surface_fit"),
     artifacts=(
         ArtifactKind("surface.ndf", "application/octet-stream", "The field: base mesh and network."),

@@ -34,7 +34,7 @@ from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import GuidanceKind, RigMode
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent, sha256_hex
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
 from meshdeform.runs.changes import asked_changes, check_change, is_change, part_names, part_not_found
 from meshdeform.runs.control import SelectableSurface, read_control
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
@@ -79,7 +79,7 @@ def start(given: RunInput) -> JobRun:
     # A change needs no prior; whether a description is one, only the asset tells.
     prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS and sentence is None else None
     target = given.files.get("target")
-    file = replace(file, sha256=file.sha256 or sha256_hex(file.data))
+    file = replace(file, sha256=file.digest)
     with log.phase("read"):
         asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)
         welded = welded_surface(asset, params.backdrop)

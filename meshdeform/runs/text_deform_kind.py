@@ -408,6 +408,7 @@ def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
 
 TEXT_DEFORM = Kind(
     name=JobKind.TEXT_DEFORM,
+    takes_output=True,
     summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides; or "
     "changes it in plain words, such as longer legs ([Changes in plain words](plain.md)).",
     reads=(
