@@ -1,27 +1,23 @@
-"""Constrain where vertices may go: what is kept, and what is mirrored.
+"""Constrain where vertices may go: what is kept, what is mirrored, and handles that go to their places.
 
 The vertices p that the variables give are placed in this order, with d = p - rest::
 
     d <- s d                  s = 0 where the surface is kept, rising with f = (distance from there) / fall-off as
                               f^2 (3 - 2 f) to 1: displacement and its derivative are continuous
-    d <- (d + R P d) / 2      with a mirror (`mirror.py`)
+    d <- (d + R P d) / 2      with a mirror: P takes values from the mirror image of each vertex, R reflects
     v  = rest + d
 
-All of it is differentiable, and exact: a kept vertex has the bits of the rest shape.
+All of it is differentiable, and exact: a kept vertex has the bits of the rest shape. Mirrored partners move by mirrored
+amounts and a vertex on the plane stays on it, so that the mesh stays as symmetric as at rest, to the last bit of the
+displacements.
 
-Keep a symmetric mesh symmetric: average every displacement with that of the mirrored place.
+The distances are lengths along the surface: Dijkstra's algorithm on the edges and on the straight lines that cross an
+edge from corner to corner of its two triangles, unfolded into a plane. On an even sphere these paths are at most 5 %
+too long.
 
-With P the matrix that takes the value at the mirror image of each vertex, and R the reflection::
-
-    d <- (d + R P d) / 2
-
-On pairs of vertices this is exact: partners move by mirrored amounts, and a vertex on the plane stays on it. The mesh
-is as symmetric afterwards as at rest, to the last bit of the displacements.
-
-Move points of the surface to their places, exactly and smoothly, within the solve.
-
-With u the control points that the Jacobians give, C the rows that take the points of the handles from them (through the
-lattice, what is kept and the mirror) and G = S M S the response of a thin plate, S that of the Poisson system::
+Handles act before, within the solve, on the control points u that the Jacobians give. With C the rows that take the
+points of the handles from u, through the lattice, what is kept and the mirror, and G = S M S the response of a thin
+plate, S that of the Poisson system::
 
     u <- u + G C^T (C G C^T + D)^-1 (goal - C u)
 
@@ -29,14 +25,8 @@ This is the smoothest correction that reaches the goals: C u = goal for D = 0. I
 in u, and so has an exact gradient. A soft handle of weight w has the entry (C G C^T)_hh (1 - w) / w in the diagonal
 matrix D: if it is the only one, it goes the share w of its way.
 
-Source: Botsch and Kobbelt 2004, An Intuitive Framework for Real-Time Freeform Modeling (thin plates with handles).
-
-Measure distances along a surface from some of its vertices.
-
-Dijkstra's algorithm on the edges and on the straight lines that cross an edge from corner to corner of its two
-triangles, unfolded into a plane. On an even sphere these paths are at most 5 % too long.
-
-Source: Dijkstra 1959, A note on two problems in connexion with graphs.
+Sources: Dijkstra 1959, A note on two problems in connexion with graphs; Botsch and Kobbelt 2004, An Intuitive Framework
+for Real-Time Freeform Modeling (thin plates with handles).
 """
 
 from __future__ import annotations

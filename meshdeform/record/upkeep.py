@@ -221,11 +221,9 @@ class Upkeep:
         condition: sa.ColumnElement[bool],
         change_them: Callable[[Change, sa.ColumnElement[bool]], list[str]],
     ) -> list[str]:
-        """Change the jobs that satisfy a condition in batches, one transaction each; return the ids from `change_them`.
-
-        The change must end the condition. Rows locked by others are left for the next run, so that reconcilers never
-        wait for each other and cannot deadlock.
-        """
+        """Change the jobs of a condition in batches, one transaction each; return the ids from `change_them`."""
+        # The change must end the condition. Rows locked by others are left for the next run, so that reconcilers never
+        # wait for each other and cannot deadlock.
         some = sa.select(jobs.c.id).where(condition).limit(_BATCH)
         ids: list[str] = []
         while True:

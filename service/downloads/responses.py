@@ -168,10 +168,8 @@ class Download:
 
 
 def _disposition(name: str) -> str:
-    """Return a Content-Disposition header with an ASCII name, and the full name where it differs (RFC 6266, RFC 8187).
-
-    The name comes from the file's sender, so no character of it may end the quoted string or the header.
-    """
+    """Return Content-Disposition with an ASCII name, and the full name where it differs (RFC 6266, RFC 8187)."""
+    # The name comes from the file's sender, so no character of it may end the quoted string or the header.
     plain = "".join(letter if letter in _PLAIN else "_" for letter in name) or "file"
     short = f'attachment; filename="{plain}"'
     return short if plain == name else f"{short}; filename*=UTF-8''{quote(name, safe='', errors='replace')}"
@@ -207,10 +205,8 @@ def download(
 
 
 def _verified(content: Iterator[bytes], found: Download) -> Iterator[bytes]:
-    """Yield chunks of a whole object, and withhold the last one if the SHA-256 is wrong: the response then breaks off.
-
-    Reading the object twice, to refuse it with a status, would double the load of every download.
-    """
+    """Yield the chunks of an object, but not the last one if the SHA-256 is wrong: the response breaks off."""
+    # Reading the object twice, to refuse it with a status, would double the load of every download.
     digest, last = hashlib.sha256(), b""
     for chunk in content:
         if last:
