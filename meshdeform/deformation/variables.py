@@ -40,6 +40,7 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 _EPSILON = 1e-8
+_BETAS = (0.9, 0.999)
 
 
 @dataclass(frozen=True)
@@ -267,8 +268,6 @@ class Adam:
     ----------
     groups : iterable of dict
         Each with `params`, a list of tensors that require gradients, and `lr`, which may change between steps.
-    betas : (float, float)
-        b1 and b2.
 
     Attributes
     ----------
@@ -279,10 +278,9 @@ class Adam:
         `exp_avg_sq` v, with the tensor's shape and dtype.
     """
 
-    def __init__(self, groups: Iterable[dict[str, Any]], betas: tuple[float, float] = (0.9, 0.999)) -> None:
+    def __init__(self, groups: Iterable[dict[str, Any]]) -> None:
         self.param_groups = [dict(group) for group in groups]
         self.state: defaultdict[Tensor, dict[str, Tensor]] = defaultdict(dict)
-        self._betas = betas
 
     def zero_grad(self) -> None:
         """Clear the gradients."""
@@ -293,7 +291,7 @@ class Adam:
     @torch.no_grad()
     def step(self) -> None:
         """Update every tensor that has a gradient."""
-        first, second = self._betas
+        first, second = _BETAS
         for group in self.param_groups:
             for parameter in group["params"]:
                 if parameter.grad is None:

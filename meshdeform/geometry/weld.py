@@ -64,7 +64,6 @@ def weld(
     positions: NDArray[np.float64],
     triangles: NDArray[np.int64],
     *,
-    tolerance: float = WELD_TOLERANCE,
     left_out: NDArray[np.bool_] | None = None,
 ) -> WeldedMesh:
     """Merge vertices that coincide and drop faces that degenerate; the others keep their order.
@@ -74,8 +73,6 @@ def weld(
     positions : (N, 3) float64
         Finite, in object units.
     triangles : (T, 3) int64
-    tolerance : float
-        Vertices within this share of the bounding box diagonal are merged.
     left_out : (T,) bool, optional
         Triangles that are no part of the mesh; they share no vertex with the others.
 
@@ -89,7 +86,7 @@ def weld(
     if not len(used):
         raise AssetEmptyError("The asset has no triangles.")
     points = positions[used].astype(np.float64)
-    representative = coincident(points, tolerance * float(np.linalg.norm(points.max(0) - points.min(0))))
+    representative = coincident(points, WELD_TOLERANCE * float(np.linalg.norm(points.max(0) - points.min(0))))
     merged = np.full(len(positions), -1, np.int64)
     merged[used] = representative
     corners = merged[triangles]

@@ -113,9 +113,9 @@ class UploadLedger:
             raise NotFoundError(f"There is no upload {upload_id!r}.", advice="Announce it again: POST /v1/uploads.")
         return read(Upload, row)
 
-    def complete(self, upload_id: str, sha256: str, key: str, owner: str | None = None) -> Upload:
+    def complete(self, upload_id: str, sha256: str, key: str) -> Upload:
         """Record the stored and pinned file; its pin is released. Repeating this is not an error."""
-        change = sa.update(uploads).where(self._is(upload_id, owner)).values(sha256=sha256, key=key)
+        change = sa.update(uploads).where(self._is(upload_id, None)).values(sha256=sha256, key=key)
         with self._database.write() as connection:
             row = connection.execute(change.returning(uploads)).one_or_none()
             if row is None:

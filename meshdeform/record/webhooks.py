@@ -182,12 +182,12 @@ class WebhookBook:
                 self._messages.disable(connection, webhook_id, "disabled by its owner")
             return _webhook(_find(connection, webhook_id, owner))
 
-    def rotate(self, webhook_id: str, owner: str, keep_s: float = _KEEP_S) -> tuple[Webhook, str]:
-        """Create a new secret. The previous one also signs for `keep_s` more seconds; older ones no longer do."""
+    def rotate(self, webhook_id: str, owner: str) -> tuple[Webhook, str]:
+        """Create a new secret. The previous one also signs for a day; older ones no longer do."""
         secret = _new_secret()
         values = {
             "previous_secret": webhooks.c.secret,
-            "previous_until": self._database.now(keep_s),
+            "previous_until": self._database.now(_KEEP_S),
             "secret": secret,
         }
         change = sa.update(webhooks).where(_is(webhook_id, owner)).values(values).returning(webhooks)

@@ -36,6 +36,7 @@ _KEY, _FILL = (-0.45, 0.65, 0.60), (0.75, 0.05, 0.65)  # in the camera's frame: 
 _KEY_LIGHT, _FILL_LIGHT = 0.80, 0.16
 _SKY, _GROUND = 0.32, 0.14
 _FOV_DEG = 28.0
+_ELEVATION_DEG = 15.0
 
 _MARGIN = 0.9
 """Share of the view that the asset may fill."""
@@ -75,13 +76,13 @@ class _View:
 class PaintedRenderer:
     """Renders deformed states of one asset."""
 
-    def __init__(self, appearance: Appearance, style: PaintedStyle, device: torch.device | str = "cpu") -> None:
+    def __init__(self, appearance: Appearance, style: PaintedStyle) -> None:
         self.style = style
         paints = appearance.paints
-        self._colours = BaseColours(appearance, device)
+        self._colours = BaseColours(appearance)
         self._rows, self._faces, self._paint = self._colours.rows, self._colours.faces, self._colours.paint
-        self._double_sided = torch.tensor([paint.double_sided for paint in paints], device=device)
-        self._unlit = torch.tensor([paint.unlit for paint in paints], device=device)
+        self._double_sided = torch.tensor([paint.double_sided for paint in paints])
+        self._unlit = torch.tensor([paint.unlit for paint in paints])
         self._edges: SilhouetteEdges | None = None
 
     def render(self, positions: Tensor, normals: Tensor, cameras: Cameras, backdrop: Tensor | None = None) -> Tensor:
@@ -94,7 +95,7 @@ class PaintedRenderer:
         normals : (N, 3) floating
             Unit normals; NaN where there is none: faces there are flat.
         cameras : Cameras
-            B cameras, on the asset's device.
+            B cameras.
         backdrop : (view_size, view_size, 3) float32 in [0, 1], optional
             sRGB picture behind the asset.
 
@@ -221,12 +222,10 @@ class Studio:
         *,
         size: int,
         azimuths_deg: Sequence[float],
-        elevation_deg: float = 15.0,
-        supersample: int = 2,
         plain: bool = False,
     ) -> None:
-        self._renderer = PaintedRenderer(appearance, PaintedStyle(size, supersample))
-        self._elevation, self._size, self._plain = elevation_deg, size, plain
+        self._renderer = PaintedRenderer(appearance, PaintedStyle(size))
+        self._size, self._plain = size, plain
         self._used = torch.from_numpy(np.unique(appearance.rows))
         self._faces = torch.from_numpy(appearance.rows[appearance.triangles])
         shown = torch.cat([torch.from_numpy(pose.positions)[self._used] for pose in poses])
@@ -256,7 +255,7 @@ class Studio:
         return pixels
 
     def _cameras(self, azimuths_deg: Sequence[float]) -> Cameras:
-        return fixed_cameras(tuple(float(a) for a in azimuths_deg), self._elevation, _FOV_DEG)
+        return fixed_cameras(tuple(float(a) for a in azimuths_deg), _ELEVATION_DEG, _FOV_DEG)
 
     def _shadow(self, positions: Tensor) -> Tensor:
         """Return the darkness (1, 1, H, W) of the ground: dark under what is near it."""

@@ -196,12 +196,12 @@ class LookupPool:
         self._calls.put((future, call))
         return future
 
-    def lookup(self, host: str, port: int, resolve: Lookup = system_lookup) -> list[str]:
+    def lookup(self, host: str, port: int) -> list[str]:
         """Resolve a host and return its addresses. A `Lookup` with a deadline.
 
         `OSError`: the host has no address, or its addresses did not arrive in time.
         """
-        future = self.submit("", lambda: resolve(host, port))
+        future = self.submit("", lambda: system_lookup(host, port))
         try:
             return list(future.result(LOOKUP_S))
         finally:

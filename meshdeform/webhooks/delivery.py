@@ -41,8 +41,9 @@ class WebhookDelivery:
     `DependencyError`: the setting `webhook_networks` is not a list of networks.
     """
 
-    def __init__(self, record: JobRecord, settings: Settings, *, sender: Sender | None = None) -> None:
-        self._deliveries, self._sender = record.deliveries, sender
+    def __init__(self, record: JobRecord, settings: Settings) -> None:
+        self._deliveries = record.deliveries
+        self._sender: Sender | None = None
         self._networks = parse_networks(settings.webhook_networks)
         self._done = threading.Event()
         self._clean_at = 0.0

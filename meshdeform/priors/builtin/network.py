@@ -34,6 +34,7 @@ from meshdeform.support.files import write_files
 
 IMAGE_SIZE = 128
 _CAMERA_CHANNELS = 8
+_HEADS = 4
 WEIGHTS = Path(__file__).parent / "weights" / "prior.safetensors"
 _LARGEST = 512
 
@@ -112,11 +113,10 @@ class TextEncoder(nn.Module):
 
 
 class TextBlock(nn.Module):
-    """Pre-norm self-attention (four heads) and a two-layer perceptron."""
+    """Pre-norm self-attention and a two-layer perceptron."""
 
-    def __init__(self, width: int, heads: int = 4) -> None:
+    def __init__(self, width: int) -> None:
         super().__init__()
-        self.heads = heads
         self.norm_attention = nn.LayerNorm(width)
         self.qkv = nn.Linear(width, 3 * width)
         self.out = nn.Linear(width, width)
@@ -126,7 +126,7 @@ class TextBlock(nn.Module):
     def forward(self, x: Tensor, visible: Tensor) -> Tensor:
         """Transform (B, N, C), where `visible` (B, N) marks the words that may be attended to."""
         batch, length, width = x.shape
-        qkv = self.qkv(self.norm_attention(x)).reshape(batch, length, 3, self.heads, width // self.heads)
+        qkv = self.qkv(self.norm_attention(x)).reshape(batch, length, 3, _HEADS, width // _HEADS)
         query, key, value = qkv.permute(2, 0, 3, 1, 4).unbind(0)
         mixed = functional.scaled_dot_product_attention(query, key, value, attn_mask=visible[:, None, None, :])
         x = x + self.out(mixed.transpose(1, 2).reshape(batch, length, width))

@@ -62,12 +62,12 @@ def _dtype(name: str, device: torch.device) -> torch.dtype:
     return torch.bfloat16 if name == "bfloat16" else torch.float32
 
 
-def cosine_alphas_cumprod(steps: int = NUM_TIMESTEPS) -> Tensor:
-    """Return the products of the alphas, (steps,) float32: cos^2((t/T + s) / (1 + s) * pi/2) with s = 0.008.
+def cosine_alphas_cumprod() -> Tensor:
+    """Return the products of the alphas, (T,) float32: cos^2((t/T + s) / (1 + s) * pi/2) with s = 0.008.
 
     Source: Nichol & Dhariwal 2021, eq. 17, shifted by one so that no level is exactly 0 or 1.
     """
-    at = torch.arange(1, steps + 1, dtype=torch.float64) / (steps + 1)
+    at = torch.arange(1, NUM_TIMESTEPS + 1, dtype=torch.float64) / (NUM_TIMESTEPS + 1)
     level = torch.cos((at + 0.008) / 1.008 * math.pi / 2) ** 2
     return level.to(torch.float32)
 
