@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from meshdeform.assets import load_asset
 from meshdeform.geometry.mesh import area_vectors
 from meshdeform.geometry.places import SurfaceTree, even_samples
-from meshdeform.kinds.surface_fit.base_mesh import base_of
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
+from meshdeform.kinds.surface_fit.collapse import base_of
 from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, delaunay, spectrum
 from meshdeform.kinds.surface_fit.measures import distances, spread
 from meshdeform.kinds.surface_fit.patches import divided

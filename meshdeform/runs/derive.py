@@ -189,43 +189,38 @@ def _stl(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits)
     return write_stl(load_asset(result.read_bytes(), limits=Limits.unlimited())).data
 
 
-def _need_torch() -> None:
+def _to_change(file: Path, options: dict[str, Any], limits: Limits) -> Asset:
+    """Read an asset to apply a strength or a map to, which needs torch."""
+    from meshdeform.assets.asset import load_asset
+
     if find_spec("torch") is None:
         raise DependencyError(
             "Other strengths and maps need the extra `deform` where they are made.",
             advice="Download the result and its source, and run `meshdeform apply`, or install the extra.",
         )
+    return load_asset(file.read_bytes(), options["filename"], limits)
 
 
 def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
-    from meshdeform.assets.asset import load_asset
-
-    _need_torch()
+    asset = _to_change(source, options, limits)
     from meshdeform.runs.strength import with_strength
 
-    asset = load_asset(source.read_bytes(), options["filename"], limits)
     given = {"exclude": options["exclude"], "limits": limits, "compact": options["compact"]}
     return with_strength(asset, result.read_bytes(), options["strength"], **given)
 
 
 def _map(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:
-    from meshdeform.assets.asset import load_asset
-
-    _need_torch()
+    asset = _to_change(source, options, limits)
     from meshdeform.runs.strength import edit_of
 
-    asset = load_asset(source.read_bytes(), options["filename"], limits)
     return edit_of(asset, result.read_bytes(), exclude=options["exclude"], limits=limits).to_bytes()
 
 
 def _alike(file: Path, edit: Path, options: dict[str, Any], limits: Limits) -> bytes:
-    from meshdeform.assets.asset import load_asset
-
-    _need_torch()
+    asset = _to_change(file, options, limits)
     from meshdeform.deformation.edit_map import EditMap, Outside
     from meshdeform.runs.strength import with_edit
 
-    asset = load_asset(file.read_bytes(), options["filename"], limits)
     return with_edit(asset, EditMap.read(str(edit)), Outside(options["outside"]), compact=options["compact"])
 
 

@@ -30,9 +30,9 @@ from meshdeform.errors import AssetError, AssetTooLargeError, ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import texel_corners
 from meshdeform.geometry.weld import weld
-from meshdeform.kinds.surface_fit.base_mesh import base_of
 from meshdeform.kinds.surface_fit.base_places import within_base
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
+from meshdeform.kinds.surface_fit.collapse import base_of
 from meshdeform.kinds.surface_fit.container import EncodedBase, encode_base, write_field
 from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
 from meshdeform.kinds.surface_fit.gluing import glue, topology

@@ -2,7 +2,7 @@
 
 `fit` makes the file `.ndf` of arrays, `unfold` makes a mesh of it, and `sample` places points on its surface.
 
-Read in the order of the paper: `surface_sources` (project a point to the surface), `cleaning` and `base_mesh`
+Read in the order of the paper: `surface_sources` (project a point to the surface), `cleaning` and `collapse`
 (the coarse mesh), `network` (the map), `fitting` (its optimisation), `container` and `reader` (the file `.ndf`),
 `intrinsic` (Delaunay flips, Laplacian, spectrum, geodesics), `measures` (the report).
 
@@ -57,8 +57,8 @@ def fit(
     AssetError
         The surface cannot be fitted; the message says why and what to do.
     """
-    from meshdeform.kinds.surface_fit.base_mesh import base_of
     from meshdeform.kinds.surface_fit.cleaning import clean
+    from meshdeform.kinds.surface_fit.collapse import base_of
     from meshdeform.kinds.surface_fit.container import encode_base, write_field
     from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
     from meshdeform.kinds.surface_fit.surface_sources import surface_of

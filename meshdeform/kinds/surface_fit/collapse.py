@@ -18,6 +18,7 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.errors import AssetError
 from meshdeform.geometry.edge_splits import split_triangles, unique_edges
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import area_vectors
@@ -32,6 +33,31 @@ _BORDER = 4.0
 """Weight of a border's plane, per squared length; that of a face is its area."""
 _TURN = 0.2
 """Least cosine of the angle by which a collapse turns a face."""
+_MOST = 4
+"""Times the faces of a base that were asked for, at most."""
+
+
+def base_of(surface: CleanMesh, count: int) -> tuple[_Floats, _Index]:
+    """Return the vertices (V, 3) float64 and faces (F, 3) int64 of a base of at most `count` faces.
+
+    It has more, up to four times as many, if fewer would fold over. A surface that has no more is its own base.
+
+    Raises
+    ------
+    AssetError
+        So few faces cannot have the handles, holes and parts of the surface.
+    """
+    known = surface.topology
+    if known.fewest_faces <= count:
+        verts, faces = collapsed(surface, count)
+        if len(faces) <= _MOST * count:
+            return verts, faces
+    raise AssetError(
+        f"The surface has {known.components} parts, {known.genus} handles and {known.borders} borders, which need a "
+        f"base of {known.fewest_faces} faces or more; params.base_faces is {count}.",
+        advice="Set it higher, or fill tiny holes and remove tiny handles and loose parts. A grid with noise, and "
+        "points whose normals face anywhere, have hundreds of them.",
+    )
 
 
 def collapsed(mesh: CleanMesh, count: int) -> tuple[_Floats, _Index]:

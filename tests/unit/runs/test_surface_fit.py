@@ -27,8 +27,8 @@ from meshdeform.errors import (
 )
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
-from meshdeform.kinds.surface_fit.base_mesh import base_of
 from meshdeform.kinds.surface_fit.cleaning import clean
+from meshdeform.kinds.surface_fit.collapse import base_of
 from meshdeform.kinds.surface_fit.learned_scalars import learned_scalars, places_on
 from meshdeform.kinds.surface_fit.measures import distances
 from meshdeform.kinds.surface_fit.reader import read_field

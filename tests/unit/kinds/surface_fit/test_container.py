@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
-from meshdeform.kinds.surface_fit.base_mesh import base_of
 from meshdeform.kinds.surface_fit.cleaning import clean
+from meshdeform.kinds.surface_fit.collapse import base_of
 from meshdeform.kinds.surface_fit.container import BITS, encode_base, write_field
 from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
 from meshdeform.kinds.surface_fit.gluing import glue, topology

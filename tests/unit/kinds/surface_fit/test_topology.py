@@ -15,10 +15,9 @@ from meshdeform.errors import AssetError, AssetTooLargeError
 from meshdeform.geometry.edge_splits import unique_edges
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
-from meshdeform.kinds.surface_fit.base_mesh import base_of
 from meshdeform.kinds.surface_fit.base_places import border_places
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
-from meshdeform.kinds.surface_fit.collapse import collapsed
+from meshdeform.kinds.surface_fit.collapse import base_of, collapsed
 from meshdeform.kinds.surface_fit.container import encode_base
 from meshdeform.kinds.surface_fit.gluing import glue, topology
 from meshdeform.kinds.surface_fit.intrinsic import (
@@ -213,7 +212,7 @@ def test_noise_is_refused_before_anything_costly_is_made_of_it(monkeypatch: pyte
     rough = surface_of(noise).reference
     assert rough.topology.fewest_faces > 800
     with monkeypatch.context() as patched:
-        patched.setattr("meshdeform.kinds.surface_fit.base_mesh.collapsed", None)
+        patched.setattr("meshdeform.kinds.surface_fit.collapse.collapsed", None)
         wanted = f"{rough.topology.genus} handles .* need a base of {rough.topology.fewest_faces} faces or more"
         with pytest.raises(AssetError, match=wanted) as caught:
             base_of(rough, 200)
