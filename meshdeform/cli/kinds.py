@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -34,6 +35,7 @@ from meshdeform.support.files import slug
 
 _FIT = "Base, network and fit"
 _MAX_FACES = 4_000_000
+_ARTICLE = re.compile(r"^(an?|the)\s+", re.IGNORECASE)
 _NAMED: Mapping[str, Mapping[str, str]] = {
     JobKind.SURFACE_FIT: {".ndf": "surface.ndf", ".glb": "level_{level}.glb"},
     JobKind.PRIOR_TEACH: {".safetensors": "weights.safetensors"},
@@ -223,7 +225,7 @@ def teach(
     noun = str(params.get("noun") or "")
     if not noun:
         params = {**_steps_of_kit(meshes, printed), **params}
-    name = slug(noun.split(maxsplit=1)[-1] if noun else meshes[0].resolve().stem) or "noun"
+    name = slug(_ARTICLE.sub("", noun) or meshes[0].resolve().stem) or "noun"
     output = output or Path(name if place.url else f"{name}.safetensors")
     run_kind(JobKind.PRIOR_TEACH, params, {"meshes": meshes}, output, here, place, printed)
 

@@ -61,8 +61,9 @@ def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatc
     with Image.open("mine.preview.png") as picture:
         assert picture.width > 4 * 64
 
-    done("teach gnomes/round.glb --noun jug --model mine.safetensors --steps 1 -o two.safetensors")
-    assert set(known_words("two.safetensors").nouns) == {"bowl", "heart", "vase", "gnome", "jug"}
+    done("teach gnomes/round.glb --model mine.safetensors --steps 1 --noun", "a milk jug")
+    Path("milk-jug.safetensors").rename("two.safetensors")
+    assert set(known_words("two.safetensors").nouns) == {"bowl", "heart", "vase", "gnome", "milk-jug"}
 
     Path("models").mkdir()
     Path("two.safetensors").rename("models/two.safetensors")
@@ -71,7 +72,7 @@ def test_a_lesson_is_interrupted_resumed_taught_again_listed_and_used(monkeypatc
     listed = json.loads(done("models --json").stdout)["models"]
     available = {model["title"]: model["available"] for model in listed}
     assert available == {"Builtin": True, "broken": False, "two": True}
-    assert [lesson["noun"] for lesson in listed[2]["lessons"]] == ["gnome", "jug"]
+    assert [lesson["noun"] for lesson in listed[2]["lessons"]] == ["gnome", "milk-jug"]
     assert listed[2]["licence"] == "CC0-1.0"
     described = done("models two.safetensors").output
     assert "gnome or dwarf, from round.glb, square.obj, tall/can.stl; labelled tall" in described
