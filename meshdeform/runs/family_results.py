@@ -26,6 +26,7 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.family_file import FamilyFile, dump_family, surface_digest
 from meshdeform.assets.inspect import UNSIGNED_INT
+from meshdeform.assets.surface import Surface
 from meshdeform.errors import AssetError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import simplified
@@ -49,6 +50,7 @@ from meshdeform.rendering.studio import Pose, Studio
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, versions
+from meshdeform.support.files import zipped
 
 _PICTURED = 36
 _MARKER = 0.008
@@ -65,7 +67,7 @@ COLOURS = (
 )
 """Linear RGBA by part; after the last, the first again."""
 
-_SIZE, _AZIMUTH_DEG, _MARGIN = 160, 35.0, 28
+_SIZE, _AZIMUTH_DEG, _MARGIN, _INK = 160, 35.0, 28, (40, 42, 48)
 Shown = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]
 _MOST_SHAPES = 120
 
@@ -181,8 +183,7 @@ class FamilyResults:
         shape, collection = self.shapes[t], self.inference.collection
         return wall_shape(
             self.names[t],
-            asset.surface.positions,
-            asset.surface.triangles,
+            asset.surface,
             parts,
             collection.points[t, self._matched.samples[t]].double().numpy(),
             (self._matched.confidence[t] * self._matched.exists[t]).numpy(),
@@ -344,15 +345,12 @@ def _embedded(asset: Asset, parts: NDArray[np.uint8]) -> bytes:
 
 def packed_arrays(arrays: dict[str, NDArray[Any]]) -> ArtifactData:
     """Write arrays as NPZ; equal arrays give equal bytes."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, values in arrays.items():
-            content = io.BytesIO()
-            np.save(content, values, allow_pickle=False)
-            entry = zipfile.ZipInfo(f"{name}.npy")
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, content.getvalue())
-    return ArtifactData(buffer.getvalue(), "application/x-npz")
+    files = {}
+    for name, values in arrays.items():
+        content = io.BytesIO()
+        np.save(content, values, allow_pickle=False)
+        files[f"{name}.npy"] = content.getvalue()
+    return ArtifactData(zipped(files), "application/x-npz")
 
 
 def labels_of(asset: Asset, name: str, labels: AssetLabels, parts: list[str]) -> NDArray[np.int64]:
@@ -393,20 +391,14 @@ def family_png(shapes: Sequence[Shown], parts: Sequence[str]) -> bytes:
 
     `shapes` is sequence of (positions (N, 3), triangles (F, 3), part of each triangle (F,)).
     """
-    columns = min(max(math.ceil(math.sqrt(len(shapes) * 1.5)), 3), len(shapes))
-    rows = -(-len(shapes) // columns)
-    sheet = Image.new("RGB", (columns * _SIZE, rows * _SIZE + _MARGIN), (255, 255, 255))
-    for number, shape in enumerate(shapes):
-        sheet.paste(_drawn(shape), (number % columns * _SIZE, number // columns * _SIZE))
+    sheet, _ = _in_rows([_drawn(shape) for shape in shapes], below=_MARGIN)
     draw, font, x = ImageDraw.Draw(sheet), ImageFont.load_default(14), 10
     for number, part in enumerate(parts):
         colour = tuple(round(255 * value ** (1 / 2.2)) for value in COLOURS[number % len(COLOURS)][:3])
         draw.rectangle((x, sheet.height - 20, x + 12, sheet.height - 8), fill=colour)
-        draw.text((x + 18, sheet.height - 22), part, fill=(40, 42, 48), font=font)
+        draw.text((x + 18, sheet.height - 22), part, fill=_INK, font=font)
         x += 36 + round(draw.textlength(part, font=font))
-    out = io.BytesIO()
-    sheet.save(out, "PNG")
-    return out.getvalue()
+    return _png(sheet)
 
 
 def _drawn(shape: Shown) -> Image.Image:
@@ -422,15 +414,27 @@ def _drawn(shape: Shown) -> Image.Image:
 
 def assets_png(assets: Sequence[Asset], titles: Sequence[str]) -> bytes:
     """Draw assets in rows as their materials show them, each above its title."""
-    columns = min(max(math.ceil(math.sqrt(len(assets) * 1.5)), 3), len(assets))
-    rows = -(-len(assets) // columns)
-    height = _SIZE + _MARGIN
-    sheet = Image.new("RGB", (columns * _SIZE, rows * height), (255, 255, 255))
+    sheet, places = _in_rows([_photograph(asset) for asset in assets], between=_MARGIN)
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
-    for number, (asset, title) in enumerate(zip(assets, titles, strict=True)):
-        x, y = number % columns * _SIZE, number // columns * height
-        sheet.paste(_photograph(asset), (x, y))
-        draw.text((x + 6, y + _SIZE + 4), title[-20:], fill=(40, 42, 48), font=font)
+    for (x, y), title in zip(places, titles, strict=True):
+        draw.text((x + 6, y + _SIZE + 4), title[-20:], fill=_INK, font=font)
+    return _png(sheet)
+
+
+def _in_rows(
+    pictures: Sequence[Image.Image], *, between: int = 0, below: int = 0
+) -> tuple[Image.Image, list[tuple[int, int]]]:
+    """Return a sheet of pictures, with pixels left under each row and under all, and the place of each."""
+    columns = min(max(math.ceil(math.sqrt(len(pictures) * 1.5)), 3), len(pictures))
+    rows, height = -(-len(pictures) // columns), _SIZE + between
+    sheet = Image.new("RGB", (columns * _SIZE, rows * height + below), (255, 255, 255))
+    places = [(number % columns * _SIZE, number // columns * height) for number in range(len(pictures))]
+    for picture, place in zip(pictures, places, strict=True):
+        sheet.paste(picture, place)
+    return sheet, places
+
+
+def _png(sheet: Image.Image) -> bytes:
     out = io.BytesIO()
     sheet.save(out, "PNG")
     return out.getvalue()
@@ -447,24 +451,9 @@ def shown(count: int) -> range:
     return range(0, count, -(-count // _MOST_SHAPES))
 
 
-def wall(
-    shapes: Sequence[WallShape], parts: Sequence[str], labels: NDArray[np.int64], count: int | None = None
-) -> ArtifactData:
-    """Return the artifact `wall.glb`.
-
-    `labels`, (K,) int64: the part of each point. `count`: number of shapes with those that are not shown. Default: all
-    are shown.
-    """
-    points = [int(label) for label in labels]
-    about: dict[str, Any] = {"kind": "family_wall", "parts": list(parts), "points": points}
-    about["shapes"] = len(shapes) if count is None else count
-    return ArtifactData(wall_glb(shapes, parts, COLOURS, about), "model/gltf-binary")
-
-
 def wall_shape(
     name: str,
-    positions: NDArray[np.float64],
-    triangles: NDArray[np.int64],
+    surface: Surface,
     parts: NDArray[np.uint8],
     points: NDArray[np.float64],
     confidence: NDArray[np.float32],
@@ -476,11 +465,11 @@ def wall_shape(
 ) -> WallShape:
     """Return one of `count` shapes of a wall, with few triangles.
 
-    `positions`, (N, 3) float64: in the asset's units; `triangles` is (F, 3) int64; `parts` is (F,) uint8; `points`, (K,
-    3) float64: in the family's frame: turned, around 0, with the diagonal as unit; `confidence` is (K,) float32;
-    `centre`, `diagonal` and `turn`: lead from the asset's units to that frame.
+    `parts`, (F,) uint8: of the surface's triangles; `points`, (K, 3) float64: in the family's frame: turned, around 0,
+    with the diagonal as unit; `confidence` is (K,) float32; `centre`, `diagonal` and `turn`: lead from the asset's
+    units to that frame.
     """
-    verts = turned((positions - centre) / diagonal, turn)
+    verts, triangles = turned((surface.positions - centre) / diagonal, turn), surface.triangles
     share = min(_OF_ONE, _TRIANGLES // count) / max(len(triangles), 1)
     pieces = []
     for part in np.unique(parts):
@@ -539,7 +528,8 @@ class SynthesisResults:
         if found is None:
             glb = "model/gltf-binary"
             made["result.glb"] = ArtifactData(self.shapes[0], glb)
-            made["shapes.zip"] = ArtifactData(self._packed(), "application/zip")
+            files = {self._name(number): shape for number, shape in enumerate(self.shapes)}
+            made["shapes.zip"] = ArtifactData(zipped(files), "application/zip")
             points, exists = (np.stack([each[i] for each in self.drawn]) for i in (0, 1))
             arrays = {"points": points, "exists": exists, "part": self.family.labels}
             made["points.npz"] = packed_arrays(arrays)
@@ -564,8 +554,7 @@ class SynthesisResults:
         points, exists = self.drawn[number]
         return wall_shape(
             self._name(number),
-            asset.surface.positions,
-            asset.surface.triangles,
+            asset.surface,
             found,
             points,
             exists.astype(np.float32),
@@ -576,11 +565,10 @@ class SynthesisResults:
         )
 
     def _member(self, row: int, asset: Asset, count: int) -> WallShape:
-        family, surface = self.family, asset.surface
+        family = self.family
         return wall_shape(
             family.names[row],
-            surface.positions,
-            surface.triangles,
+            asset.surface,
             family.segments[row],
             family.points[row],
             family.exists[row].astype(np.float32),
@@ -593,13 +581,6 @@ class SynthesisResults:
     @staticmethod
     def _name(number: int) -> str:
         return f"shape_{number:02d}.glb"
-
-    def _packed(self) -> bytes:
-        buffer = io.BytesIO()
-        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-            for number, shape in enumerate(self.shapes):
-                archive.writestr(zipfile.ZipInfo(self._name(number)), shape)
-        return buffer.getvalue()
 
     def _neighbours(self) -> list[dict[str, Any]]:
         """Return the members nearest to the one that is searched for, without itself."""
@@ -643,8 +624,6 @@ _POINTS = 0
 _APART = 1.15
 """Distance of two shapes in widths or heights of the largest one."""
 
-_Colour = tuple[float, float, float, float]
-
 
 @dataclass(frozen=True)
 class WallShape:
@@ -659,20 +638,28 @@ class WallShape:
     confidence: NDArray[np.float32]  # (K,) float32: how sure each point is; 0 where the shape lacks it
 
 
-def wall_glb(shapes: Sequence[WallShape], parts: Sequence[str], colours: Sequence[_Colour], extras: Json) -> bytes:
-    """Return a GLB with a node for each shape, in rows from the top left.
+def wall(
+    shapes: Sequence[WallShape], parts: Sequence[str], labels: NDArray[np.int64], count: int | None = None
+) -> ArtifactData:
+    """Return `wall.glb`: a node for each shape, in rows from the top left.
 
     The mesh of a node has a primitive for each part, whose material has the part's name and colour, and one of points
-    with the attribute `_CONFIDENCE`. `colours`: linear RGBA, taken in turn; `extras`: JSON for
-    `asset.extras.meshdeform`.
+    with the attribute `_CONFIDENCE`. `labels`, (K,) int64: the part of each point. `count`: number of shapes with those
+    that are not shown. Default: all are shown.
     """
+    points = [int(label) for label in labels]
+    extras: Json = {"kind": "family_wall", "parts": list(parts), "points": points}
+    extras["shapes"] = len(shapes) if count is None else count
     about: Json = {"version": "2.0", "generator": f"Meshdeform {__version__}", "extras": {"meshdeform": extras}}
     root: Json = {"asset": about, "scene": 0, "scenes": [{"nodes": list(range(len(shapes)))}]}
     root |= {"nodes": [], "meshes": [], "materials": []}
     document = Document(root, None, b"")
     for number, part in enumerate(parts):
-        colour = [float(value) for value in colours[number % len(colours)]]
-        shading = {"baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": 0.8}
+        shading = {
+            "baseColorFactor": list(COLOURS[number % len(COLOURS)]),
+            "metallicFactor": 0.0,
+            "roughnessFactor": 0.8,
+        }
         root["materials"].append({"name": part, "pbrMetallicRoughness": shading})
     columns = max(math.ceil(math.sqrt(1.5 * len(shapes))), 1)
     sizes = np.array([np.ptp(shape.positions, axis=0) for shape in shapes])
@@ -683,7 +670,7 @@ def wall_glb(shapes: Sequence[WallShape], parts: Sequence[str], colours: Sequenc
         root["nodes"].append({"name": shape.name, "mesh": number, "translation": place})
         primitives = [_surface(document, shape, int(part)) for part in np.unique(shape.parts)]
         root["meshes"].append({"name": shape.name, "primitives": [*primitives, _points(document, shape)]})
-    return document.to_bytes()
+    return ArtifactData(document.to_bytes(), "model/gltf-binary")
 
 
 def _surface(document: Document, shape: WallShape, part: int) -> dict[str, Any]:
