@@ -34,7 +34,6 @@ _STARTS = ("deform", "fit_to_mesh")
 _WRITES = ("apply_strength", "download")
 # Base64 adds a third, and the message around it a little.
 _BODY_BYTES = 48 * 2**20
-_UPLOAD_BYTES = 32 * 2**20
 _REMEMBERED_S = 30.0
 _MOST_REMEMBERED = 1000
 
@@ -69,7 +68,7 @@ def local_server(url: str, api_key: str | None, roots: Sequence[Path]) -> MCPSer
         async with AsyncClient(url, api_key=api_key) as client:
             yield client
 
-    tools = Tools(connect, Folders(roots), _UPLOAD_BYTES)
+    tools = Tools(connect, Folders(roots))
     return _server(tools, [*_READS, *_STARTS, "cancel", *_WRITES])
 
 
@@ -87,7 +86,7 @@ def http_app(url: str, hosts: Sequence[str]) -> ASGIApp:
         async with AsyncClient(url, api_key=_bearer(ctx.headers or {}) or "") as client:
             yield client
 
-    tools = Tools(connect, Folders([]), _UPLOAD_BYTES)
+    tools = Tools(connect, Folders([]))
     server = _server(tools, [*_READS, *_STARTS, "cancel", "upload_asset"])
     origins = [f"{scheme}://{host}" for host in hosts for scheme in ("http", "https")]
     security = TransportSecuritySettings(allowed_hosts=list(hosts), allowed_origins=origins)

@@ -44,6 +44,7 @@ Name = Annotated[str, Field(description="result.glb, report.json, preview.png or
 _UPLOAD = re.compile(r"upl_[0-9a-z]{26}")
 _JOB_FILE = re.compile(r"(job_[0-9a-z]{26})/([\w.-]+)")
 _LONGEST_WAIT_S = 600.0
+_UPLOAD_BYTES = 32 * 2**20
 _INSPECTION_S = 120.0
 _INSPECTIONS = 2  # at a time: each is a process with the numerical libraries
 
@@ -107,14 +108,9 @@ class Tools:
     """
 
     def __init__(
-        self,
-        connect: Callable[[Context], AbstractAsyncContextManager[AsyncClient]],
-        folders: Folders,
-        max_upload_bytes: int,
+        self, connect: Callable[[Context], AbstractAsyncContextManager[AsyncClient]], folders: Folders
     ) -> None:
-        self._connect = connect
-        self._folders = folders
-        self._max_upload_bytes = max_upload_bytes
+        self._client, self._folders = connect, folders
         self._inspections = asyncio.Semaphore(_INSPECTIONS)
 
     async def list_models(self, ctx: Context) -> dict[str, Any]:
@@ -135,9 +131,8 @@ class Tools:
     ) -> dict[str, Any]:
         """Check a job without starting it: warnings about the asset, all its parameters, and how long it would take."""
         async with self._client(ctx) as client:
-            found = await client.validate(
-                self._folders.source(asset), prompt, params=params, target=self._optional(target)
-            )
+            wanted = self._folders.source(target) if target else None
+            found = await client.validate(self._folders.source(asset), prompt, params=params, target=wanted)
             return found.model_dump(mode="json")
 
     async def deform(
@@ -257,19 +252,11 @@ class Tools:
             decoded = base64.b64decode(data, validate=True)
         except binascii.Error as error:
             raise ToolError(f"data is not base64: {error}.") from error
-        if len(decoded) > self._max_upload_bytes:
-            raise ToolError(f"The file has more than {readable_size(self._max_upload_bytes)}, which is the limit here.")
+        if len(decoded) > _UPLOAD_BYTES:
+            raise ToolError(f"The file has more than {readable_size(_UPLOAD_BYTES)}, which is the limit here.")
         async with self._client(ctx) as client:
             upload = await client.upload(decoded, filename=filename)
             return {"asset": upload.id, "bytes": len(decoded)}
-
-    def _optional(self, name: str | None) -> Path | dict[str, str] | None:
-        return self._folders.source(name) if name else None
-
-    @asynccontextmanager
-    async def _client(self, ctx: Context) -> AsyncIterator[AsyncClient]:
-        async with self._connect(ctx) as client:
-            yield client
 
     @asynccontextmanager
     async def _local(self, client: AsyncClient, asset: str) -> AsyncIterator[Path]:
