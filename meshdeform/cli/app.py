@@ -33,7 +33,6 @@ from meshdeform.support.threads import limit_spinning, quick_end
 
 # From the click that typer uses, which may be a copy of its own.
 _UsageError: type[Exception] = typer.BadParameter.__base__ or Exception
-_ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
 _CLIENT, _SERVICE, _MACHINE = "A service's jobs", "Running a service", "This machine"
 
 

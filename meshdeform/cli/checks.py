@@ -491,14 +491,11 @@ def check_store(subject: Subject) -> Iterator[Finding]:
 def check_workers(subject: Subject) -> Iterator[Finding]:
     """Count the workers that are alive according to the record, if it has tables of this version."""
     version = _record(subject)[1]
-    if version is None:
-        yield skip("workers", "no service of this version has run here yet")
-        return
-    from meshdeform.record.database import Database
-    from meshdeform.record.leases import Leases
-    from meshdeform.record.schema import HEAD
-
-    if version != HEAD:  # to open it would migrate it
+    if version is not None:
+        from meshdeform.record.database import Database
+        from meshdeform.record.leases import Leases
+        from meshdeform.record.schema import HEAD
+    if version is None or version != HEAD:  # to open another one would migrate it
         yield skip("workers", "no service of this version has run here yet")
         return
     database = Database(subject.settings.resolved_database_url)

@@ -36,8 +36,7 @@ def models(
 
     if place.url:
         with place.connect() as client:
-            answer: Any = client.models()
-        document = answer if isinstance(answer, dict) else answer.model_dump(mode="json")
+            document = client.models().model_dump(mode="json")
     else:
         document = _local()
     found = [entry for entry in document["models"] if model in (None, entry["id"], public_name(entry["id"]))]

@@ -138,20 +138,17 @@ def _entry(place: str, folder: Path, members: dict[str, Any]) -> Entry:
         prompt=str(members.get("prompt", "")),
         name=str(members.get("name", "")),
         target=folder / str(target) if target else None,
-        morph=_flag(place, "morph", members.get("morph", False)),
+        morph=_is_morph(place, members.get("morph", False)),
         params={name: value for name, value in members.items() if name not in _MEMBERS},
     )
 
 
-def _flag(place: str, name: str, value: Any) -> bool:
+def _is_morph(place: str, value: Any) -> bool:
     text = str(value).lower()
     if text not in _TRUE | _FALSE:
-        raise ParameterError(f"{place}: {name} is {value!r}, not true or false.", advice=_ADVICE)
+        raise ParameterError(f"{place}: morph is {value!r}, not true or false.", advice=_ADVICE)
     return text in _TRUE
 
-
-ARTIFACTS = ("report.json", "preview.png", "morph.glb", "result.glb")
-"""Files of a row, the result last: where it exists, the others do."""
 
 _MAX_LISTED = 20
 _MAX_NAME = 100
