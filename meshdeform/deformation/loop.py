@@ -301,7 +301,7 @@ class Deformation:
             return replace(_stored_orientation(initial), source=OrientationSource.CONTINUED)
         if front.grader is None:
             return Orientation(source=OrientationSource.UNRECOGNISED)
-        return find_orientation(self._draw_source, front.grader, self.params.seed, planes)
+        return front.known or find_orientation(self._draw_source, front.grader, self.params.seed, planes)
 
     @torch.no_grad()
     def _draw_source(self, azimuth_deg: float, generator: torch.Generator) -> tuple[Tensor, Cameras]:

@@ -108,6 +108,7 @@ class Front:
     grown: bool = False  # whether it is to become something that nobody builds, such as an animal or a plant
     crooked: bool = False  # whether it is to be twisted, leaning or bent
     turned: bool = False  # whether it is to become something that is alike from all sides, such as a vase
+    known: Orientation | None = None  # the answer, if the same was asked before
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_se
 from meshdeform.runs.changes import asked_changes, check_change, is_change, part_names, part_not_found
 from meshdeform.runs.control import SelectableSurface, read_control
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
+from meshdeform.runs.last_assets import asset_key, front_again, keep_front, recognised_again
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import (
@@ -111,7 +112,9 @@ def start(given: RunInput) -> JobRun:
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
-        recognised = known_source(welded.mesh, prior, params, recognised, _joints(asset))
+        key, named = asset_key(shape, params, prior), recognised
+        recognised = recognised_again(key, lambda: known_source(welded.mesh, prior, params, named, _joints(asset)))
+        front, front_key = front_again(key, front_of(recognised, prior, params, request.prompt), recognised)
         deformation = Deformation(
             mesh,
             goal.guidance,
@@ -123,9 +126,11 @@ def start(given: RunInput) -> JobRun:
             appearance=welded_appearance(asset.appearance(), welded) if sees_colours(params) else None,
             constraints=control.constraints,
             shares=goal.shares,
-            front=front_of(recognised, prior, params, request.prompt),
+            front=front,
             pose=pose_in_frame(asset, welded, frame) if request.output.rig is RigMode.KEEP else None,
         )
+        if front is not None:
+            keep_front(front_key, deformation.orientation)
     known = RunFacts(
         **vars(facts),
         frame=frame,
