@@ -22,7 +22,6 @@ from tests.unit.deformation.worlds import moved, params
 from training.shapes import box
 
 F64 = torch.float64
-MIRROR = torch.tensor([-1.0, 1.0, 1.0], dtype=F64)
 
 
 def sled() -> TriangleMesh:

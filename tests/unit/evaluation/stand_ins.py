@@ -25,9 +25,3 @@ class HeightJudge:
 
     def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
         return {noun: 0.5 if noun == "mushroom" else 0.5 / (len(NOUNS) - 1) for noun in NOUNS}
-
-
-class OtherJudge(HeightJudge):
-    """The same by another name."""
-
-    identity = {"id": "other", "revision": "1", "sha256": "1" * 64}  # noqa: RUF012

@@ -10,11 +10,8 @@ import pytest
 from meshdeform.judge.scoring import JudgeNetwork, read_judge
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.judge import train as judge_training
 from training.prior import train
-
-TWO_NOUNS = {noun: NOUNS[noun] for noun in ("bowl", "heart")}
 
 
 @pytest.fixture(autouse=True)
