@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from meshdeform.assets import build_glb
+from meshdeform.client import Client
 from meshdeform.errors import PromptError, UnavailableError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import Job, JobError, JobState, NewJob, OriginMode
@@ -66,13 +67,20 @@ def test_a_retry_goes_on_from_the_last_checkpoint(api: Api, openapi: dict[str, A
 
 
 @pytest.mark.both_databases
-def test_jobs_that_failed_for_one_reason_are_listed(api: Api) -> None:
+def test_jobs_that_failed_for_one_reason_are_listed_and_each_is_retried_once(api: Api) -> None:
     away, wrong = JobError.of(UnavailableError("The store is away.")), JobError.of(PromptError("Too long."))
     failed = [interrupted_job(api, steps=(100,), error=away) for _ in range(3)]
     interrupted_job(api, error=wrong)
     interrupted_job(api, state=JobState.CANCELED)
     listed = api.http.get("/v1/jobs", params={"error": "unavailable"}).json()["jobs"]
     assert [job["id"] for job in listed] == failed[::-1]
+    with Client(api.url) as client:  # the loop of docs/client.md, twice
+        first, second = (
+            [client.retry(job, idempotency_key=f"again-{job.id}").id for job in client.jobs(error="unavailable")]
+            for _ in range(2)
+        )
+    assert len(set(first)) == 3
+    assert second == first
 
 
 def test_a_retry_takes_the_last_checkpoint_that_is_whole(api: Api) -> None:
