@@ -27,13 +27,13 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     if name in __all__:
-        found = getattr(import_module("meshdeform.client"), name)
+        attribute = getattr(import_module("meshdeform.client"), name)
     elif name.endswith("Error") and name in import_module("meshdeform.errors").__all__:
-        found = getattr(import_module("meshdeform.errors"), name)
+        attribute = getattr(import_module("meshdeform.errors"), name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found
-    return found
+    globals()[name] = attribute
+    return attribute
 
 
 def __dir__() -> list[str]:

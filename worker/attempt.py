@@ -211,7 +211,7 @@ class Attempt:
 
         def start(checkpoint: bytes | None = None, initial: bytes | None = None) -> JobRun:
             self._go_on()
-            given = RunInput(
+            job_input = RunInput(
                 request=job.request,
                 files=files,
                 resolved=job.resolved,
@@ -223,7 +223,7 @@ class Attempt:
                 device=self._at.device,
                 on_wait=self._go_on,
             )
-            return self._at.start(given)
+            return self._at.start(job_input)
 
         for checkpoint in self._checkpoints.usable(self._retry):
             try:
@@ -395,8 +395,8 @@ class JobRunner:
             over = ended.outcome is Outcome.HANDED_OVER
             retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, handed_over=over))
         elif ended.may_pass and ended.error is not None:
-            given = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s
-            retry.until_answered(about, lambda: record.leases.postpone(job.id, job.attempt, *given))
+            arguments = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s
+            retry.until_answered(about, lambda: record.leases.postpone(job.id, job.attempt, *arguments))
         else:
             state, error, results, step_s = _TERMINAL[ended.outcome], ended.error, ended.results, ended.step_s
             retry.until_answered(
@@ -636,10 +636,10 @@ class StepTimer:
     def tick(self) -> None:
         """Count a finished step."""
         now = self._clock()
-        taken, self._last = now - self._last, now
+        elapsed, self._last = now - self._last, now
         self._steps += 1
         if self._steps > 1:
-            self._mean_s += (taken - self._mean_s) / min(self._steps - 1, self._MEMORY_STEPS)
+            self._mean_s += (elapsed - self._mean_s) / min(self._steps - 1, self._MEMORY_STEPS)
 
     def left_s(self, steps: int) -> float | None:
         """Return the seconds that `steps` more steps will take; None before the second step."""

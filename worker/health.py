@@ -61,8 +61,8 @@ class Pulse:
     @classmethod
     def of_environment(cls) -> Pulse:
         """Return the pulse that the supervisor passed to this process."""
-        given = os.environ.get(PULSE)
-        return cls(int(given) if given else None)
+        pulse = os.environ.get(PULSE)
+        return cls(int(pulse) if pulse else None)
 
     def beat(self) -> None:
         """Signal that something was done and the worker is still busy."""

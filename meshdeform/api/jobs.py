@@ -157,8 +157,8 @@ _OUTPUT = OutputOptions().model_dump(mode="json")
 
 def _members(document: Mapping[str, Any], name: str) -> Any:
     """Return a member that is an object; clients are promised one, whatever a later version stores."""
-    found = document.get(name)
-    return found if isinstance(found, Mapping) else {}
+    members = document.get(name)
+    return members if isinstance(members, Mapping) else {}
 
 
 def _over(defaults: Mapping[str, Any], written: Mapping[str, Any]) -> Any:
@@ -246,13 +246,19 @@ class CheckpointView(Document):
     mesh: MeshView | None = Field(None, description="The asset with its shape at that step; null if it was not kept.")
 
     @classmethod
-    def of(cls, found: CheckpointRef, job_id: str) -> Self:
+    def of(cls, checkpoint: CheckpointRef, job_id: str) -> Self:
         """Return the document of a checkpoint."""
         mesh = None
-        if found.mesh_key is not None:
-            href = f"/v1/jobs/{job_id}/checkpoints/{found.step}/mesh.glb"
-            mesh = MeshView(href=href, size=found.mesh_size or 0, sha256=found.mesh_sha256 or "")
-        return cls(step=found.step, attempt=found.attempt, size=found.size, created_at=found.created_at, mesh=mesh)
+        if checkpoint.mesh_key is not None:
+            href = f"/v1/jobs/{job_id}/checkpoints/{checkpoint.step}/mesh.glb"
+            mesh = MeshView(href=href, size=checkpoint.mesh_size or 0, sha256=checkpoint.mesh_sha256 or "")
+        return cls(
+            step=checkpoint.step,
+            attempt=checkpoint.attempt,
+            size=checkpoint.size,
+            created_at=checkpoint.created_at,
+            mesh=mesh,
+        )
 
 
 class CheckpointList(Document):

@@ -41,9 +41,9 @@ def _message(error: Exception) -> str:
     return str(formatted() if formatted else error)
 
 
-def _print_version(wanted: bool) -> None:
+def _print_version(requested: bool) -> None:
     """Print the version and exit, for the option `--version`."""
-    if wanted:
+    if requested:
         typer.echo(meshdeform.__version__)
         raise typer.Exit
 
@@ -69,8 +69,8 @@ class _Commands(TyperGroup):
         **extra: Any,
     ) -> Any:
         """Run the command that the arguments name, and exit."""
-        given = sys.argv[1:] if args is None else list(args)
-        as_json = standalone_mode and "--json" in given
+        arguments = sys.argv[1:] if args is None else list(args)
+        as_json = standalone_mode and "--json" in arguments
         try:
             code = super().main(
                 args, prog_name, complete_var, standalone_mode and not as_json, windows_expand_args, **extra

@@ -558,7 +558,11 @@ def check_service(subject: Subject) -> Iterator[Finding]:
 
 def _dependencies(name: str, answer: httpx.Response) -> Finding:
     parts = {part: answer.json()[part] for part in ("record", "redis", "store")}
-    away = [f"{part}: {told.get('detail') or told['status']}" for part, told in parts.items() if told["status"] != "ok"]
+    away = [
+        f"{part}: {status.get('detail') or status['status']}"
+        for part, status in parts.items()
+        if status["status"] != "ok"
+    ]
     if away:
         return fail(name, "; ".join(away), "The administrator has to restart them; accepted jobs are not lost.")
     return ok(name, f"{', '.join(parts)} respond")

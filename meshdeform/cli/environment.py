@@ -56,15 +56,15 @@ def service_url(url: str | None) -> str:
     """
     from urllib.parse import urlsplit
 
-    found = (url or DEFAULT_URL).rstrip("/")
+    address = (url or DEFAULT_URL).rstrip("/")
     try:
-        parts = urlsplit(found)
+        parts = urlsplit(address)
         valid = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
     except ValueError:
         valid = False
     if not valid:
-        raise typer.BadParameter(f"{found!r} is not an address such as {DEFAULT_URL}", param_hint="--url")
-    return found
+        raise typer.BadParameter(f"{address!r} is not an address such as {DEFAULT_URL}", param_hint="--url")
+    return address
 
 
 def connect(
@@ -102,9 +102,9 @@ def read_key(api_key: str | None, path: Path | None) -> str | None:
 
 def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
     """Complete the models in the settings."""
-    found = {"builtin": "the demonstration model that ships with Meshdeform"}
+    models = {"builtin": "the demonstration model that ships with Meshdeform"}
     with contextlib.suppress(MeshdeformError):
         settings = load_settings()
         for name in (settings.model, *settings.further_models):
-            found.setdefault(name, "from the settings")
-    yield from ((name, text) for name, text in found.items() if name.startswith(incomplete))
+            models.setdefault(name, "from the settings")
+    yield from ((name, text) for name, text in models.items() if name.startswith(incomplete))

@@ -149,8 +149,8 @@ class _FormCommand(TyperCommand):
     def get_params(self, ctx: Any) -> list[Any]:
         own: list[Any] = super().get_params(ctx)
         if self._leaves is None:
-            taken = {text for option in own for text in (*option.opts, *option.secondary_opts)}
-            self._leaves = [leaf for form in self.FORMS for leaf in _leaves_of(form, taken)]
+            used = {text for option in own for text in (*option.opts, *option.secondary_opts)}
+            self._leaves = [leaf for form in self.FORMS for leaf in _leaves_of(form, used)]
         params = [*own[:-1], *(leaf.option for leaf in self._leaves), *own[-1:]]
         for param in params:
             if getattr(param, "is_flag", False):
@@ -173,11 +173,11 @@ class _FormCommand(TyperCommand):
         return super().invoke(ctx)
 
 
-def _leaves_of(form: Form, taken: set[str]) -> list[_Leaf]:
+def _leaves_of(form: Form, used: set[str]) -> list[_Leaf]:
     leaves, infos = list[tuple[str, tuple[str, ...], Callable[[Any], Any]]](), list[Parameter]()
 
     def add(path: tuple[str, ...], names: list[str], info: Any, kind: Any, read: Callable[[Any], Any]) -> None:
-        taken.update(names)
+        used.update(names)
         name = "_".join(("form", form.name, *path, str(len(leaves))))
         leaves.append((name, path, read))
         infos.append(Parameter(name, Parameter.KEYWORD_ONLY, default=info, annotation=kind | None))
@@ -186,10 +186,10 @@ def _leaves_of(form: Form, taken: set[str]) -> list[_Leaf]:
         if path[0] in form.hidden or (form.only is not None and not {path[0], ".".join(path)} & set(form.only)):
             continue
         for short in form.short.get(path[-1], ()):
-            if short.option not in taken:
+            if short.option not in used:
                 add(path, [short.option], _short_option(short), list[str], partial(map, short.read))
         kind, read = _kind_of(member)
-        if kind is not None and (names := [name for name in _names(path, member) if name not in taken]):
+        if kind is not None and (names := [name for name in _names(path, member) if name not in used]):
             add(path, names, _option(form, path, member, kind, names), kind, read)
     options = _click_options(infos)
     return [_Leaf(form.name, path, options[name], read) for name, path, read in leaves]

@@ -45,18 +45,18 @@ def inspect(
     from meshdeform.assets import Limits
     from meshdeform.runs.control import inspect_parts
 
-    found = inspect_parts(read_asset(asset, Limits.from_settings(load_settings())))
+    parts = inspect_parts(read_asset(asset, Limits.from_settings(load_settings())))
     prompted = bool(prompt or written(ctx).get("guidance", {}).get("prompts"))
     if prompted:
         params = overlaid({"guidance": {"orientation": "auto"}}, merge_params(ctx, param))
-        found["orientation"] = _front(asset, make_request(prompt, params))
+        parts["orientation"] = _front(asset, make_request(prompt, params))
     if as_json:
-        emit(found)
+        emit(parts)
         return
-    typer.echo(_described(found))
+    typer.echo(_described(parts))
     if prompted:
-        typer.echo(f"\n{orientation_line(found['orientation'])}")
-    for warning in found["warnings"]:
+        typer.echo(f"\n{orientation_line(parts['orientation'])}")
+    for warning in parts["warnings"]:
         typer.echo(warning, err=True)
 
 
@@ -72,9 +72,9 @@ def _front(asset: Path, request: JobRequest) -> dict[str, Any]:
     return run.orientation.to_dict()
 
 
-def _described(found: dict[str, Any]) -> str:
-    names = {what: {part["index"]: part["name"] for part in found[what]} for what in ("nodes", "materials")}
-    components = found["components"]
+def _described(parts: dict[str, Any]) -> str:
+    names = {what: {part["index"]: part["name"] for part in parts[what]} for what in ("nodes", "materials")}
+    components = parts["components"]
     rows = [
         (
             str(item["number"]),
@@ -87,27 +87,27 @@ def _described(found: dict[str, Any]) -> str:
     lines = [table(("COMPONENT", "TRIANGLES", "SIZE", "NODE", "MATERIAL"), rows)]
     if len(components) > _SHOWN:
         lines.append(f"and {len(components) - _SHOWN} more; --json lists all.")
-    lines += ["", *_selectable(found)]
-    for proposal in found["proposals"][:_SHOWN]:
+    lines += ["", *_selectable(parts)]
+    for proposal in parts["proposals"][:_SHOWN]:
         lines += ["", _sentence(proposal, names)]
     return "\n".join(lines)
 
 
-def _selectable(found: dict[str, Any]) -> list[str]:
+def _selectable(parts: dict[str, Any]) -> list[str]:
     """Return lines about what else `--keep` and `--only` can refer to."""
-    low, high = (", ".join(f"{value:.6g}" for value in found["box"][end]) for end in ("min", "max"))
+    low, high = (", ".join(f"{value:.6g}" for value in parts["box"][end]) for end in ("min", "max"))
     lines = [f"Coordinates {low} to {high}"]
     for title, what in (("Meshes", "mesh_names"), ("Joints", "joints")):
-        listed = found[what][:_SHOWN]
+        listed = parts[what][:_SHOWN]
         if listed:
             named = plain(", ".join(f"{item['index']} {item['name']}".strip() for item in listed))
-            lines.append(f"{title} {named}{' ...' if len(found[what]) > _SHOWN else ''}")
-    if found["colors"]:
+            lines.append(f"{title} {named}{' ...' if len(parts[what]) > _SHOWN else ''}")
+    if parts["colors"]:
         lines.append("It has vertex colours.")
-    if found["parts"]:
-        lines.append(f"Parts that words can name: {plain(', '.join(found['parts'][:_SHOWN]))}.")
-    if found["symmetry"]:
-        lines.append(f"Symmetric along {', '.join(found['symmetry'])}.")
+    if parts["parts"]:
+        lines.append(f"Parts that words can name: {plain(', '.join(parts['parts'][:_SHOWN]))}.")
+    if parts["symmetry"]:
+        lines.append(f"Symmetric along {', '.join(parts['symmetry'])}.")
     return lines
 
 

@@ -156,13 +156,13 @@ def jobs(
         every = client.jobs(
             state=state, metadata=parse_labels(label or []), search=search, error=failed, limit=min(limit, _PAGE)
         )
-        found = list(islice(every, limit))
+        listed = list(islice(every, limit))
     if as_json:
-        emit({"jobs": [job.as_json() for job in found]})
+        emit({"jobs": [job.as_json() for job in listed]})
         return
     titles = ("ID", "STATE", "PROGRESS", "LEFT", "CREATED", "ASSET", "PROMPT")
     now = datetime.now(UTC)
-    typer.echo(table(titles, [_row(job, now) for job in found]))
+    typer.echo(table(titles, [_row(job, now) for job in listed]))
 
 
 def _row(job: JobView, now: datetime) -> tuple[str, ...]:
@@ -275,14 +275,14 @@ def follow(
         threading.Thread(target=_listen, args=(client, job_id, events), name=f"events of {job_id}", daemon=True).start()
         while True:
             try:
-                found = events.get(timeout=deadline.left_s)
+                event = events.get(timeout=deadline.left_s)
             except queue.Empty:
                 raise _timed_out(job_id, deadline, url) from None
-            if found is None:
+            if event is None:
                 return client.get(job_id)
-            if isinstance(found, Exception):
-                raise found
-            on_event(found)
+            if isinstance(event, Exception):
+                raise event
+            on_event(event)
     except KeyboardInterrupt:
         raise left_running([job_id], url) from None
 
@@ -524,10 +524,10 @@ def branch(
     request = make_request(prompt, merge_params(ctx, settings))
     with place.connect() as client:
         if step is None:
-            found = client.checkpoints(job_id)
-            if not found:
+            checkpoints = client.checkpoints(job_id)
+            if not checkpoints:
                 raise NotFoundError(f"The job {job_id} has no checkpoint.", advice="Submit a new job instead.")
-            step = max(checkpoint.step for checkpoint in found)
+            step = max(checkpoint.step for checkpoint in checkpoints)
         job = client.branch(job_id, step, request.prompt, params=request.params)
     _print_new(job, place, printed)
 

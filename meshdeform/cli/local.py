@@ -143,9 +143,9 @@ class LocalJob:
         progress.phase("optimizing")
         self._optimize(run, progress)
         progress.phase("writing")
-        artifacts = {name: made.data for name, made in run.finish().items() if name in self.outputs}
-        gone = [path for name, path in self.outputs.items() if name not in artifacts] if self.whole_folder else []
-        write_all({self.outputs[name]: data for name, data in artifacts.items()}, remove=gone)
+        artifacts = {name: artifact.data for name, artifact in run.finish().items() if name in self.outputs}
+        missing = [path for name, path in self.outputs.items() if name not in artifacts] if self.whole_folder else []
+        write_all({self.outputs[name]: data for name, data in artifacts.items()}, remove=missing)
         elapsed_s = round(time.perf_counter() - began, 3)
         report = json.loads(artifacts[_REPORT])
         return FinishedRun(report, artifacts, run.step, first or None, self._losses, elapsed_s)

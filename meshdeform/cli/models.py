@@ -39,15 +39,15 @@ def models(
             document = client.models().model_dump(mode="json")
     else:
         document = _local()
-    found = [entry for entry in document["models"] if model in (None, entry["id"], public_name(entry["id"]))]
-    if not found:
+    entries = [entry for entry in document["models"] if model in (None, entry["id"], public_name(entry["id"]))]
+    if not entries:
         known = ", ".join(entry["id"] for entry in document["models"])
         raise ModelError(f"There is no model {model!r} here.", advice=f"Models: {known}.")
     if as_json:
-        emit({**document, "models": found})
+        emit({**document, "models": entries})
         return
     if model is not None:
-        typer.echo(_described(found[0]))
+        typer.echo(_described(entries[0]))
         return
     rows = [
         (
@@ -57,7 +57,7 @@ def models(
             entry.get("licence") or "",
             entry.get("title") or "",
         )
-        for entry in found
+        for entry in entries
     ]
     typer.echo(table(("MODEL", "", "STATE", "LICENCE", "TITLE"), rows))
 
@@ -66,8 +66,8 @@ def _local() -> dict[str, Any]:
     from meshdeform.priors.catalogue import list_models
 
     settings = load_settings()
-    found = list_models(settings.model, settings.further_models, settings.model_revision)
-    return {"default": settings.model, "models": [asdict(entry) for entry in found]}
+    models = list_models(settings.model, settings.further_models, settings.model_revision)
+    return {"default": settings.model, "models": [asdict(entry) for entry in models]}
 
 
 def _described(entry: dict[str, Any]) -> str:

@@ -46,9 +46,9 @@ def complete_job_ids(ctx: typer.Context, incomplete: str) -> list[tuple[str, str
 
     from meshdeform.cli.output import plain
 
-    given = ctx.params
+    parameters = ctx.params
     with contextlib.suppress(Exception):
-        places = (given.get("url"), given.get("api_key"), given.get("api_key_file"))
+        places = (parameters.get("url"), parameters.get("api_key"), parameters.get("api_key_file"))
         with connect(*places, timeout_s=_COMPLETION_TIMEOUT_S, max_retries=0) as client:
             jobs = list(islice(client.jobs(limit=50), 50))
         return [(job.id, plain(f"{job.state} {job.prompt}")) for job in jobs if job.id.startswith(incomplete)]

@@ -103,13 +103,13 @@ def _surface_lines(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _folder(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
-    told = ("parts", "accuracy", "classes", "strangers", "shapes", "nearest_members", "warnings")
+    printed = ("parts", "accuracy", "classes", "strangers", "shapes", "nearest_members", "warnings")
     return {
         "folder": str(next(iter(files.values())).parent),
         "files": list(run.artifacts),
         "steps": run.steps,
         "resumed": run.resumed_from is not None,
-        **{name: run.report[name] for name in told if name in run.report},
+        **{name: run.report[name] for name in printed if name in run.report},
     }
 
 
@@ -134,8 +134,8 @@ def _shape_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         parts = ", ".join(f"{each['part']} of {each['member']}" for each in shape["parts"])
         loose, gap = shape["loose"], max((each["gap"] for each in shape["parts"]), default=0)
         apart = [f"loose: {', '.join(loose)}"] * bool(loose) + [f"parts up to {gap:.1%} apart"] * (gap > _APART)
-        said = [parts, *apart, f"most like {shape['nearest_members'][0]['name']}"]
-        yield f"{shape['name']}  {'; '.join(said)}"
+        phrases = [parts, *apart, f"most like {shape['nearest_members'][0]['name']}"]
+        yield f"{shape['name']}  {'; '.join(phrases)}"
     for each in summary["nearest_members"] or ():
         yield f"{each['distance']:9.3f}  {each['name']}"
 
@@ -175,13 +175,13 @@ def fit_line(fit: Mapping[str, Any]) -> str:
     )
 
 
-def likeness_line(found: Mapping[str, Any]) -> str:
+def likeness_line(likeness: Mapping[str, Any]) -> str:
     """Return the line for the report's `likeness`."""
-    noun, other = _named(found["noun"]), _named(found["next"]["noun"])
-    share, others = percent(found["probability"]), percent(found["next"]["probability"])
-    if found["matches"]:
-        return f"Looks like: {noun} ({share} among the judge's {found['nouns']} nouns); next: {other} ({others})"
-    place = f"{noun} ({share}) is number {found['rank']} of {found['nouns']}"
+    noun, other = _named(likeness["noun"]), _named(likeness["next"]["noun"])
+    share, others = percent(likeness["probability"]), percent(likeness["next"]["probability"])
+    if likeness["matches"]:
+        return f"Looks like: {noun} ({share} among the judge's {likeness['nouns']} nouns); next: {other} ({others})"
+    place = f"{noun} ({share}) is number {likeness['rank']} of {likeness['nouns']}"
     return f"Does not look like its prompt: it looks more like {other} ({others}); {place}"
 
 
@@ -205,16 +205,16 @@ def percent(share: float) -> str:
     return "under 1%" if share < 0.005 else f"{share:.0%}"
 
 
-def orientation_line(found: Mapping[str, Any]) -> str:
+def orientation_line(orientation: Mapping[str, Any]) -> str:
     """Return the line for the report's `orientation`; empty if the front was not to be chosen."""
-    if found["source"] == "found":
+    if orientation["source"] == "found":
         return (
-            f"Front: the side at {found['turn_deg']:g} degrees (0 is +Z, 90 is +X); "
-            f"it fits what the asset is {found['margin']:.0%} better than the next one"
+            f"Front: the side at {orientation['turn_deg']:g} degrees (0 is +Z, 90 is +X); "
+            f"it fits what the asset is {orientation['margin']:.0%} better than the next one"
         )
-    if found["source"] == "undecided":
-        return f"Front: the side at {found['turn_deg']:g} degrees (0 is +Z, 90 is +X); no side is clearly better"
-    return f"Front: +Z. {found['notice']}" if found["notice"] else ""
+    if orientation["source"] == "undecided":
+        return f"Front: the side at {orientation['turn_deg']:g} degrees (0 is +Z, 90 is +X); no side is clearly better"
+    return f"Front: +Z. {orientation['notice']}" if orientation["notice"] else ""
 
 
 def source_line(report: Mapping[str, Any]) -> str:
@@ -231,29 +231,29 @@ def source_line(report: Mapping[str, Any]) -> str:
     return ". ".join(parts)
 
 
-def change_lines(found: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def change_lines(changes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Return a line for each of the report's `changes`."""
-    for each in found:
+    for each in changes:
         part = "" if each["part"] == "whole" else f" {each['part']} (found by {each['found_by']})"
         yield f"Changed: {each['operation']}{part}, {each['asked']:.2f} asked, {each['got']:.2f} got"
 
 
-def stretch_line(found: Mapping[str, float]) -> str:
+def stretch_line(stretch: Mapping[str, float]) -> str:
     """Return the line for the report's `texture_stretch`."""
-    line = f"Texture stretch: {found['p50']:.2f} at the median, {found['p95']:.2f} at the 95th percentile"
-    return f"{line}; {found['above_2']:.0%} of the textured surface above 2"
+    line = f"Texture stretch: {stretch['p50']:.2f} at the median, {stretch['p95']:.2f} at the 95th percentile"
+    return f"{line}; {stretch['above_2']:.0%} of the textured surface above 2"
 
 
-def silhouettes_line(found: Sequence[Mapping[str, Any]]) -> str:
+def silhouettes_line(silhouettes: Sequence[Mapping[str, Any]]) -> str:
     """Return the line for `silhouettes` of a run's summary."""
-    views = (f"{each['azimuth']:g} degrees {each['iou_before']:.1%} to {each['iou']:.1%}" for each in found)
+    views = (f"{each['azimuth']:g} degrees {each['iou_before']:.1%} to {each['iou']:.1%}" for each in silhouettes)
     return f"Pictures   overlap of the silhouettes: {'; '.join(views)}"
 
 
-def prompt_lines(found: Sequence[Mapping[str, Any]]) -> list[str]:
+def prompt_lines(prompts: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line for each of the report's `prompts` that was compared with the result."""
     lines = []
-    for each in found:
+    for each in prompts:
         if each.get("likeness") is not None:
             before = each["likeness"].get("before")
             earlier = f", {percent(before['probability'])} before" if before else ""

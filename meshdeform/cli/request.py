@@ -60,8 +60,8 @@ def merge_params(ctx: typer.Context, pairs: Sequence[str] | None, **options: Any
     """
     from meshdeform.requests.groups import grouped
 
-    given = {name: value for name, value in options.items() if value is not None}
-    return overlaid(overlaid(grouped(make_settings(pairs or [])), grouped(given)), written(ctx))
+    values = {name: value for name, value in options.items() if value is not None}
+    return overlaid(overlaid(grouped(make_settings(pairs or [])), grouped(values)), written(ctx))
 
 
 def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
@@ -116,13 +116,13 @@ def make_request(
         return JobRequest.model_validate(document)
     except ValidationError as error:
         plain = in_plain_words(error.errors(), JobRequest)
-        found = [{name: each[name] for name in ("loc", "msg", "type")} for each in plain]
-        sentences = [f"{'.'.join(map(str, e['loc']))}: {e['msg'].rstrip('.')}" for e in found]
-        said = "; ".join(sentences)
+        problems = [{name: each[name] for name in ("loc", "msg", "type")} for each in plain]
+        sentences = [f"{'.'.join(map(str, e['loc']))}: {e['msg'].rstrip('.')}" for e in problems]
+        message = "; ".join(sentences)
         raise ParameterError(
-            f"The request is not valid: {said}{'' if said.endswith('?') else '.'}",
+            f"The request is not valid: {message}{'' if message.endswith('?') else '.'}",
             advice="docs/parameters.md has every parameter with its bounds, docs/http.md those of other kinds.",
-            errors=found,
+            errors=problems,
         ) from error
 
 
@@ -145,7 +145,7 @@ def parse_pictures(texts: Sequence[str] | None) -> Pictures:
     """Parse pictures written as FILE@AZIMUTH[,ELEVATION[,FOV]]."""
     from meshdeform.requests.parameters import MAX_SILHOUETTES
 
-    found = Pictures()
+    pictures = Pictures()
     for text in texts or ():
         name, _, angles = text.rpartition("@")
         path = Path(name)
@@ -157,11 +157,11 @@ def parse_pictures(texts: Sequence[str] | None) -> Pictures:
             raise typer.BadParameter(f"{text!r} is not {_PICTURE}", param_hint="--silhouette")
         if not path.is_file():
             raise typer.BadParameter(f"there is no file {name}", param_hint="--silhouette")
-        found.paths.append(path)
-        found.views.append(dict(zip(("azimuth", "elevation", "fov"), numbers, strict=False)))
-    if len(found.paths) > MAX_SILHOUETTES:
+        pictures.paths.append(path)
+        pictures.views.append(dict(zip(("azimuth", "elevation", "fov"), numbers, strict=False)))
+    if len(pictures.paths) > MAX_SILHOUETTES:
         raise typer.BadParameter(f"at most {MAX_SILHOUETTES} pictures", param_hint="--silhouette")
-    return found
+    return pictures
 
 
 def read_prompt(text: str) -> dict[str, Any]:
@@ -241,10 +241,10 @@ def _point(text: str) -> list[float]:
 
 
 def _numbers(text: str, *counts: int) -> list[float]:
-    found = [float(part) for part in text.split(",")]
-    if len(found) not in counts:
+    numbers = [float(part) for part in text.split(",")]
+    if len(numbers) not in counts:
         raise ValueError
-    return found
+    return numbers
 
 
 def read_name(text: str) -> str | int:
@@ -258,15 +258,15 @@ def _joint(text: str) -> dict[str, Any]:
 
 
 def _color(text: str) -> dict[str, Any]:
-    found = _numbers(text, 3, 4)
-    return {"rgb": found[:3], **({"within": found[3]} if len(found) == 4 else {})}
+    color = _numbers(text, 3, 4)
+    return {"rgb": color[:3], **({"within": color[3]} if len(color) == 4 else {})}
 
 
 def _shape(text: str, *points: str, radius: bool = True) -> dict[str, Any]:
     """Read the points of these names, and a radius, as numbers one after the other."""
-    found = _numbers(text, 3 * len(points) + radius)
-    named: dict[str, Any] = {name: found[3 * k : 3 * k + 3] for k, name in enumerate(points)}
-    return {**named, **({"radius": found[-1]} if radius else {})}
+    numbers = _numbers(text, 3 * len(points) + radius)
+    named: dict[str, Any] = {name: numbers[3 * k : 3 * k + 3] for k, name in enumerate(points)}
+    return {**named, **({"radius": numbers[-1]} if radius else {})}
 
 
 def _faces(text: str) -> list[Any]:

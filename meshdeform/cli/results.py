@@ -132,9 +132,9 @@ def _apply_map(
     carried = EditMap.read(str(edit)) if is_map else _map_of(edit, source, strength)
     limits = Limits.from_settings(load_settings())
     for file, path in zip(files, paths, strict=True):
-        made = with_edit(read_asset(file, limits), carried, Outside(outside), compact=compact)
+        applied = with_edit(read_asset(file, limits), carried, Outside(outside), compact=compact)
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_all({path: made}, what=path)
+        write_all({path: applied}, what=path)
         typer.echo(path)
 
 
@@ -179,18 +179,18 @@ def _source(result: Path, report: dict[str, Any], source: Path | None, limits: L
 
     if source is not None:
         return read_asset(source, limits)
-    wanted = report["input"]
-    if not wanted:
+    recorded = report["input"]
+    if not recorded:
         raise ParameterError(
             f"Beside {result.name} there is no report that names the asset it was made from.",
             advice="Name the asset with --source.",
         )
-    name = Path(wanted["filename"]).name
+    name = Path(recorded["filename"]).name
     for folder in dict.fromkeys((result.parent.absolute(), Path.cwd())):
         if (folder / name).is_file():
-            found = read_with_files(folder / name, limits)
-            if hashlib.sha256(found).hexdigest() == wanted["sha256"]:
-                return load_asset(found, name, limits)
+            content = read_with_files(folder / name, limits)
+            if hashlib.sha256(content).hexdigest() == recorded["sha256"]:
+                return load_asset(content, name, limits)
     raise ParameterError(
         f"{result.name} was made from {name}, which is neither beside it nor in this folder, or has changed.",
         advice="Name the asset with --source.",

@@ -116,12 +116,12 @@ def run(
         "preview.png": preview or output.with_suffix(".preview.png"),
         **({"morph.glb": output.with_suffix(".morph.glb")} if request.output.morph else {}),
     }
-    drawn = {"animation": animate} if animate else {}
-    run = run_here(request, files, paths, here, quiet=printed.quiet, also=list(drawn.values()))
+    frames = {"animation": animate} if animate else {}
+    run = run_here(request, files, paths, here, quiet=printed.quiet, also=list(frames.values()))
     if animate is not None:
         data = drawn_animation(asset, output, animate.suffix, load_settings(device=here.device, threads=here.threads))
         write_all({animate: data}, what=animate, advice="Choose another path with --animate.")
-    print_result(kind, run, paths | drawn, printed)
+    print_result(kind, run, paths | frames, printed)
 
 
 def _refuse_deformation(kind: JobKind, prompt: str, outputs: Mapping[str, Any]) -> None:

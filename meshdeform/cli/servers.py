@@ -97,8 +97,8 @@ def api(
     settings = _decided(load_settings(auth="off" if no_auth else None), host)
     listening = listen(host, port)
     if as_json:
-        address, taken = listening.getsockname()[:2]
-        emit({"event": "listening", "host": address, "port": taken, "pid": os.getpid()})
+        address, port_taken = listening.getsockname()[:2]
+        emit({"event": "listening", "host": address, "port": port_taken, "pid": os.getpid()})
     # The server reads its settings from the environment.
     os.environ["MESHDEFORM_AUTH"] = settings.auth
     listening.set_inheritable(True)
@@ -216,11 +216,11 @@ def list_(
 ) -> None:
     """List all keys, oldest first; their secrets are not stored."""
     with _ring(load_settings(data_dir=data_dir)) as ring:
-        found = ring.list(owner)
+        listed = ring.list(owner)
     if as_json:
-        emit([_document(key) for key in found])
+        emit([_document(key) for key in listed])
         return
-    for key in found:
+    for key in listed:
         state = "revoked" if key.revoked_at else "active"
         used = f"last used {key.last_used_at:%Y-%m-%d %H:%M} UTC" if key.last_used_at else "never used"
         typer.echo(plain("  ".join(filter(None, [key.id, key.owner_id, state, used, key.name]))))
@@ -305,9 +305,9 @@ def mcp(
     from meshdeform.serving.stack import listen
 
     listening = listen(host, port)
-    name, taken = listening.getsockname()[:2]
+    name, port_taken = listening.getsockname()[:2]
     shown = f"[{name}]" if ":" in name else name
-    hosts = [f"{shown}:{taken}", f"localhost:{taken}", *(allowed_host or [])]
-    typer.echo(f"MCP server for {address}: http://{shown}:{taken}/mcp (stop: Ctrl-C)")
+    hosts = [f"{shown}:{port_taken}", f"localhost:{port_taken}", *(allowed_host or [])]
+    typer.echo(f"MCP server for {address}: http://{shown}:{port_taken}/mcp (stop: Ctrl-C)")
     config = uvicorn.Config(http_app(address, hosts), log_level="warning")
     uvicorn.Server(config).run(sockets=[listening])

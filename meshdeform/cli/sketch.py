@@ -56,24 +56,24 @@ def sketch(
             raise ParameterError("There is no drawing to choose by.", advice="Name a picture.")
         _choose(drawing, among, output or Path(f"{drawing.stem}.glb"), force=force, as_json=as_json)
         return
-    found = _guesses(drawing, family, {name: text.strip() for name, text in split_pairs(change or [], "--set")})
+    answers = _guesses(drawing, family, {name: text.strip() for name, text in split_pairs(change or [], "--set")})
     output = output or Path(f"{drawing.stem if drawing else family}.glb")
     check_glb(output)
-    paths = [output, *(output.with_suffix(f".{number}.glb") for number in range(2, len(found) + 1))]
+    paths = [output, *(output.with_suffix(f".{number}.glb") for number in range(2, len(answers) + 1))]
     picture = output.with_suffix(".png")
     if drawing is not None and picture.exists() and picture.samefile(drawing):
         picture = output.with_suffix(".guesses.png")
     check_free([*paths, picture], [drawing], force=force)
-    _write(found, paths, picture)
-    unsure = is_unsure(found, family=family)
+    _write(answers, paths, picture)
+    unsure = is_unsure(answers, family=family)
     if as_json:
         guesses = [
             {"family": each.family, "probability": each.probability, "parameters": each.values, "file": str(path)}
-            for each, path in zip(found, paths, strict=True)
+            for each, path in zip(answers, paths, strict=True)
         ]
         emit({"guesses": guesses, "unsure": unsure, "picture": str(picture)})
         return
-    for each, path in zip(found, paths, strict=True):
+    for each, path in zip(answers, paths, strict=True):
         typer.echo(f"{path}: {_words(each)}")
     typer.echo(f"{picture}: all of them")
     if unsure:

@@ -175,8 +175,8 @@ class PartialFile:
 
     def verify(self, sha256: str | None) -> None:
         """Compare the whole file with the SHA-256 that the service has sent, and with the artifact's, if known."""
-        sent = _SHA256.fullmatch(self.tag)
-        for expected in (sent[1] if sent else None, sha256):
+        match = _SHA256.fullmatch(self.tag)
+        for expected in (match[1] if match else None, sha256):
             if expected is not None and expected != self._hash.hexdigest():
                 if self._resumed:
                     raise StoredFileError("The received bytes differ from what was stored.")

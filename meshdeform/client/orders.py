@@ -68,9 +68,9 @@ class Order:
             "retention_s": self.retention_s,
             "webhook": {"url": self.webhook} if isinstance(self.webhook, str) else self.webhook,
         }
-        given = {name: value for name, value in members.items() if value is not None}
+        values = {name: value for name, value in members.items() if value is not None}
         # Not validated here: the service validates and reports all errors.
-        document: dict[str, Any] = json.loads(json.dumps(given, default=_plain, allow_nan=False))
+        document: dict[str, Any] = json.loads(json.dumps(values, default=_plain, allow_nan=False))
         return document
 
 

@@ -113,13 +113,13 @@ def unreachable(error: httpx.HTTPError, url: str) -> UnavailableError:
 def _place(error: httpx.HTTPError, url: str) -> str:
     """Return host, port and path of a request, without secrets: a query may be signed, and a URL has a password."""
     try:
-        sent = error.request.url
+        address = error.request.url
     except RuntimeError:
         return url.partition("?")[0]
     # Not `netloc`, which leaves out the default port.
-    host = f"[{sent.host}]" if ":" in sent.host else sent.host
-    port = sent.port or {"http": 80, "https": 443}.get(sent.scheme)
-    return f"{sent.scheme}://{host}:{port}{sent.path}"
+    host = f"[{address.host}]" if ":" in address.host else address.host
+    port = address.port or {"http": 80, "https": 443}.get(address.scheme)
+    return f"{address.scheme}://{host}:{port}{address.path}"
 
 
 def retry_after_s(answer: Answer) -> float | None:

@@ -26,10 +26,10 @@ JobLike = str | JobView
 
 def identity(job: JobLike) -> str:
     """Return a job's id."""
-    found = job.id if isinstance(job, JobView) else job
-    if not found:
+    job_id = job.id if isinstance(job, JobView) else job
+    if not job_id:
         raise ValueError("The job's id is empty.")
-    return found
+    return job_id
 
 
 def _segment(text: str) -> str:

@@ -116,5 +116,5 @@ def left_s(deadline: float | None, job_id: str) -> float:
 
 def pace(answer: Answer, default: float, least: float, most: float) -> float:
     """Return the seconds until the next poll, within bounds."""
-    wanted = retry_after_s(answer)
-    return min(max(default if wanted is None else wanted, least), most)
+    requested_s = retry_after_s(answer)
+    return min(max(default if requested_s is None else requested_s, least), most)

@@ -66,8 +66,8 @@ class Folders:
         """
         if _UPLOAD.fullmatch(name):
             return {"upload_id": name}
-        if found := _JOB_FILE.fullmatch(name):
-            return {"job_id": found[1], "artifact": found[2]}
+        if match := _JOB_FILE.fullmatch(name):
+            return {"job_id": match[1], "artifact": match[2]}
         path = self._inside(name)
         if not path.is_file():
             raise NotFoundError(f"There is no file {name}.", advice=self._advice())
@@ -132,8 +132,8 @@ class Tools:
         """Check a job without starting it: warnings about the asset, all its parameters, and how long it would take."""
         async with self._client(ctx) as client:
             wanted = self._folders.source(target) if target else None
-            found = await client.validate(self._folders.source(asset), prompt, params=params, target=wanted)
-            return found.model_dump(mode="json")
+            checked = await client.validate(self._folders.source(asset), prompt, params=params, target=wanted)
+            return checked.model_dump(mode="json")
 
     async def deform(
         self,
@@ -162,8 +162,8 @@ class Tools:
         """Start a job that gives an asset the shape of another mesh, and return its id at once. Then call wait."""
         async with self._client(ctx) as client:
             own = (params or {}).get("guidance") or {}
-            wanted = {**(params or {}), "guidance": {**own, "kind": "target"}}
-            job = await client.submit(self._folders.source(asset), params=wanted, target=self._folders.source(target))
+            merged = {**(params or {}), "guidance": {**own, "kind": "target"}}
+            job = await client.submit(self._folders.source(asset), params=merged, target=self._folders.source(target))
             return _summary(job)
 
     async def wait(
@@ -193,12 +193,12 @@ class Tools:
     ) -> dict[str, Any]:
         """List the newest jobs, all or those that contain every word of a search."""
         async with self._client(ctx) as client:
-            found = []
+            jobs = []
             async for job in client.jobs(search=search, limit=limit):
-                found.append(_summary(job))
-                if len(found) == limit:
+                jobs.append(_summary(job))
+                if len(jobs) == limit:
                     break
-            return {"jobs": found}
+            return {"jobs": jobs}
 
     async def cancel(self, job_id: JobId, ctx: Context) -> dict[str, Any]:
         """Cancel a job that has not finished."""
@@ -295,7 +295,7 @@ def explained(tool: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable[An
 
 def _summary(job: JobView) -> dict[str, Any]:
     """Return the members of a job that an agent needs."""
-    found: dict[str, Any] = {
+    summary: dict[str, Any] = {
         "job_id": job.id,
         "state": job.state.value,
         "prompt": job.prompt,
@@ -303,8 +303,8 @@ def _summary(job: JobView) -> dict[str, Any]:
         "artifacts": [artifact.name for artifact in job.artifacts],
     }
     if job.error is not None:
-        found["error"] = job.error.model_dump(mode="json", exclude_none=True)
-    return found
+        summary["error"] = job.error.model_dump(mode="json", exclude_none=True)
+    return summary
 
 
 async def _inspected(path: Path) -> dict[str, Any]:
@@ -328,14 +328,14 @@ async def _inspected(path: Path) -> dict[str, Any]:
     if process.returncode:
         problem = _problem(errors.decode(errors="replace"))
         raise ToolError(problem)
-    found: dict[str, Any] = json.loads(output)
-    return found
+    document: dict[str, Any] = json.loads(output)
+    return document
 
 
 def _problem(text: str) -> str:
     """Return the sentence of a command's error, which is the last line and a JSON document."""
     try:
-        found = json.loads(text.strip().splitlines()[-1])
-        return f"{found['detail']} {found.get('advice', '')} ({found.get('code', '')})"
+        document = json.loads(text.strip().splitlines()[-1])
+        return f"{document['detail']} {document.get('advice', '')} ({document.get('code', '')})"
     except (IndexError, ValueError, KeyError, TypeError):
         return "The file could not be inspected."

@@ -64,8 +64,8 @@ class Change:
         if happened in (EventType.QUEUED, EventType.RECOVERED) and row.state == JobState.QUEUED:
             waits = {"job_id": row.id, "created_at": self._database.now()}
             announced.append(NewRow(outbox, waits, unless_there=True))
-        told = insert(self.connection, self._database, NewRow(events, values), *announced)
-        event = rows.event(told)
+        announced_event = insert(self.connection, self._database, NewRow(events, values), *announced)
+        event = rows.event(announced_event)
         if happened is EventType.RECOVERED:
             self.counters.add("recoveries")
         if happened.terminal:
@@ -113,8 +113,8 @@ def with_progress_event(database: Database, change: sa.Update, progress: Progres
         events.c.attempt: changed.c.attempt,
         events.c.data: sa.cast(sa.func.jsonb_set(known, place, sa.func.to_jsonb(changed.c.fraction)), sa.JSON),
     }
-    told = sa.insert(events).from_select(list(values), sa.select(*values.values())).cte("told")
-    return sa.select(changed.c.state).add_cte(told)
+    announced_event = sa.insert(events).from_select(list(values), sa.select(*values.values())).cte("told")
+    return sa.select(changed.c.state).add_cte(announced_event)
 
 
 @contextmanager
@@ -172,19 +172,19 @@ class EventLog:
         """Return at most `limit` events of a job after number `seq`, oldest first; `NotFoundError`: no such job."""
         query = sa.select(events).where(events.c.job_id == job_id, events.c.seq > seq).order_by(events.c.seq)
         with self._database.read() as connection:
-            found = [rows.event(row) for row in connection.execute(query.limit(limit))]
-            if not found or owner is not None:
+            events_after = [rows.event(row) for row in connection.execute(query.limit(limit))]
+            if not events_after or owner is not None:
                 find_job(connection, job_id, owner)
-        return found
+        return events_after
 
     def heads(self, job_ids: Collection[str]) -> dict[str, Head]:
         """Return the current positions of jobs, without deleted ones, in one query per 500 jobs."""
-        found: dict[str, Head] = {}
+        heads: dict[str, Head] = {}
         ids = sorted(job_ids)
         for start in range(0, len(ids), _BATCH):
             query = sa.select(jobs.c.id, jobs.c.event_seq, jobs.c.version, jobs.c.state)
             query = query.where(jobs.c.id.in_(ids[start : start + _BATCH]))
             with self._database.read() as connection:
                 for row in connection.execute(query):
-                    found[row.id] = Head(row.event_seq, row.version, member_of(JobState, row.state))
-        return found
+                    heads[row.id] = Head(row.event_seq, row.version, member_of(JobState, row.state))
+        return heads

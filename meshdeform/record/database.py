@@ -142,10 +142,10 @@ class Database:
         """Return a statement that is built once for PostgreSQL, where `now` is an expression, and anew for SQLite."""
         if self.is_sqlite:
             return build(self)
-        found: _Statement | None = self._statements.get(build)
-        if found is None:
-            found = self._statements[build] = build(self)
-        return found
+        statement: _Statement | None = self._statements.get(build)
+        if statement is None:
+            statement = self._statements[build] = build(self)
+        return statement
 
     def upsert(self, table: sa.Table) -> Any:
         """Return an `INSERT` that supports `ON CONFLICT`: SQLAlchemy has one for each database."""
@@ -376,11 +376,11 @@ def insert(connection: sa.Connection, database: Database, row: NewRow, *others: 
     PostgreSQL does so in one statement, which takes one round trip.
     """
     if database.is_sqlite:
-        found = connection.execute(sa.insert(row.table).values(row.values).returning(row.table)).one()
+        row_written = connection.execute(sa.insert(row.table).values(row.values).returning(row.table)).one()
         for table, values, unless_there in others:
             one = database.upsert(table).values(values)
             connection.execute(one.on_conflict_do_nothing() if unless_there else one)
-        return found
+        return row_written
     shape: list[tuple[sa.Table, bool, tuple[tuple[str, Any], ...]]] = []
     parameters: dict[str, Any] = {}
     now, constant = database.now(), True
@@ -406,15 +406,15 @@ def _built(shape: _Shape) -> Any:
     """Return PostgreSQL's statement for rows of these tables and columns, which have an expression or a parameter."""
     from sqlalchemy.dialects.postgresql import insert as insert_into
 
-    made = []
+    built = []
     for number, (table, unless_there, columns) in enumerate(shape):
         values = {
-            name: sa.bindparam(_parameter(number, name), type_=table.c[name].type) if given is None else given
-            for name, given in columns
+            name: sa.bindparam(_parameter(number, name), type_=table.c[name].type) if value is None else value
+            for name, value in columns
         }
         one = insert_into(table).values(values)
-        made.append(one.on_conflict_do_nothing() if unless_there else one)
-    first, *others = made
+        built.append(one.on_conflict_do_nothing() if unless_there else one)
+    first, *others = built
     return first.returning(shape[0][0]).add_cte(*(other.cte(f"also_{n}") for n, other in enumerate(others)))
 
 

@@ -123,13 +123,13 @@ class Deliveries:
             if connection.execute(sa.select(deliveries.c.id).where(is_due).limit(1)).first() is None:
                 return []
         enabled = sa.select(webhooks.c.id).where(webhooks.c.disabled_at.is_(None))
-        wanted = sa.and_(
+        condition = sa.and_(
             is_due,
             webhooks.c.disabled_at.is_(None),
             deliveries.c.webhook_id.not_in(sorted(without)),
             webhooks.c.owner_id.not_in(sorted(without_owners)),
         )
-        placed = _placed(wanted, each)
+        placed = _placed(condition, each)
         # Of two senders that choose the same rows, the second one skips those locked by the first one; those already
         # taken are no longer due.
         free = sa.select(deliveries.c.id).join(placed, placed.c.id == deliveries.c.id)
@@ -140,27 +140,27 @@ class Deliveries:
         take = take.values(next_at=self._database.now(_TAKEN_S)).returning(deliveries)
         with self._database.write() as connection:
             self._drop(connection, sa.and_(is_due, deliveries.c.webhook_id.not_in(enabled)))
-            taken = sorted(connection.execute(take).all(), key=lambda row: row.id)
+            rows = sorted(connection.execute(take).all(), key=lambda row: row.id)
             both = sa.case((webhooks.c.previous_until > now, webhooks.c.previous_secret)).label("other_secret")
-            query = sa.select(webhooks, both).where(webhooks.c.id.in_({row.webhook_id for row in taken}))
+            query = sa.select(webhooks, both).where(webhooks.c.id.in_({row.webhook_id for row in rows}))
             targets = {row.id: row for row in connection.execute(query)}
-        return [_due(row, targets[row.webhook_id]) for row in taken if row.webhook_id in targets]
+        return [_due(row, targets[row.webhook_id]) for row in rows if row.webhook_id in targets]
 
-    def give_back(self, taken: DueDelivery) -> None:
+    def give_back(self, delivery: DueDelivery) -> None:
         """Make a delivery due again that was taken but not sent."""
         with self._database.write() as connection:
-            connection.execute(sa.update(deliveries).where(_still(taken)).values(next_at=self._database.now()))
+            connection.execute(sa.update(deliveries).where(_still(delivery)).values(next_at=self._database.now()))
 
-    def succeeded(self, taken: DueDelivery, *, at: datetime, status: int, seconds: float) -> None:
+    def succeeded(self, delivery: DueDelivery, *, at: datetime, status: int, seconds: float) -> None:
         """Record a success. Nothing is written if another sender has taken the message or the webhook was deleted."""
         with self._database.write() as connection:
-            if self._close(connection, taken, "delivered", None):
-                self._log(connection, taken, at, status, None, seconds)
+            if self._close(connection, delivery, "delivered", None):
+                self._log(connection, delivery, at, status, None, seconds)
                 self._count(connection, "delivered")
 
     def failed(
         self,
-        taken: DueDelivery,
+        delivery: DueDelivery,
         *,
         at: datetime,
         status: int | None,
@@ -172,51 +172,51 @@ class Deliveries:
 
         `retry_after_s` is what the receiver asks for: it prolongs the wait, up to the longest one of the schedule.
         """
-        again = status != 410 and taken.attempts < len(RETRY_AFTER_S)
+        again = status != 410 and delivery.attempts < len(RETRY_AFTER_S)
         next_at = None
         if again:
-            delay = max(RETRY_AFTER_S[taken.attempts], min(retry_after_s, RETRY_AFTER_S[-1]))
+            delay = max(RETRY_AFTER_S[delivery.attempts], min(retry_after_s, RETRY_AFTER_S[-1]))
             next_at = self._database.now(delay * (1.0 + random.uniform(0.0, _JITTER)))  # noqa: S311 - no secret
         with self._database.write() as connection:
             if status == 410:
                 # Lock the webhook first: two senders that both receive 410 would otherwise deadlock.
-                held = sa.select(webhooks.c.id).where(webhooks.c.id == taken.webhook_id)
+                held = sa.select(webhooks.c.id).where(webhooks.c.id == delivery.webhook_id)
                 connection.execute(held.with_for_update(key_share=True))
-            if not self._close(connection, taken, "pending" if again else "failed", next_at):
+            if not self._close(connection, delivery, "pending" if again else "failed", next_at):
                 return
-            self._log(connection, taken, at, status, error, seconds)
+            self._log(connection, delivery, at, status, error, seconds)
             if status == 410:
-                self.disable(connection, taken.webhook_id, "the receiver answered 410 Gone")
+                self.disable(connection, delivery.webhook_id, "the receiver answered 410 Gone")
             self._count(connection, "retried" if again else "failed")
 
     def delete_old_deliveries(self) -> int:
         """Delete a batch of deliveries older than 30 days; return their number."""
         old = sa.and_(deliveries.c.created_at < self._database.now(-_KEPT_S), deliveries.c.state != "pending")
         with self._database.read() as connection:
-            found = list(connection.scalars(sa.select(deliveries.c.id).where(old).limit(_BATCH)))
-        if not found:
+            ids = list(connection.scalars(sa.select(deliveries.c.id).where(old).limit(_BATCH)))
+        if not ids:
             return 0
         with self._database.write() as connection:
-            gone = sa.delete(deliveries).where(deliveries.c.id.in_(found), old).returning(deliveries.c.id)
-            return len(connection.execute(gone).all())
+            deleted = sa.delete(deliveries).where(deliveries.c.id.in_(ids), old).returning(deliveries.c.id)
+            return len(connection.execute(deleted).all())
 
-    def _close(self, connection: sa.Connection, taken: DueDelivery, state: str, next_at: Any) -> bool:
-        values = {"state": state, "attempts": taken.attempts + 1, "next_at": next_at}
-        change = sa.update(deliveries).where(_still(taken)).values(values).returning(deliveries.c.id)
+    def _close(self, connection: sa.Connection, delivery: DueDelivery, state: str, next_at: Any) -> bool:
+        values = {"state": state, "attempts": delivery.attempts + 1, "next_at": next_at}
+        change = sa.update(deliveries).where(_still(delivery)).values(values).returning(deliveries.c.id)
         return connection.execute(change).first() is not None
 
     def _log(
         self,
         connection: sa.Connection,
-        taken: DueDelivery,
+        delivery: DueDelivery,
         at: datetime,
         status: int | None,
         error: str | None,
         seconds: float,
     ) -> None:
         values = {
-            "delivery_id": taken.id,
-            "number": taken.attempts + 1,
+            "delivery_id": delivery.id,
+            "number": delivery.attempts + 1,
             "at": at,
             "status": status,
             "error": error[:500] if error else None,
@@ -245,21 +245,21 @@ class Deliveries:
         counters.write()
 
 
-def _placed(wanted: sa.ColumnElement[bool], each: int) -> sa.Subquery:
+def _placed(condition: sa.ColumnElement[bool], each: int) -> sa.Subquery:
     """Return the first deliveries of each webhook, with their places (1, 2, 3 ...) among those of their owner."""
     place = sa.func.row_number().over(partition_by=deliveries.c.webhook_id, order_by=deliveries.c.id)
     query = sa.select(deliveries.c.id, webhooks.c.owner_id, place.label("place"))
-    first = query.join(webhooks, webhooks.c.id == deliveries.c.webhook_id).where(wanted).subquery()
+    first = query.join(webhooks, webhooks.c.id == deliveries.c.webhook_id).where(condition).subquery()
     # An owner's webhooks in turn, so that a slow one does not take the places of the others.
     order = (first.c.place, first.c.id)
     owner_place = sa.func.row_number().over(partition_by=first.c.owner_id, order_by=order)
     return sa.select(first.c.id, owner_place.label("owner_place")).where(first.c.place <= each).subquery()
 
 
-def _still(taken: DueDelivery) -> sa.ColumnElement[bool]:
+def _still(delivery: DueDelivery) -> sa.ColumnElement[bool]:
     """Return the condition that no other sender has tried the delivery since it was taken."""
     return sa.and_(
-        deliveries.c.id == taken.id, deliveries.c.state == "pending", deliveries.c.attempts == taken.attempts
+        deliveries.c.id == delivery.id, deliveries.c.state == "pending", deliveries.c.attempts == delivery.attempts
     )
 
 

@@ -114,8 +114,8 @@ class Rooms:
         if not limit:
             return 0
         with self._lock:
-            found = self._sums.get(owner_id)
-            remembered = found.size if found is not None and time.monotonic() < found.due else None
+            usage = self._sums.get(owner_id)
+            remembered = usage.size if usage is not None and time.monotonic() < usage.due else None
         if remembered is not None:
             keys = connection.scalars(_KNOWN, _asked(owner_id, files)) if files else ()
             added = _added(files, set(keys))
@@ -140,14 +140,14 @@ class Rooms:
     def _sum_up(self, connection: sa.Connection, owner_id: str, files: Mapping[str, int]) -> tuple[int, int]:
         """Return the bytes that the owner's jobs keep, and what these files add; remember the sum of many jobs."""
         began = time.monotonic()
-        found = {row.key: row for row in connection.execute(_SUM_AND_KNOWN, _asked(owner_id, files))}
-        row = found.pop(None)
+        rows = {row.key: row for row in connection.execute(_SUM_AND_KNOWN, _asked(owner_id, files))}
+        row = rows.pop(None)
         stored, number = int(row.size), int(row.number)
         with self._lock:
             self._sums.pop(owner_id, None)
             if number > _FEW:
                 self._sums[owner_id] = _Sum(stored, began + number / _JOBS_PER_S)
-        return stored, _added(files, set(found))
+        return stored, _added(files, set(rows))
 
 
 def _asked(owner_id: str, files: Mapping[str, int]) -> dict[str, Any]:
@@ -239,8 +239,8 @@ class FileLedger:
             if not some:
                 return []
             self._position = some[-1]
-            found = sa.select(files.c.key).where(files.c.key.in_(some), self._is_unused())
-            return sorted(connection.scalars(found))
+            keys = sa.select(files.c.key).where(files.c.key.in_(some), self._is_unused())
+            return sorted(connection.scalars(keys))
 
     def _after(self, key: str, limit: int) -> sa.Select[Any]:
         return sa.select(files.c.key).where(files.c.key > key).order_by(files.c.key).limit(limit)

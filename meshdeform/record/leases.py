@@ -159,11 +159,11 @@ class Leases:
         }
         for choice in choices:
             free = choice.limit(1).with_for_update(skip_locked=True).scalar_subquery()
-            if taken := change.update(sa.and_(jobs.c.id == free, _queued), values, EventType.STARTED):
+            if claimed := change.update(sa.and_(jobs.c.id == free, _queued), values, EventType.STARTED):
                 break
         else:
             return None
-        row = taken[0]
+        row = claimed[0]
         if row.attempt == 1:
             change.counters.observe("queue_wait_seconds", (row.started_at - row.created_at).total_seconds())
         return rows.job(row)
@@ -317,12 +317,12 @@ class Leases:
         """
         if not state.terminal:
             raise ValueError(f"{state} is not terminal")
-        asked = jobs.c.state == JobState.CANCELING
+        cancel_requested = jobs.c.state == JobState.CANCELING
         canceled_anyway = state is JobState.SUCCEEDED
         values = {
             **released(self._database),
-            "state": sa.case((asked, JobState.CANCELED), else_=state) if canceled_anyway else state,
-            "fraction": sa.case((asked, jobs.c.fraction), else_=1.0) if canceled_anyway else jobs.c.fraction,
+            "state": sa.case((cancel_requested, JobState.CANCELED), else_=state) if canceled_anyway else state,
+            "fraction": sa.case((cancel_requested, jobs.c.fraction), else_=1.0) if canceled_anyway else jobs.c.fraction,
             "error": error.model_dump() if error else None,
             "finished_at": self._database.now(),
             "phase": "done",
@@ -402,11 +402,11 @@ class Leases:
                 running = sa.and_(where, jobs.c.state == JobState.RUNNING)
                 if changed := change.update(running, over, EventType.FAILED, {"error": document}):
                     return JobState(changed[0].state)
-            asked = jobs.c.state == JobState.CANCELING
+            cancel_requested = jobs.c.state == JobState.CANCELING
             wait_s = min(delay_s * 4.0**before, _LONGEST_WAIT_S)
             back = {
                 "failures": before + 1,
-                "error": sa.case((asked, None), else_=sa.literal(document, jobs.c.error.type)),
+                "error": sa.case((cancel_requested, None), else_=sa.literal(document, jobs.c.error.type)),
                 "retry_at": self._database.now(wait_s),
             }
 
@@ -428,20 +428,20 @@ class Leases:
         # Without `worker_id` a heartbeat still in flight cannot renew the lease. One second in the past is expired at
         # any clock's resolution.
         change = sa.update(jobs).where(held).values(worker_id=None, lease_expires_at=self._database.now(-1.0))
-        gone = sa.or_(workers.c.id == worker_id, workers.c.seen_at < self._database.now(-_KEPT_S))
+        silent = sa.or_(workers.c.id == worker_id, workers.c.seen_at < self._database.now(-_KEPT_S))
         with self._database.write() as connection:
             # Lock the job first, as `heartbeat` does, so that the two cannot deadlock.
             held_one = connection.execute(change.returning(jobs.c.id)).first() is not None
-            connection.execute(sa.delete(workers).where(gone))
+            connection.execute(sa.delete(workers).where(silent))
         return held_one
 
     def _back(self, more: dict[str, Any]) -> dict[str, Any]:
-        asked = jobs.c.state == JobState.CANCELING
+        cancel_requested = jobs.c.state == JobState.CANCELING
         return {
             **released(self._database),
-            "state": sa.case((asked, JobState.CANCELED), else_=JobState.QUEUED),
-            "finished_at": sa.case((asked, self._database.now()), else_=None),
-            "phase": sa.case((asked, "done"), else_="queued"),
+            "state": sa.case((cancel_requested, JobState.CANCELED), else_=JobState.QUEUED),
+            "finished_at": sa.case((cancel_requested, self._database.now()), else_=None),
+            "phase": sa.case((cancel_requested, "done"), else_="queued"),
             **more,
         }
 

@@ -109,13 +109,13 @@ class Candidate:
         """
         watched = None
         if not self.leads:
-            found = self._read()
-            if found is not None and found.held and found.holder != self._holder:
-                self._candidates, self.took_over = found.candidates, False
+            lease = self._read()
+            if lease is not None and lease.held and lease.holder != self._holder:
+                self._candidates, self.took_over = lease.candidates, False
                 return False
-            if found is not None and found.watching_since is not None and self._first_look is not None:
+            if lease is not None and lease.watching_since is not None and self._first_look is not None:
                 # The leader vouches for the time between two looks of this process, and for no time before the first.
-                watched = (found.looked_at, max(found.watching_since, self._first_look))
+                watched = (lease.looked_at, max(lease.watching_since, self._first_look))
         leads = self._write(since)
         self.leads, self.took_over, self.watched = leads, leads and not self.leads, watched
         return leads
@@ -144,10 +144,10 @@ class Candidate:
         clock = now if isinstance(now, sa.ColumnElement) else sa.literal(now, UtcDateTime())
         query = sa.select(leaders, self._held().label("held"), clock.label("now"))
         with self._database.read() as connection:
-            found = connection.execute(query.where(leaders.c.name == self.name)).one_or_none()
-        if found is not None and self._first_look is None:
-            self._first_look = found.now
-        return found
+            row = connection.execute(query.where(leaders.c.name == self.name)).one_or_none()
+        if row is not None and self._first_look is None:
+            self._first_look = row.now
+        return row
 
     def _write(self, since: datetime | None) -> bool:
         now = self._database.now()

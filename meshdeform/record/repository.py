@@ -168,9 +168,9 @@ class JobRecord:
         if cursor is not None:
             query = query.where(jobs.c.id < decode_cursor(cursor))
         with self._database.read() as connection:
-            found = _with_artifacts(connection, [rows.job(row) for row in connection.execute(query)])
-        more = len(found) > limit
-        return Page(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
+            listed = _with_artifacts(connection, [rows.job(row) for row in connection.execute(query)])
+        more = len(listed) > limit
+        return Page(listed[:limit], encode_cursor(listed[limit - 1].id) if more else None)
 
     def request_cancel(self, job_id: str, owner: str | None = None) -> Job:
         """Cancel a queued job at once; mark a running one as `canceling`. Repeating this is not an error.
@@ -224,14 +224,14 @@ class JobRecord:
             find_job(connection, job_id, owner)
             return [rows.read(Artifact, row) for row in connection.execute(query)]
 
-    def add_artifact(self, job_id: str, found: Artifact, owner: str | None = None) -> Artifact:
+    def add_artifact(self, job_id: str, artifact: Artifact, owner: str | None = None) -> Artifact:
         """Add an artifact to a job that has succeeded, unless it has one of that name; return the one that it has now.
 
         The job's version changes, and nothing else of it. `ConflictError`: the job has not succeeded.
         """
         done = sa.and_(jobs.c.id == job_id, jobs.c.state == JobState.SUCCEEDED, _owned(owner))
-        values = {**found.model_dump(), "job_id": job_id}
-        known = sa.select(artifacts).where(artifacts.c.job_id == job_id, artifacts.c.name == found.name)
+        values = {**artifact.model_dump(), "job_id": job_id}
+        known = sa.select(artifacts).where(artifacts.c.job_id == job_id, artifacts.c.name == artifact.name)
         with changing(self._database) as change:
             connection = change.connection
             # Locked, so that two requests for the same artifact add it once.
@@ -244,7 +244,7 @@ class JobRecord:
             connection.execute(sa.insert(artifacts).values(**values, attempt=attempt))
             change.update(jobs.c.id == job_id, {})
             measure(connection, job_id)
-            return found
+            return artifact
 
     def counters(self) -> dict[tuple[str, str], float]:
         """Return the counters for the metrics by name and label (`counters.py`)."""
@@ -252,16 +252,16 @@ class JobRecord:
 
     def secret(self, name: str) -> bytes:
         """Return 32 random bytes shared by all processes of the deployment, created on first use."""
-        made = base64.b64encode(random_bytes.token_bytes(32)).decode()
-        insert = self._database.upsert(secrets).values(name=name, value=made).on_conflict_do_nothing()
+        secret = base64.b64encode(random_bytes.token_bytes(32)).decode()
+        insert = self._database.upsert(secrets).values(name=name, value=secret).on_conflict_do_nothing()
         query = sa.select(secrets.c.value).where(secrets.c.name == name)
         with self._database.read() as connection:
-            found = connection.execute(query).scalar()
-        if found is None:
+            stored = connection.execute(query).scalar()
+        if stored is None:
             with self._database.write() as connection:
                 connection.execute(insert)
-                found = connection.execute(query).scalar_one()
-        return base64.b64decode(found)
+                stored = connection.execute(query).scalar_one()
+        return base64.b64decode(stored)
 
     def check_room(self, owner_id: str, files: Mapping[str, int], limit: int) -> None:
         """Refuse a job before its files are stored if its owner has no room for them; `create` decides.
@@ -287,16 +287,16 @@ _CLOCKS_DIFFER = timedelta(hours=1)
 _BEGINNING = datetime.min.replace(tzinfo=UTC)
 
 
-def _with_artifacts(connection: sa.Connection, found: list[Job]) -> list[Job]:
+def _with_artifacts(connection: sa.Connection, jobs_found: list[Job]) -> list[Job]:
     """Return the jobs with their results."""
-    begun = [job.id for job in found if job.attempt]
+    begun = [job.id for job in jobs_found if job.attempt]
     if not begun:
-        return found
+        return jobs_found
     query = sa.select(artifacts).where(artifacts.c.job_id.in_(begun)).order_by(artifacts.c.name)
     results: dict[str, list[Artifact]] = {}
     for row in connection.execute(query):
         results.setdefault(row.job_id, []).append(rows.read(Artifact, row))
-    return [job.model_copy(update={"artifacts": tuple(results.get(job.id, ()))}) for job in found]
+    return [job.model_copy(update={"artifacts": tuple(results.get(job.id, ()))}) for job in jobs_found]
 
 
 def _owned(owner: str | None) -> sa.ColumnElement[bool]:

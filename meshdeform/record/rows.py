@@ -74,10 +74,10 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
 
 def job_files(job_id: str, new: NewJob) -> list[dict[str, Any]]:
     """Return the rows of a new job's stored files."""
-    found = [{"part": part, "key": file.key, "size": file.size} for part, file in new.files.items()]
+    files = [{"part": part, "key": file.key, "size": file.size} for part, file in new.files.items()]
     if new.origin is not None and new.origin.key:
-        found.append({"part": ORIGIN, "key": new.origin.key, "size": new.origin.size})
-    return [{"job_id": job_id, "owner_id": new.owner_id, **each} for each in found]
+        files.append({"part": ORIGIN, "key": new.origin.key, "size": new.origin.size})
+    return [{"job_id": job_id, "owner_id": new.owner_id, **each} for each in files]
 
 
 def read(model: type[_Value], row: Row, /, **others: Any) -> _Value:

@@ -378,5 +378,5 @@ READ_ONLY_SERVER = "25006"
 
 def sql_state(error: BaseException | None) -> str:
     """Return the code of an error of the driver; empty if it has none."""
-    said = error.args[0] if error is not None and error.args else None
-    return str(said.get("C", "")) if isinstance(said, dict) else ""
+    state = error.args[0] if error is not None and error.args else None
+    return str(state.get("C", "")) if isinstance(state, dict) else ""

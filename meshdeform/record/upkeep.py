@@ -97,12 +97,12 @@ class Upkeep:
         too_often = _losses_in_a_row() + 1 >= _UNBLAMED_FACTOR * max_attempts
         exhausted = sa.and_(running, sa.or_(count >= max_attempts, too_often))
         # It may have stopped long ago; for so long at most it was alive.
-        gone = released(self._database, jobs.c.lease_expires_at)
-        failed = {**gone, **over, **more, "state": JobState.FAILED, "error": JobError.of(lost).model_dump()}
-        canceled = {**gone, **over, "state": JobState.CANCELED}
-        again = {**gone, **more, "state": JobState.QUEUED, "phase": "queued"}
-        asked = sa.and_(held, jobs.c.state == JobState.CANCELING)
-        ended = change.update(asked, canceled, EventType.CANCELED)
+        expired = released(self._database, jobs.c.lease_expires_at)
+        failed = {**expired, **over, **more, "state": JobState.FAILED, "error": JobError.of(lost).model_dump()}
+        canceled = {**expired, **over, "state": JobState.CANCELED}
+        again = {**expired, **more, "state": JobState.QUEUED, "phase": "queued"}
+        cancel_requested = sa.and_(held, jobs.c.state == JobState.CANCELING)
+        ended = change.update(cancel_requested, canceled, EventType.CANCELED)
         ended += change.update(exhausted, failed, EventType.FAILED, lambda row: {"error": row.error})
         queued = change.update(running, again, EventType.RECOVERED, _lost_attempt)
         change.counters.add("lease_expirations", value=len(ended) + len(queued))
@@ -110,9 +110,9 @@ class Upkeep:
 
     def canceling(self, worker_id: str) -> tuple[str, int] | None:
         """Return the id and the attempt of the job that a worker has and is to cancel; None if there is none."""
-        asked = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state == JobState.CANCELING)
+        cancel_requested = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state == JobState.CANCELING)
         with self._database.read() as connection:
-            held = connection.execute(sa.select(jobs.c.id, jobs.c.attempt).where(asked)).first()
+            held = connection.execute(sa.select(jobs.c.id, jobs.c.attempt).where(cancel_requested)).first()
         return None if held is None else (held.id, held.attempt)
 
     def shorten_leases(self, lease_s: float) -> int:
@@ -132,9 +132,9 @@ class Upkeep:
         A job in state `canceling` is canceled, as was confirmed to its user.
         """
         late = sa.and_(jobs.c.state.in_([JobState.QUEUED, *rows.OWNED]), jobs.c.deadline_at < self._database.now())
-        asked = jobs.c.state == JobState.CANCELING
+        cancel_requested = jobs.c.state == JobState.CANCELING
         values = {
-            "state": sa.case((asked, JobState.CANCELED), else_=JobState.EXPIRED),
+            "state": sa.case((cancel_requested, JobState.CANCELED), else_=JobState.EXPIRED),
             "finished_at": self._database.now(),
             "phase": "done",
             "eta_s": None,

@@ -78,10 +78,10 @@ class UploadLedger:
         with self._database.write() as connection:
             if max_uploads or max_bytes:
                 self._check_limits(connection, owner_id, size, max_uploads, max_bytes)
-            made = read(Upload, connection.execute(sa.insert(uploads).values(values).returning(uploads)).one())
+            upload = read(Upload, connection.execute(sa.insert(uploads).values(values).returning(uploads)).one())
             if also is not None:
-                also(connection, made)
-        return made
+                also(connection, upload)
+        return upload
 
     def _check_limits(
         self, connection: sa.Connection, owner_id: str, size: int, max_uploads: int, max_bytes: int

@@ -124,8 +124,8 @@ class WebhookBook:
                 raise RequestError(
                     f"You have {MAX_WEBHOOKS} webhooks, the maximum.", advice="Delete one that you do not need."
                 )
-            made = connection.execute(sa.insert(webhooks).values(values).returning(webhooks)).one()
-        return _webhook(made), secret
+            row = connection.execute(sa.insert(webhooks).values(values).returning(webhooks)).one()
+        return _webhook(row), secret
 
     def account_secret(self, owner: str) -> str:
         """Return the secret that signs messages to the webhooks of an owner's single jobs: the same at any time."""
@@ -199,9 +199,9 @@ class WebhookBook:
 
     def delete(self, webhook_id: str, owner: str) -> None:
         """Delete a webhook with its log. A message that is being sent may still arrive."""
-        gone = sa.delete(webhooks).where(_is(webhook_id, owner)).returning(webhooks.c.id)
+        deleted = sa.delete(webhooks).where(_is(webhook_id, owner)).returning(webhooks.c.id)
         with self._database.write() as connection:
-            if connection.execute(gone).first() is None:
+            if connection.execute(deleted).first() is None:
                 raise _missing(webhook_id)
 
     def deliveries(
@@ -215,9 +215,9 @@ class WebhookBook:
             query = query.where(deliveries.c.id < decode_cursor(cursor, "msg"))
         with self._database.read() as connection:
             _find(connection, webhook_id, owner)
-            found = [_delivery(row) for row in connection.execute(query.limit(limit + 1))]
-        more = len(found) > limit
-        return DeliveryPage(found[:limit], encode_cursor(found[limit - 1].id) if more else None)
+            listed = [_delivery(row) for row in connection.execute(query.limit(limit + 1))]
+        more = len(listed) > limit
+        return DeliveryPage(listed[:limit], encode_cursor(listed[limit - 1].id) if more else None)
 
     def delivery(self, webhook_id: str, delivery_id: str, owner: str) -> Delivery:
         """Return a delivery with its attempts."""

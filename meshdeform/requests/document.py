@@ -121,8 +121,8 @@ def first_problem(error: ValidationError, *within: str) -> str:
     problem = error.errors(include_url=False, include_context=False, include_input=False)[0]
     place = ".".join(map(str, (*within, *problem["loc"])))
     unknown = problem["type"] == "extra_forbidden"
-    said = "there is no such member" if unknown else problem["msg"].removeprefix("Value error, ")
-    return f"{place}: {said}" if place else said
+    reason = "there is no such member" if unknown else problem["msg"].removeprefix("Value error, ")
+    return f"{place}: {reason}" if place else reason
 
 
 @cache

@@ -37,8 +37,8 @@ def elsewhere(place: Sequence[Any]) -> str | None:
     if path[0] != "params" or len(path) > 3 or name not in PLACES:
         return None
     group, kinds = PLACES[name]
-    said = f"it is params.{group}.{name}" if group else f"it is params.{name}"
-    return f"{said}, where the guidance is {' or '.join(kinds)}." if group == "guidance" else f"{said}."
+    place_now = f"it is params.{group}.{name}" if group else f"it is params.{name}"
+    return f"{place_now}, where the guidance is {' or '.join(kinds)}." if group == "guidance" else f"{place_now}."
 
 
 def grouped(params: Mapping[str, Any]) -> dict[str, Any]:
@@ -79,8 +79,8 @@ def did_you_mean(name: str, known: Collection[str], what: str = "member") -> str
     `what` says what the name is of.
     """
     sentence = f"there is no such {what}."
-    if found := get_close_matches(name.lower(), sorted(known), 1, _CLOSE):
-        return f"{sentence} Did you mean {found[0]!r}?"
+    if matches := get_close_matches(name.lower(), sorted(known), 1, _CLOSE):
+        return f"{sentence} Did you mean {matches[0]!r}?"
     return f"{sentence} There are: {', '.join(sorted(known)) or 'none'}."
 
 
@@ -88,17 +88,17 @@ def in_plain_words(findings: Sequence[Any], model: type[BaseModel]) -> list[dict
     """Return pydantic's findings about a document, with what to use in place of each unknown member."""
     return [
         {
-            **found,
-            "loc": plain_place(found["loc"]),
-            **({"msg": _unknown(found["loc"], model)} if found["type"] == "extra_forbidden" else {}),
+            **finding,
+            "loc": plain_place(finding["loc"]),
+            **({"msg": _unknown(finding["loc"], model)} if finding["type"] == "extra_forbidden" else {}),
         }
-        for found in findings
+        for finding in findings
     ]
 
 
 def _unknown(place: Sequence[Any], model: type[BaseModel]) -> str:
-    if said := elsewhere(place):
-        return said
+    if advice := elsewhere(place):
+        return advice
     inner: type[BaseModel] | None = model
     for step in place[:-1]:
         inner = GUIDANCES[step] if step in list(GuidanceKind) else _model_of(inner, step) if inner is not None else None

@@ -133,8 +133,8 @@ class Prompt(StrictModel):
 
 def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:
     """Return the prompts that pull at anything, that of the request first; there may be none."""
-    found = [Prompt(prompt=prompt)] if prompt else []
-    return [*found, *(each for each in prompts if each.weight > 0)]
+    active = [Prompt(prompt=prompt)] if prompt else []
+    return [*active, *(each for each in prompts if each.weight > 0)]
 
 
 def prompt_words(prompt: str, params: Any) -> str:

@@ -249,11 +249,11 @@ def find_parts(place: List, number: int, selection: Selection, parts: Sequence[M
     `place`: name of the list in `params`, or the path to it there; `number`: place of the selection in the list;
     `selection`: one that names something; `parts`: everything of that kind in the asset, each with `index` and `name`.
     """
-    what, wanted = selection.named or selection.where
-    found = _matching(wanted, parts)
-    if found:
-        return found
-    raise refuse_selection(place, number, what, _missing(what, wanted), _nearest(what, wanted, parts))
+    what, reference = selection.named or selection.where
+    matching = _matching(reference, parts)
+    if matching:
+        return matching
+    raise refuse_selection(place, number, what, _missing(what, reference), _nearest(what, reference, parts))
 
 
 def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any]]) -> list[int]:
@@ -261,19 +261,21 @@ def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any
 
     `nodes`: all nodes, each with `index` and `name`.
     """
-    found: list[int] = []
-    for number, wanted in enumerate(exclude):
-        matching = _matching(wanted, nodes)
+    numbers: list[int] = []
+    for number, reference in enumerate(exclude):
+        matching = _matching(reference, nodes)
         if not matching:
-            detail = f"params.control.exclude: {_missing('node', wanted)}"
-            raise ParameterError.at(["params", "control", "exclude", number], detail, _nearest("node", wanted, nodes))
-        found += matching
-    return found
+            detail = f"params.control.exclude: {_missing('node', reference)}"
+            raise ParameterError.at(
+                ["params", "control", "exclude", number], detail, _nearest("node", reference, nodes)
+            )
+        numbers += matching
+    return numbers
 
 
-def _matching(wanted: str | int, parts: Sequence[Mapping[str, Any]]) -> list[int]:
-    member = "index" if isinstance(wanted, int) else "name"
-    return [part["index"] for part in parts if part[member] == wanted]
+def _matching(reference: str | int, parts: Sequence[Mapping[str, Any]]) -> list[int]:
+    member = "index" if isinstance(reference, int) else "name"
+    return [part["index"] for part in parts if part[member] == reference]
 
 
 def check_selections(
@@ -310,16 +312,16 @@ def refuse_selection(place: List, number: int, what: str, detail: str, advice: s
     return ParameterError.at(["params", *path, number, what], message, advice)
 
 
-def _missing(what: str, wanted: str | int) -> str:
-    if isinstance(wanted, int):
-        return f"the asset deforms no {what} with the index {wanted}."
-    return f"the asset deforms no {what} named {wanted!r}."
+def _missing(what: str, reference: str | int) -> str:
+    if isinstance(reference, int):
+        return f"the asset deforms no {what} with the index {reference}."
+    return f"the asset deforms no {what} named {reference!r}."
 
 
-def _nearest(what: str, wanted: str | int, parts: Sequence[Mapping[str, Any]]) -> str:
+def _nearest(what: str, reference: str | int, parts: Sequence[Mapping[str, Any]]) -> str:
     names = list(dict.fromkeys(part["name"] for part in parts if part["name"]))
-    close = difflib.get_close_matches(str(wanted), names, n=1, cutoff=0.5)
-    folded = [name for name in names if name.casefold() == str(wanted).casefold()]
+    close = difflib.get_close_matches(str(reference), names, n=1, cutoff=0.5)
+    folded = [name for name in names if name.casefold() == str(reference).casefold()]
     if folded or close:
         return f"Did you mean {(folded or close)[0]!r}?"
     if not parts:

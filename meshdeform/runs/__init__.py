@@ -66,6 +66,6 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
     return kind.check(request, settings, frozenset(files))
 
 
-def start_run(given: RunInput) -> JobRun:
+def start_run(job_input: RunInput) -> JobRun:
     """Start the run of a job of any kind."""
-    return kind_of(given.request.kind).load()(given)
+    return kind_of(job_input.request.kind).load()(job_input)

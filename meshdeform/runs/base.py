@@ -71,13 +71,13 @@ def versions() -> dict[str, str]:
 @functools.cache
 def _installed() -> dict[str, str]:
     """Return the versions of the packages. Reading their metadata takes longer than a step."""
-    found = {}
+    versions = {}
     for name in _PACKAGES:
         try:
-            found[name] = importlib.metadata.version(name)
+            versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 class RunLog:
@@ -369,14 +369,14 @@ def check_weights_part(model: str | None, files: Collection[str], *group: str) -
     `group` is where `model` is in `params`.
     """
     place = ["params", *group, "model"]
-    wanted, there = model is not None and is_sent(model), WEIGHTS_PART in files
-    if there and not wanted:
+    expected, there = model is not None and is_sent(model), WEIGHTS_PART in files
+    if there and not expected:
         raise ParameterError.at(
             place,
             f"`{WEIGHTS_PART}` was sent, but {'.'.join(place)} does not use it.",
             f"Set {'.'.join(place)} to `{SENT_MODEL}`.",
         )
-    if wanted and not there and model is not None:
+    if expected and not there and model is not None:
         job = teaching_job(model)
         if job is None:
             raise ParameterError.at(
@@ -391,13 +391,13 @@ def check_weights_part(model: str | None, files: Collection[str], *group: str) -
         )
 
 
-def load_sent(model: str, given: RunInput) -> Prior:
+def load_sent(model: str, job_input: RunInput) -> Prior:
     """Load the prior of a job: taught weights among its files, or the model of this name."""
     if not is_sent(model):
         with hidden_folders([model]):
-            return given.load_prior(model)
-    with weights_on_disk(given.files[WEIGHTS_PART]) as path, hidden_folders([str(path)]):
-        prior = given.load_prior(str(path))
+            return job_input.load_prior(model)
+    with weights_on_disk(job_input.files[WEIGHTS_PART]) as path, hidden_folders([str(path)]):
+        prior = job_input.load_prior(str(path))
     # The file is gone, and the prior is kept for other jobs with equal weights: reports and checkpoints name the model.
     named = copy.copy(prior)
     vars(named)["identity"] = {**prior.identity, "id": model}

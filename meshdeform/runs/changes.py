@@ -42,11 +42,11 @@ def asked_changes(prompt: str, params: ResolvedParams) -> Sentence | None:
     alone = not params.prompts and not params.silhouettes and params.guidance is GuidanceKind.SDS
     if not alone or not prompt:
         return None
-    found = read_changes(prompt, noun_of)
-    if found is None or is_builtin(params.model):
-        return found
+    changes = read_changes(prompt, noun_of)
+    if changes is None or is_builtin(params.model):
+        return changes
     # Other models read free text: theirs is every prompt that names a thing.
-    return found if found.noun is None and found.known else None
+    return changes if changes.noun is None and changes.known else None
 
 
 def is_change(sentence: Sentence) -> bool:
@@ -91,11 +91,11 @@ def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams,
         return
     changes = [asdict(change) for change in sentence.changes]
     try:
-        found = _ask(asset, filename, params, limits, changes=changes)
+        answer = _ask(asset, filename, params, limits, changes=changes)
     except (DependencyError, UnavailableError):
         return  # the run refuses it
-    if found["missing"] is not None:
-        raise part_not_found(found["missing"], found["parts"])
+    if answer["missing"] is not None:
+        raise part_not_found(answer["missing"], answer["parts"])
 
 
 def parts_of(asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits) -> dict[str, Any]:
@@ -107,11 +107,11 @@ def parts_of(asset: Path, filename: str, prompt: str, params: ResolvedParams, li
     was asked for.
     """
     asked_changes(prompt, params)  # what it refuses
-    found = _ask(asset, filename, params, limits, prompt=prompt)
-    missing = found.pop("missing")
+    answer = _ask(asset, filename, params, limits, prompt=prompt)
+    missing = answer.pop("missing")
     if missing is not None:
-        raise part_not_found(missing, found["parts"])
-    return found
+        raise part_not_found(missing, answer["parts"])
+    return answer
 
 
 def _ask(asset: Path, filename: str, params: ResolvedParams, limits: Limits, **more: Any) -> dict[str, Any]:
@@ -122,8 +122,8 @@ def _ask(asset: Path, filename: str, params: ResolvedParams, limits: Limits, **m
         "limits": asdict(limits),
         **more,
     }
-    found: dict[str, Any] = _QUESTION.ask_about(asset, task, _TIMEOUT_S)
-    return found
+    answer: dict[str, Any] = _QUESTION.ask_about(asset, task, _TIMEOUT_S)
+    return answer
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -158,17 +158,17 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dic
     sentence = read(prompt)
     if prompt and (sentence is None or not is_change(sentence)):
         return {"parts": [], "missing": None, "result": None, "warnings": []}
-    found: dict[str, Any] = {"missing": None, "result": None, "warnings": []}
+    document: dict[str, Any] = {"missing": None, "result": None, "warnings": []}
     if sentence is not None:
         try:
             changed, done = apply_changes(body, meant(body, sentence))
         except PartMissingError as missing:
-            return {**found, "missing": str(missing), "parts": part_names(body, params)}
+            return {**document, "missing": str(missing), "parts": part_names(body, params)}
         moved, used = asset.surface.positions.copy(), body.vertex_map >= 0
         moved[used] += bind_moves(asset, body, changed)[body.vertex_map[used]]
-        found["result"] = base64.b64encode(asset.replace(moved, compact=True)).decode()
-        found["warnings"] = [warning for each in done for warning in each.warnings]
-    found["parts"] = [
+        document["result"] = base64.b64encode(asset.replace(moved, compact=True)).decode()
+        document["warnings"] = [warning for each in done for warning in each.warnings]
+    document["parts"] = [
         {
             "name": part.name,
             "found_by": part.found_by,
@@ -179,4 +179,4 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dic
         }
         for part in find_parts(body, read, sentence)
     ]
-    return found
+    return document

@@ -88,48 +88,48 @@ class SelectableSurface:
         `place`: name of the list in `params`, or the path to it there, for errors; `number`: place of the selection in
         the list.
         """
-        what, wanted = selection.where
+        what, reference = selection.where
         if what == "component":
-            flags = self.components == wanted
+            flags = self.components == reference
         elif what in {"box", "sphere", "capsule"}:
             corners = self.mesh.verts.numpy()[self.mesh.faces.numpy()]
-            flags = _inside(wanted, corners.reshape(-1, 3)).reshape(-1, 3).all(1)
+            flags = _inside(reference, corners.reshape(-1, 3)).reshape(-1, 3).all(1)
         else:
             flags = self._triangles(place, number, selection)[self.welded.face_source]
         if not flags.any():
-            raise self._nothing(place, number, what, wanted)
+            raise self._nothing(place, number, what, reference)
         return np.asarray(flags)
 
     def _triangles(self, place: List, number: int, selection: Selection) -> _Flags:
         """Return flags (T,) of the source's triangles that a selection by name, colour or number selects."""
-        what, wanted = selection.where
+        what, reference = selection.where
         parts = self.parts
-        if isinstance(wanted, ColorRange):
-            distance = np.linalg.norm(self._asset.vertex_colors() - np.array(wanted.rgb), axis=2)
-            return np.asarray((distance <= wanted.within + 1e-6).all(1))
+        if isinstance(reference, ColorRange):
+            distance = np.linalg.norm(self._asset.vertex_colors() - np.array(reference.rgb), axis=2)
+            return np.asarray((distance <= reference.within + 1e-6).all(1))
         if what == "faces":
-            return self._numbered(place, number, wanted)
+            return self._numbered(place, number, reference)
         known = {"node": parts.nodes, "mesh": parts.meshes, "material": parts.materials, "joint": parts.joints}
-        found = find_parts(place, number, selection, known[what])
-        if isinstance(wanted, JointWeight):
-            return np.asarray((self._asset.joint_weights(found) > wanted.above).all(1))
+        matches = find_parts(place, number, selection, known[what])
+        if isinstance(reference, JointWeight):
+            return np.asarray((self._asset.joint_weights(matches) > reference.above).all(1))
         flags_of = {"node": parts.in_node, "mesh": parts.of_mesh, "material": parts.of_material}[what]
-        return np.asarray(np.any([flags_of(at) for at in found], axis=0))
+        return np.asarray(np.any([flags_of(at) for at in matches], axis=0))
 
-    def _numbered(self, place: List, number: int, wanted: tuple[int | tuple[int, int], ...]) -> _Flags:
+    def _numbered(self, place: List, number: int, reference: tuple[int | tuple[int, int], ...]) -> _Flags:
         count = len(self._asset.surface.triangles)
-        check_faces(place, number, wanted, count)
+        check_faces(place, number, reference, count)
         flags = np.zeros(count, bool)
-        for item in wanted:
+        for item in reference:
             first, last = item if isinstance(item, tuple) else (item, item)
             flags[first : last + 1] = True
         return flags
 
-    def _nothing(self, place: List, number: int, what: str, wanted: Any) -> ParameterError:
+    def _nothing(self, place: List, number: int, what: str, reference: Any) -> ParameterError:
         """Return the error about a selection of no faces, with what there is."""
         if what == "component":
             advice = f"Its components are 0 to {self.components.max()}; `meshdeform inspect` lists them."
-            return refuse_selection(place, number, what, f"the asset has no component {wanted}.", advice)
+            return refuse_selection(place, number, what, f"the asset has no component {reference}.", advice)
         if what in {"box", "sphere", "capsule"}:
             low, high = (np.round(bound(self.mesh.verts.numpy(), axis=0), 4).tolist() for bound in (np.min, np.max))
             detail = f"no triangle has all its corners in the {what}."
@@ -138,9 +138,11 @@ class SelectableSurface:
             detail = "no triangle has this vertex colour at all its corners."
             return refuse_selection(place, number, what, detail, "Increase `within`, or select otherwise.")
         if what == "joint":
-            detail = f"no triangle follows the joint {wanted.name!r} by more than {wanted.above:g} at all its corners."
+            detail = (
+                f"no triangle follows the joint {reference.name!r} by more than {reference.above:g} at all its corners."
+            )
             return refuse_selection(place, number, what, detail, "Set a lower `above`.")
-        detail = f"the {what} {wanted!r} has no triangle with an area."
+        detail = f"the {what} {reference!r} has no triangle with an area."
         if what == "faces":
             detail = "these triangles have no area."
         return refuse_selection(place, number, what, detail, "Leave it out.")
@@ -167,12 +169,12 @@ def select_bodies(selectors: Sequence[RigidSelector], surface: SelectableSurface
     """
     if not selectors:
         return []
-    found = [
+    selected = [
         Body(verts, selector.mode)
         for number, selector in enumerate(selectors)
         for verts in _bodies(selector, surface.faces(("control", "rigid"), number, selector), surface.mesh)
     ]
-    bodies = _united(found, len(surface.mesh.verts))
+    bodies = _united(selected, len(surface.mesh.verts))
     if len(bodies) == 1 and len(bodies[0].verts) == len(surface.mesh.verts):
         raise ParameterError(
             "params.control.rigid: the whole asset is one rigid body, so nothing is left to deform.",
@@ -256,10 +258,10 @@ def _kept(regions: Sequence[selection.Region], surface: SelectableSurface) -> tu
     """Return flags (V,) of the vertices that the regions keep, and what each region selects."""
     faces = surface.mesh.faces.numpy()
     kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
-    found = []
+    properties = []
     for number, region in enumerate(regions):
         flags = surface.faces(("control", "regions"), number, region)
-        found.append({"action": region.action.value, "faces": int(flags.sum())})
+        properties.append({"action": region.action.value, "faces": int(flags.sum())})
         if region.action is RegionAction.KEEP:
             kept |= flags
         else:
@@ -268,7 +270,7 @@ def _kept(regions: Sequence[selection.Region], surface: SelectableSurface) -> tu
         kept |= ~allowed
     verts = np.zeros(len(surface.mesh.verts), bool)
     verts[faces[kept].ravel()] = True
-    return verts, found
+    return verts, properties
 
 
 def _completed(kept: _Flags, bodies: Sequence[Body], partners: Partners | None) -> _Flags:
@@ -295,8 +297,8 @@ def _partners(symmetry: Symmetry, mesh: RestMesh) -> Partners | None:
     if symmetry is Symmetry.NONE:
         return None
     if symmetry is Symmetry.AUTO:
-        found = (find_partners(mesh, axis) for axis in _AUTO_ORDER)
-        return next((partners for partners in found if not partners.unmatched), None)
+        candidates = (find_partners(mesh, axis) for axis in _AUTO_ORDER)
+        return next((partners for partners in candidates if not partners.unmatched), None)
     partners = find_partners(mesh, "xyz".index(symmetry.value))
     if partners.unmatched:
         raise _refusal(
@@ -386,7 +388,7 @@ def _handles(control: Control, frame: Frame, places: _Floats, diagonal: float) -
 
 def _symmetry(control: Control, mesh: RestMesh, places: _Floats, diagonal: float) -> dict[str, Any]:
     if control.partners is None:
-        closest = min((find_partners(mesh, axis) for axis in range(3)), key=lambda found: found.unmatched)
+        closest = min((find_partners(mesh, axis) for axis in range(3)), key=lambda partners: partners.unmatched)
         return {"axis": None, "closest": "xyz"[closest.axis], "unmatched_vertices": closest.unmatched}
     axis, partner = control.partners.axis, control.partners.partner
     moved = places - mesh.verts.numpy()
@@ -435,7 +437,7 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
                 "number": component.number,
                 "triangles": len(component.faces),
                 "size": round(float(np.linalg.norm(np.ptp(component.points, axis=0))) / size, 4),
-                **{what: _values(found, components=[component.number]) for what, found in owners.items()},
+                **{what: _values(pairs, components=[component.number]) for what, pairs in owners.items()},
             }
             for component in components
         ],
@@ -460,8 +462,8 @@ def _owners(welded: WeldedMesh, parts: Parts) -> dict[str, _Index]:
 
 
 def _values(pairs: _Index, *, components: Sequence[int]) -> list[int]:
-    found = np.unique(pairs[np.isin(pairs[:, 0], components), 1])
-    return [int(value) for value in found if value >= 0]
+    values = np.unique(pairs[np.isin(pairs[:, 0], components), 1])
+    return [int(value) for value in values if value >= 0]
 
 
 def _proposals(components: Sequence[Component], owners: dict[str, _Index]) -> list[dict[str, Any]]:

@@ -79,7 +79,7 @@ class DerivedInput:
         return self.source.stat().st_size + self.result.stat().st_size
 
 
-def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None = None) -> None:
+def derive(name: str, job_input: DerivedInput, target: Path, limits: Limits | None = None) -> None:
     """Make an artifact in a child process.
 
     `name`: a key of `DERIVED`, `STRENGTH` or `ALIKE`. `target`: the file to write; its folder also takes the child's
@@ -88,18 +88,18 @@ def derive(name: str, given: DerivedInput, target: Path, limits: Limits | None =
     limits = limits or Limits()
     seconds = _SECONDS * limits.max_check_s
     options = {
-        "filename": _plain(given.filename),
-        "compact": given.output.compact,
-        "provenance": given.output.provenance,
-        "morph_path": given.output.morph_path.model_dump(mode="json"),
-        "exclude": given.exclude,
-        "strength": given.strength,
-        "outside": given.outside,
-        "memory": _BASE_BYTES[name] + 2 * limits.memory_bytes(given.size),
+        "filename": _plain(job_input.filename),
+        "compact": job_input.output.compact,
+        "provenance": job_input.output.provenance,
+        "morph_path": job_input.output.morph_path.model_dump(mode="json"),
+        "exclude": job_input.exclude,
+        "strength": job_input.strength,
+        "outside": job_input.outside,
+        "memory": _BASE_BYTES[name] + 2 * limits.memory_bytes(job_input.size),
         "seconds": seconds,
         "limits": asdict(limits),
     }
-    arguments = [name, str(given.source), str(given.result), str(target.absolute()), json.dumps(options)]
+    arguments = [name, str(job_input.source), str(job_input.result), str(target.absolute()), json.dumps(options)]
     try:
         outcome = run_child(__name__, arguments, timeout_s=seconds, temporary=target.absolute().parent)
     except TimeoutError as error:
@@ -135,16 +135,21 @@ def main(arguments: list[str] | None = None) -> int:
     for path in ("source", "result", "target"):
         parser.add_argument(path, type=Path)
     parser.add_argument("options", type=json.loads)
-    given = parser.parse_args(arguments)
-    limits = Limits(**given.options["limits"])
-    bound_resources(given.options["memory"], given.options["seconds"], _WIDER * limits.max_bytes)
+    options_given = parser.parse_args(arguments)
+    limits = Limits(**options_given.options["limits"])
+    bound_resources(options_given.options["memory"], options_given.options["seconds"], _WIDER * limits.max_bytes)
     verdict: dict[str, Any] = {"ok": True}
     try:
-        given.target.write_bytes(_MAKERS[given.name](given.source, given.result, given.options, limits))
+        options_given.target.write_bytes(
+            _MAKERS[options_given.name](options_given.source, options_given.result, options_given.options, limits)
+        )
     except MeshdeformError as error:
         verdict = {"ok": False, "error": error_to_json(error)}
     except MemoryError:
-        verdict = {"ok": False, "error": error_to_json(_too_much(given.name, "with the memory that it may use"))}
+        verdict = {
+            "ok": False,
+            "error": error_to_json(_too_much(options_given.name, "with the memory that it may use")),
+        }
     print(json.dumps(verdict))
     return 0 if verdict["ok"] else 1
 
@@ -205,8 +210,8 @@ def _strength(source: Path, result: Path, options: dict[str, Any], limits: Limit
     asset = _to_change(source, options, limits)
     from meshdeform.runs.strength import with_strength
 
-    given = {"exclude": options["exclude"], "limits": limits, "compact": options["compact"]}
-    return with_strength(asset, result.read_bytes(), options["strength"], **given)
+    arguments = {"exclude": options["exclude"], "limits": limits, "compact": options["compact"]}
+    return with_strength(asset, result.read_bytes(), options["strength"], **arguments)
 
 
 def _map(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:

@@ -26,17 +26,17 @@ from meshdeform.runs.family_fit_kind import READ_STEPS, total_steps
 from meshdeform.runs.family_results import FamilyResults, labels_of
 
 
-def start(given: RunInput) -> FamilyFitRun:
+def start(job_input: RunInput) -> FamilyFitRun:
     """Unpack the collection and prepare the run.
 
     Raises AssetError, RequestError, CheckpointError: the input cannot be run; the error says what to do.
     """
-    params = params_of(given.request, FamilyParams)
-    file = given.files["collection"]
-    limits = given.limits or Limits()
+    params = params_of(job_input.request, FamilyParams)
+    file = job_input.files["collection"]
+    limits = job_input.limits or Limits()
     files = open_collection(file.data, limits)
     run = fingerprint(kind="family_fit", params=params.model_dump(mode="json"), collection=file.digest)
-    state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
+    state = load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None
     return FamilyFitRun(files, params, limits, run, file.digest, state)
 
 
@@ -153,11 +153,11 @@ class FamilyFitRun(JobRun):
     def _learn(self) -> dict[str, float]:
         assert self._inference is not None
         if self._learning is None:
-            found = correspondences(self._inference)
-            points, _ = visible_points(self._inference, found)
+            matches = correspondences(self._inference)
+            points, _ = visible_points(self._inference, matches)
             random = torch.Generator().manual_seed(self._params.seed)
-            machine = BetaMachine.start(points, found.exists, self._inference.template.labels, random)
-            self._learning = Learning.start(machine, points, found.exists, self._inference.edges, random)
+            machine = BetaMachine.start(points, matches.exists, self._inference.template.labels, random)
+            self._learning = Learning.start(machine, points, matches.exists, self._inference.edges, random)
         losses = self._learning.step(self._params.epochs)
         return {"total": losses["error"], **losses}
 
@@ -171,16 +171,16 @@ class FamilyFitRun(JobRun):
 
     def _given(self) -> Tensor:
         """Return the parts of samples (T, P) that the inference may use; AssetError: no asset has all its labels."""
-        given = torch.from_numpy(np.stack(self._truth)).clone()
+        truth = torch.from_numpy(np.stack(self._truth)).clone()
         for t, labels in enumerate(self._labels):
             if labels.held_out:
-                given[t] = -1
-        if (given >= 0).any() and not (given >= 0).all(1).any():
+                truth[t] = -1
+        if (truth >= 0).any() and not (truth >= 0).all(1).any():
             raise AssetError(
                 "labels.json labels no asset completely.",
                 advice="Give at least one asset, better ten, a part for every node, material or triangle.",
             )
-        return given
+        return truth
 
     def _learns_names(self) -> bool:
         used = zip(self._truth, self._labels, strict=True)
@@ -242,22 +242,22 @@ def load_shapes(tensors: dict[str, Tensor]) -> tuple[list[SampledShape], list[ND
 
 def dump_inference(inference: Inference) -> dict[str, Tensor]:
     """Return the state of an inference; its collection is made again from the samples."""
-    found = {f"inference.{name}": getattr(inference, name).clone() for name in _OF_INFERENCE}
+    tensors = {f"inference.{name}": getattr(inference, name).clone() for name in _OF_INFERENCE}
     template = inference.template
-    found |= {f"template.{name}": getattr(template, name).clone() for name in ("points", "features", "labels")}
-    found["inference.iteration"] = torch.tensor(inference.iteration)
-    return found
+    tensors |= {f"template.{name}": getattr(template, name).clone() for name in ("points", "features", "labels")}
+    tensors["inference.iteration"] = torch.tensor(inference.iteration)
+    return tensors
 
 
-def load_inference(tensors: dict[str, Tensor], collection: Collection, given: Tensor, parts: int) -> Inference:
+def load_inference(tensors: dict[str, Tensor], collection: Collection, truth: Tensor, parts: int) -> Inference:
     """Return the inference that `dump_inference` was given."""
     points, features, labels = (tensors[f"template.{name}"] for name in ("points", "features", "labels"))
     template = Template(points, features, labels, parts)
     state = {name: tensors[f"inference.{name}"] for name in _OF_INFERENCE}
     edges = state.pop("edges")
-    found = Inference(collection, template, given, **state, iteration=int(tensors["inference.iteration"]))
-    found.edges = edges  # those of the first template
-    return found
+    inference = Inference(collection, template, truth, **state, iteration=int(tensors["inference.iteration"]))
+    inference.edges = edges  # those of the first template
+    return inference
 
 
 def dump_learning(learning: Learning) -> dict[str, Tensor]:
@@ -268,13 +268,13 @@ def dump_learning(learning: Learning) -> dict[str, Tensor]:
         "best": learning.best,
         "reach": learning.reach,
     }
-    found = {f"{group}.{name}": value.clone() for group, values in groups.items() for name, value in values.items()}
-    found |= {f"learning.{name}": getattr(learning, name).clone() for name in ("points", "exists")}
+    tensors = {f"{group}.{name}": value.clone() for group, values in groups.items() for name, value in values.items()}
+    tensors |= {f"learning.{name}": getattr(learning, name).clone() for name in ("points", "exists")}
     numbers = [float(getattr(learning, name)) for name in _OF_LEARNING]
-    found["learning.numbers"] = torch.tensor(numbers, dtype=torch.float64)
-    found["learning.random"] = learning.random.get_state()
-    found["learning.sees"] = learning.machine.sees.clone()
-    return found
+    tensors["learning.numbers"] = torch.tensor(numbers, dtype=torch.float64)
+    tensors["learning.random"] = learning.random.get_state()
+    tensors["learning.sees"] = learning.machine.sees.clone()
+    return tensors
 
 
 def load_learning(tensors: dict[str, Tensor], edges: Tensor) -> Learning:

@@ -162,22 +162,24 @@ class FamilyResults:
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         areas = np.linalg.norm(cross, axis=1)
         normals = cross / np.maximum(areas, 1e-300)[:, None]
-        found = triangle_parts(
+        labels_found = triangle_parts(
             (corners.mean(1) - shape.centre) / shape.diagonal,
             normals,
             shape.points,
             shape.normals,
             self.inference.parts[t].numpy(),
         )
-        found = without_strays(surface.positions, surface.triangles, found)
+        labels_found = without_strays(surface.positions, surface.triangles, labels_found)
         if self.files.labels is None or self.parts != self.files.labels.parts:
-            return found, None
-        given = labels_of(asset, self.names[t], labels, self.parts)
-        known = given >= 0
+            return labels_found, None
+        labels_given = labels_of(asset, self.names[t], labels, self.parts)
+        known = labels_given >= 0
         if labels.held_out:
             weight = areas[known].sum()
-            return found, float(areas[known][found[known] == given[known]].sum() / weight) if weight > 0 else None
-        return np.where(known, given, found).astype(np.uint8), None
+            return labels_found, float(
+                areas[known][labels_found[known] == labels_given[known]].sum() / weight
+            ) if weight > 0 else None
+        return np.where(known, labels_given, labels_found).astype(np.uint8), None
 
     def _wall_shape(self, t: int, asset: Asset, parts: NDArray[np.uint8], count: int) -> WallShape:
         shape, collection = self.shapes[t], self.inference.collection
@@ -242,11 +244,11 @@ class FamilyResults:
         assets = []
         for t, name in enumerate(self.names):
             used = np.unique(segments[f"{t:04d}"])
-            given = "given" if (self.truth[t] >= 0).any() else "none"
+            truth = "given" if (self.truth[t] >= 0).any() else "none"
             assets.append(
                 {
                     "name": name,
-                    "labels": "held out" if self.labels[t].held_out else given,
+                    "labels": "held out" if self.labels[t].held_out else truth,
                     "parts": [self.parts[part] for part in used],
                     "turn_deg": round(float(turns[t]), 3),
                     "log_likelihood": float(likelihood[t]),
@@ -318,14 +320,14 @@ class FamilyResults:
         """Return an octahedron for each point, coloured by part."""
         corners = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]) * _MARKER
         faces = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
-        made = []
+        triangles = []
         for part in np.unique(labels):
             chosen = np.asarray(points[labels == part])
             verts = (chosen[:, None] + corners).reshape(-1, 3)
             rows = (faces[None] + 6 * np.arange(len(chosen))[:, None, None]).reshape(-1, 3)
             name = f"part {part + 1}"
-            made.append(Primitive(verts, rows, name=name, material=name, base_color=COLOURS[part % len(COLOURS)]))
-        return made
+            triangles.append(Primitive(verts, rows, name=name, material=name, base_color=COLOURS[part % len(COLOURS)]))
+        return triangles
 
 
 def _listed(names: list[str]) -> str:
@@ -361,29 +363,29 @@ def labels_of(asset: Asset, name: str, labels: AssetLabels, parts: list[str]) ->
     """
     numbers = {part: number for number, part in enumerate(parts)}
     count = len(asset.surface.triangles)
-    found = np.full(count, -1, np.int64)
+    result = np.full(count, -1, np.int64)
     known = asset.parts()
-    for what, wanted, listed, flags in (
+    for what, names_wanted, listed, flags in (
         ("node", labels.nodes, known.nodes, known.in_node),
         ("material", labels.materials, known.materials, known.of_material),
     ):
         places: dict[str, list[int]] = {}
         for each in listed:
             places.setdefault(each["name"], []).append(each["index"])
-        for title, part in wanted.items():
+        for title, part in names_wanted.items():
             if title not in places:
                 names = ", ".join(sorted(place for place in places if place)[:10]) or "none with a name"
                 raise AssetError(f"labels.json: {name} has no {what} {title[:64]!r}.", advice=f"It has: {names}.")
             for index in places[title]:
-                found[flags(index)] = numbers[part]
+                result[flags(index)] = numbers[part]
     if labels.triangles is not None:
         if len(labels.triangles) != count:
             raise AssetError(
                 f"labels.json: {name} has {count} triangles, but {len(labels.triangles)} labels.",
                 advice="Give one label for each triangle, in the file's order.",
             )
-        found = np.array([numbers[part] for part in labels.triangles], np.int64)
-    return found
+        result = np.array([numbers[part] for part in labels.triangles], np.int64)
+    return result
 
 
 def family_png(shapes: Sequence[Shown], parts: Sequence[str]) -> bytes:
@@ -402,10 +404,10 @@ def family_png(shapes: Sequence[Shown], parts: Sequence[str]) -> bytes:
 
 
 def _drawn(shape: Shown) -> Image.Image:
-    positions, triangles, found = shape
+    positions, triangles, colours = shape
     coloured = []
-    for part in np.unique(found):
-        rows, faces = np.unique(triangles[found == part], return_inverse=True)
+    for part in np.unique(colours):
+        rows, faces = np.unique(triangles[colours == part], return_inverse=True)
         colour = COLOURS[part % len(COLOURS)]
         coloured.append(Primitive(positions[rows], faces.reshape(-1, 3), material=f"part {part}", base_color=colour))
     asset = load_asset(build_glb(coloured), "shape.glb", Limits.unlimited())
@@ -474,8 +476,8 @@ def wall_shape(
     pieces = []
     for part in np.unique(parts):
         piece = _welded(verts, triangles[parts == part])
-        wanted = max(int(share * len(piece.faces)), _LEAST)
-        less = simplified(piece, wanted) if len(piece.faces) > wanted and share < 1 else piece
+        fewest = max(int(share * len(piece.faces)), _LEAST)
+        less = simplified(piece, fewest) if len(piece.faces) > fewest and share < 1 else piece
         pieces.append((less if len(less.faces) else piece, part))
     starts = np.cumsum([0, *(len(piece.verts) for piece, _ in pieces)])
     return WallShape(
@@ -524,15 +526,15 @@ class SynthesisResults:
         """Return all artifacts by name."""
         search = self.params.mode is SynthesisMode.SEARCH
         found = self._neighbours() if search else None
-        made: dict[str, ArtifactData] = {}
+        artifacts: dict[str, ArtifactData] = {}
         if found is None:
             glb = "model/gltf-binary"
-            made["result.glb"] = ArtifactData(self.shapes[0], glb)
+            artifacts["result.glb"] = ArtifactData(self.shapes[0], glb)
             files = {self._name(number): shape for number, shape in enumerate(self.shapes)}
-            made["shapes.zip"] = ArtifactData(zipped(files), "application/zip")
+            artifacts["shapes.zip"] = ArtifactData(zipped(files), "application/zip")
             points, exists = (np.stack([each[i] for each in self.drawn]) for i in (0, 1))
             arrays = {"points": points, "exists": exists, "part": self.family.labels}
-            made["points.npz"] = packed_arrays(arrays)
+            artifacts["points.npz"] = packed_arrays(arrays)
             pictures = [load_asset(shape, self._name(n), self.limits) for n, shape in enumerate(self.shapes)]
             titles = [str(number) for number in range(len(pictures))]
             shapes = [self._shape(number, asset) for number, asset in enumerate(pictures)]
@@ -541,21 +543,21 @@ class SynthesisResults:
             pictures = [self.load(row) for row in rows]
             titles = [self.family.names[row] for row in rows]
             shapes = [self._member(row, asset, len(rows)) for row, asset in zip(rows, pictures, strict=True)]
-        made["wall.glb"] = wall(shapes, self.family.parts, self.family.labels)
-        made["preview.png"] = ArtifactData(assets_png(pictures, titles), "image/png")
-        made["report.json"] = ArtifactData(self._report(found), "application/json")
-        return made
+        artifacts["wall.glb"] = wall(shapes, self.family.parts, self.family.labels)
+        artifacts["preview.png"] = ArtifactData(assets_png(pictures, titles), "image/png")
+        artifacts["report.json"] = ArtifactData(self._report(found), "application/json")
+        return artifacts
 
     def _shape(self, number: int, asset: Asset) -> WallShape:
         parts, frame = asset.parts(), self.about[number]["frame"]
-        found = np.zeros(len(asset.surface.triangles), np.uint8)
+        numbers = np.zeros(len(asset.surface.triangles), np.uint8)
         for node in parts.nodes:
-            found[parts.in_node(node["index"])] = self.family.parts.index(node["name"])
+            numbers[parts.in_node(node["index"])] = self.family.parts.index(node["name"])
         points, exists = self.drawn[number]
         return wall_shape(
             self._name(number),
             asset.surface,
-            found,
+            numbers,
             points,
             exists.astype(np.float32),
             centre=np.array(frame["centre"]),
@@ -586,10 +588,10 @@ class SynthesisResults:
         """Return the members nearest to the one that is searched for, without itself."""
         query = self.members[0]
         shape = self.family.points[query], self.family.exists[query]
-        found = nearest_members(self.family, *shape, self.params.count + 1)
-        return [each for each in found if each["name"] != self.family.names[query]][: self.params.count]
+        nearest = nearest_members(self.family, *shape, self.params.count + 1)
+        return [each for each in nearest if each["name"] != self.family.names[query]][: self.params.count]
 
-    def _report(self, found: list[dict[str, Any]] | None) -> bytes:
+    def _report(self, neighbours: list[dict[str, Any]] | None) -> bytes:
         clean = np.isfinite(self.defects) & (self.defects <= self.params.max_defect)
         read = np.isfinite(self.defects)
         warnings = []
@@ -614,7 +616,7 @@ class SynthesisResults:
                 for part, name in enumerate(self.family.parts)
             },
             "shapes": [{"name": self._name(number), **about} for number, about in enumerate(self.about)],
-            "nearest_members": found,
+            "nearest_members": neighbours,
             "warnings": warnings,
         }
         return json.dumps(report, indent=1, allow_nan=False).encode()

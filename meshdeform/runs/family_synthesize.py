@@ -42,19 +42,19 @@ def machine_of(family: FamilyFile) -> BetaMachine:
     return BetaMachine(weights, torch.from_numpy(np.array(family.machine["sees"])))
 
 
-def start(given: RunInput) -> FamilySynthesisRun:
+def start(job_input: RunInput) -> FamilySynthesisRun:
     """Read the family, find its assets, and prepare the run.
 
     Raises AssetError, RequestError, CheckpointError: the input cannot be run; the error says what to do.
     """
-    params = params_of(given.request, FamilySynthesisParams)
-    limits = given.limits or Limits()
-    files = {name: given.files[name] for name in ("family", "collection")}
+    params = params_of(job_input.request, FamilySynthesisParams)
+    limits = job_input.limits or Limits()
+    files = {name: job_input.files[name] for name in ("family", "collection")}
     digests = {name: file.digest for name, file in files.items()}
     family = read_family(files["family"].data, limits)
     assets = open_collection(files["collection"].data, limits).assets
     run = fingerprint(kind="family_synthesize", params=params.model_dump(mode="json"), **digests)
-    state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
+    state = load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None
     return FamilySynthesisRun(family, assets, params, limits, run, digests, state)
 
 
@@ -183,26 +183,26 @@ class FamilySynthesisRun(JobRun):
             self._assembler = Assembler(self._family, self._load, self._defects, self._params.max_defect)
         diagonal, centre, draws = self._draws(number)
         tried: list[tuple[Assembly, Drawn]] = []
-        for drawn in draws:
-            choice = self._assembler.chosen(drawn) | dict.fromkeys(self._keep, (self._members or [0])[0])
+        for draw in draws:
+            choice = self._assembler.chosen(draw) | dict.fromkeys(self._keep, (self._members or [0])[0])
             if not choice:
                 continue
-            made = self._assembler.assemble(
-                drawn.points, drawn.exists, choice, kept=self._keep, diagonal=diagonal, centre=centre
+            assembly = self._assembler.assemble(
+                draw.points, draw.exists, choice, kept=self._keep, diagonal=diagonal, centre=centre
             )
-            tried.append((made, drawn))
-            if made.fault < _GOOD:
+            tried.append((assembly, draw))
+            if assembly.fault < _GOOD:
                 break
         if not tried:
             raise AssetError(
                 f"Shape {number} has no point that any member has.",
                 advice="Take another seed, or run family_fit again with more points.",
             )
-        made, drawn = min(tried, key=lambda each: each[0].fault)
-        self._shapes.append(assemble(made.pieces, {"kind": "family_synthesize", "shape": number}))
-        self._drawn.append((drawn.points, drawn.exists))
+        assembly, draw = min(tried, key=lambda each: each[0].fault)
+        self._shapes.append(assemble(assembly.pieces, {"kind": "family_synthesize", "shape": number}))
+        self._drawn.append((draw.points, draw.exists))
         frame = {"centre": [float(value) for value in centre], "diagonal": float(diagonal)}
-        self._about.append({"frame": frame, **self._described(made, drawn)})
+        self._about.append({"frame": frame, **self._described(assembly, draw)})
 
     def _draws(self, number: int) -> tuple[float, NDArray[np.float64], Iterable[Drawn]]:
         """Return the diagonal and the centre of a shape, and its draws, of which the first good one is taken."""
@@ -219,9 +219,9 @@ class FamilySynthesisRun(JobRun):
         middle = np.median(family.centres, axis=0)
         return float(np.median(family.diagonals)), middle, (sampled(family, random, mixed=mixed) for mixed in _TRIES)
 
-    def _described(self, made: Assembly, drawn: Drawn) -> dict[str, Any]:
+    def _described(self, assembly: Assembly, draw: Drawn) -> dict[str, Any]:
         family = self._family
-        points, exists = self._known(drawn.points[None], drawn.exists[None])
+        points, exists = self._known(draw.points[None], draw.exists[None])
         energy = float(self._energy(points, exists)[0])
         parts = [
             {
@@ -233,14 +233,14 @@ class FamilySynthesisRun(JobRun):
                 "penetration": each.penetration,
                 "boundary_defect": float(self._defects[each.member, each.number]),
             }
-            for each in made.parts
+            for each in assembly.parts
         ]
         return {
             "parts": parts,
-            "loose": [family.parts[part] for part in made.loose],
+            "loose": [family.parts[part] for part in assembly.loose],
             "free_energy": energy,
             "plausibility": self._energy.plausibility(energy),
-            "nearest_members": nearest_members(family, drawn.points, drawn.exists, 3),
+            "nearest_members": nearest_members(family, draw.points, draw.exists, 3),
         }
 
     def _resume(self, state: Checkpoint) -> None:
@@ -259,19 +259,19 @@ def _bytes(data: bytes) -> Tensor:
 
 
 def _asset_of(assets: dict[str, bytes], name: str) -> bytes:
-    for wanted in (name, f"{name}.glb", str(PurePosixPath(name).with_suffix(".glb"))):
-        if wanted in assets:
-            return assets[wanted]
+    for candidate in (name, f"{name}.glb", str(PurePosixPath(name).with_suffix(".glb"))):
+        if candidate in assets:
+            return assets[candidate]
     raise AssetError(f"The collection has no {name[:100]!r}, which the family was fitted to.", advice=_ITS_COLLECTION)
 
 
 def _member(family: FamilyFile, name: str, place: int) -> int:
-    found = family.member(name)
-    if found is None:
+    number = family.member(name)
+    if number is None:
         detail = f"The family has no member {name[:100]!r}."
         advice = f"It has: {', '.join(family.names[:8])}{' ...' if len(family.names) > 8 else ''}."
         raise ParameterError.at(["params", "members", place], detail, advice)
-    return found
+    return number
 
 
 def _part(family: FamilyFile, name: str, member: int, place: int) -> int:

@@ -96,33 +96,33 @@ class GoalSource:
     prompts: Prompts | None = None  # those of a job with `params.guidance.prompts`
 
 
-def read_goal(request: JobRequest, params: ResolvedParams, given: GoalSource) -> Goal:
+def read_goal(request: JobRequest, params: ResolvedParams, job_input: GoalSource) -> Goal:
     """Return the goal of a job."""
     if params.guidance is GuidanceKind.TARGET:
-        return _fitted(params, given)
-    if given.prompts is not None:
-        pulled = _pictured(given.prompts.texts, params, given)
-        return Goal(given.prompts.main, pulled, shares=given.prompts.shares)
-    return Goal(request.prompt, _pictured(request.prompt, params, given))
+        return _fitted(params, job_input)
+    if job_input.prompts is not None:
+        pulled = _pictured(job_input.prompts.texts, params, job_input)
+        return Goal(job_input.prompts.main, pulled, shares=job_input.prompts.shares)
+    return Goal(request.prompt, _pictured(request.prompt, params, job_input))
 
 
-def _fitted(params: ResolvedParams, given: GoalSource) -> Goal:
-    file = given.target
+def _fitted(params: ResolvedParams, job_input: GoalSource) -> Goal:
+    file = job_input.target
     if file is None:
         raise ParameterError(
             "params.guidance is `target`, but there is no target mesh.", advice="Send one as the part `target`."
         )
-    fit = TargetFit.of(params, given.asset, given.world, load_asset(file.data, file.filename, given.limits))
-    return Goal("", fit.guidance(given.rest, params, given.device, sha256_hex(file.data)), fit)
+    fit = TargetFit.of(params, job_input.asset, job_input.world, load_asset(file.data, file.filename, job_input.limits))
+    return Goal("", fit.guidance(job_input.rest, params, job_input.device, sha256_hex(file.data)), fit)
 
 
-def _pictured(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, given: GoalSource) -> Guidance:
+def _pictured(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, job_input: GoalSource) -> Guidance:
     """Return the guidance of prompts, of pictures, or of both."""
-    pictures = given.silhouettes
+    pictures = job_input.silhouettes
     if params.guidance is GuidanceKind.SILHOUETTES and pictures is not None:
-        return pictures.guidance(given.device)
-    guidance = _prompted(prompt, params, given.prior)
-    return guidance if pictures is None else pictures.beside(guidance, given.device)
+        return pictures.guidance(job_input.device)
+    guidance = _prompted(prompt, params, job_input.prior)
+    return guidance if pictures is None else pictures.beside(guidance, job_input.device)
 
 
 def _prompted(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, prior: Prior | None) -> Guidance:
@@ -244,15 +244,15 @@ class TargetFit:
     def measure(self, rest: TriangleMesh, verts: Tensor) -> dict[str, Any]:
         """Return `fit` of the report for a result (V, 3) in the cameras' frame; distances as shares of the diagonal."""
         result = TriangleMesh(verts, rest.faces)
-        found: dict[str, Any] = {
+        measured: dict[str, Any] = {
             **measure_fit(result, self.target).to_dict(),
             "silhouettes": _silhouette_overlap(result, self.target),
             "alignment": self.alignment.to_dict(),
         }
         if self.landmarks:
             reached = _landmark_distances(rest, verts, self.landmarks) / diagonal_of(self.target)
-            found["landmarks"] = {"count": len(reached), "mean": float(reached.mean()), "max": float(reached.max())}
-        return found
+            measured["landmarks"] = {"count": len(reached), "mean": float(reached.mean()), "max": float(reached.max())}
+        return measured
 
 
 def _silhouette_overlap(mesh: TriangleMesh, target: TriangleMesh) -> float:

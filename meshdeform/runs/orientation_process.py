@@ -68,8 +68,8 @@ def orientation_of(
         "limits": asdict(limits),
         "dtype": dtype,
     }
-    found: dict[str, Any] = _QUESTION.ask_about(asset, task, timeout_s)
-    return found
+    answer: dict[str, Any] = _QUESTION.ask_about(asset, task, timeout_s)
+    return answer
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -84,17 +84,17 @@ class TeachRequest:
     size: LessonSize = field(default_factory=LessonSize)
 
 
-def start(given: RunInput) -> LessonRun:
+def start(job_input: RunInput) -> LessonRun:
     """Unpack the meshes, read the weights to start from, and draw the pictures."""
-    params = _params(given)
-    limits = given.limits or Limits()
+    params = _params(job_input)
+    limits = job_input.limits or Limits()
     with ExitStack() as stack:
         base = WEIGHTS
         if is_sent(params.model):
-            base = stack.enter_context(weights_on_disk(given.files[WEIGHTS_PART]))
+            base = stack.enter_context(weights_on_disk(job_input.files[WEIGHTS_PART]))
         elif is_taught(params.model):
             base = Path(params.model).expanduser()
-        file = given.files[MESHES_PART]
+        file = job_input.files[MESHES_PART]
         with hidden_folders([str(base)]):
             request = TeachRequest(
                 synonyms=tuple(params.synonyms),
@@ -105,21 +105,21 @@ def start(given: RunInput) -> LessonRun:
                 config=TeachConfig(steps=params.steps, seed=params.seed),
             )
             meshes = packed_meshes(file.data, file.filename, params, check(base), limits)
-            run = start_lesson(request, meshes, state=given.checkpoint, device=given.device, limits=limits)
+            run = start_lesson(request, meshes, state=job_input.checkpoint, device=job_input.device, limits=limits)
         run.files = stack.pop_all()
         return run
 
 
-def _params(given: RunInput) -> TeachParams:
+def _params(job_input: RunInput) -> TeachParams:
     """Return the parameters stored when the request was accepted, as far as this version can read them."""
-    params = params_of(given.request, TeachParams)
-    if given.resolved is None:
+    params = params_of(job_input.request, TeachParams)
+    if job_input.resolved is None:
         return params
     try:
-        return read_unbounded(TeachParams, given.resolved)
+        return read_unbounded(TeachParams, job_input.resolved)
     except ValidationError:
         # It has the path of a model that the request names by its id.
-        return params.model_copy(update={"model": given.resolved["model"]})
+        return params.model_copy(update={"model": job_input.resolved["model"]})
 
 
 def start_lesson(
@@ -337,7 +337,7 @@ class LessonRun(JobRun):
                 {"step": step, "new": round(a, 5), "old": round(b, 5)} for step, a, b in teacher.measured
             ],
             "retrieval": {
-                "new": _share(sum(found[noun] for noun, found in taken_for.items()), len(shown)),
+                "new": _share(sum(counts[noun] for noun, counts in taken_for.items()), len(shown)),
                 "old_before": _share(hits_before, len(names)),
                 "old_after": _share(hits_after, len(names)),
             },
@@ -375,10 +375,10 @@ def _share(hits: int, count: int) -> dict[str, Any]:
 def _doubts(taken_for: Mapping[str, Counter[str]], before: int, after: int) -> list[str]:
     """Return the warnings that follow from the measures."""
     warnings = [
-        f"Only {found[noun]} of {found.total()} held-out pictures are taken for a {noun}: take more steps or meshes, "
+        f"Only {counts[noun]} of {counts.total()} held-out pictures are taken for a {noun}: take more steps or meshes, "
         "or meshes that differ more from what the model knows."
-        for noun, found in taken_for.items()
-        if found[noun] < _LEARNED * found.total()
+        for noun, counts in taken_for.items()
+        if counts[noun] < _LEARNED * counts.total()
     ]
     if after < before - _FORGOTTEN:
         warnings.append(f"The model takes {after} pictures of old nouns for what they show; before, {before}.")

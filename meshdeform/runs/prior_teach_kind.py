@@ -66,9 +66,9 @@ def _kit(params: TeachParams, known: Words, names: Sequence[str]) -> dict[str, M
         raise ParameterError("A kit has no synonyms.", advice="Leave params.synonyms out, or name one noun.")
     kit = nouns_of_kit(names)
     nouns = list(dict.fromkeys(noun for noun, _ in kit.values()))
-    made = dict(zip(nouns, new_nouns(dict.fromkeys(nouns, ()), known, replace_known=params.replace), strict=True))
+    new = dict(zip(nouns, new_nouns(dict.fromkeys(nouns, ()), known, replace_known=params.replace), strict=True))
     return {
-        name: MeshLabel(noun, attributes_of_folder(label, made[noun]) if label else ())
+        name: MeshLabel(noun, attributes_of_folder(label, new[noun]) if label else ())
         for name, (noun, label) in kit.items()
     }
 

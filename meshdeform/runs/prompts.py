@@ -56,31 +56,31 @@ def read_prompts(
     `prompt`: that of the request; `surface`: in the file's units; `mesh`: the welded mesh in the cameras' frame;
     `control`: with a symmetry, a region has its mirror image as well.
     """
-    given = active_prompts(prompt, params.prompts)
+    active = active_prompts(prompt, params.prompts)
     # Their numbers in the request, for errors.
     numbers = [None] * bool(prompt) + [n for n, each in enumerate(params.prompts) if each.weight > 0]
     faces = [
         None if number is None or not each.regions else _pulled(number, each, surface, control)
-        for number, each in zip(numbers, given, strict=True)
+        for number, each in zip(numbers, active, strict=True)
     ]
     faces = [None if flags is not None and flags.all() else flags for flags in faces]
     if all(flags is None for flags in faces):
-        scale = max(1.0, sum(each.weight for each in given))
-        return Prompts(given, faces, [WeightedPrompt(each.prompt, each.weight / scale) for each in given])
+        scale = max(1.0, sum(each.weight for each in active))
+        return Prompts(active, faces, [WeightedPrompt(each.prompt, each.weight / scale) for each in active])
     masks, groups = _grouped(faces)
     falloff = params.falloff * float(np.linalg.norm(np.ptp(mesh.verts.numpy(), axis=0)))
     pulls = [np.ones(len(mesh.faces)) if mask is None else _pull(mesh, mask, falloff) for mask in masks]
-    total = sum(each.weight * pulls[group] for each, group in zip(given, groups, strict=True))
+    total = sum(each.weight * pulls[group] for each, group in zip(active, groups, strict=True))
     shares = [pull / np.maximum(1.0, total) for pull in pulls]
-    texts = [WeightedPrompt(each.prompt, each.weight, group) for each, group in zip(given, groups, strict=True)]
-    return Prompts(given, faces, texts, shares)
+    texts = [WeightedPrompt(each.prompt, each.weight, group) for each, group in zip(active, groups, strict=True)]
+    return Prompts(active, faces, texts, shares)
 
 
 def _pulled(number: int, prompt: Prompt, surface: SelectableSurface, control: Control) -> _Flags:
     """Return flags (F,) of the faces that a prompt with regions pulls at."""
     place = ("guidance", "prompts", number, "regions")
-    found = np.any([surface.faces(place, at, region) for at, region in enumerate(prompt.regions)], axis=0)
-    flags = np.asarray(~found if prompt.outside else found)
+    pulled = np.any([surface.faces(place, at, region) for at, region in enumerate(prompt.regions)], axis=0)
+    flags = np.asarray(~pulled if prompt.outside else pulled)
     if control.partners is not None:
         flags = flags | _mirrored(flags, surface.mesh, control.partners.axis)
     if not flags.any():
@@ -102,14 +102,14 @@ def _mirrored(flags: _Flags, mesh: RestMesh, axis: int) -> _Flags:
 
 def _grouped(faces: Sequence[_Flags | None]) -> tuple[list[_Flags | None], list[int]]:
     """Return the different regions, and the number of each prompt's among them."""
-    found: list[_Flags | None] = []
+    grouped: list[_Flags | None] = []
     groups = []
     for flags in faces:
-        group = next((n for n, other in enumerate(found) if _same(flags, other)), len(found))
-        if group == len(found):
-            found.append(flags)
+        group = next((n for n, other in enumerate(grouped) if _same(flags, other)), len(grouped))
+        if group == len(grouped):
+            grouped.append(flags)
         groups.append(group)
-    return found, groups
+    return grouped, groups
 
 
 def _same(one: _Flags | None, other: _Flags | None) -> bool:

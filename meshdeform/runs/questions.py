@@ -50,12 +50,12 @@ class Question:
         path.write_text(json.dumps({**task, "asset": str(file.absolute())}))
         return self.ask([str(path)], path.parent, timeout_s)
 
-    def _error(self, found: dict[str, Any]) -> MeshdeformError:
-        if found["code"] == DependencyError.code:
-            return DependencyError(f"{self.lacks}: {found['detail']}", advice=self.instead)
-        if found["code"] == ModelError.code:
-            return ModelError(found["detail"], advice=found["advice"], **found["extra"])
-        return error_from(found)
+    def _error(self, answer: dict[str, Any]) -> MeshdeformError:
+        if answer["code"] == DependencyError.code:
+            return DependencyError(f"{self.lacks}: {answer['detail']}", advice=self.instead)
+        if answer["code"] == ModelError.code:
+            return ModelError(answer["detail"], advice=answer["advice"], **answer["extra"])
+        return error_from(answer)
 
     def _too_much(self, reason: str) -> UnavailableError:
         return UnavailableError(f"{self.cannot} {reason}", advice=self.instead)

@@ -55,10 +55,10 @@ def _glb(components: int) -> bytes:
     return build_glb(mesh.verts.numpy(), mesh.faces.numpy())
 
 
-def _run(glb: bytes, document: dict[str, Any], **given: Any) -> JobRun:
+def _run(glb: bytes, document: dict[str, Any], **files: Any) -> JobRun:
     document["params"] = {"preset": "preview", "steps": 2, **document.get("params", {})}
     request = JobRequest.model_validate(document)
-    run = text_deform.start(job_input(asset=glb, filename="sphere.glb", request=request, **given))
+    run = text_deform.start(job_input(asset=glb, filename="sphere.glb", request=request, **files))
     for _ in run:
         pass
     return run

@@ -44,13 +44,13 @@ def shape_of(sketch: Sketch, folder: Path, *, timeout_s: float) -> bytes:
     Raises DependencyError: Numpy is not installed here. Raises UnavailableError: it took too long, or no process can be
     started.
     """
-    found = _asked(["shape", sketch.model_dump_json()], folder.absolute(), timeout_s)
-    return base64.b64decode(found["mesh"])
+    answer = _asked(["shape", sketch.model_dump_json()], folder.absolute(), timeout_s)
+    return base64.b64decode(answer["mesh"])
 
 
 def _asked(arguments: list[str], folder: Path, timeout_s: float) -> dict[str, Any]:
-    found: dict[str, Any] = _QUESTION.ask(arguments, folder, timeout_s)
-    return found
+    answer: dict[str, Any] = _QUESTION.ask(arguments, folder, timeout_s)
+    return answer
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -68,7 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _guessed(path: str, family: str) -> dict[str, Any]:
     from meshdeform.kinds.sketch.looking import guess, is_unsure
 
-    found = guess(Path(path).read_bytes(), family=family)
+    answer = guess(Path(path).read_bytes(), family=family)
     guesses = [
         {
             "family": each.family,
@@ -76,9 +76,9 @@ def _guessed(path: str, family: str) -> dict[str, Any]:
             "values": each.values,
             "mesh": base64.b64encode(each.glb()).decode(),
         }
-        for each in found
+        for each in answer
     ]
-    return {"guesses": guesses, "unsure": is_unsure(found, family=family)}
+    return {"guesses": guesses, "unsure": is_unsure(answer, family=family)}
 
 
 def _shaped(document: str) -> dict[str, Any]:

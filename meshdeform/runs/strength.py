@@ -58,13 +58,13 @@ class AssetPath:
         The positions at the ends are exact.
         """
         surface, verts = self._source.surface, self._path.at(share)
-        found = deformed_surface(surface, self._welded, verts)
+        deformed = deformed_surface(surface, self._welded, verts)
         # What welding merges may differ in the last bits, and no face uses some vertices.
         ends = self._welded.scatter(self._ends, surface.positions)
-        positions = found.positions + share * (self._result - ends)
+        positions = deformed.positions + share * (self._result - ends)
         if share in (0, 1):
             positions = self._result if share else surface.positions
-        return dataclasses.replace(found, positions=positions)
+        return dataclasses.replace(deformed, positions=positions)
 
     def edit_map(self, share: float, *, with_rig: bool) -> EditMap:
         """Return the transfer of the shape at a share of the way, with the moves of the joints or without."""
@@ -141,10 +141,10 @@ def with_strength(
         surface = source.surface
         return source.replace(surface.positions, compact=compact, provenance=origin)
     path = AssetPath(source, end.surface.positions)
-    found = path.at(strength)
+    shape_at = path.at(strength)
     # The rig follows where that of the result did.
     jacobians = None if source.rig_digest() == end.rig_digest() else path.jacobians(strength)
-    shape = found.positions, found.normals, found.tangents
+    shape = shape_at.positions, shape_at.normals, shape_at.tangents
     return source.replace(*shape, jacobians=jacobians, compact=compact, provenance=origin)
 
 
@@ -169,13 +169,13 @@ def with_edit(asset: Asset, edit: EditMap, outside: Outside = Outside.REFUSE, *,
     """
     welded = welded_surface(asset, BackdropMode.DEFORM)
     verts = edit.move(welded.mesh, outside)
-    found = deformed_surface(asset.surface, welded, verts)
-    shape = found.positions, found.normals, found.tangents
+    deformed = deformed_surface(asset.surface, welded, verts)
+    shape = deformed.positions, deformed.normals, deformed.tangents
     if edit.joints is None:
         return asset.replace(*shape, compact=compact)
     jacobians = vertex_jacobians(welded, verts)
     joints = {}
-    for node, (name, move) in asset.joint_moves(found.positions, jacobians).items():
+    for node, (name, move) in asset.joint_moves(deformed.positions, jacobians).items():
         same = edit.same_joint(name, move.place)
         joints[node] = move if same is None else JointMove(move.place, same[:3], float(same[3]))
     return asset.replace(*shape, jacobians=jacobians, joints=joints, compact=compact)
@@ -196,8 +196,8 @@ def write_morph(
     """
     targets = []
     for number, share in enumerate(morph.shares(), 1):
-        found = result if share == 1 else path.at(share)
+        shape_at = result if share == 1 else path.at(share)
         name = ANIMATION_NAME if share == 1 else f"{ANIMATION_NAME} {number}/{morph.frames}"
-        targets.append(MorphTarget(name, found.positions, found.normals, found.tangents))
+        targets.append(MorphTarget(name, shape_at.positions, shape_at.normals, shape_at.tangents))
     track = Track(morph.times(), morph.weights())
     return source.morph(targets, track=track, compact=compact, provenance=provenance)

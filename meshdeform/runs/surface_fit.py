@@ -61,14 +61,14 @@ _ANCHOR_SLACK = 0.1
 """Share of the diagonal by which an anchor may be outside of the bounding box."""
 
 
-def start(given: RunInput) -> SurfaceFitRun:
+def start(job_input: RunInput) -> SurfaceFitRun:
     """Read the surface, make its base, and prepare the fit."""
-    log, params = RunLog(), params_of(given.request, SurfaceFitParams, given.resolved)
-    file = given.files["asset"]
+    log, params = RunLog(), params_of(job_input.request, SurfaceFitParams, job_input.resolved)
+    file = job_input.files["asset"]
     sha256 = file.digest
     with log.phase("read"):
-        source, asset = _source(given)
-        own = _own_base(given)
+        source, asset = _source(job_input)
+        own = _own_base(job_input)
         surface = surface_of(source, params.base_faces if own is None else MAX_BASE_FACES)
     with log.phase("base"):
         around = surface.reference.verts
@@ -80,12 +80,12 @@ def start(given: RunInput) -> SurfaceFitRun:
             around = np.concatenate([around, verts])
         frame = FieldFrame.around(around)
         base = encode_base(np.clip(frame.enter(verts), -1, 1), faces)
-    more = {"base": given.files["base"].digest} if own is not None else {}
-    asked = params.model_dump(mode="json")
+    more = {"base": job_input.files["base"].digest} if own is not None else {}
+    requested = params.model_dump(mode="json")
     shape = fingerprint(
         asset=sha256, **more, **params.model_dump(include={"base_faces", "features", "octaves", "width", "depth"})
     )
-    run = fingerprint(kind="surface_fit", asset=sha256, **more, params=asked)
+    run = fingerprint(kind="surface_fit", asset=sha256, **more, params=requested)
     options = FitOptions(**params.model_dump(include=set(FitOptions.__dataclass_fields__)))
     fit = FieldFit(
         surface,
@@ -93,25 +93,25 @@ def start(given: RunInput) -> SurfaceFitRun:
         base.verts,
         base.faces,
         options,
-        checkpoint=load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None,
-        initial=load_shape(given.initial, shape) if given.initial is not None else None,
+        checkpoint=load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None,
+        initial=load_shape(job_input.initial, shape) if job_input.initial is not None else None,
         anchors=_anchors(params, frame, frame.leave(base.verts), surface.reference.verts),
     )
     warnings = list(warnings_about(source))
     facts = {"filename": file.filename, "bytes": len(file.data), "sha256": sha256, "warnings": warnings}
     scalars = None
-    if "scalars" in given.files:
-        scalars = read_scalar_file(given.files["scalars"].data)
+    if "scalars" in job_input.files:
+        scalars = read_scalar_file(job_input.files["scalars"].data)
         check_places(surface.reference.verts, surface.reference.faces, scalars)
-    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, log, scalars, asset, given.on_wait)
+    return SurfaceFitRun(surface, frame, base, fit, params, facts, run, shape, log, scalars, asset, job_input.on_wait)
 
 
-def _own_base(given: RunInput) -> CleanMesh | None:
+def _own_base(job_input: RunInput) -> CleanMesh | None:
     """Return the base that was sent, if there is one."""
-    file = given.files.get("base")
+    file = job_input.files.get("base")
     if file is None:
         return None
-    surface = load_asset(file.data, file.filename, given.limits).surface
+    surface = load_asset(file.data, file.filename, job_input.limits).surface
     if len(surface.triangles) > MAX_BASE_FACES:
         raise AssetTooLargeError(
             f"The base has {len(surface.triangles)} faces; the limit is {MAX_BASE_FACES}.", advice="Simplify it."
@@ -122,11 +122,11 @@ def _own_base(given: RunInput) -> CleanMesh | None:
 def _check_base(verts: _Floats, surface: _Floats) -> None:
     """Refuse a base of another size than the surface, or elsewhere: no projection leads from one to the other."""
     (low, high), (least, most) = ((each.min(0), each.max(0)) for each in (verts, surface))
-    ours, wanted = float(np.linalg.norm(high - low)), float(np.linalg.norm(most - least))
+    ours, theirs = float(np.linalg.norm(high - low)), float(np.linalg.norm(most - least))
     apart = float(np.linalg.norm((low + high - least - most) / 2))
-    if not (wanted / _MOST_SIZES < ours < _MOST_SIZES * wanted and apart < ours + wanted):
+    if not (theirs / _MOST_SIZES < ours < _MOST_SIZES * theirs and apart < ours + theirs):
         raise AssetError(
-            f"The base (diagonal {ours:.4g}) lies elsewhere than the surface (diagonal {wanted:.4g}, {apart:.4g} away) "
+            f"The base (diagonal {ours:.4g}) lies elsewhere than the surface (diagonal {theirs:.4g}, {apart:.4g} away) "
             "or has another size.",
             advice="Send it in the coordinates of the asset, around the surface.",
         )
@@ -151,32 +151,32 @@ def _anchors(
 
 
 def _source(
-    given: RunInput,
+    job_input: RunInput,
 ) -> tuple[CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork, Asset | None]:
     """Return what the file describes, and the asset if that is a mesh."""
-    file = given.files["asset"]
-    found = read_surface_file(file.data, file.filename, given.limits)
-    if found is not None:
-        return found, None
-    asset = load_asset(file.data, file.filename, given.limits)
+    file = job_input.files["asset"]
+    surface = read_surface_file(file.data, file.filename, job_input.limits)
+    if surface is not None:
+        return surface, None
+    asset = load_asset(file.data, file.filename, job_input.limits)
     return clean(asset.surface.positions, asset.surface.triangles), asset
 
 
 def _warnings(level: dict[str, Any], cleaned: dict[str, int]) -> list[str]:
     """Return what must be said of a result."""
-    found, distance = [], level["distance"]
+    warnings, distance = [], level["distance"]
     if cleaned.get("turned_normals"):
-        found.append("The normals of the points faced inside; they were turned.")
+        warnings.append("The normals of the points faced inside; they were turned.")
     if distance["reversed_faces"]:
-        told = f"{distance['reversed_faces']} of {level['faces']} triangles face the other way than the surface"
+        sentence = f"{distance['reversed_faces']} of {level['faces']} triangles face the other way than the surface"
         advice = "More steps, more anchors or a base that is more like the surface unfold it."
-        found.append(f"{told}: it is folded. {advice}" if distance["reversed"] > _REVERSED else f"{told}.")
+        warnings.append(f"{sentence}: it is folded. {advice}" if distance["reversed"] > _REVERSED else f"{sentence}.")
     if distance["from_input"]["p99"] > _UNCOVERED:
-        found.append(
+        warnings.append(
             f"A hundredth of the input is {distance['from_input']['p99']:.1%} of the diagonal or more away from the "
             "result: parts of it are missing. Set params.base_faces and params.steps higher, or send more points."
         )
-    return found
+    return warnings
 
 
 class SurfaceFitRun(JobRun):
@@ -218,14 +218,14 @@ class SurfaceFitRun(JobRun):
     def finish(self) -> dict[str, ArtifactData]:
         """Return the container, the levels, the intrinsic triangulation, the report and the picture."""
         with self.log.phase("unfold"):
-            made = {"source": self._facts["sha256"], "seed": self._params.seed, "steps": self.step}
+            provenance = {"source": self._facts["sha256"], "seed": self._params.seed, "steps": self.step}
             write = partial(
                 write_field,
                 self._base,
                 self._fit.field,
                 centre=self._frame.centre,
                 scale=self._frame.scale,
-                provenance=made,
+                provenance=provenance,
                 rounding=self._fit.rounding,
             )
             data = write()
@@ -270,11 +270,11 @@ class SurfaceFitRun(JobRun):
 
     def _colour(self, artifacts: dict[str, ArtifactData], field: NeuralField) -> bool:
         """Give the highest level the colours of the asset, and return whether it has any."""
-        found = coloured_level(self._asset, field, self._params.level) if self._asset is not None else None
-        if found is None:
+        coloured = coloured_level(self._asset, field, self._params.level) if self._asset is not None else None
+        if coloured is None:
             return False
         name = f"level_{self._params.level}.glb"
-        artifacts[name] = ArtifactData(found, _GLB)
+        artifacts[name] = ArtifactData(coloured, _GLB)
         self._facts["warnings"].append(
             f"The colours of the asset are in {name} alone, as a texture of its own; the .ndf and other levels have "
             "none. Transparency, metalness, roughness, normal maps, rigs and animations are lost."
@@ -351,9 +351,9 @@ def coloured_level(asset: Asset, field: NeuralField, level: int) -> bytes | None
     texture, out = baked.paints[0].texture, io.BytesIO()
     assert texture is not None
     Image.fromarray(texture.pixels).convert("RGB").save(out, "PNG")
-    found = np.repeat(np.arange(len(faces)), 3)
-    _, weights = within_base(field.faces, divided, found, np.tile(np.eye(3), (len(faces), 1)))
-    tiles = baked.texcoords.reshape(-1, 3, 2)[found // 4**level]
+    corners = np.repeat(np.arange(len(faces)), 3)
+    _, weights = within_base(field.faces, divided, corners, np.tile(np.eye(3), (len(faces), 1)))
+    tiles = baked.texcoords.reshape(-1, 3, 2)[corners // 4**level]
     primitive = Primitive(
         verts[faces].reshape(-1, 3),
         np.arange(3 * len(faces)).reshape(-1, 3),

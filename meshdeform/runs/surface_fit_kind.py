@@ -15,16 +15,16 @@ _SAME = ("base_faces", "features", "octaves", "width", "depth")
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     """Return the branch's request with the base and the network of its job, whose weights it starts with."""
-    wanted, own = params_of(job, SurfaceFitParams), params_of(branch, SurfaceFitParams)
+    requested, own = params_of(job, SurfaceFitParams), params_of(branch, SurfaceFitParams)
     for name in _SAME:
-        if name in own.model_fields_set and getattr(own, name) != getattr(wanted, name):
+        if name in own.model_fields_set and getattr(own, name) != getattr(requested, name):
             raise ParameterError.at(
                 ["params", name],
                 f"A branch starts with the weights of its job, so it needs the same params.{name}.",
                 f"Leave params.{name} out, or post a new job.",
                 message="differs from that of the job",
             )
-    params = own.model_copy(update={name: getattr(wanted, name) for name in _SAME})
+    params = own.model_copy(update={name: getattr(requested, name) for name in _SAME})
     return branch.model_copy(update={"params": params})
 
 

@@ -114,8 +114,8 @@ def _transform(vectors: _Floats, triangles: NDArray[np.int64], maps: Tensor, are
     usable = length > 1e-9 * np.maximum(scale, 1e-300)
     # A unit vector rounded to float32 keeps its length, so that it rounds to the same float32 again.
     source_length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    wanted = np.where(np.abs(source_length - 1) < _ROUNDING, source_length, 1.0)
-    return np.where(usable, moved * (wanted / np.where(usable, length, 1.0)), vectors)
+    lengths = np.where(np.abs(source_length - 1) < _ROUNDING, source_length, 1.0)
+    return np.where(usable, moved * (lengths / np.where(usable, length, 1.0)), vectors)
 
 
 @dataclass(frozen=True)
@@ -144,10 +144,10 @@ def vertex_jacobians(welded: WeldedMesh, verts: Tensor) -> _Floats:
     total.index_add_(0, faces, (areas[:, None, None] * bent).repeat_interleave(3, 0))
     weight = torch.zeros(len(rest.verts), dtype=torch.float64).index_add_(0, faces, areas.repeat_interleave(3))
     around = (identity + total / weight.clamp_min(1e-300)[:, None, None]).numpy()
-    found = np.tile(np.eye(3), (len(welded.vertex_map), 1, 1))
+    jacobians = np.tile(np.eye(3), (len(welded.vertex_map), 1, 1))
     used = welded.vertex_map >= 0
-    found[used] = around[welded.vertex_map[used]]
-    return found
+    jacobians[used] = around[welded.vertex_map[used]]
+    return jacobians
 
 
 def deformed_surface(surface: Surface, welded: WeldedMesh, verts: Tensor) -> DeformedSurface:
@@ -238,10 +238,10 @@ def _without(asset: Asset, exclude: Sequence[str | int]) -> Asset:
 
 def drawn_triangles(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> NDArray[np.bool_]:
     """Return flags (T,) of the triangles of the surface that are drawn and deformed: all but a backdrop's."""
-    found = asset.backdrop
-    if found is None or not found.left or backdrop is BackdropMode.DEFORM:
+    hidden = asset.backdrop
+    if hidden is None or not hidden.left or backdrop is BackdropMode.DEFORM:
         return np.ones(len(asset.surface.triangles), bool)
-    return ~found.triangles
+    return ~hidden.triangles
 
 
 def welded_surface(asset: Asset, backdrop: BackdropMode = BackdropMode.LEAVE) -> WeldedMesh:

@@ -71,15 +71,15 @@ _ON_ORIGIN = 0.01
 """Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""
 
 
-def start(given: RunInput) -> JobRun:
+def start(job_input: RunInput) -> JobRun:
     """Read the files and start the run; a prompt that is a change in plain words is carried out at once."""
     log = RunLog()
-    request, file, limits, device = given.request, given.files["asset"], given.limits, given.device
-    params = resolved_params(request, given.default_model, given.resolved)
+    request, file, limits, device = job_input.request, job_input.files["asset"], job_input.limits, job_input.device
+    params = resolved_params(request, job_input.default_model, job_input.resolved)
     sentence = asked_changes(request.prompt, params)
     # A change needs no prior; whether a description is one, only the asset tells.
-    prior = load_sent(params.model, given) if params.guidance is GuidanceKind.SDS and sentence is None else None
-    target = given.files.get("target")
+    prior = load_sent(params.model, job_input) if params.guidance is GuidanceKind.SDS and sentence is None else None
+    target = job_input.files.get("target")
     file = replace(file, sha256=file.digest)
     with log.phase("read"):
         asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)
@@ -87,10 +87,10 @@ def start(given: RunInput) -> JobRun:
     facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, device)
     recognised = None
     if sentence is not None:
-        change, recognised = _change(facts, sentence, given, log)
+        change, recognised = _change(facts, sentence, job_input, log)
         if change is not None:
             return change
-        prior = load_sent(params.model, given)
+        prior = load_sent(params.model, job_input)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(file.sha256 or "", asset, params, request.output)
@@ -99,7 +99,9 @@ def start(given: RunInput) -> JobRun:
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
         pictures = [
-            given.files[part].data for part in SILHOUETTE_PARTS[: len(params.silhouettes)] if part in given.files
+            job_input.files[part].data
+            for part in SILHOUETTE_PARTS[: len(params.silhouettes)]
+            if part in job_input.files
         ]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
         source = GoalSource(asset, welded.mesh, mesh, prior, target, silhouettes, limits, device, prompts)
@@ -111,7 +113,7 @@ def start(given: RunInput) -> JobRun:
             guidance=goal.guidance.identity,
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
-        state = load_checkpoint(given.checkpoint, run) if given.checkpoint is not None else None
+        state = load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None
         key, named = asset_key(shape, params, prior), recognised
         recognised = recognised_again(key, lambda: known_source(welded.mesh, prior, params, named, _joints(asset)))
         front, front_key = front_again(key, front_of(recognised, prior, params, request.prompt), recognised)
@@ -121,7 +123,7 @@ def start(given: RunInput) -> JobRun:
             params,
             device=device,
             checkpoint=state,
-            initial=load_shape(given.initial, shape) if given.initial is not None else None,
+            initial=load_shape(job_input.initial, shape) if job_input.initial is not None else None,
             bodies=control.bodies,
             appearance=welded_appearance(asset.appearance(), welded) if sees_colours(params) else None,
             constraints=control.constraints,
@@ -151,12 +153,12 @@ def _joints(asset: Asset) -> list[str]:
 
 
 def _change(
-    facts: AssetFacts, sentence: Sentence, given: RunInput, log: RunLog
+    facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: RunLog
 ) -> tuple[JobRun | None, Recognition | None]:
     """Return the run of a change in plain words, or None and what the source was recognised as, if it was asked."""
     if is_change(sentence):
         return start_change(facts, sentence, None, log), None
-    if given.initial is not None or given.checkpoint is not None:
+    if job_input.initial is not None or job_input.checkpoint is not None:
         return None, None
     recognised = recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
     if not recognised.sure or recognised.noun != sentence.noun:

@@ -139,10 +139,10 @@ def _prompts(request: JobRequest) -> list[_PlacedPrompt]:
     if not active_prompts(request.prompt, params.prompts):
         advice = "Give one of them a weight, or set prompt."
         raise ParameterError.at(["params", "guidance", "prompts"], "All prompts have the weight 0.", advice)
-    found: list[_PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
+    prompts: list[_PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
     for number, each in enumerate(params.prompts):
-        found.append((["params", "guidance", "prompts", number, "prompt"], each.prompt))
-    return found
+        prompts.append((["params", "guidance", "prompts", number, "prompt"], each.prompt))
+    return prompts
 
 
 def _check_prompts(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> None:
@@ -195,21 +195,21 @@ def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str
             detail = "There is a prompt, and `silhouettes` guidance does not use it."
             advice = 'Use {"kind": "sds"} to use both, or leave the prompt out.'
             raise ParameterError.at(["params", "guidance"], detail, advice)
-    wanted = SILHOUETTE_PARTS[: len(views)]
-    for number, name in enumerate(wanted):
+    parts = SILHOUETTE_PARTS[: len(views)]
+    for number, name in enumerate(parts):
         if name not in present:
             detail = f"params.guidance.silhouettes has {len(views)} entries, and the part `{name}` is missing."
             raise ParameterError.at(
                 ["params", "guidance", "silhouettes", number], detail, f"Send the picture as the part `{name}`."
             )
-    for name in sorted(set(present) - set(wanted)):
+    for name in sorted(set(present) - set(parts)):
         detail = f"The part `{name}` was sent, and params.guidance.silhouettes has {len(views)} entries."
         advice = "Give each picture an entry with its azimuth, in the order of the parts."
         raise ParameterError.at(["params", "guidance", "silhouettes"], detail, advice)
     for number, view in enumerate(views):
         for other in range(number):
             if _same(view, views[other]):
-                detail = f"`{wanted[other]}` and `{wanted[number]}` have the same azimuth and elevation."
+                detail = f"`{parts[other]}` and `{parts[number]}` have the same azimuth and elevation."
                 raise ParameterError.at(
                     ["params", "guidance", "silhouettes", number],
                     detail,
@@ -302,14 +302,14 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
 
 
 def _check_files(request: JobRequest, params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
-    found = files["asset"]
+    asset = files["asset"]
     # Subdivision numbers anew. What is excluded only makes them fewer.
-    triangles = None if request.output.subdivide else found.triangles
-    lists = {name: getattr(found, name) for name in ("nodes", "mesh_names", "materials", "joints")}
+    triangles = None if request.output.subdivide else asset.triangles
+    lists = {name: getattr(asset, name) for name in ("nodes", "mesh_names", "materials", "joints")}
     # A list of that length may be incomplete; the run then refuses what selects nothing.
     complete = {name: parts for name, parts in lists.items() if len(parts) < MAX_PARTS}
     if "nodes" in complete:
-        find_excluded(params.exclude, found.nodes)
+        find_excluded(params.exclude, asset.nodes)
     check_selections(("control", "rigid"), params.rigid, complete, triangles)
     check_selections(("control", "regions"), params.regions, complete, triangles)
     for number, prompt in enumerate(params.prompts):
@@ -317,7 +317,7 @@ def _check_files(request: JobRequest, params: ResolvedParams, files: Mapping[str
     check_places(params, {part: file.bounds for part, file in files.items()})
     if not request.output.subdivide:
         for number, handle in enumerate(params.handles):
-            check_vertex(("control", "handles", number, "vertex"), handle.vertex, found.vertices)
+            check_vertex(("control", "handles", number, "vertex"), handle.vertex, asset.vertices)
     for number, pair in enumerate(params.landmarks):
         for name, place, part in (("source", pair.source, "asset"), ("target", pair.target, _TARGET)):
             if isinstance(place, int) and part in files and not (name == "source" and request.output.subdivide):
@@ -353,16 +353,16 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
 def _with_same(place: tuple[str, ...], job: M, branch: M, names: Sequence[str]) -> M:
     """Return a group of a branch's request with these members of its job; refuse other values."""
     for name in names:
-        wanted, where = getattr(job, name), ".".join((*place, name))
-        if name in branch.model_fields_set and getattr(branch, name) != wanted:
+        value, where = getattr(job, name), ".".join((*place, name))
+        if name in branch.model_fields_set and getattr(branch, name) != value:
             raise ParameterError.at(
                 [*place, name],
                 f"A branch deforms the same mesh as its job, so it needs the same {where}.",
                 f"Leave {where} out, or post a new job.",
                 message="differs from that of the job",
             )
-        if getattr(branch, name) != wanted:
-            branch = branch.model_copy(update={name: wanted})
+        if getattr(branch, name) != value:
+            branch = branch.model_copy(update={name: value})
     return branch
 
 

@@ -282,12 +282,12 @@ def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any]) -> 
     if judged and goal.prompt:
         # A skin was recognised in its bind pose.
         nouns = {} if facts.recognised is None or shown.posed else facts.recognised.nouns
-        found = likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
-        if found is not None:
-            compared["likeness"] = found
+        comparison = likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
+        if comparison is not None:
+            compared["likeness"] = comparison
             if facts.prompts is None:  # of several, none alone is what the result should be
                 structure = kept_structure(shown.source, shown.result, quality)
-                compared["verdict"] = verdict(facts.request.prompt, found, structure)
+                compared["verdict"] = verdict(facts.request.prompt, comparison, structure)
     if goal.fit is not None or facts.silhouettes is not None:
         in_frame = facts.frame.place(facts.welded.mesh), facts.frame.enter(outcome.verts)
         if goal.fit is not None:
@@ -426,20 +426,20 @@ def _subdivision_warnings(done: Subdivision | None) -> list[str]:
         return []
     if not done.split and not done.limited:
         return ["output.subdivide changed nothing: no edge is longer than a tenth of the asset."]
-    found = []
+    warnings = []
     if done.split:
-        found.append(
+        warnings.append(
             f"output.subdivide split long edges: {done.triangles_before:,} triangles became "
             f"{done.triangles_after:,}. Vertices and faces of the result are not those of the source file."
         )
     if done.limited:
-        found.append(
+        warnings.append(
             f"output.subdivide stopped before it would exceed {MAX_TRIANGLES:,} triangles or the limit of this "
             f"deployment. The longest edge has {done.longest_edge:.0%} of the asset's length."
         )
     if done.dropped:
-        found.append(f"output.subdivide removed {', '.join(done.dropped)}, which lists edges of the source.")
-    return found
+        warnings.append(f"output.subdivide removed {', '.join(done.dropped)}, which lists edges of the source.")
+    return warnings
 
 
 def sees_colours(params: ResolvedParams) -> bool:
@@ -451,10 +451,10 @@ def _appearance(params: ResolvedParams, deformation: Deformation) -> dict[str, A
     """Return the report's `appearance`: what was `drawn`, where the `colours` come from, and a `notice`."""
     # `colours` is `asset`; `stand_in` if a simplified mesh was drawn with vertex colours sampled from the asset; or
     # None.
-    wanted = sees_colours(params)
-    coloured = wanted and deformation.shading != "lambert"
+    colours_seen = sees_colours(params)
+    coloured = colours_seen and deformation.shading != "lambert"
     return {
-        "drawn": (AppearanceMode.CLAY if wanted and not coloured else params.appearance).value,
+        "drawn": (AppearanceMode.CLAY if colours_seen and not coloured else params.appearance).value,
         "colours": ("stand_in" if deformation.simplified else "asset") if coloured else None,
-        "notice": _NO_COLOURS if wanted and not coloured else "",
+        "notice": _NO_COLOURS if colours_seen and not coloured else "",
     }

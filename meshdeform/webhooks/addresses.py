@@ -100,8 +100,8 @@ def is_public(address: Address) -> bool:
 
 def system_lookup(host: str, port: int) -> list[str]:
     """Resolve a host with the system's resolver and return its addresses, the preferred one first."""
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    return list(dict.fromkeys(str(entry[4][0]) for entry in found))
+    answers = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    return list(dict.fromkeys(str(entry[4][0]) for entry in answers))
 
 
 def find_destination(url: str, networks: Networks, lookup: Lookup = system_lookup) -> Destination:
@@ -114,15 +114,15 @@ def find_destination(url: str, networks: Networks, lookup: Lookup = system_looku
     # One message for all cases, without the address: users must not learn which names exist in the server's network.
     refusal = WebhookAddressError(f"The host {host} is unknown, or has an address that is not public.")
     try:
-        found = [ipaddress.ip_address(text) for text in lookup(host, port)]
+        addresses = [ipaddress.ip_address(text) for text in lookup(host, port)]
     except (OSError, ValueError):  # a name that cannot be encoded is a ValueError
         raise refusal from None
-    inside = [any(address in network for network in networks) for address in found]
-    if not found or not all(known or is_public(address) for address, known in zip(found, inside, strict=True)):
+    inside = [any(address in network for network in networks) for address in addresses]
+    if not addresses or not all(known or is_public(address) for address, known in zip(addresses, inside, strict=True)):
         raise refusal
     if read.scheme != "https" and not all(inside):
         raise WebhookAddressError("The URL does not begin with https://.")
-    return Destination(read, host, port, tuple(map(str, found)))
+    return Destination(read, host, port, tuple(map(str, addresses)))
 
 
 def _read(url: str) -> tuple[httpx.URL, str, int]:

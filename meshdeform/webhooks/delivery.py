@@ -74,21 +74,21 @@ class WebhookDelivery:
             self._sender.close()
         self._thread.join()
 
-    def _send_all(self, taken: list[DueDelivery]) -> int:
+    def _send_all(self, due: list[DueDelivery]) -> int:
         sender, count = self._open_sender(), 0
         if self._done.is_set():
             sender.close()
         under_way: dict[Future[None], DueDelivery] = {}
         with ThreadPoolExecutor(AT_ONCE, thread_name_prefix="webhook") as pool:
-            while taken or under_way:
-                for delivery in taken:
+            while due or under_way:
+                for delivery in due:
                     under_way[pool.submit(self._send, sender, delivery)] = delivery
-                count += len(taken)
+                count += len(due)
                 # A slow message must not keep idle threads from those that become due meanwhile.
                 for future in wait(under_way, timeout=_LOOK_EVERY_S, return_when=FIRST_COMPLETED).done:
                     del under_way[future]
                     future.result()
-                taken = [] if self._done.is_set() else self._more(list(under_way.values()))
+                due = [] if self._done.is_set() else self._more(list(under_way.values()))
         return count
 
     def _more(self, under_way: list[DueDelivery]) -> list[DueDelivery]:

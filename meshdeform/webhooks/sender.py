@@ -115,13 +115,13 @@ class Sender:
             port=destination.url.port,
             target=destination.url.raw_path,
         )
-        sent = [("Host", destination.url.netloc.decode("ascii")), ("Content-Length", str(len(body)))]
-        sent += headers.items()
+        lines = [("Host", destination.url.netloc.decode("ascii")), ("Content-Length", str(len(body)))]
+        lines += headers.items()
         timeouts = {"timeout": dict.fromkeys(("connect", "read", "write", "pool"), self._total_s)}
         try:
             with (
                 httpcore.ConnectionPool(ssl_context=self._tls, network_backend=network, http2=False) as pool,
-                pool.stream("POST", url, headers=sent, content=body, extensions=timeouts) as answer,
+                pool.stream("POST", url, headers=lines, content=body, extensions=timeouts) as answer,
             ):
                 status, retry_after_s = answer.status, _retry_after(dict(answer.headers))
                 # Only the status matters. Read the rest, so that the receiver sees an orderly end.
@@ -166,11 +166,11 @@ class PinnedNetwork(httpcore.NetworkBackend):
             if share <= 0:
                 break
             try:
-                found = httpcore.SyncBackend().connect_tcp(address, port, share, local_address, socket_options)
+                stream = httpcore.SyncBackend().connect_tcp(address, port, share, local_address, socket_options)
             except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
                 failed = error
                 continue
-            return self.carry(found)
+            return self.carry(stream)
         raise failed
 
     def carry(self, stream: httpcore.NetworkStream) -> httpcore.NetworkStream:
@@ -261,8 +261,8 @@ def _retry_after(headers: dict[bytes, bytes]) -> float:
     if value.isascii() and value.isdigit():
         return float(value[:9])
     with suppress(ValueError, TypeError):
-        asked = parsedate_to_datetime(value)
-        return max(0.0, (asked - datetime.now(asked.tzinfo)).total_seconds())
+        date = parsedate_to_datetime(value)
+        return max(0.0, (date - datetime.now(date.tzinfo)).total_seconds())
     return 0.0
 
 

@@ -122,11 +122,11 @@ _TAGS = [
 
 def describe(app: FastAPI) -> None:
     """Make `app.openapi()` return the complete document."""
-    found = app.openapi
+    generate = app.openapi
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
-            document = found()
+            document = generate()
             others = [model for kind, model in PARAMS_OF_KIND.items() if kind != JobKind.TEXT_DEFORM]
             models: list[type[BaseModel]] = [*_MODELS, *others]
             _, more = models_json_schema([(model, "validation") for model in models], ref_template=_REFERENCE)

@@ -36,12 +36,12 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
         app.store.fetch(result.key, shape, sha256=result.sha256)
         output = job.request.output
         if name in OF_RESULT:
-            given = DerivedInput(shape, shape, _RESULT, output)
+            derived = DerivedInput(shape, shape, _RESULT, output)
         else:
             deformed = job.source
             app.store.fetch(deformed.key, source, sha256=deformed.sha256)
-            given = DerivedInput(source, shape, deformed.filename, output, job.request.params.control.exclude)
-        derive(name, given, target, Limits.from_settings(app.settings))
+            derived = DerivedInput(source, shape, deformed.filename, output, job.request.params.control.exclude)
+        derive(name, derived, target, Limits.from_settings(app.settings))
         app.record.check_room(job.owner_id, {name: target.stat().st_size}, app.settings.max_stored_bytes)
         return _added(app, job, kind, target)
 
@@ -55,8 +55,8 @@ def deformed_alike(app: AppState, job: Job, file: Path, filename: str, outside: 
         edit = made(app, job, _MAP)
     local, target = file.with_name("map"), file.with_name("alike.glb")
     app.store.fetch(edit.key, local, sha256=edit.sha256)
-    given = DerivedInput(file, local, filename, job.request.output, outside=outside)
-    derive(ALIKE, given, target, Limits.from_settings(app.settings))
+    derived = DerivedInput(file, local, filename, job.request.output, outside=outside)
+    derive(ALIKE, derived, target, Limits.from_settings(app.settings))
     return target
 
 

@@ -48,7 +48,7 @@ def matches(header: str | None, tag: str) -> bool:
         return False
     if header.strip() == "*":
         return True
-    return tag.removeprefix("W/") in {found.removeprefix("W/") for found in _ENTITY_TAG.findall(header)}
+    return tag.removeprefix("W/") in {tag_of_client.removeprefix("W/") for tag_of_client in _ENTITY_TAG.findall(header)}
 
 
 def requested_range(header: str | None, if_range: str | None, tag: str, size: int) -> ByteRange | None:
@@ -176,35 +176,35 @@ def _disposition(name: str) -> str:
 
 
 def download(
-    request: Request, app: AppState, found: Download, conditions: Conditions, *, signed: bool = False
+    request: Request, app: AppState, file: Download, conditions: Conditions, *, signed: bool = False
 ) -> Response:
     """Return the answer to a request, by a verified URL if `signed`, for stored bytes: all of them, a range, or 304."""
-    headers = found.headers
+    headers = file.headers
     if signed:
         # Anyone who has the URL may read the file, so pages of other origins may too: web viewers fetch models.
         headers["Access-Control-Allow-Origin"] = "*"
     if matches(conditions.if_none_match, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    part = requested_range(conditions.range, conditions.if_range, headers["ETag"], found.size)
-    start, end = (part.start, part.end) if part else (0, found.size)
+    part = requested_range(conditions.range, conditions.if_range, headers["ETag"], file.size)
+    start, end = (part.start, part.end) if part else (0, file.size)
     headers["Content-Length"] = str(end - start)
     if part:
-        headers["Content-Range"] = f"bytes {start}-{end - 1}/{found.size}"
+        headers["Content-Range"] = f"bytes {start}-{end - 1}/{file.size}"
     status = 206 if part else 200
     if request.method == "HEAD":
-        return Response(status_code=status, headers=headers, media_type=found.content_type)
+        return Response(status_code=status, headers=headers, media_type=file.content_type)
     # Checked and opened before the response starts, so that a missing or cut object still gives an error status.
-    if app.store.size(found.key) != found.size:
-        raise StoredFileError(f"The stored copy of {found.name!r} has another size than was recorded.")
-    content = app.store.stream(found.key, start, end, _CHUNK)
+    if app.store.size(file.key) != file.size:
+        raise StoredFileError(f"The stored copy of {file.name!r} has another size than was recorded.")
+    content = app.store.stream(file.key, start, end, _CHUNK)
     if part is None:
-        whole = _verified(content, found)
+        whole = _verified(content, file)
         # A file of one chunk is verified here.
         content = itertools.chain([next(whole)], whole)
-    return StreamingResponse(content, status, headers, found.content_type)
+    return StreamingResponse(content, status, headers, file.content_type)
 
 
-def _verified(content: Iterator[bytes], found: Download) -> Iterator[bytes]:
+def _verified(content: Iterator[bytes], file: Download) -> Iterator[bytes]:
     """Yield the chunks of an object, but not the last one if the SHA-256 is wrong: the response breaks off."""
     # Reading the object twice, to refuse it with a status, would double the load of every download.
     digest, last = hashlib.sha256(), b""
@@ -213,8 +213,8 @@ def _verified(content: Iterator[bytes], found: Download) -> Iterator[bytes]:
             yield last
         digest.update(chunk)
         last = chunk
-    if digest.hexdigest() != found.sha256:
-        raise StoredFileError(f"The stored copy of {found.name!r} is damaged ({found.key}).")
+    if digest.hexdigest() != file.sha256:
+        raise StoredFileError(f"The stored copy of {file.name!r} is damaged ({file.key}).")
     yield last
 
 

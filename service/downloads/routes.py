@@ -105,8 +105,8 @@ _Name = Annotated[
 )
 def list_artifacts(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
     """All artifacts appear together when the job succeeds, and never change; others can be made later."""
-    found = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, viewer.owner_id)]
-    return JSONResponse(ArtifactList(artifacts=found).model_dump(mode="json"))
+    views = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, viewer.owner_id)]
+    return JSONResponse(ArtifactList(artifacts=views).model_dump(mode="json"))
 
 
 async def _at_strength(
@@ -134,10 +134,10 @@ async def _at_strength(
         raise ForbiddenError("The link shows what is stored.", advice="Other strengths need an API key.")
     artifact = await to_thread.run_sync(_find, app, id, reader.owner_id, name)
     job = await to_thread.run_sync(app.record.get, id, reader.owner_id)
-    key, found = await app.strengths.get(job, artifact, strength)
+    key, stored = await app.strengths.get(job, artifact, strength)
     stem, dot, ending = _file_name(job, artifact).rpartition(".")
     saved_as = f"{stem}-strength{round(100 * strength)}{dot}{ending}"
-    return Download(key, saved_as, artifact.content_type, found.size, found.sha256)
+    return Download(key, saved_as, artifact.content_type, stored.size, stored.sha256)
 
 
 @artifacts.head("/{name}", include_in_schema=False, openapi_extra=OPEN_TO_SIGNED)
@@ -169,8 +169,8 @@ def get_artifact(
         return download(request, app, at_strength, conditions)
     artifact = _find(app, id, reader.owner_id, name)
     saved_as = _file_name(app.record.get(id, reader.owner_id), artifact)
-    found = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256)
-    return download(request, app, found, conditions, signed=reader.owner_id is None and not reader.link)
+    file = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256)
+    return download(request, app, file, conditions, signed=reader.owner_id is None and not reader.link)
 
 
 @artifacts.post(
@@ -209,8 +209,8 @@ async def make_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, na
 def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
     """Anyone who has the URL can read this one artifact without an API key, for example a browser or a viewer."""
     artifact = _find(app, id, principal.owner_id, name)
-    found = signed_url(app, f"/v1/jobs/{id}/artifacts/{name}", artifact)
-    return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
+    link = signed_url(app, f"/v1/jobs/{id}/artifacts/{name}", artifact)
+    return JSONResponse(link.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
 
 def _file_name(job: Job, artifact: Artifact) -> str:
@@ -271,8 +271,8 @@ def _find(app: AppState, job_id: str, owner: str | None, name: str) -> Artifact:
 )
 def list_checkpoints(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
     """Available in any state of the job. Only the newest checkpoints are kept; older ones are deleted."""
-    found = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(app, id, viewer.owner_id)]
-    return JSONResponse(CheckpointList(checkpoints=found).model_dump(mode="json"))
+    views = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(app, id, viewer.owner_id)]
+    return JSONResponse(CheckpointList(checkpoints=views).model_dump(mode="json"))
 
 
 @checkpoints.head("/{step}/mesh.glb", include_in_schema=False)
@@ -293,13 +293,15 @@ def get_checkpoint_mesh(
 ) -> Response:
     """The asset with its shape at that step, also while the job is running. Streamed like an artifact."""
     stored = _checkpoints(app, id, viewer.owner_id)
-    for found in stored:
-        if found.step == step and found.mesh_key is not None:
-            assert found.mesh_size is not None
-            assert found.mesh_sha256 is not None
-            mesh = Download(found.mesh_key, f"step-{step:06d}.glb", _GLB, found.mesh_size, found.mesh_sha256)
+    for checkpoint in stored:
+        if checkpoint.step == step and checkpoint.mesh_key is not None:
+            assert checkpoint.mesh_size is not None
+            assert checkpoint.mesh_sha256 is not None
+            mesh = Download(
+                checkpoint.mesh_key, f"step-{step:06d}.glb", _GLB, checkpoint.mesh_size, checkpoint.mesh_sha256
+            )
             return download(request, app, mesh, conditions)
-    steps = [found.step for found in stored if found.mesh_key is not None]
+    steps = [checkpoint.step for checkpoint in stored if checkpoint.mesh_key is not None]
     raise NotFoundError(
         f"The job has no mesh of step {step}.",
         advice=f"There are meshes of steps {', '.join(map(str, steps))}." if steps else "It has no meshes yet.",
@@ -310,10 +312,10 @@ def get_checkpoint_mesh(
 def _checkpoints(app: AppState, job_id: str, owner: str | None) -> list[CheckpointRef]:
     """Return one checkpoint for each step, in order; where two attempts stored the same step, the newer attempt's."""
     app.record.get(job_id, owner)
-    found: dict[int, CheckpointRef] = {}
+    by_step: dict[int, CheckpointRef] = {}
     for checkpoint in app.record.leases.checkpoints(job_id):
-        found.setdefault(checkpoint.step, checkpoint)
-    return [found[step] for step in sorted(found)]
+        by_step.setdefault(checkpoint.step, checkpoint)
+    return [by_step[step] for step in sorted(by_step)]
 
 
 # Input files
@@ -448,8 +450,8 @@ def _file_of(job: Job, part: str) -> StoredFile:
 
 
 def _download(request: Request, app: AppState, file: StoredFile, conditions: ConditionsDep) -> Response:
-    found = Download(file.key, file.filename, _content_type(app, file), file.size, file.sha256)
-    return download(request, app, found, conditions)
+    file_to_send = Download(file.key, file.filename, _content_type(app, file), file.size, file.sha256)
+    return download(request, app, file_to_send, conditions)
 
 
 def _content_type(app: AppState, file: StoredFile) -> str:

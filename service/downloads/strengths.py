@@ -49,8 +49,8 @@ class Strengths:
         if (known := await to_thread.run_sync(self._find, key)) is not None:
             return key, known
         async with self.slot(job.owner_id):
-            made = await to_thread.run_sync(self._make, job, artifact, strength, key, limiter=self._threads)
-        return key, made
+            stored = await to_thread.run_sync(self._make, job, artifact, strength, key, limiter=self._threads)
+        return key, stored
 
     def slot(self, owner_id: str) -> AbstractAsyncContextManager[None]:
         """Return a context that holds a slot for making a file of a result."""
@@ -63,11 +63,11 @@ class Strengths:
         if known is not None and self._store.exists(key):
             return known
         try:
-            found = self._store.measure(key)
+            stored = self._store.measure(key)
         except NotFoundError:
             return None
-        self._remember(key, found)
-        return found
+        self._remember(key, stored)
+        return stored
 
     def _make(self, job: Job, artifact: Artifact, strength: float, key: str) -> StoredObject:
         if (known := self._find(key)) is not None:  # another request has made it meanwhile
@@ -79,17 +79,17 @@ class Strengths:
             self._store.fetch(artifact.key, result, sha256=artifact.sha256)
             params = job.request.params
             exclude = params.control.exclude if isinstance(params, DeformParams) else ()
-            given = DerivedInput(source, result, deformed.filename, job.request.output, exclude, strength)
-            derive(STRENGTH, given, output, self._limits)
-            made = self._keep(job, artifact, output, key)
-        self._remember(key, made)
-        return made
+            derived = DerivedInput(source, result, deformed.filename, job.request.output, exclude, strength)
+            derive(STRENGTH, derived, output, self._limits)
+            stored = self._keep(job, artifact, output, key)
+        self._remember(key, stored)
+        return stored
 
-    def _keep(self, job: Job, artifact: Artifact, made: Path, key: str) -> StoredObject:
+    def _keep(self, job: Job, artifact: Artifact, file: Path, key: str) -> StoredObject:
         others = [other for other, _ in self._store.list(_prefix(job)) if other != key]
         for other in others[: max(0, len(others) + 1 - _KEPT_PER_JOB)]:
             self._store.delete(other)
-        stored = self._store.put_verified(key, made, artifact.content_type)
+        stored = self._store.put_verified(key, file, artifact.content_type)
         try:
             self._record.get(job.id)
         except NotFoundError:  # deleted meanwhile, with its other objects
@@ -97,9 +97,9 @@ class Strengths:
             raise
         return stored
 
-    def _remember(self, key: str, found: StoredObject) -> None:
+    def _remember(self, key: str, stored: StoredObject) -> None:
         with self._lock:
-            self._known[key] = found
+            self._known[key] = stored
             self._known.move_to_end(key)
             if len(self._known) > _REMEMBERED:
                 self._known.popitem(last=False)

@@ -119,7 +119,7 @@ async def get_events(
     if format_ == "json" or (format_ is None and not _wants_stream(request)):
         return await _page(request, app, id, owner, after, limit)
     # Read before the response starts, so that a missing job is a 404 and no stream.
-    found, over = await waiters.read(_next_events, app, id, after, owner)
+    events, over = await waiters.read(_next_events, app, id, after, owner)
     if over:
         # Browsers reconnect after the end of a stream, until they get this.
         return Response(status_code=204, headers=_HEADERS)
@@ -128,58 +128,58 @@ async def get_events(
     def may_continue() -> Awaitable[bool]:
         return still_opens(app, id, viewer.link) if viewer.link else gate.is_still_valid(request)
 
-    return _EventStream(waiters, viewer.slot, _stream(app, id, after, found, may_continue))
+    return _EventStream(waiters, viewer.slot, _stream(app, id, after, events, may_continue))
 
 
 async def _page(request: Request, app: AppState, job_id: str, owner: str | None, after: int, limit: int) -> Response:
     # A link holds no connection of the owner's.
     wait_s = None if owner is None else preferred_wait(request)
-    found = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
-    if not found and wait_s is not None:
+    events = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
+    if not events and wait_s is not None:
         with suppress(LimitError):
             await wait_here(app.waiters, job_id, owner, _more(after), wait_s, request=request)
-        found = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
-    page = EventList(events=[EventView.of(event) for event in found], next_after=found[-1].seq if found else after)
+        events = await app.waiters.read(app.record.events.after, job_id, after, limit, owner)
+    page = EventList(events=[EventView.of(event) for event in events], next_after=events[-1].seq if events else after)
     return JSONResponse(page.model_dump(mode="json"), headers={**_HEADERS, **applied(wait_s), "Vary": "Accept"})
 
 
 async def _stream(
-    app: AppState, job_id: str, after: int, found: list[Event], may_continue: Callable[[], Awaitable[bool]]
+    app: AppState, job_id: str, after: int, events: list[Event], may_continue: Callable[[], Awaitable[bool]]
 ) -> AsyncIterator[str]:
     waiters, over = app.waiters, False
     yield f"retry: {_RETRY_MS}\n\n"
     while True:
-        for event in found:
+        for event in events:
             yield _written(event)
             after, over = event.seq, event.type.terminal
         # If the process is ending, the client reconnects to another one, or to the next.
         if over or waiters.closing:
             return
-        changed = len(found) == _BATCH or await waiters.until(job_id, _more(after), _SILENCE_S)
+        changed = len(events) == _BATCH or await waiters.until(job_id, _more(after), _SILENCE_S)
         if not await may_continue():
             return  # the key was revoked
         if not changed:
-            found = []
+            events = []
             yield ": keep-alive\n\n"
             continue
         try:
-            found, over = await waiters.read(_next_events, app, job_id, after)
+            events, over = await waiters.read(_next_events, app, job_id, after)
         except NotFoundError:
             return
         except UnavailableError:
-            found = []
+            events = []
             await anyio.sleep(_AWAY_S)
 
 
 def _next_events(app: AppState, job_id: str, after: int, owner: str | None = None) -> tuple[list[Event], bool]:
     """Return the next events of a job; if there are none, also whether there will be no more."""
-    if found := app.record.events.after(job_id, after, _BATCH, owner):
-        return found, False
+    if events := app.record.events.after(job_id, after, _BATCH, owner):
+        return events, False
     if not app.record.get(job_id, owner).state.terminal:
         return [], False
     # The job may have finished between the two queries.
-    found = app.record.events.after(job_id, after, _BATCH, owner)
-    return found, not found
+    events = app.record.events.after(job_id, after, _BATCH, owner)
+    return events, not events
 
 
 def _more(after: int) -> Callable[[Head | None], bool]:
@@ -192,9 +192,9 @@ def _written(event: Event) -> str:
 
 def _wants_stream(request: Request) -> bool:
     """Return whether `Accept` prefers the stream to JSON."""
-    wanted: dict[str, float] = {}
+    qualities: dict[str, float] = {}
     for entry in ",".join(request.headers.getlist("accept")).split(","):
         kind, _, parameters = entry.partition(";")
         quality = _QUALITY.search(parameters)
-        wanted[kind.strip().lower()] = float(quality[1]) if quality else 1.0
-    return wanted.get(_STREAM, 0.0) > 0.0 and wanted[_STREAM] >= wanted.get("application/json", 0.0)
+        qualities[kind.strip().lower()] = float(quality[1]) if quality else 1.0
+    return qualities.get(_STREAM, 0.0) > 0.0 and qualities[_STREAM] >= qualities.get("application/json", 0.0)

@@ -138,14 +138,14 @@ class JobWaiters:
             if not self._held[owner]:
                 del self._held[owner]
 
-    async def until(self, job_id: str, wanted: Callable[[Head | None], bool], timeout_s: float) -> bool:
+    async def until(self, job_id: str, condition: Callable[[Head | None], bool], timeout_s: float) -> bool:
         """Wait until a job meets a condition. Return whether it did, before the timeout and the end of the process.
 
         The condition takes the state of the job, None if it does not exist.
         """
         if self._closing or timeout_s <= 0:
             return False
-        waiter = _Waiter(job_id, wanted, asyncio.get_running_loop().create_future())
+        waiter = _Waiter(job_id, condition, asyncio.get_running_loop().create_future())
         self._waiters.add(waiter)
         self._wanted.set()
         try:
@@ -255,7 +255,7 @@ async def wait_here(
     waiters: JobWaiters,
     job_id: str,
     owner: str | None,
-    wanted: Callable[[Head | None], bool],
+    condition: Callable[[Head | None], bool],
     wait_s: float,
     *,
     request: Request | None = None,
@@ -265,7 +265,7 @@ async def wait_here(
         async with anyio.create_task_group() as group:
             if request is not None:
                 group.start_soon(_cancel_when_gone, request, group.cancel_scope)
-            await waiters.until(job_id, wanted, wait_s)
+            await waiters.until(job_id, condition, wait_s)
             group.cancel_scope.cancel()
 
 

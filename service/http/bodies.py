@@ -282,12 +282,12 @@ class _FilePart:
 
 def _filename(header: bytes, options: Mapping[bytes, bytes]) -> str:
     """Return the name in a Content-Disposition: `filename*`, in its encoding, before `filename` (RFC 6266, 4.3)."""
-    found = _EXTENDED_NAME.search(_QUOTED.sub(b'""', header))  # the parser drops this form
-    if found is not None:
-        charset = found[1].decode("ascii")
+    match = _EXTENDED_NAME.search(_QUOTED.sub(b'""', header))  # the parser drops this form
+    if match is not None:
+        charset = match[1].decode("ascii")
         with suppress(LookupError):
             codecs.lookup(charset)
-            return unquote(found[2].decode("ascii", "replace"), charset, "replace")
+            return unquote(match[2].decode("ascii", "replace"), charset, "replace")
     return options.get(b"filename", b"").decode("utf-8", "replace")
 
 

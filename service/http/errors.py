@@ -54,11 +54,11 @@ def add_error_handlers(app: FastAPI) -> None:
 
 def parameter_error(errors: Sequence[Any]) -> ParameterError:
     """Convert pydantic's errors to a ParameterError, without the input, which may be long or secret."""
-    found = [{"loc": list(error["loc"]), "msg": _message(error), "type": error["type"]} for error in errors]
-    first = found[0]
+    problems = [{"loc": list(error["loc"]), "msg": _message(error), "type": error["type"]} for error in errors]
+    first = problems[0]
     place = ".".join(str(part) for part in first["loc"])
-    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-    return ParameterError(f"{place}: {first['msg']}{more}" if place else f"{first['msg']}{more}", errors=found)
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return ParameterError(f"{place}: {first['msg']}{more}" if place else f"{first['msg']}{more}", errors=problems)
 
 
 def _message(error: Any) -> str:

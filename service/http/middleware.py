@@ -60,8 +60,8 @@ class RequestFrame:
             return
         start = time.perf_counter()
         status = 500
-        sent = Headers(scope=scope).get("x-request-id", "")
-        identity = sent if _ID.fullmatch(sent) else new_id("req")
+        request_id = Headers(scope=scope).get("x-request-id", "")
+        identity = request_id if _ID.fullmatch(request_id) else new_id("req")
         # Never reset: each request runs in its own task, and the server logs its errors after this method returns.
         telemetry.request_id.set(identity)
         scope.setdefault("state", {})["request_id"] = identity

@@ -48,8 +48,8 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
         app.record.check_room(caller.owner_id, {}, app.settings.max_stored_bytes)
         with app.record.files.leases() as leases:
             _lease(app, leases, job.files.values())
-            found = app.record.leases.checkpoints(job_id)
-            newest = sorted(found, key=lambda each: (each.step, each.attempt), reverse=True)
+            checkpoints = app.record.leases.checkpoints(job_id)
+            newest = sorted(checkpoints, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copy_checkpoint(app, leases, job, newest, OriginMode.RETRY) or _initial_origin(app, leases, job)
             size = {"faces": job.faces, "parts": job.parts}
             new = new_job(app, caller, job.request, job.files, origin=origin, resolved=params, claim=claim, **size)
@@ -87,10 +87,10 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             _lease(app, leases, inherited.values())
             known = app.record.leases.checkpoints(job_id)
             origin = _copy_checkpoint(
-                app, leases, job, [found for found in known if found.step == step], OriginMode.BRANCH
+                app, leases, job, [checkpoint for checkpoint in known if checkpoint.step == step], OriginMode.BRANCH
             )
             if origin is None:
-                steps = sorted({found.step for found in known})
+                steps = sorted({checkpoint.step for checkpoint in known})
                 raise NotFoundError(
                     f"The job has no checkpoint of step {step}.",
                     advice=f"It has: {', '.join(map(str, steps)) or 'none'}. Older ones are deleted.",
@@ -142,18 +142,20 @@ def _copy_checkpoint(
     app: AppState, leases: FileLeases, job: Job, checkpoints: Iterable[CheckpointRef], mode: OriginMode
 ) -> Origin | None:
     """Copy the first intact checkpoint to a key that outlives its job, and return it as an origin, if there is one."""
-    for found in checkpoints:
-        key = f"assets/{found.sha256}"
+    for checkpoint in checkpoints:
+        key = f"assets/{checkpoint.sha256}"
         try:
-            if app.store.sha256_of(found.key) != found.sha256:
+            if app.store.sha256_of(checkpoint.key) != checkpoint.sha256:
                 continue
             leases.take(key)
-            if not app.store.holds(key, found.sha256):
-                app.store.copy(found.key, key)
+            if not app.store.holds(key, checkpoint.sha256):
+                app.store.copy(checkpoint.key, key)
         except NotFoundError:
             # It was deleted meanwhile, when a newer one was stored.
             continue
-        return Origin(job_id=job.id, step=found.step, mode=mode, key=key, sha256=found.sha256, size=found.size)
+        return Origin(
+            job_id=job.id, step=checkpoint.step, mode=mode, key=key, sha256=checkpoint.sha256, size=checkpoint.size
+        )
     return None
 
 

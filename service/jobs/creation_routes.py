@@ -222,8 +222,8 @@ async def orient_job(
     The search takes some seconds, in a process of its own on the API's machine, which needs the extra `deform`.
     """
     async with _submitted(request, app, principal.owner_id) as submission:
-        found = await orient(app, principal.owner_id, submission)
-    return Response(found.model_dump_json(), media_type="application/json")
+        orientation = await orient(app, principal.owner_id, submission)
+    return Response(orientation.model_dump_json(), media_type="application/json")
 
 
 @router.post(
@@ -250,8 +250,8 @@ async def list_job_parts(
     takes a second, in a process of its own on the API's machine, which needs the extra `deform`.
     """
     async with _submitted(request, app, principal.owner_id) as submission:
-        found = await list_parts(app, principal.owner_id, submission)
-    return Response(found.model_dump_json(), media_type="application/json")
+        parts = await list_parts(app, principal.owner_id, submission)
+    return Response(parts.model_dump_json(), media_type="application/json")
 
 
 @router.post(

@@ -114,14 +114,14 @@ def check_job(
     params = check_params(submission.document, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
     kind = kind_of(submission.document.kind)
-    found = {name: check_file(app, owner_id, kind, name, file) for name, file in files.items()}
-    meshes = {name: each for name, each in found.items() if isinstance(each, AssetSummary)}
+    summaries = {name: check_file(app, owner_id, kind, name, file) for name, file in files.items()}
+    meshes = {name: each for name, each in summaries.items() if isinstance(each, AssetSummary)}
     kind.check_files(submission.document, params, meshes)
     first = files[kind.parts[0]]
     kind.check_asset(submission.document, params, first.path, first.filename, app.assets.limits)
     if WEIGHTS_PART in files:
         check_words(submission.document, files[WEIGHTS_PART].path, meshes)
-    return params, files, found
+    return params, files, summaries
 
 
 def check_words(request: JobRequest, weights: Path, meshes: Mapping[str, AssetSummary]) -> None:
@@ -167,13 +167,13 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
     """Check a job as `accept_job` does, and return its parameters, summaries and estimated time. Nothing is stored."""
     check_priority(submission.document.priority, principal.max_priority)
     params, files, summaries = check_job(app, principal.owner_id, submission)
-    found: dict[str, AssetFound] = {}
+    reports: dict[str, AssetFound] = {}
     pictures: dict[str, PictureFound] = {}
     for name, file in files.items():
         members = {"filename": file.filename, "size": file.size, "sha256": file.sha256, **asdict(summaries[name])}
         members.pop("bounds", None)
         if isinstance(summaries[name], AssetSummary):
-            found[name] = AssetFound(**members)
+            reports[name] = AssetFound(**members)
         else:
             pictures[name] = PictureFound(**members)
     expected = estimate(
@@ -191,10 +191,10 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
     if model is not None:  # as clients name it
         params = params.model_copy(update={"model": public_names(app.settings.offered_models).get(model, model)})
     return Validation(
-        files=found,
+        files=reports,
         pictures=pictures,
-        asset=next(iter(found.values())),
-        target=found.get("target"),
+        asset=next(iter(reports.values())),
+        target=reports.get("target"),
         params=params,
         estimate=expected,
     )
@@ -223,7 +223,7 @@ def _searchable(app: AppState, owner_id: str, submission: Submission) -> tuple[R
 
 
 def _front(app: AppState, request: JobRequest, params: ResolvedParams, asset: ReceivedFile) -> FoundOrientation:
-    found = orientation_of(
+    answer = orientation_of(
         asset.path,
         asset.filename,
         request.prompt,
@@ -233,7 +233,7 @@ def _front(app: AppState, request: JobRequest, params: ResolvedParams, asset: Re
         dtype=app.settings.dtype,
         timeout_s=_ORIENT_TIMEOUT_S,
     )
-    return FoundOrientation(**found)
+    return FoundOrientation(**answer)
 
 
 async def list_parts(app: AppState, owner_id: str, submission: Submission) -> FoundParts:
@@ -244,8 +244,8 @@ async def list_parts(app: AppState, owner_id: str, submission: Submission) -> Fo
     params, asset = await app.take_in(owner_id, _with_parts, app, owner_id, replace(submission, document=whole))
     async with app.naming.slot(owner_id):
         limits = app.assets.limits
-        found = await to_thread.run_sync(parts_of, asset.path, asset.filename, prompt, params, limits)
-    return FoundParts(**found)
+        parts = await to_thread.run_sync(parts_of, asset.path, asset.filename, prompt, params, limits)
+    return FoundParts(**parts)
 
 
 def _with_parts(app: AppState, owner_id: str, submission: Submission) -> tuple[ResolvedParams, ReceivedFile]:
@@ -321,9 +321,9 @@ def in_order(request: JobRequest, files: Mapping[str, _F]) -> dict[str, _F]:
     return {name: files[name] for name in kind_of(request.kind).parts if name in files}
 
 
-def missing_files(document: JobDocument, sent: Collection[str]) -> list[str]:
+def missing_files(document: JobDocument, received: Collection[str]) -> list[str]:
     """Return the names of required files that are neither sent nor named in the document."""
-    present = {*sent, *document.references}
+    present = {*received, *document.references}
     return [part.name for part in kind_of(document.kind).reads if part.required and part.name not in present]
 
 

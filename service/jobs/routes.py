@@ -228,8 +228,8 @@ def link_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response: 
             "This deployment serves no page that a link could open.",
             advice="Create signed URLs of single artifacts, or ask its operator for MESHDEFORM_WEB.",
         )
-    found = job_link(app, job.id, principal.key_id)
-    return JSONResponse(found.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
+    link = job_link(app, job.id, principal.key_id)
+    return JSONResponse(link.model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
 
 def shown(job: Job, *, status: int = 200, headers: dict[str, str] | None = None) -> JSONResponse:

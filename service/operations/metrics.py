@@ -47,14 +47,14 @@ class _RecordCollector(Collector):
         """Yield every metric family."""
         up = GaugeMetricFamily("meshdeform_record_up", "Whether the record responds.")
         try:
-            found = [*self._gauges(), *self._sums()]
+            families = [*self._gauges(), *self._sums()]
         except UnavailableError:
             up.add_metric([], 0.0)
             yield up
             return
         up.add_metric([], 1.0)
         yield up
-        yield from found
+        yield from families
 
     def _gauges(self) -> Iterator[Metric]:
         seen = statistics(self._record.database)
@@ -80,12 +80,12 @@ class _RecordCollector(Collector):
         for state in sorted(TERMINAL_STATES):
             ended.add_metric([state.value], sums.get(("jobs_ended", state.value), 0.0))
         yield ended
-        sent = CounterMetricFamily(
+        deliveries = CounterMetricFamily(
             "meshdeform_webhook_deliveries", "Outcomes of deliveries to webhooks.", labels=["outcome"]
         )
         for outcome in _OUTCOMES:
-            sent.add_metric([outcome], sums.get(("webhook_deliveries", outcome), 0.0))
-        yield sent
+            deliveries.add_metric([outcome], sums.get(("webhook_deliveries", outcome), 0.0))
+        yield deliveries
         for name, text in (
             ("lease_expirations", "Leases that expired, or whose worker was found dead."),
             ("recoveries", "Jobs that were requeued after the loss of their worker."),

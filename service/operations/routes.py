@@ -59,9 +59,9 @@ def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     first.
     """
     settings = app.settings
-    found = list_models(settings.model, settings.further_models, settings.model_revision, public=True)
-    found += app.taught.of(principal.owner_id)
-    views = [ModelView.model_validate(asdict(model)) for model in found]
+    models = list_models(settings.model, settings.further_models, settings.model_revision, public=True)
+    models += app.taught.of(principal.owner_id)
+    views = [ModelView.model_validate(asdict(model)) for model in models]
     return JSONResponse(ModelList(default=views[0].id, models=views).model_dump(mode="json"))
 
 
@@ -78,7 +78,7 @@ def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
 async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Includes the limits of the API key that is used."""
     settings, limits = app.settings, Limits.from_settings(app.settings)
-    found = LimitList(
+    document = LimitList(
         files=FileLimits(
             formats=_FORMATS,
             max_bytes=limits.max_bytes,
@@ -107,7 +107,7 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
         ),
         kinds=[_described(kind) for kind in kinds()],
     )
-    return JSONResponse(found.model_dump(mode="json"))
+    return JSONResponse(document.model_dump(mode="json"))
 
 
 def _described(kind: Kind) -> KindView:
@@ -157,9 +157,9 @@ async def readyz(app: AppStateDep) -> JSONResponse:
         "store": app.store_health.ask(lambda: app.store.ping(_STORE_S)),
     }
     await asyncio.wait([asyncio.wrap_future(answer) for answer in answers.values()], timeout=_READY_S)
-    found = {name: answer.result() if answer.done() else _SILENT for name, answer in answers.items()}
-    ready = all(part.status == "ok" for part in found.values())
-    readiness = Readiness(status="ok" if ready else "unavailable", **found)
+    statuses = {name: answer.result() if answer.done() else _SILENT for name, answer in answers.items()}
+    ready = all(part.status == "ok" for part in statuses.values())
+    readiness = Readiness(status="ok" if ready else "unavailable", **statuses)
     return JSONResponse(readiness.model_dump(), 200 if ready else 503, {"Cache-Control": "no-store"})
 
 

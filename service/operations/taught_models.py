@@ -35,28 +35,28 @@ class TaughtModels:
     def of(self, owner_id: str) -> list[ModelInfo]:
         """Return the newest models that this owner's jobs have made, newest first, at most 100."""
         page = self._record.list_jobs(JobState.SUCCEEDED, limit=_LISTED, owner=owner_id, kind=JobKind.PRIOR_TEACH)
-        found = []
+        models = []
         for job in page.jobs:
-            made = next((artifact for artifact in job.artifacts if artifact.name == WEIGHTS_ARTIFACT), None)
-            if made is None:
+            weights = next((artifact for artifact in job.artifacts if artifact.name == WEIGHTS_ARTIFACT), None)
+            if weights is None:
                 continue
             try:
-                described = self._described(owner_id, made)
+                described = self._described(owner_id, weights)
             except NotFoundError:
                 continue  # the job was deleted meanwhile
-            found.append(dataclasses.replace(described, id=model_of_job(job.id)))
-        return found
+            models.append(dataclasses.replace(described, id=model_of_job(job.id)))
+        return models
 
-    def _described(self, owner_id: str, made: Artifact) -> ModelInfo:
-        known = (owner_id, made.sha256)
+    def _described(self, owner_id: str, weights: Artifact) -> ModelInfo:
+        known = (owner_id, weights.sha256)
         with self._lock:
             if known in self._known:
                 self._known.move_to_end(known)
                 return self._known[known]
         with self._workspace.temporary_folder() as folder:
             path = folder / WEIGHTS_ARTIFACT
-            path.write_bytes(self._header(made))
-            os.truncate(path, made.size)  # the tensors, which nothing here reads
+            path.write_bytes(self._header(weights))
+            os.truncate(path, weights.size)  # the tensors, which nothing here reads
             described = describe_taught(str(path), WEIGHTS_ARTIFACT)
         nouns = [lesson.noun for lesson in described.lessons]
         described = dataclasses.replace(described, title=nouns[-1] if nouns else described.title)
@@ -66,8 +66,8 @@ class TaughtModels:
                 self._known.popitem(last=False)
         return described
 
-    def _header(self, made: Artifact) -> bytes:
+    def _header(self, weights: Artifact) -> bytes:
         """Read the header of safetensors, and no more."""
-        length = b"".join(self._store.stream(made.key, 0, 8))
-        end = min(8 + int.from_bytes(length, "little"), made.size)
-        return length + b"".join(self._store.stream(made.key, 8, end))
+        length = b"".join(self._store.stream(weights.key, 0, 8))
+        end = min(8 + int.from_bytes(length, "little"), weights.size)
+        return length + b"".join(self._store.stream(weights.key, 8, end))

@@ -80,8 +80,8 @@ async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalD
             too_large = DrawingError(f"The drawing's file is larger than {readable_size(_MAX_BYTES)}.")
             await receive_file(request, drawing, _MAX_BYTES, too_large)
             async with app.sketching.slot(principal.owner_id):
-                found = await to_thread.run_sync(_guessed, drawing, family or "")
-    return Response(found.model_dump_json(), media_type="application/json")
+                guesses = await to_thread.run_sync(_guessed, drawing, family or "")
+    return Response(guesses.model_dump_json(), media_type="application/json")
 
 
 @router.post(
@@ -109,13 +109,13 @@ async def make_sketch_mesh(request: Request, app: AppStateDep, principal: Princi
 
 
 def _guessed(drawing: Path, family: str) -> SketchGuesses:
-    found = guesses_of(drawing, family=family, timeout_s=_GUESS_TIMEOUT_S)
-    return SketchGuesses(guesses=[_guess(each) for each in found["guesses"]], unsure=found["unsure"])
+    guesses = guesses_of(drawing, family=family, timeout_s=_GUESS_TIMEOUT_S)
+    return SketchGuesses(guesses=[_guess(each) for each in guesses["guesses"]], unsure=guesses["unsure"])
 
 
-def _guess(found: dict[str, Any]) -> SketchGuess:
+def _guess(document: dict[str, Any]) -> SketchGuess:
     """Return the document about a guess of `meshdeform.runs.sketch_process.guesses_of`."""
-    family, values = sketch_family(found["family"]), found["values"]
+    family, values = sketch_family(document["family"]), document["values"]
     numbers = [
         SketchParameter(
             name=each.name, value=values[each.name], default=each.default, minimum=each.low, maximum=each.high
@@ -127,7 +127,7 @@ def _guess(found: dict[str, Any]) -> SketchGuess:
         for each in family.choices
     ]
     return SketchGuess(
-        family=family.name, probability=found["probability"], parameters=numbers + choices, mesh=found["mesh"]
+        family=family.name, probability=document["probability"], parameters=numbers + choices, mesh=document["mesh"]
     )
 
 

@@ -273,9 +273,9 @@ def _authorized(app: AppState, request: Request, upload_id: str) -> Upload:
     return authorize(app, upload_id, request.scope["path"], request.scope["query_string"].decode("latin-1"))
 
 
-def _shown(found: UploadView) -> Response:
+def _shown(view: UploadView) -> Response:
     # The body contains a signed URL.
-    return Response(found.model_dump_json(), media_type="application/json", headers={"Cache-Control": "no-store"})
+    return Response(view.model_dump_json(), media_type="application/json", headers={"Cache-Control": "no-store"})
 
 
 # This many bytes are written, and count as received, before more of the body is read.
@@ -422,11 +422,11 @@ def complete(app: AppState, upload: Upload, sha256: str) -> Upload:
         return _check_completed(upload, sha256)
     try:
         _seal(app, upload, sha256)
-        found = app.store.measure(_sealed_key(upload))
-        if (found.size, found.sha256) != (upload.size, sha256):
+        stored = app.store.measure(_sealed_key(upload))
+        if (stored.size, stored.sha256) != (upload.size, sha256):
             # The sender wrote to it between the check and the move.
             app.store.delete(_sealed_key(upload))
-            raise _mismatch(upload, sha256, found.size, found.sha256)
+            raise _mismatch(upload, sha256, stored.size, stored.sha256)
         key = f"assets/{sha256}"
         with app.record.files.leases() as leases:
             leases.take(key)
@@ -455,13 +455,13 @@ def _seal(app: AppState, upload: Upload, sha256: str) -> None:
         app.store.copy(_sent_key(upload), _sealed_key(upload))
         return
     try:
-        found = app.store.appended(upload.id)
+        appended = app.store.appended(upload.id)
     except NotFoundError:
         if app.store.exists(_sealed_key(upload)):
             return
         raise _mismatch(upload, sha256, 0, None) from None
-    if (found.size, found.sha256) != (upload.size, sha256):
-        raise _mismatch(upload, sha256, found.size, found.sha256)
+    if (appended.size, appended.sha256) != (upload.size, sha256):
+        raise _mismatch(upload, sha256, appended.size, appended.sha256)
     app.store.commit_append(upload.id, _sealed_key(upload))
 
 
@@ -471,10 +471,10 @@ def _check_completed(upload: Upload, sha256: str) -> Upload:
     return upload
 
 
-def _mismatch(upload: Upload, sha256: str, size: int, found: str | None) -> ChecksumError:
+def _mismatch(upload: Upload, sha256: str, size: int, actual: str | None) -> ChecksumError:
     if size != upload.size:
         return ChecksumError(f"{size} of {upload.size} bytes have been received.", size=size, offset=size)
-    return ChecksumError(f"The SHA-256 is {found}, not {sha256}.", size=size, sha256=found)
+    return ChecksumError(f"The SHA-256 is {actual}, not {sha256}.", size=size, sha256=actual)
 
 
 def _sent_key(upload: Upload) -> str:

@@ -279,7 +279,7 @@ def _names(
     chosen: Mapping[str, tuple[Entry, JobRequest]], known: Mapping[str, str], *, with_seed: bool
 ) -> dict[str, str]:
     names = {key: known[key] for key in chosen if key in known}
-    taken = {name.casefold() for name in known.values()}  # some file systems ignore the case
+    used = {name.casefold() for name in known.values()}  # some file systems ignore the case
     for key, (entry, request) in chosen.items():
         if key in names:
             continue
@@ -287,8 +287,8 @@ def _names(
         if with_seed and "seed" not in entry.params:
             base += f"-seed{request.params.seed}"
         # With its digest, the name does not depend on rows added later.
-        names[key] = f"{base}-{key[:8]}" if base.casefold() in taken else base
-        taken.add(names[key].casefold())
+        names[key] = f"{base}-{key[:8]}" if base.casefold() in used else base
+        used.add(names[key].casefold())
     return names
 
 

@@ -189,8 +189,8 @@ class AsyncClient:
             The request was refused, or the job failed.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
-        sent = Files.of(asset, target, files, filename, upload, idempotency_key)
-        job = await self._submit(order, sent)
+        request_files = Files.of(asset, target, files, filename, upload, idempotency_key)
+        job = await self._submit(order, request_files)
         try:
             return AsyncResult(self, await self.wait(job, timeout_s=timeout_s, on_event=on_event))
         except (Exception, GeneratorExit):
@@ -258,12 +258,12 @@ class AsyncClient:
             only one job.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
-        sent = Files.of(asset, target, files, filename, upload, idempotency_key)
-        return await self._submit(order, sent)
+        request_files = Files.of(asset, target, files, filename, upload, idempotency_key)
+        return await self._submit(order, request_files)
 
     async def _submit(self, order: Order, files: Files) -> JobView:
-        job, sent = await self._post(JobView, "/v1/jobs", order, files)
-        for name, file in sent.items():
+        job, verified = await self._post(JobView, "/v1/jobs", order, files)
+        for name, file in verified.items():
             there = job.files.get(name)
             if there is None or there.sha256 != file.sha256:
                 with contextlib.suppress(MeshdeformError):
@@ -278,8 +278,8 @@ class AsyncClient:
     async def _post(self, model: type[M], url: str, order: Order, files: Files) -> tuple[M, dict[str, LocalFile]]:
         """Post an order, and return the document of the response and the local files that were sent."""
         with contextlib.ExitStack() as opened:
-            call, sent = await prepared(self._connection, url, order, files, opened)
-            return await self._connection.document(model, call), sent
+            call, verified = await prepared(self._connection, url, order, files, opened)
+            return await self._connection.document(model, call), verified
 
     async def validate(
         self,
@@ -304,8 +304,8 @@ class AsyncClient:
         Parameters and errors are those of `submit`.
         """
         order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
-        sent = Files.of(asset, target, files, filename, upload, None)
-        validation, _ = await self._post(Validation, "/v1/jobs:validate", order, sent)
+        request_files = Files.of(asset, target, files, filename, upload, None)
+        validation, _ = await self._post(Validation, "/v1/jobs:validate", order, request_files)
         return validation
 
     async def orient(
@@ -330,9 +330,11 @@ class AsyncClient:
         DependencyError, UnavailableError
             The service cannot search it, or cannot search it now.
         """
-        sent = Files.of(asset, None, None, filename, upload, None)
-        found, _ = await self._post(FoundOrientation, "/v1/jobs:orient", Order(prompt, params, output), sent)
-        return found
+        request_files = Files.of(asset, None, None, filename, upload, None)
+        orientation, _ = await self._post(
+            FoundOrientation, "/v1/jobs:orient", Order(prompt, params, output), request_files
+        )
+        return orientation
 
     async def parts(
         self,
@@ -355,9 +357,9 @@ class AsyncClient:
         DependencyError, UnavailableError
             The service cannot find parts, or cannot find them now.
         """
-        sent = Files.of(asset, None, None, filename, upload, None)
-        found, _ = await self._post(FoundParts, "/v1/jobs:parts", Order(prompt, params), sent)
-        return found
+        request_files = Files.of(asset, None, None, filename, upload, None)
+        parts_found, _ = await self._post(FoundParts, "/v1/jobs:parts", Order(prompt, params), request_files)
+        return parts_found
 
     async def teach(
         self,
@@ -555,7 +557,7 @@ class AsyncClient:
             if held_s:
                 headers["Prefer"] = f"wait={held_s}"
             call = Call("GET", job_path(job_id), headers=headers, read_timeout_s=policy.timeout_s + held_s)
-            asked = time.monotonic()
+            started = time.monotonic()
             patience = Patience(policy, retries=retries, seconds=min(policy.reconnect_s, left))
             answer = await self._connection.answered(call, patience)
             if answer.status != 304:
@@ -566,7 +568,7 @@ class AsyncClient:
                 if job.state.terminal:
                     return job
             pause_s = pace(answer, 1.0, _LEAST_PACE_S, _MOST_PACE_S)
-            if held_s and time.monotonic() - asked >= 0.5 * held_s:
+            if held_s and time.monotonic() - started >= 0.5 * held_s:
                 pause_s = 0.0  # the long poll has already waited
             pause_s = min(pause_s, left_s(deadline, job_id))
             if pause_s:
@@ -705,8 +707,8 @@ class AsyncClient:
                 detail = f"The job {view.id} is {view.state}: it has no artifacts yet."
                 raise JobNotFinishedError(detail, advice="Wait until it has finished.", job_id=view.id)
             succeeded(view)
-        wanted = list(there) if names is None else list(names)
-        for name in wanted:
+        requested = list(there) if names is None else list(names)
+        for name in requested:
             if name not in there:
                 if name not in AFTERWARDS:
                     present = ", ".join(there) or "none"
@@ -716,11 +718,11 @@ class AsyncClient:
                 raise UnavailableError(f"The artifact's name {name!r} is not a file name.", advice="Check the service.")
         directory = Path(folder)
         await work(lambda: directory.mkdir(parents=True, exist_ok=True))
-        for name in wanted:
+        for name in requested:
             if not await work(is_same, directory / name, there[name]):
                 url = job_path(job, "artifacts", name)
                 await saved(self._connection, url, directory / name, there[name].sha256)
-        return [directory / name for name in wanted]
+        return [directory / name for name in requested]
 
     async def download_asset(self, job: JobLike, path: str | os.PathLike[str]) -> Path:
         """Save the asset as it was sent, for a job in any state."""

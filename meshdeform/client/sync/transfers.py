@@ -42,7 +42,7 @@ def prepared(
 ) -> tuple[Call, dict[str, LocalFile]]:
     """Return the request that posts an order, and its local files, after uploading those that are large."""
     document = order.document()
-    sent: dict[str, LocalFile] = {}
+    local_files: dict[str, LocalFile] = {}
     parts: list[Part] = []
     for name, file in files.parts.items():
         filename = files.filename if name == "asset" or len(files.parts) == 1 else None
@@ -50,7 +50,7 @@ def prepared(
         if not isinstance(source, LocalFile):
             refer(document, name, source)
             continue
-        sent[name] = source
+        local_files[name] = source
         large = source.size > connection.policy.upload_above if files.upload is None else files.upload
         try:
             upload = uploaded(connection, source, f"{files.key}/{name}") if large and source.size else None
@@ -63,7 +63,7 @@ def prepared(
         else:
             refer(document, name, {"upload_id": upload.id})
     headers = {"Idempotency-Key": files.key} if url == "/v1/jobs" else {}
-    return Call("POST", url, headers=headers, document=document, parts=tuple(parts)), sent
+    return Call("POST", url, headers=headers, document=document, parts=tuple(parts)), local_files
 
 
 # Uploads

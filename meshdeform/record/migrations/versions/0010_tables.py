@@ -39,5 +39,5 @@ def upgrade() -> None:
 
 
 def _code(error: sa.exc.DBAPIError) -> str:
-    said = error.orig.args[0] if error.orig is not None and error.orig.args else None
-    return str(said.get("C", "")) if isinstance(said, dict) else ""
+    code = error.orig.args[0] if error.orig is not None and error.orig.args else None
+    return str(code.get("C", "")) if isinstance(code, dict) else ""
