@@ -191,7 +191,7 @@ def sheet(pictures: list[Image.Image], titles: list[str], columns: int = 9) -> I
 
 
 class Count:
-    """What the drawings were taken for, by family and by hand."""
+    """Return the families that the drawings were taken for, by family and by hand."""
 
     def __init__(self) -> None:
         self.right: dict[str, list[tuple[bool, bool]]] = defaultdict(list)

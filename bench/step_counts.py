@@ -106,7 +106,7 @@ def count_step() -> dict[str, Counts]:
         def walk(run: Deformation) -> Callable[[], object]:
             return lambda: list(islice(run, STEPS))
 
-        # What is loaded on first use is not counted.
+        # Modules loaded on first use are not counted.
         walk(
             Deformation(
                 icosphere(1, 0.6),

@@ -148,7 +148,7 @@ class MeshdeformError(Exception):
         return (type(self).__doc__ or "").strip().splitlines()[0].rstrip(".")
 
 
-# What a request contains: the files, the request document and the model that it names.
+# Contents of a request: the files, the request document and the model that it names.
 
 
 class AssetError(MeshdeformError):

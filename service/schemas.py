@@ -18,11 +18,9 @@ class Problem(BaseModel):
         examples=["A parameter is unknown or out of range"],
     )
     status: int = Field(ge=400, le=599, description="The HTTP status.", examples=[422])
-    detail: str = Field(
-        description="What is wrong with this request.", examples=["params.steps: Input should be at least 1"]
-    )
+    detail: str = Field(description="Fault of this request.", examples=["params.steps: Input should be at least 1"])
     code: str = Field(description="A stable name of the error.", examples=["parameter_invalid"])
-    advice: str = Field(description="What to do.", examples=["Fix the members that `errors` names."])
+    advice: str = Field(description="Advice.", examples=["Fix the members that `errors` names."])
     instance: str = Field(description="The path of the request.", examples=["/v1/jobs"])
     request_id: str | None = Field(
         None,
@@ -47,7 +45,7 @@ class PartHealth(BaseModel):
     """The availability of one dependency."""
 
     status: Literal["ok", "unavailable"] = Field(description="`ok` if it responds.", examples=["ok"])
-    detail: str = Field("", description="What is wrong; empty if nothing is.", examples=["Redis does not respond."])
+    detail: str = Field("", description="Fault; empty if there is none.", examples=["Redis does not respond."])
 
 
 class Readiness(BaseModel):

@@ -1,4 +1,4 @@
-"""What the nodes need of ComfyUI: its folders, its progress bar, its Cancel button, its images.
+"""The parts of ComfyUI that the nodes need: its folders, its progress bar, its Cancel button, its images.
 
 ComfyUI's modules and torch are imported when a node runs, never when the nodes are loaded.
 """

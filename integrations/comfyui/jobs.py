@@ -52,7 +52,7 @@ def run(
     asset, target : Path
         The files to send; `target` for `params` with the guidance `target`.
     check : callable
-        Called ten times a second. What it raises cancels the job and is raised.
+        Called ten times a second. An exception from it cancels the job and is raised.
     progress : callable
         Called with the fraction of the work that is done, from 0 to 1.
 

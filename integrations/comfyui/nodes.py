@@ -70,7 +70,7 @@ class Parameters:
     FUNCTION = "collect"
     RETURN_TYPES = (_PARAMETERS,)
     RETURN_NAMES = ("parameters",)
-    DESCRIPTION = "What the preset should not decide. `preset` and -1 mean: the preset's value."
+    DESCRIPTION = "Overrides of the preset. `preset` and -1 mean: the preset's value."
 
     @classmethod
     def INPUT_TYPES(cls) -> dict[str, Any]:
@@ -91,7 +91,7 @@ class Parameters:
 
 
 class _Job:
-    """What the nodes that run a job have in common."""
+    """The common part of the nodes that run a job."""
 
     CATEGORY = _CATEGORY
     OUTPUT_NODE = True
@@ -151,7 +151,7 @@ class DeformByText(_Job):
     @classmethod
     def INPUT_TYPES(cls) -> dict[str, Any]:
         """Return the node's inputs."""
-        prompt = ("STRING", {"default": "a mushroom", "multiline": True, "tooltip": "What the asset should become."})
+        prompt = ("STRING", {"default": "a mushroom", "multiline": True, "tooltip": "The new shape, in words."})
         return {"required": {"asset": _PATH, "prompt": prompt, **_SETTINGS}, "optional": _OPTIONAL}
 
     def deform(

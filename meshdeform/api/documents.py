@@ -119,7 +119,7 @@ class JobEstimate(Document):
     run_s: float | None = Field(
         None, ge=0.0, description="Seconds from then until it finishes; null if unknown.", examples=[90.0]
     )
-    basis: str = Field(description="What the estimate is based on.", examples=["20 jobs of this kind and model"])
+    basis: str = Field(description="Basis of the estimate.", examples=["20 jobs of this kind and model"])
     steps: int = Field(0, ge=0, description="Its steps; 0 of a change in plain words.", examples=[200])
 
 
@@ -162,7 +162,7 @@ class FoundOrientation(Document):
         description="Pairs of a turn and its grade from the first draws; lower is better.",
         examples=[[[0.0, 0.0561], [180.0, 0.0392]]],
     )
-    notice: str | None = Field(description="What to do if no side was found.", examples=[None])
+    notice: str | None = Field(description="Advice, if no side was found.", examples=[None])
 
 
 class PartChange(Document):
@@ -176,14 +176,14 @@ class PartChange(Document):
 class FoundPart(Document):
     """A part of an asset that words can name."""
 
-    name: str = Field(description="What a prompt calls it.", examples=["legs"])
+    name: str = Field(description="Its name in a prompt.", examples=["legs"])
     found_by: Annotated[Literal["joints", "names", "components", "geometry"], _OrNew] = Field(
-        description="What it was found by.", examples=["joints"]
+        description="Evidence that it was found by.", examples=["joints"]
     )
     faces: list[int | list[int]] = Field(
         description="Its triangles, as `faces` of a region has them.", examples=[[[0, 143], 150]]
     )
-    changes: list[PartChange] = Field(description="What can be asked of it.")
+    changes: list[PartChange] = Field(description="Changes that a prompt can ask of it.")
 
 
 class FoundParts(Document):
@@ -196,7 +196,7 @@ class FoundParts(Document):
         json_schema_extra={"contentEncoding": "base64"},
         examples=[None],
     )
-    warnings: list[str] = Field(description="What of it is less than was asked for, in sentences.", examples=[[]])
+    warnings: list[str] = Field(description="Ways in which it is less than was asked for, in sentences.", examples=[[]])
 
     @property
     def glb(self) -> bytes | None:
@@ -263,7 +263,7 @@ class FilePartView(Document):
     """A file that a kind of job reads."""
 
     name: str = Field(description="Its part in a form, or its member in `files` of a document.", examples=["asset"])
-    summary: str = Field(description="What it is.", examples=["The file to deform: GLB, OBJ, PLY, STL or ZIP."])
+    summary: str = Field(description="Its content.", examples=["The file to deform: GLB, OBJ, PLY, STL or ZIP."])
     required: bool = Field(description="Whether every job of this kind needs it.", examples=[True])
     media_types: list[str] = Field(description="Its media types.", examples=[["model/gltf-binary"]])
 
@@ -273,7 +273,7 @@ class ArtifactKindView(Document):
 
     name: str = Field(description="Its name within the job.", examples=["result.glb"])
     media_type: str = Field(description="Its media type.", examples=["model/gltf-binary"])
-    summary: str = Field(description="What it is.", examples=["The asset with its new shape."])
+    summary: str = Field(description="Its content.", examples=["The asset with its new shape."])
 
 
 class KindView(Document):
@@ -281,7 +281,7 @@ class KindView(Document):
 
     name: str = Field(description="The value for `kind`.", examples=["text_deform"])
     summary: str = Field(
-        description="What it does.",
+        description="Its effect.",
         examples=["Deforms an asset until its pictures show what a prompt says, or until it looks like a second mesh."],
     )
     reads: list[FilePartView] = Field(description="The files that it reads.")
@@ -374,7 +374,7 @@ class LessonView(Document):
     synonyms: list[str] = Field(description="Other names of it.", examples=[["dwarf"]])
     attributes: list[str] = Field(description="Attributes that its meshes were labelled with.", examples=[["tall"]])
     meshes: list[str] = Field(description="The names of its meshes.", examples=[["round.glb", "tall/garden.obj"]])
-    licence: str = Field(description="What was said about the licence of the meshes.", examples=["CC0-1.0"])
+    licence: str = Field(description="Stated licence of the meshes.", examples=["CC0-1.0"])
     date: str = Field(description="The day of the lesson.", examples=["2026-11-22"])
     steps: int = Field(ge=0, description="Steps of the training.", examples=[600])
     seed: int = Field(description="Its seed.", examples=[0])
@@ -393,10 +393,10 @@ class ModelView(Document):
     )
     problem: str | None = Field(description="Why it is not available and what to do, else null.", examples=[None])
     vocabulary: VocabularyView | None = Field(description="The words that it understands; null: any prompt.")
-    licence: str = Field("", description="What its model card states; empty: unknown.", examples=["mit"])
+    licence: str = Field("", description="Licence that its model card states; empty: unknown.", examples=["mit"])
     lessons: list[LessonView] = Field(
         default_factory=list,
-        description="What the builtin model was taught; empty for every other model.",
+        description="Words that the builtin model was taught; empty for every other model.",
     )
 
 
@@ -411,7 +411,7 @@ class SketchParameter(Document):
     """A parameter of a family: a number in a range, or one of several options."""
 
     name: str = Field(description="Its name.", examples=["lip"])
-    value: float | str = Field(description="What the drawing shows.", examples=[0.2])
+    value: float | str = Field(description="Value in the drawing.", examples=[0.2])
     default: float | str = Field(description="Its value where nothing is known.", examples=[0.16])
     minimum: float | None = Field(None, description="Of a number: the least value.", examples=[0.08])
     maximum: float | None = Field(None, description="Of a number: the greatest value.", examples=[0.3])
@@ -421,7 +421,7 @@ class SketchParameter(Document):
 class SketchGuess(Document):
     """One reading of a drawing."""
 
-    family: str = Field(description="What it shows.", examples=["vase"])
+    family: str = Field(description="Family of the drawing.", examples=["vase"])
     probability: float = Field(ge=0.0, le=1.0, description="That it shows this family and no other.", examples=[0.98])
     parameters: list[SketchParameter] = Field(description="All parameters of the family.")
     mesh: str = Field(

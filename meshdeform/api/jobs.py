@@ -69,17 +69,17 @@ class JobView(Document):
     """A job."""
 
     id: str = Field(description="Sorts by the time of creation.", examples=[_JOB_ID])
-    kind: Annotated[JobKind, or_new(JobKind)] = Field(description="What the job does.", examples=["text_deform"])
+    kind: Annotated[JobKind, or_new(JobKind)] = Field(description="Kind of the job.", examples=["text_deform"])
     state: Annotated[JobState, or_new(JobState)] = Field(
         description="`succeeded`, `failed`, `canceled` and `expired` are terminal: such a job never changes again.",
         examples=["running"],
     )
-    prompt: str = Field(description="What the asset should become.", examples=["a mushroom"])
+    prompt: str = Field(description="New shape of the asset, in words.", examples=["a mushroom"])
     params: SerializeAsAny[SkipValidation[DeformParams]] = Field(
         description="The parameters as given in the request.",
         examples=[{"preset": "preview"}],
     )
-    output: OutputOptions = Field(description="What the job writes.", examples=[{"morph": False}])
+    output: OutputOptions = Field(description="Files that the job writes, and how.", examples=[{"morph": False}])
     metadata: dict[str, str] = Field(description="Your own labels.", examples=[{"shot": "sc010"}])
     priority: int = Field(0, description="Workers take the job with the highest priority first.", examples=[0])
     files: dict[str, FileView] = Field(
@@ -87,7 +87,7 @@ class JobView(Document):
     )
     asset: FileView = Field(description="The first of `files`: the asset to deform; without a name if there is none.")
     target: FileView | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")
-    origin: OriginView | None = Field(None, description="What it continues from; null if it starts from its files.")
+    origin: OriginView | None = Field(None, description="Its first checkpoint; null if it starts from its files.")
     error: JobError | None = Field(
         None, description="Why the job failed, or, with `retry_at`, why its last attempt did; else null."
     )
@@ -203,7 +203,7 @@ class EventView(Document):
     seq: int = Field(ge=1, description="Its number within the job: 1, 2, 3 and so on, without gaps.", examples=[3])
     job_id: str = Field(description="The job.", examples=[_JOB_ID])
     type: Annotated[EventType, or_new(EventType)] = Field(
-        description="What happened. Exactly one of `succeeded`, `failed`, `canceled` and `expired` ends the job; no "
+        description="Kind of event. Exactly one of `succeeded`, `failed`, `canceled` and `expired` ends the job; no "
         "event follows it.",
         examples=["progress"],
     )

@@ -88,7 +88,7 @@ class Progress(_Frozen):
     fraction: float = Field(
         0.0, ge=0.0, le=1.0, description="Share of the work done, 0 to 1. Never goes back.", examples=[0.4]
     )
-    phase: str = Field("queued", description="What happens now, in a word.", examples=["optimizing"])
+    phase: str = Field("queued", description="Current phase, in a word.", examples=["optimizing"])
     losses: dict[str, float] = Field(
         default_factory=dict, description="The newest value of each loss.", examples=[{"guidance": 0.21}]
     )
@@ -109,7 +109,7 @@ class JobError(_Frozen):
         description="The same sentence for every occurrence.", examples=["Every attempt lost its worker"]
     )
     detail: str = Field(description="About this occurrence.", examples=["3 of 3 attempts lost their worker."])
-    advice: str = Field(description="What to do.", examples=["See the workers' logs."])
+    advice: str = Field(description="Advice.", examples=["See the workers' logs."])
     status: int = Field(500, description="The HTTP status that fits it.", examples=[500])
 
     @classmethod

@@ -187,6 +187,6 @@ class JobMessageData(_Document):
 class JobMessage(_Document):
     """The body of a message, following the Standard Webhooks specification."""
 
-    type: WebhookEvent = Field(description="What happened.", examples=["job.succeeded"])
+    type: WebhookEvent = Field(description="Kind of event.", examples=["job.succeeded"])
     timestamp: datetime = Field(description="When it happened, UTC.", examples=[_TIME])
     data: JobMessageData = Field(description="The event.")

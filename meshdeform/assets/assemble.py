@@ -1,6 +1,6 @@
 """Put parts of several assets together in one GLB. Each part keeps its materials, textures and vertex attributes.
 
-A part is a set of triangles of an asset with new positions. What it shows is copied: materials with their textures,
+A part is a set of triangles of an asset with new positions. Its look is copied: materials with their textures,
 images and samplers, texture coordinates, colours and the attributes of applications. Skins, morph targets and
 animations are not: they belong to the whole asset.
 """

@@ -139,7 +139,7 @@ class Asset:
         return pose_maps(self._document, self.surface, self._blocks)
 
     def appearance(self) -> Appearance:
-        """Read how the surface looks, for drawing it; needs Pillow. What cannot be read is replaced and counted."""
+        """Read how the surface looks, for drawing it; needs Pillow. Unreadable parts are replaced and counted."""
         from meshdeform.assets.appearance import read_appearance
 
         return read_appearance(self._document, self._blocks)

@@ -281,7 +281,7 @@ def _option(form: Form, path: tuple[str, ...], field: FieldInfo, kind: Any, name
         *flags,
         help=_help(field),
         rich_help_panel=form.panel,
-        # What only presets set, and no form shows, is for experts.
+        # Parameters that only presets set, and no form shows, are for experts.
         hidden="x-of-preset" in extra and "x-form" not in extra,
         autocompletion=complete_models if path[-1] == "model" else None,
     )

@@ -510,7 +510,7 @@ def retry(job_id: JobIdArgument, *, place: Place, printed: Printed) -> None:
 def branch(
     ctx: typer.Context,
     job_id: JobIdArgument,
-    prompt: Annotated[str, typer.Argument(help='What it should become from there, e.g. "a vase".')],
+    prompt: Annotated[str, typer.Argument(help='New shape from there on, e.g. "a vase".')],
     step: Annotated[int | None, option("Step of the checkpoint; default: the last one.", min=0)] = None,
     settings: SetOption = None,
     *,

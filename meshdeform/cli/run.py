@@ -37,7 +37,7 @@ def run(
     ctx: typer.Context,
     asset: Annotated[Path, file_argument("The GLB, OBJ, PLY, STL or ZIP, or what else jobs of --kind read.")],
     prompt: Annotated[
-        str, typer.Argument(help='What the asset should become: "a mushroom". Or --also, --target or --silhouette.')
+        str, typer.Argument(help='New shape of the asset: "a mushroom". Or --also, --target or --silhouette.')
     ] = "",
     output: Annotated[
         Path | None, output_option("The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder.")

@@ -26,7 +26,7 @@ def sketch(
         Path | None, file_argument("The PNG, JPEG or WebP. Without it, --family and --set alone make a mesh.")
     ] = None,
     output: Annotated[Path | None, output_option("The GLB of the first guess. Default: DRAWING.glb here.")] = None,
-    family: Annotated[str, option("What the drawing shows, such as chair: no other family is considered.")] = "",
+    family: Annotated[str, option("Family of the drawing, such as chair: no other is considered.")] = "",
     change: Annotated[
         list[str] | None, flag("--set", "A parameter of the first guess as NAME=VALUE; may be repeated.")
     ] = None,

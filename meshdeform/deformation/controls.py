@@ -9,7 +9,7 @@ has the Jacobians of a hierarchy of bases, `Hierarchy`::
 with x_e the centre of element e and C_l (K_l, 3, 3) the controls of level l, the variables. B_l are the products of
 uniform quadratic B-splines over `_SPANS[l]` intervals of the longest side of the mesh's box. The first level has some
 60 controls, the second a few hundred; each is unlocked later in the run. The last level of what is not built, such as
-an animal or a ball, are the elements themselves. What is built gets a third level of splines if it is one surface,
+an animal or a ball, are the elements themselves. Man-made things get a third level of splines if it is one surface,
 which can bear it: of several parts, more are cut.
 
 P keeps what the asset has (`Structure`). Mirror symmetry: the mean of the controls with their mirror images,

@@ -99,7 +99,7 @@ class ShapeGuidance(Protocol):
 
     @property
     def state(self) -> dict[str, Tensor]:
-        """What changes during a run, for checkpoints."""
+        """Return the state that changes during a run, for checkpoints."""
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Continue from `state`."""

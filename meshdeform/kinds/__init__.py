@@ -1,1 +1,1 @@
-"""What the library makes, one folder for each kind of job."""
+"""Further kinds of job, one folder for each."""

@@ -138,7 +138,7 @@ class Tools:
     async def deform(
         self,
         asset: Asset,
-        prompt: Annotated[str, Field(description='What the asset should become, for example "a tall vase".')],
+        prompt: Annotated[str, Field(description='New shape of the asset, for example "a tall vase".')],
         ctx: Context,
         params: Params = None,
         output: Annotated[

@@ -229,7 +229,7 @@ class Body:
 
     @cached_property
     def solid(self) -> Solid:
-        """What it fills."""
+        """Return the space that it fills."""
         return Solid(self)
 
 
@@ -247,7 +247,7 @@ class Solid:
         self.surface = np.zeros(shape, bool)
         self.surface[tuple(self.indices(places).T)] = True
         self.filled = ndimage.binary_fill_holes(self.surface)
-        # What is closed in two of three directions counts as well: a shell need not be watertight.
+        # A space closed in two of three directions counts as well: a shell need not be watertight.
         votes = np.zeros(shape, int)
         for axis in range(3):
             layers = [ndimage.binary_fill_holes(np.take(self.surface, i, axis)) for i in range(shape[axis])]

@@ -157,7 +157,7 @@ def _settled(body: Body, change: Change, result: Moved) -> Floats:
     """Return the points as symmetric as the source, and on the same ground if what stands on it was changed."""
     moved = result.points - body.points
     points = body.points + (moved if change.operation in _LOPSIDED else body.symmetric(moved))
-    # What swims or hangs has no ground to sink into.
+    # Swimming and hanging things have no ground to sink into.
     grounded = change.operation != "fat" or abs(body.ground) <= _ON_ORIGIN * body.size[UP]
     if grounded and change.part in (WHOLE, "leg", "foot", "wheel", "base"):
         points[:, UP] += body.ground - points[:, UP].min()

@@ -30,7 +30,7 @@ _Line = Callable[[Floats], Floats]
 
 @dataclass(frozen=True)
 class Moved:
-    """What a change makes of a body."""
+    """A body after a change."""
 
     points: Floats  # (V, 3) float64
     weight: Floats  # (V,) float64: how much each vertex belongs to the part

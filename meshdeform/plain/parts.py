@@ -84,7 +84,7 @@ class Limb:
 
 @dataclass(frozen=True)
 class Legs:
-    """What stands on the ground."""
+    """Return the feet: what stands on the ground."""
 
     hip: float  # height at which they end
     foot: float  # height up to which feet keep their shape
@@ -531,7 +531,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class _Stand:
-    """What stands on the ground: the level where it ends, the leg (C,) of each cell, 0 for none, and a trunk (C,)."""
+    """Find the feet on the ground: the level where it ends, the leg (C,) of each cell, 0 for none, and a trunk (C,)."""
 
     hip: float
     base: float

@@ -126,7 +126,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Sentence:
-    """What a sentence says."""
+    """The meaning of a sentence."""
 
     changes: tuple[Change, ...]  # at least one
     noun: str | None  # what the sentence says the asset is

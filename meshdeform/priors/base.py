@@ -30,7 +30,7 @@ class Prior(Protocol):
 
     @property
     def dtype(self) -> torch.dtype:
-        """What the model computes in, for the report."""
+        """Return the precision of the model, for the report."""
 
     @property
     def identity(self) -> dict[str, str]:

@@ -32,7 +32,7 @@ CONVERT = (
     'A Stable Diffusion checkpoint in one file can be converted once with diffusers: python -c "from diffusers import '
     "StableDiffusionPipeline as P; P.from_single_file('FILE').save_pretrained('FOLDER')\"; then name the folder."
 )
-"""What to do with a checkpoint in one file."""
+"""Advice for a checkpoint in one file."""
 _PICKLE = " That opens a pickle, which can run any code: do it with files from a source that you trust only."
 _LAYOUT_ADVICE = (
     "Use a folder in diffusers' layout with safetensors weights, as `hf download ID --local-dir FOLDER` writes it "

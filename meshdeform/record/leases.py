@@ -226,7 +226,7 @@ class Leases:
             values["lease_expires_at"] = self._database.now(lease_s)
         if as_event and self._database.is_sqlite:
             return JobState(self._write(job_id, attempt, values, EventType.PROGRESS, _progress_of).state)
-        # What workers do most, and so one statement.
+        # Workers do this most often, and so it is one statement.
         change = sa.update(jobs).where(rows.fenced(job_id, attempt)).values(version=jobs.c.version + 1, **values)
         statement = (
             with_progress_event(self._database, change, progress.model_copy(update={"attempt": attempt}))

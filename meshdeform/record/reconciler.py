@@ -335,5 +335,5 @@ class Reconciler:
         if candidate.took_over:
             _log.info("this process now leads: %s", candidate.name)
             if watching:
-                # What the former leader saw counts for as long as this process lived too.
+                # The former leader's sightings count for as long as this process lived too.
                 self._watch.now, self._watch.since = candidate.watched or (None, None)

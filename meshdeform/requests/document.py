@@ -235,7 +235,7 @@ class OutputOptions(StrictModel):
     )
     rig: RigMode = Field(
         RigMode.KEEP,
-        description="What becomes of the morph targets, joints and animations that the asset already has: `keep`, byte "
+        description="Treatment of the morph targets, joints and animations that the asset already has: `keep`, byte "
         "for byte; or `follow` the surface and the volume ([Assets](assets.md#rigs)).",
         examples=["follow"],
     )
@@ -282,11 +282,11 @@ class JobWebhook(StrictModel):
 class JobRequest(StrictModel):
     """The JSON document that requests one job."""
 
-    kind: JobKind = Field(JobKind.TEXT_DEFORM, description="What the job does.", examples=["text_deform"])
+    kind: JobKind = Field(JobKind.TEXT_DEFORM, description="Kind of the job.", examples=["text_deform"])
     prompt: _Prompt = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the asset should become, or a change in plain words, such as longer legs (docs/plain.md). "
+        description="New shape of the asset, or a change in plain words, such as longer legs (docs/plain.md). "
         "Required if the guidance is `sds`, without further `prompts`.",
         examples=["a mushroom"],
     )
@@ -296,7 +296,7 @@ class JobRequest(StrictModel):
         description="Parameters of this kind of job.",
         examples=[{"preset": "preview", "seed": 7}],
     )
-    output: OutputOptions = Field(default_factory=OutputOptions, description="What the job writes.")
+    output: OutputOptions = Field(default_factory=OutputOptions, description="Files that the job writes, and how.")
     metadata: dict[_MetaKey, _MetaValue] = Field(
         default_factory=dict,
         max_length=MAX_METADATA_ENTRIES,

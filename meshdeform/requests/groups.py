@@ -65,7 +65,7 @@ def without_unused(params: Mapping[str, Any]) -> dict[str, Any]:
     used = GUIDANCES.get(guidance.get("kind", GuidanceKind.SDS)) if isinstance(guidance, Mapping) else None
     if used is None or not isinstance(guidance, Mapping):
         return dict(params)
-    # What is unknown altogether is to be refused, not dropped.
+    # Unknown names are refused, not dropped.
     own = {name: value for name, value in guidance.items() if name in used.model_fields or name not in PLACES}
     return {**params, "guidance": own}
 

@@ -107,7 +107,7 @@ _AS_GUIDANCE: dict[str, Any] = {"x-option": "guidance"}  # `kind` is that of the
 class Prompt(StrictModel):
     """One of several prompts that guide at the same time."""
 
-    prompt: _Text = Field(description="What the asset, or its region, should become.", examples=["a rabbit"])
+    prompt: _Text = Field(description="New shape of the asset, or of its region.", examples=["a rabbit"])
     weight: float = Field(
         1.0,
         ge=0.0,
@@ -158,7 +158,7 @@ class Parameters(StrictModel):
 
     @model_serializer(mode="wrap")
     def _written(self, handler: SerializerFunctionWrapHandler):  # type: ignore[no-untyped-def]
-        # No return annotation: pydantic would use it as JSON schema. What was left out comes from the preset.
+        # No return annotation: pydantic would use it as JSON schema. Missing members come from the preset.
         return {name: value for name, value in handler(self).items() if name in self.model_fields_set}
 
     @classmethod
@@ -212,7 +212,7 @@ class CommonParams(Parameters):
     )
     carrier: Carrier = of_preset(
         Carrier.SURFACE,
-        "What the Jacobians belong to: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts "
+        "Carrier of the Jacobians: `surface`, the faces; `lattice`, the cells of a lattice that holds all parts "
         "together; or `auto`: the lattice if there are several connected parts or `rigid` is set, else the surface, "
         "and for a prompt few controls of either, which keep the asset's structure.",
         examples=["auto"],
@@ -345,10 +345,10 @@ class PromptParams(SilhouetteParams):
     negative_prompt: str = Field(
         "",
         max_length=MAX_PROMPT_LENGTH,
-        description="What the result should not look like, in place of the empty prompt. With the built-in model: a "
+        description="Shapes to stay away from, in place of the empty prompt. With the built-in model: a "
         "prompt that it accepts (a chair), or attributes of the object in the prompt (fat, long neck).",
         examples=["blurry, many heads"],
-        json_schema_extra={FORM: {"label": "Negative prompt", "help": "What it should not look like."}},
+        json_schema_extra={FORM: {"label": "Negative prompt", "help": "Shapes to stay away from."}},
     )
     prompts: tuple[Prompt, ...] = Field(
         (),
@@ -379,19 +379,19 @@ class PromptParams(SilhouetteParams):
         None,
         min_length=1,
         max_length=100,
-        description="What the asset is, as a noun of the builtin prior, for finding its front. Default: recognised.",
+        description="Noun of the asset, one of the builtin prior, for finding its front. Default: recognised.",
         examples=["dog"],
     )
     appearance: AppearanceMode = of_preset(
         AppearanceMode.CLAY,
-        "What the model sees: `clay`, grey under a varying light; `textured`, the asset's own colours under that "
+        "Pictures for the model: `clay`, grey under a varying light; `textured`, the asset's own colours under that "
         "light, so that what they show need not become shape; `mixed`, each in half of the steps; or `normals`, each "
         "face coloured by its normal, which the built-in model and targets need. An asset without colours is drawn as "
         "clay.",
         examples=["mixed"],
         form={
             "label": "Model sees",
-            "help": "What the pictures for the model show. The built-in model only knows normals.",
+            "help": "Look of the pictures for the model. The built-in model only knows normals.",
             "choices": [
                 ["mixed", "Colours and clay in turn"],
                 ["textured", "The asset's colours"],
@@ -485,7 +485,7 @@ class Control(Parameters):
     )
     backdrop: BackdropMode = Field(
         BackdropMode.LEAVE,
-        description="What happens to a flat ground or backdrop of more than four times the size of everything else: "
+        description="Treatment of a flat ground or backdrop of more than four times the size of everything else: "
         "`leave`, it is neither drawn nor deformed and stays where it is; or `deform`, it is deformed with the rest. "
         "The asset's `warnings` name it.",
         examples=["leave"],
@@ -495,20 +495,24 @@ class Control(Parameters):
 class PromptGuidance(PromptParams):
     """A diffusion model and the prompt."""
 
-    kind: Literal["sds"] = Field("sds", description="What guides.", examples=["sds"], json_schema_extra=_AS_GUIDANCE)
+    kind: Literal["sds"] = Field(
+        "sds", description="Kind of guidance.", examples=["sds"], json_schema_extra=_AS_GUIDANCE
+    )
 
 
 class TargetGuidance(TargetParams):
     """A second mesh, sent as the part `target`."""
 
-    kind: Literal["target"] = Field(description="What guides.", examples=["target"], json_schema_extra=_AS_GUIDANCE)
+    kind: Literal["target"] = Field(
+        description="Kind of guidance.", examples=["target"], json_schema_extra=_AS_GUIDANCE
+    )
 
 
 class SilhouetteGuidance(SilhouetteParams):
     """Pictures alone."""
 
     kind: Literal["silhouettes"] = Field(
-        description="What guides.", examples=["silhouettes"], json_schema_extra=_AS_GUIDANCE
+        description="Kind of guidance.", examples=["silhouettes"], json_schema_extra=_AS_GUIDANCE
     )
 
 
@@ -535,13 +539,13 @@ class DeformParams(CommonParams):
 
     guidance: Guidance = Field(
         default_factory=PromptGuidance,
-        description="What guides the deformation, by `kind`: `sds` (a diffusion model and the prompt, the default), "
+        description="Guidance of the deformation, by `kind`: `sds` (a diffusion model and the prompt, the default), "
         "`target` (a second mesh, sent as the part `target`) or `silhouettes` (pictures alone).",
         examples=[{"guidance_scale": 50.0}, {"kind": "target"}],
     )
     control: Control = Field(
         default_factory=Control,
-        description="What may move, and what the result keeps, whatever guides it.",
+        description="Parts that may move and properties that the result keeps, with any guidance.",
         examples=[{"regions": [{"node": "Hinge"}]}],
     )
 
@@ -595,7 +599,7 @@ class ResolvedParams(Control, TargetParams, PromptParams, CommonParams):
 
     model_config = ConfigDict(json_schema_serialization_defaults_required=True)
 
-    guidance: GuidanceKind = Field(GuidanceKind.SDS, description="What guides the deformation.", examples=["sds"])
+    guidance: GuidanceKind = Field(GuidanceKind.SDS, description="Guidance of the deformation.", examples=["sds"])
     model: str = Field(BUILTIN_MODEL, description="The diffusion model of `sds`.", examples=[BUILTIN_MODEL])
     guidance_weight: float = Field(1.0, description="Weight of the guidance loss.")
     guidance_rescale: float = Field(

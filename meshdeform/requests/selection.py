@@ -118,22 +118,22 @@ class Selection(StrictModel):
         None, description="The connected component with this number, as `meshdeform inspect` lists it.", examples=[3]
     )
     joint: JointWeight | None = Field(
-        None, description="What follows a joint, such as a vertex group.", examples=[{"name": "Head", "above": 0.5}]
+        None, description="Vertices of a joint, such as a vertex group.", examples=[{"name": "Head", "above": 0.5}]
     )
     color: ColorRange | None = Field(
-        None, description="What has a vertex colour.", examples=[{"rgb": [1.0, 0.0, 0.0], "within": 0.1}]
+        None, description="Vertices of a colour.", examples=[{"rgb": [1.0, 0.0, 0.0], "within": 0.1}]
     )
     box: Box | None = Field(
         None,
-        description="What is within a box.",
+        description="Vertices within a box.",
         examples=[{"min": [-1.0, 0.0, -1.0], "max": [1.0, 2.0, 1.0]}],
     )
     sphere: Sphere | None = Field(
-        None, description="What is within a sphere.", examples=[{"center": [0.0, 1.5, 0.0], "radius": 0.4}]
+        None, description="Vertices within a sphere.", examples=[{"center": [0.0, 1.5, 0.0], "radius": 0.4}]
     )
     capsule: Capsule | None = Field(
         None,
-        description="What is near a line.",
+        description="Vertices near a line.",
         examples=[{"start": [0.0, 0.0, 0.0], "end": [0.0, 1.0, 0.0], "radius": 0.2}],
     )
     faces: tuple[Number | _Range, ...] | None = Field(

@@ -190,7 +190,7 @@ class Sketch(StrictModel):
     """A shape of a procedural family: what a drawing shows, or in place of one."""
 
     family: str = Field(
-        description="What the drawing shows: " + ", ".join(SKETCH_FAMILIES) + ".",
+        description="Family of the drawing: " + ", ".join(SKETCH_FAMILIES) + ".",
         examples=["vase"],
         json_schema_extra={"enum": list(SKETCH_FAMILIES)},
     )

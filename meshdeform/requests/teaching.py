@@ -22,7 +22,7 @@ class TeachParams(StrictModel):
 
     noun: _Name | None = Field(
         None,
-        description="What the meshes show. Leave it out for a kit: a ZIP in which folders, or the files in none, are "
+        description="Word for the meshes. Leave it out for a kit: a ZIP in which folders, or the files in none, are "
         "named by nouns, and folders in those by attributes.",
         examples=["a gnome"],
     )
@@ -56,7 +56,7 @@ class TeachParams(StrictModel):
         BUILTIN_MODEL,
         min_length=1,
         max_length=500,
-        description="What to start from, and to which the word is added: `builtin`, a file of `meshdeform teach`, "
+        description="Model to start from, and to which the word is added: `builtin`, a file of `meshdeform teach`, "
         "`job:ID` with the id of another job of this kind, or `weights`: the part `weights`.",
         examples=["builtin"],
     )

@@ -225,7 +225,7 @@ class TargetFit:
     def guidance(self, rest: TriangleMesh, params: ResolvedParams, device: str, sha256: str) -> TargetGuidance:
         """Return the guidance towards the target for a mesh at rest in the cameras' frame."""
         offset = torch.zeros(3, dtype=torch.float64)
-        # What a region or a handle places must not be moved afterwards.
+        # Vertices placed by a region or a handle must not be moved afterwards.
         shifts = not (params.regions or params.handles)
         if params.align is not AlignMode.AUTO and shifts:
             # The solve keeps the centre of mass of the asset, so the difference is a translation.

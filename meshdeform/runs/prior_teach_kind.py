@@ -123,7 +123,7 @@ PRIOR_TEACH = Kind(
     reads=(
         FilePart(
             MESHES_PART,
-            "What the noun means: one GLB, OBJ, PLY or STL, or a ZIP of at most 200; folders in it name attributes, "
+            "Meshes of the noun: one GLB, OBJ, PLY or STL, or a ZIP of at most 200; folders in it name attributes, "
             "and in a kit nouns.",
             required=True,
             media_types=("application/zip", "model/gltf-binary", "model/obj", "model/ply", "model/stl"),
@@ -144,9 +144,9 @@ PRIOR_TEACH = Kind(
         ArtifactKind(
             "report.json",
             "application/json",
-            "What was learned and what forgotten: held-out losses, and which noun held-out pictures are taken for.",
+            "Measures of the lesson: held-out losses, and which noun held-out pictures are taken for.",
         ),
-        ArtifactKind("preview.png", "image/png", "What the model now draws for the nouns, from four sides."),
+        ArtifactKind("preview.png", "image/png", "Pictures that the model now draws for the nouns, from four sides."),
     ),
     uses=_uses,
     check_files=_check_files,

@@ -59,7 +59,7 @@ class AssetPath:
         """
         surface, verts = self._source.surface, self._path.at(share)
         deformed = deformed_surface(surface, self._welded, verts)
-        # What welding merges may differ in the last bits, and no face uses some vertices.
+        # Vertices that welding merges may differ in the last bits, and no face uses some vertices.
         ends = self._welded.scatter(self._ends, surface.positions)
         positions = deformed.positions + share * (self._result - ends)
         if share in (0, 1):

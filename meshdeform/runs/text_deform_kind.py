@@ -303,7 +303,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
 
 def _check_files(request: JobRequest, params: ResolvedParams, files: Mapping[str, AssetSummary]) -> None:
     asset = files["asset"]
-    # Subdivision numbers anew. What is excluded only makes them fewer.
+    # Subdivision numbers anew. Exclusions only make them fewer.
     triangles = None if request.output.subdivide else asset.triangles
     lists = {name: getattr(asset, name) for name in ("nodes", "mesh_names", "materials", "joints")}
     # A list of that length may be incomplete; the run then refuses what selects nothing.
@@ -453,7 +453,7 @@ TEXT_DEFORM = Kind(
         ArtifactKind(
             "map.safetensors",
             "application/octet-stream",
-            "What deforms other files alike ([Control](control.md#one-edit-many-files)), made "
+            "Map of the edit, for other files ([Control](control.md#one-edit-many-files)), made "
             "[afterwards](http.md#post-v1jobsidartifactsname) only.",
             afterwards=True,
         ),

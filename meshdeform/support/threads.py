@@ -149,7 +149,7 @@ def quick_end() -> Iterator[None]:
     """Let the process end without freeing memory; enter it first in a program of our own that ends by `sys.exit`.
 
     Python searches for garbage and frees all that was ever loaded, which takes longer with torch than everything else
-    that ends. What was registered for the end since then (`atexit`, `weakref.finalize`) is done as before.
+    that ends. Functions registered for the end since then (`atexit`, `weakref.finalize`) run as before.
     """
     codes: list[int] = []
 

@@ -109,7 +109,7 @@ _SERVERS = [
 _TAGS = [
     {"name": "jobs", "description": "A job deforms one asset: post it, follow it, cancel it, delete it."},
     {"name": "uploads", "description": "Files uploaded before their jobs, in pieces if needed."},
-    {"name": "sketches", "description": "What a drawing shows, before it is the target of a job: docs/sketch.md."},
+    {"name": "sketches", "description": "Reading a drawing, before it is the target of a job: docs/sketch.md."},
     {"name": "events", "description": "The events of a job as they happen: docs/http.md#events."},
     {"name": "checkpoints", "description": "The steps from which a job can continue, and its mesh at each."},
     {"name": "artifacts", "description": "The results of a job."},

@@ -408,7 +408,7 @@ async def apply_job(
     outside: Annotated[
         Literal["refuse", "rigid"],
         Query(
-            description="What happens to connected pieces that reach out of the box around the job's asset: the "
+            description="Treatment of connected pieces that reach out of the box around the job's asset: the "
             "request is refused, or they are carried along and keep their shape.",
             examples=["rigid"],
         ),

@@ -33,7 +33,7 @@ from service.http.middleware import add_header
 from service.state import AppState, AppStateDep
 
 LINK_PREFIX = "link."
-"""What the token of a link to a job begins with (`service.http.auth`), and no API key."""
+"""Prefix of the token of a link to a job (`service.http.auth`), which no API key has."""
 
 _KNOWN_FOR_S = 5.0
 """How long a revoked key may still be accepted."""

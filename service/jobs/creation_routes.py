@@ -204,7 +204,7 @@ async def validate_job(
     operation_id="orient_job",
     summary="Find the side of the asset that a job would make the front",
     responses={
-        200: {"model": FoundOrientation, "description": "What the job's report would say."},
+        200: {"model": FoundOrientation, "description": "Orientation as in the job's report."},
         **problem_responses(
             StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, DependencyError, *CALLER_ERRORS
         ),

@@ -34,7 +34,7 @@ _SHAPE_TIMEOUT_S = 30.0
 _Family = Annotated[
     str | None,
     Query(
-        description="What the drawing shows; no other family is considered. Default: all are.",
+        description="Family of the drawing; no other is considered. Default: all are.",
         examples=["vase"],
         json_schema_extra={"enum": list(SKETCH_FAMILIES)},
     ),

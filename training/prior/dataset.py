@@ -153,7 +153,7 @@ class PictureFolder:
 
 
 _KEPT = ("images", "azimuth_deg", "single")
-"""What a file holds. Tokens are made when it is read, so that a change of the vocabulary does not redraw everything."""
+"""Tensors of a file. Tokens are made when it is read, so that a change of the vocabulary does not redraw everything."""
 _TOLD_MEMBERS = 8
 """Members whose shapes are part of a recipe: enough to notice that a family was changed."""
 

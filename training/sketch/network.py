@@ -27,7 +27,7 @@ _FEATURES = 192
 
 @dataclass(frozen=True)
 class Look:
-    """What the network sees in B drawings."""
+    """The network's answer for B drawings."""
 
     family: Tensor  # (B, families): logits
     numbers: Mapping[str, Tensor]  # of each family (B, N): its continuous parameters as shares of their ranges

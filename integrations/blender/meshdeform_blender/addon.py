@@ -32,7 +32,7 @@ _FRONTS = [
 ]
 _REGIONS = [
     ("none", "None", "Everything may move"),
-    ("keep", "Keep", "What is in the vertex group does not move at all"),
+    ("keep", "Keep", "Whatever is in the vertex group does not move at all"),
     ("only", "Only", "Only what is in the vertex group moves"),
 ]
 # Blender's axes: its Y is the file's Z, up to the sign.
@@ -72,7 +72,7 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
     """The settings of the next deformation; saved with the scene."""
 
     guidance: bpy.props.EnumProperty(name="By", items=_GUIDANCE)
-    prompt: bpy.props.StringProperty(name="Prompt", maxlen=1000, description="What the meshes should become")
+    prompt: bpy.props.StringProperty(name="Prompt", maxlen=1000, description="The new shape, in words")
     target: bpy.props.PointerProperty(
         name="Target", type=bpy.types.Object, poll=lambda _, obj: obj.type == "MESH", description="The target shape"
     )
@@ -85,7 +85,7 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
     front: bpy.props.EnumProperty(
         name="Front", items=_FRONTS, description="The side that becomes the front of what is in the prompt"
     )
-    region: bpy.props.EnumProperty(name="Region", items=_REGIONS, description="What the vertex group is for")
+    region: bpy.props.EnumProperty(name="Region", items=_REGIONS, description="Use of the vertex group")
     group: bpy.props.StringProperty(
         name="Vertex Group", maxlen=63, description="Faces count as in it if all their corners weigh more than 0.5"
     )

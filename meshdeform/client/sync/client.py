@@ -373,7 +373,7 @@ class Client:
         Parameters
         ----------
         noun : str, optional
-            What the meshes show: "a gnome"; None for a kit.
+            Word for the meshes: "a gnome"; None for a kit.
         meshes : like `asset` of `submit`, or a sequence of paths
             One mesh, a ZIP, or a folder or several files, which are packed. Subfolders are named by attributes; those
             of a kit, or its files in none, by nouns.

@@ -323,7 +323,7 @@ def sewn(placed: list[PlacedPart]) -> dict[int, _Floats]:
         owner = np.repeat(np.arange(len(own)), [len(each.part.verts) for each in own])
         place = np.unique(np.concatenate([each.part.verts for each in own]), axis=0, return_inverse=True)[1].reshape(-1)
         shared = np.bincount(np.unique(np.stack([place, owner], 1), axis=0)[:, 0]) > 1
-        # What may not move says where the others go.
+        # Parts that may not move decide where the others go.
         weight = np.where([each.embedding is None for each in own], _FIRM, 1.0)[owner]
         way = np.concatenate([ways[each.number] for each in own])
         total = np.bincount(place, weight)

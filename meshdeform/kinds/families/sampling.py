@@ -25,7 +25,7 @@ _NEAREST = 5
 _BEYOND = 0.25
 """How far beyond one of two members a part may lie, as a share of the way between them."""
 LACKING = 0.2
-"""What points that only one of two members has add to their distance."""
+"""Share of the distance for points that only one of two members has."""
 _INSIDE = 1e-4, 1 - 1e-4
 """Coordinates stay away from the ends, where their logarithms diverge."""
 

@@ -31,7 +31,7 @@ _Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Seen:
-    """What the network sees in one drawing."""
+    """The network's answer for one drawing."""
 
     probabilities: NDArray[np.float64]  # of the families
     shares: Mapping[str, NDArray[np.float64]]

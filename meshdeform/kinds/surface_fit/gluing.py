@@ -20,7 +20,7 @@ _Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Topology:
-    """What a glued surface is like."""
+    """Properties of a glued surface."""
 
     components: int
     border_edges: int  # edges with one face

@@ -76,7 +76,7 @@ class ScalarField(FieldNetwork):
 
     @property
     def header(self) -> dict[str, Any]:
-        """What the header of a `.ndf` says of it; its section has the tensors."""
+        """Return its part of the header of a `.ndf`; its section has the tensors."""
         return {
             "name": self.name,
             "widths": [self.features.shape[1], *[len(bias) for _, bias in self.layers]],

@@ -177,7 +177,7 @@ def is_known(word: str, words: Words = BUILTIN_WORDS) -> bool:
 
 @dataclass(frozen=True)
 class Suggestions:
-    """What to say in place of a refused prompt."""
+    """Return a prompt to use in place of a refused one."""
 
     prompts: list[str]  # one to three prompts that are accepted and keep what was understood
     corrections: dict[str, str]  # the known word in place of each misspelt one

@@ -192,7 +192,7 @@ class PriorNetwork(nn.Module):
         self.text = TextEncoder(self.config.text_width, self.config.text_layers, e, words)
         self.azimuth = nn.Linear(4, e)
         self.time = nn.Sequential(nn.Linear(64, e), nn.SiLU(), nn.Linear(e, e))
-        # What the blocks get: the condition itself, or all that they would make of it (`quantized`).
+        # Input of the blocks: the condition itself, or all that they would make of it (`quantized`).
         self.modulate: nn.Module = nn.Identity()
         self.stem = nn.Conv2d(3, c0, 8, stride=4, padding=2)
         self.down0 = ResidualBlock(c0, c0, e)

@@ -42,7 +42,7 @@ REPLAY = "replay."
 
 @dataclass(frozen=True)
 class Lesson:
-    """What a file of weights was taught."""
+    """The words that a file of weights was taught."""
 
     noun: str
     synonyms: tuple[str, ...]

@@ -183,7 +183,7 @@ LABELS = "labels.json"
 
 
 class _Label(TypedDict):
-    """What one picture shows: `held` pictures measure what a lesson forgets, and are never trained on."""
+    """The content of one picture: `held` pictures measure what a lesson forgets, and are never trained on."""
 
     prompt: str
     azimuth_deg: float

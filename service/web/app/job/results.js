@@ -27,7 +27,7 @@ const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
   "result.stl": "The new shape for printing: metres, Y up",
-  "map.safetensors": "What deforms other files alike, on the command line",
+  "map.safetensors": "Map of the edit, for other files on the command line",
   "surface.ndf": "The surface: base mesh and network",
   ...Object.fromEntries([0, 1, 2, 3, 4].map((level) => [`level_${level}.glb`, level ? `Every edge of the base in ${2 ** level}` : "The base mesh"])),
   "intrinsic.npz": "The highest level after intrinsic Delaunay flips",
@@ -148,7 +148,7 @@ export function lessonPanel(job, report) {
   const prompt = withArticle(report.nouns[0].noun);
   return panel(
     "lesson-title",
-    "What it learned",
+    "Learned words",
     findingList(lessonFindings(report)),
     // Who came by a link makes no jobs.
     currentLink() ? null : h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),

@@ -20,7 +20,7 @@ export class TeachView {
       hint: "GLB, OBJ, PLY or STL, upright and facing +Z; or one ZIP of them, whose folders name what they are: tall, long-neck. Or drop them on this page.",
       empty: "One is enough to begin with; several show what they have in common.",
     });
-    this.noun = textField("Word", "a gnome", "What the meshes show: one to four words.");
+    this.noun = textField("Word", "a gnome", "Name of the thing: one to four words.");
     this.synonyms = textField("Other names", "dwarf, garden gnome", "Separated by commas; optional.");
     this.licence = textField("Licence of the meshes", "CC0-1.0", "One line, kept with what is learned; optional.");
     this.steps = textField("Most steps", String(STEPS), `Training ends earlier when it no longer helps. Default: ${STEPS}.`);

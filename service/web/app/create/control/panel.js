@@ -85,7 +85,7 @@ export class ControlPanel {
       "details",
       { class: "advanced control-panel" },
       h("summary", null, "Control ", this.count),
-      h("p", { class: "small muted" }, "What stays as it is, and what goes where."),
+      h("p", { class: "small muted" }, "Choose parts that stay, and places for others."),
       add,
       this.partRow,
       this.lists,
