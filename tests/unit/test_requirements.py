@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.metadata as metadata
+import os
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -58,10 +59,16 @@ def _providers() -> Mapping[str, list[str]]:
     return metadata.packages_distributions()
 
 
+def _own_files(folder: Path) -> Iterator[Path]:
+    """Find the Python files, without reading through what the scripts install beside the tests."""
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if name != "node_modules" and not name.startswith(".")]
+        yield from (Path(place, name) for name in names if name.endswith(".py"))
+
+
 def _third_party_imports(folder: Path) -> Iterator[tuple[Path, str]]:
     ours = {"meshdeform", "service", "worker", "training", "tests", "bench", "docs", "release"}
-    paths = [path for path in folder.rglob("*.py") if not {"node_modules", ".promtool"} & set(path.parts)]
-    for path in sorted(paths):
+    for path in sorted(_own_files(folder)):
         for node in ast.walk(ast.parse(path.read_text())):
             modules = []
             if isinstance(node, ast.Import):
