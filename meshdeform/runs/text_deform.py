@@ -65,6 +65,7 @@ from meshdeform.runs.text_report import (
     sees_colours,
 )
 from meshdeform.runs.verdict import Recognition, front_of, known_source, recognise
+from meshdeform.support.threads import side_by_side
 
 _GLB = "model/gltf-binary"
 _ON_ORIGIN = 0.01
@@ -214,10 +215,13 @@ class TextDeformRun(JobRun):
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
             shown = Shown.of(facts.asset, written, facts.welded, verts)
             look = facts.asset.appearance().of_triangles(facts.drawn)
-            artifacts["preview.png"] = ArtifactData(preview_png(look, *shown.poses), "image/png")
         held_share = float(np.mean(self._held)) if self._held else 0.0
         outcome = Outcome(verts, result, written, shown, surface.rebuilt_normals, held_share)
-        report = build_report(facts, self._deformation, outcome, self.first_step, self.log)
+        report, picture = side_by_side(
+            lambda: build_report(facts, self._deformation, outcome, self.first_step, self.log),
+            lambda: preview_png(look, *shown.poses),
+        )
+        artifacts["preview.png"] = ArtifactData(picture, "image/png")
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
 
@@ -321,9 +325,12 @@ class PlainChangeRun(JobRun):
                 )
             shown = Shown.of(facts.asset, written, facts.welded, self._verts)
             look = facts.asset.appearance().of_triangles(facts.drawn)
-            artifacts["preview.png"] = ArtifactData(preview_png(look, *shown.poses), "image/png")
         outcome = Outcome(self._verts, result, written, shown, self._surface.rebuilt_normals, 0.0)
-        report = change_report(facts, self._done, self._recognised, self._follows, outcome, self.log)
+        report, picture = side_by_side(
+            lambda: change_report(facts, self._done, self._recognised, self._follows, outcome, self.log),
+            lambda: preview_png(look, *shown.poses),
+        )
+        artifacts["preview.png"] = ArtifactData(picture, "image/png")
         artifacts["report.json"] = ArtifactData(report, "application/json")
         return artifacts
 

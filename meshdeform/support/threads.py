@@ -116,6 +116,15 @@ def in_ranges(work: Callable[[int, int], T], count: int) -> list[T]:
     return [first, *results]
 
 
+def side_by_side(*works: Callable[[], T]) -> list[T]:
+    """Call all works at once, or one after the other with one thread (`choose_threads`); return what they return."""
+    if usable_threads() == 1:
+        return [work() for work in works]
+    with ThreadPoolExecutor(len(works) - 1, "meshdeform") as pool:
+        others = [pool.submit(work) for work in works[1:]]
+        return [works[0](), *(other.result() for other in others)]
+
+
 HEAPS = 2
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 """`mallopt`'s names, from glibc's malloc.h."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from meshdeform.runs.devices import use_threads
-from meshdeform.support.threads import default_threads, in_ranges, limit_spinning
+from meshdeform.support.threads import default_threads, in_ranges, limit_spinning, side_by_side
 from tests.cases import each_case
 
 
@@ -113,3 +113,13 @@ def test_ranges_cover_everything_once_and_all_of_them_end(monkeypatch: pytest.Mo
     with pytest.raises(ValueError, match="the first range"):
         in_ranges(work, 2)
     assert finished.is_set()
+
+
+def test_works_meet_if_there_are_two_threads_and_take_turns_if_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    meeting = threading.Barrier(2, timeout=60)
+    monkeypatch.setattr("meshdeform.support.threads._chosen", 2)
+    assert sorted(side_by_side(meeting.wait, meeting.wait)) == [0, 1]
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(lambda: 1, lambda: 1 // 0)
+    monkeypatch.setattr("meshdeform.support.threads._chosen", 1)
+    assert side_by_side(threading.get_ident, threading.get_ident) == [threading.get_ident()] * 2
