@@ -15,7 +15,7 @@ from meshdeform.errors import ParameterError, WorkerLostError
 from meshdeform.record import ids
 from meshdeform.record.ids import JOB_ID_PATTERN, decode_cursor, encode_cursor, new_id, new_job_id
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState, Progress
-from meshdeform.record.schema import UtcDateTime
+from meshdeform.record.schema import UtcDateTime, metadata
 from tests.cases import each_case
 
 
@@ -125,3 +125,13 @@ def test_a_time_without_a_zone_is_no_instant() -> None:
         UtcDateTime().process_bind_param(MOMENT.replace(tzinfo=None), DIALECTS[0])
     assert UtcDateTime().process_bind_param(None, DIALECTS[0]) is None
     assert UtcDateTime().process_result_value(None, DIALECTS[0]) is None
+
+
+def test_what_belongs_to_a_job_goes_with_it() -> None:
+    belonging = {
+        table.name
+        for table in metadata.tables.values()
+        for key in table.foreign_keys
+        if key.column.table.name == "jobs" and key.ondelete == "CASCADE"
+    }
+    assert belonging == {"labels", "events", "outbox", "artifacts", "checkpoints", "job_files", "job_texts"}
