@@ -71,7 +71,7 @@ def main() -> None:
             print(f"{name}: not in {assets}", file=sys.stderr)
             continue
         asset = load_asset(path.read_bytes(), path.name)
-        poses = [("source", asset.posed().positions)]
+        poses = [("source", asset.surface.positions)]
         for sentence in words:
             made = measured(name, asset, sentence)
             if made is not None:
@@ -104,7 +104,7 @@ def measured(name: str, asset: Asset, sentence: str) -> Any:
             f"{structure['asymmetry'] or 0:8.4f} {seconds:5.2f}  {'; '.join(each.warnings)}",
             flush=True,
         )
-    positions = asset.posed().positions.copy()
+    positions = asset.surface.positions.copy()
     used = welded.vertex_map >= 0
     positions[used] += (changed.points - body.points)[welded.vertex_map[used]]
     return positions

@@ -158,8 +158,7 @@ class _Reader:
             return Material()
 
     def _block(self, block: Block) -> list[_Part]:
-        flip = np.linalg.det(block.placement[:3, :3]) < 0.0
-        return [self._part(block, primitive, flip=bool(flip)) for primitive in self._primitives(block)]
+        return [self._part(block, primitive, flip=block.placement.mirrors) for primitive in self._primitives(block)]
 
     def _part(self, block: Block, primitive: Json, *, flip: bool) -> _Part:
         count = len(block.positions)

@@ -7,7 +7,6 @@ Everything that reads the document afterwards finds usable ones; other vertices 
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
@@ -21,18 +20,18 @@ from meshdeform.assets.archive import Archive, open_archive
 from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC, Json
+from meshdeform.assets.corners import corner_colors, corner_weights
 from meshdeform.assets.document import Document, Usage, read_floats, read_triangles
 from meshdeform.assets.inspect import TRIANGLES, AssetSummary, asset_format, check_document, instances_of
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
-from meshdeform.assets.rig import corner_colors, corner_weights, joint_shares, pose_maps, posed_surface
+from meshdeform.assets.rig import NodeMove, RigMotion, joint_moves, joint_shares
 from meshdeform.assets.surface import (
     Block,
     Parts,
     Rig,
     Surface,
-    placed_as,
     read_parts,
     read_rig,
     read_surface,
@@ -50,7 +49,6 @@ from meshdeform.assets.writer import (
 from meshdeform.errors import AssetFormatError
 
 if TYPE_CHECKING:
-    from meshdeform.assets.rig import JointMove
     from meshdeform.assets.subdivide import Subdivision
     from meshdeform.geometry.appearance import Appearance
 
@@ -119,25 +117,6 @@ class Asset:
         embed_data_uris(document)
         return document.to_bytes()
 
-    def placed_as(self, source: Asset) -> Asset:
-        """Return the asset with its meshes in the places of world space that those of its source have.
-
-        Where the joints of a skin do not agree on the bind pose, that is a choice, which depends on where they are.
-        """
-        if len(self._blocks) != len(source._blocks):
-            return self
-        placed = copy.copy(self)
-        placed.surface, placed._blocks = placed_as(self.surface, self._blocks, source._blocks)
-        return placed
-
-    def posed(self) -> Surface:
-        """Return the surface as viewers show it: skins in the pose of the file's nodes, not in their bind pose."""
-        return posed_surface(self._document, self.surface, self._blocks)
-
-    def pose_maps(self) -> NDArray[np.float64]:
-        """Return the affine map (N, 3, 4) from each vertex's place in the bind pose to where viewers show it."""
-        return pose_maps(self._document, self.surface, self._blocks)
-
     def appearance(self) -> Appearance:
         """Read how the surface looks, for drawing it; needs Pillow. Unreadable parts are replaced and counted."""
         from meshdeform.assets.appearance import read_appearance
@@ -167,7 +146,7 @@ class Asset:
 
         A mesh without a skin on or below a joint follows it.
         """
-        return joint_shares(self._document, self._blocks, rigid=True)
+        return joint_shares(self._document, self._blocks)
 
     def vertex_colors(self) -> NDArray[np.float64]:
         """Return the linear vertex colour (T, 3, 3) of each corner of the triangles; NaN where there is none."""
@@ -190,10 +169,8 @@ class Asset:
 
     def joint_moves(
         self, positions: NDArray[np.float64], jacobians: NDArray[np.float64]
-    ) -> dict[int, tuple[str, JointMove]]:
+    ) -> dict[int, tuple[str, NodeMove]]:
         """Return by node the name of each joint and how it moves with a new shape, given as to `replace`."""
-        from meshdeform.assets.rig import RigMotion, joint_moves
-
         motion = RigMotion(self.surface.positions, positions - self.surface.positions, jacobians)
         nodes = self._document.root.get("nodes", [])
         moves = joint_moves(self._document, self._blocks, motion)
@@ -204,8 +181,10 @@ class Asset:
         return turned_parts(self._document, self._blocks)
 
     def rig_digest(self) -> str:
-        """Return the SHA-256 of the surface's morph targets and inverse bind matrices, to tell whether they changed."""
+        """Return the SHA-256 of what may follow a shape: the surface's morph targets and rig, and the nodes' places."""
         digest = hashlib.sha256()
+        for node in self._document.root.get("nodes", []):
+            digest.update(repr(node["matrix"][12:15] if "matrix" in node else node.get("translation")).encode())
         for accessor in rig_accessors(self._document, self._blocks):
             digest.update(read_floats(self._document, accessor).tobytes())
         return digest.hexdigest()
@@ -271,8 +250,7 @@ class Asset:
         tangents: NDArray[np.float64] | None = None,
         *,
         jacobians: NDArray[np.float64] | None = None,
-        joints: Mapping[int, JointMove] | None = None,
-        posed: bool = False,
+        joints: Mapping[int, NodeMove] | None = None,
         morph: bool = False,
         compact: bool = False,
         provenance: Mapping[str, Any] | None = None,
@@ -288,13 +266,10 @@ class Asset:
         tangents : (N, 4) float64, optional
             New tangents, with the same rules.
         jacobians : (N, 3, 3) float64, optional
-            The linear map of the deformation around each vertex, in world space. With it, the file's morph targets and
-            joints follow the shape (`assets/writer.py`, `assets/rig.py`); not with `morph`.
-        joints : mapping of int to JointMove, optional
-            How they do. Default: as `joint_moves` returns.
-        posed : bool
-            With `jacobians`: joints follow in the pose of the nodes, which viewers show, so that it is there exactly as
-            written, instead of in the bind pose.
+            The linear map of the deformation around each vertex, in world space. With it, the file's morph targets,
+            joints and other nodes follow the shape (`assets/writer.py`, `assets/attached.py`); not with `morph`.
+        joints : mapping of int to NodeMove, optional
+            How joints do. Default: as `joint_moves` returns.
         morph : bool
             Keep the source as the base and add the new shape as a morph target of weight 1, with a one-second
             animation named "deform" from the source to the result.
@@ -318,7 +293,7 @@ class Asset:
         if morph:
             target = MorphTarget(ANIMATION_NAME, positions, normals, tangents)
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
-        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints, posed=posed)
+        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints)
         finish = Finish(self._usage if compact else None, provenance)
         return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
 

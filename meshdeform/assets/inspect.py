@@ -460,14 +460,29 @@ def instances_of(root: Json) -> list[Instance]:
     return _walk(root)[0]
 
 
-def _walk(root: Json) -> tuple[list[Instance], list[Instance]]:
-    """Return the instances that are shown, and those that are hidden."""
+def shown_nodes(root: Json) -> list[int]:
+    """List the nodes of the default scene, each before those below it."""
+    listed = list(dict.fromkeys(_top_nodes(root)))
+    known = set(listed)
+    for at in listed:  # grows while it is read; nodes form a forest
+        below = [child for child in root["nodes"][at].get("children", []) if child not in known]
+        known.update(below)
+        listed += below
+    return listed
+
+
+def _top_nodes(root: Json) -> list[int]:
+    """Return the nodes at the top of the default scene."""
     nodes, scenes = objects(root, "nodes"), objects(root, "scenes")
     if scenes:
-        start = indices(scenes[root.get("scene", 0)], "nodes", len(nodes), "scene")
-    else:
-        children = {child for node in nodes for child in node.get("children", [])}
-        start = [i for i in range(len(nodes)) if i not in children]
+        return indices(scenes[root.get("scene", 0)], "nodes", len(nodes), "scene")
+    children = {child for node in nodes for child in node.get("children", [])}
+    return [i for i in range(len(nodes)) if i not in children]
+
+
+def _walk(root: Json) -> tuple[list[Instance], list[Instance]]:
+    """Return the instances that are shown, and those that are hidden."""
+    nodes, start = objects(root, "nodes"), _top_nodes(root)
     shown, hidden, seen = list[Instance](), list[Instance](), set[int]()
     stack = [(at, True) for at in start[::-1]]
     while stack:

@@ -164,9 +164,8 @@ def rounding_warnings(surface: Surface, blocks: Sequence[Block]) -> tuple[str, .
     if not len(surface.positions):
         return ()
     filled = [block for block in blocks if len(block.positions)]
-    scales = np.linalg.norm(np.stack([block.placement[:3, :3] for block in filled]), 2, axis=(1, 2))
-    steps = np.array([np.spacing(np.abs(block.positions).max()) for block in filled]) * scales
-    return _rounding(float(steps.max()), float(np.linalg.norm(np.ptp(surface.positions, axis=0))))
+    steps = [float(np.spacing(np.abs(block.positions).max())) * block.placement.scale for block in filled]
+    return _rounding(max(steps), float(np.linalg.norm(np.ptp(surface.positions, axis=0))))
 
 
 def rounded_places(places: _Floats) -> tuple[str, ...]:

@@ -37,7 +37,7 @@ def write_stl(asset: Asset, up: Up = "y", unit: Unit = "m") -> Stl:
     """
     import trimesh
 
-    shown = asset.posed()
+    shown = asset.surface
     if not len(shown.triangles):
         raise AssetEmptyError("The asset has no triangles that an STL could hold.")
     positions = shown.positions @ (_Z_UP.T if up == "z" else np.eye(3)) * _PER_METRE[unit]

@@ -29,7 +29,7 @@ from meshdeform.assets.document import (
     read_triangles,
 )
 from meshdeform.assets.inspect import TRIANGLES, UNSIGNED_INT, UNSIGNED_SHORT, instances_of
-from meshdeform.assets.surface import Matrix, is_invertible, placement_matrix, world_matrices
+from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
 from meshdeform.errors import AssetError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.geometry.edge_splits import longest_together, split_triangles, unique_edges

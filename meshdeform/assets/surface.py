@@ -1,12 +1,7 @@
 """Gather the triangle primitives of all instances into one world-space surface, with the data for writing it back.
 
-A mesh is placed by the product of the transforms of its node and the node's ancestors. A skinned mesh ignores its
-node; it is deformed in its bind pose, where `joint_world @ inverse_bind` is the same matrix for every joint. If the
-file's nodes are in another pose, these matrices differ; then the joint that agrees best with all others places the
-mesh, and the skin bends the result as it bent the source. A mesh that EXT_mesh_gpu_instancing draws many times has the
-place of its first instance.
-
-Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skins); EXT_mesh_gpu_instancing.
+The surface is what viewers show: skins in the pose of the file's nodes, morph targets with their weights at rest. A
+mesh that EXT_mesh_gpu_instancing draws many times has the place of its first instance.
 
 `read_parts` lists what it consists of: nodes, meshes, materials, which triangles belong to each, and its rig.
 """
@@ -23,95 +18,12 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats, read_triangles
-from meshdeform.assets.inspect import GPU_INSTANCING, LOOSE, TRIANGLES, Instance, instance_count, instances_of
+from meshdeform.assets.inspect import LOOSE, TRIANGLES, Instance, instances_of
+from meshdeform.assets.placement import Floats, Placement, Placer, unit_rows
 from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 
-Floats = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-_INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
 _MAX_NAME = 200
-
-
-def local_matrix(node: Json) -> Matrix:
-    """Return a node's own transform, (4, 4) float64, for column vectors."""
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    matrix = np.eye(4)
-    x, y, z, w = _unit(np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), np.float64))
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), np.float64)
-    matrix[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
-    return matrix
-
-
-def _unit(rotation: Matrix) -> Matrix:
-    length = np.linalg.norm(rotation)
-    if length < 1e-12:
-        return np.array([0.0, 0.0, 0.0, 1.0])
-    # A rotation of unit length is returned unchanged, so that the identity stays exact.
-    return rotation if abs(length - 1.0) < 1e-12 else rotation / length
-
-
-def world_matrices(nodes: list[Json]) -> list[Matrix]:
-    """Return every node's transform to world space, (4, 4) float64 each; the hierarchy must be checked already."""
-    parents = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
-    worlds: dict[int, Matrix] = {}
-    for start in range(len(nodes)):
-        path, at = [start], start
-        while at not in worlds and at in parents:
-            at = parents[at]
-            path.append(at)
-        for i in reversed(path):
-            if i not in worlds:
-                local = local_matrix(nodes[i])
-                worlds[i] = worlds[parents[i]] @ local if i in parents else local
-    return [worlds[i] for i in range(len(nodes))]
-
-
-def placement_matrix(document: Document, instance: Instance, worlds: list[Matrix]) -> Matrix:
-    """Return the matrix from an instance's mesh space to world space, (4, 4) float64."""
-    if instance.skin is None:
-        return worlds[instance.node] @ _first_instance(document, instance.node)
-    return bind_placement(document, document.root["skins"][instance.skin], worlds)
-
-
-def bind_placement(document: Document, skin: Json, worlds: Sequence[Matrix]) -> Matrix:
-    """Return the matrix from the space of a skin's meshes to world space in its bind pose, (4, 4) float64."""
-    joints = np.stack([worlds[joint] for joint in skin["joints"]])
-    if "inverseBindMatrices" in skin:
-        inverse_binds = read_floats(document, skin["inverseBindMatrices"])[: len(joints)].astype(np.float64)
-        joints = joints @ inverse_binds.reshape(-1, 4, 4).transpose(0, 2, 1)
-    distance = np.abs(joints - joints.mean(axis=0)).sum(axis=(1, 2))
-    return np.asarray(joints[int(np.argmin(distance))])
-
-
-def _first_instance(document: Document, node: int) -> Matrix:
-    """Return the transform of the first GPU instance that does not flatten the mesh, or the identity."""
-    if instance_count(document.root, node) is None:
-        return np.eye(4)
-    rows = _instance_rows(document, node)
-    first = 0
-    if "SCALE" in rows:
-        usable = np.isfinite(rows["SCALE"]).all(axis=1) & (rows["SCALE"] != 0.0).all(axis=1)
-        first = int(usable.argmax())
-    return local_matrix({_INSTANCE_KEYS[name]: values[first].tolist() for name, values in rows.items()})
-
-
-def _instance_rows(document: Document, node: int) -> dict[str, NDArray[np.float32]]:
-    attributes = document.root["nodes"][node]["extensions"][GPU_INSTANCING].get("attributes", {})
-    return {name: read_floats(document, attributes[name]) for name in _INSTANCE_KEYS if name in attributes}
-
-
-def is_invertible(matrix: Matrix) -> bool:
-    """Return whether the matrix can be inverted: it is finite, and no axis vanishes relative to the others."""
-    if not np.isfinite(matrix).all():
-        return False
-    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(stretches[2] > 1e-9 * stretches[0] and stretches[0] > 0.0)
+_FLATTENED = "its transform flattens the mesh and cannot be inverted"
 
 
 @dataclass(frozen=True)
@@ -123,6 +35,7 @@ class Surface:
     normals: Floats  # (N, 3) float64: unit length, or NaN where the file has none
     tangents: Floats  # (N, 4) float64: unit length with a handedness of +1 or -1, or NaN where the file has none
     instance_of_vertex: NDArray[np.int64]  # (N,) int64: the mesh instance of each vertex
+    stays: NDArray[np.bool_]  # (N,) bool: vertices that cannot be moved, because the map of their joints has no inverse
     skipped: list[dict[str, Any]]  # parts that are not deformed, and why
 
 
@@ -149,7 +62,7 @@ class Block:
     triangles: tuple[int, ...]  # of each primitive
     accessors: tuple[int, int | None, int | None]  # POSITION, NORMAL, TANGENT
     rows: slice
-    placement: Matrix
+    placement: Placement
     positions: NDArray[np.float32]  # in mesh space, as in the file
     normals: NDArray[np.float32] | None
     tangents: NDArray[np.float32] | None
@@ -179,7 +92,7 @@ def read_surface(
 
 
 def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface, list[Block], list[Block]]:
-    worlds = world_matrices(document.root.get("nodes", []))
+    placer = Placer(document)
     blocks: list[Block] = []
     loose: list[Block] = []
     triangles: list[NDArray[np.int64]] = []
@@ -188,23 +101,23 @@ def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface
     start = 0
     shown = [instance for instance in instances_of(document.root) if instance.node not in excluded]
     for number, instance in enumerate(shown):
-        placement = placement_matrix(document, instance, worlds)
-        if not is_invertible(placement):
-            reason = "its transform flattens the mesh and cannot be inverted"
-            skipped.append({"node": instance.node, "mesh": instance.mesh, "reason": reason})
+        if instance.skin is None and placer.of_node(instance) is None:
+            skipped.append({"node": instance.node, "mesh": instance.mesh, "reason": _FLATTENED})
             continue
         for accessors, primitives in _groups(document, instance, skipped).items():
+            placement = _placement(document, placer, instance, primitives[0], skipped)
+            if placement is None:
+                continue
             block = _read_block(document, instance, accessors[:3], primitives, placement, start)
             block = dataclasses.replace(block, rest=_rest_targets(document, instance, block))
             count = len(block.positions)
             faces = [_faces(document, block, p, count, skipped) for p in primitives]
             block = dataclasses.replace(block, triangles=tuple(len(part) for part in faces))
-            flip = np.linalg.det(placement[:3, :3]) < 0.0
-            triangles += [start + (part[:, ::-1] if flip else part) for part in faces]
+            triangles += [start + (part[:, ::-1] if placement.mirrors else part) for part in faces]
             blocks.append(block)
             owner.append(number)
             start += count
-        loose += _loose_blocks(document, instance, placement, skipped)
+        loose += _loose_blocks(document, placer, instance, skipped)
     joined = np.concatenate(triangles) if triangles else np.empty((0, 3), np.int64)
     if len(joined) == 0:
         problems = {item["reason"] for item in skipped} | ({LOOSE} if loose else set())
@@ -213,10 +126,23 @@ def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface
     return _join(blocks, joined, owner, skipped), blocks, loose
 
 
+def _placement(
+    document: Document, placer: Placer, instance: Instance, number: int, skipped: list[dict[str, Any]]
+) -> Placement | None:
+    """Return the placement of a primitive's vertices; None if it flattens them, which `skipped` then says."""
+    primitive = document.root["meshes"][instance.mesh]["primitives"][number]
+    count = document.root["accessors"][primitive["attributes"]["POSITION"]]["count"]
+    placement = placer.of_vertices(instance, primitive, count)
+    if placement is None:
+        place = {"node": instance.node, "mesh": instance.mesh, "primitive": number}
+        skipped.append({**place, "reason": _FLATTENED})
+    return placement
+
+
 def _groups(
     document: Document, instance: Instance, skipped: list[dict[str, Any]]
 ) -> dict[tuple[int, int | None, int | None, str], list[int]]:
-    """Return the primitives that share their accessors and, where targets show at rest, these as well."""
+    """Return the primitives that share their accessors and, where targets or joints place them, these as well."""
     groups: dict[tuple[int, int | None, int | None, str], list[int]] = {}
     shows_targets = any(_rest_weights(document.root, instance))
     for p, primitive in enumerate(document.root["meshes"][instance.mesh].get("primitives", [])):
@@ -227,15 +153,15 @@ def _groups(
             reason = "no POSITION attribute"
             skipped.append({"node": instance.node, "mesh": instance.mesh, "primitive": p, "reason": reason})
             continue
-        targets = repr(primitive.get("targets", [])) if shows_targets else ""
-        key = (attributes["POSITION"], attributes.get("NORMAL"), attributes.get("TANGENT"), targets)
+        placed_by = repr(primitive.get("targets", [])) if shows_targets else ""
+        if instance.skin is not None:
+            placed_by += repr(sorted(item for item in attributes.items() if item[0].startswith(("JOINTS", "WEIGHTS"))))
+        key = (attributes["POSITION"], attributes.get("NORMAL"), attributes.get("TANGENT"), placed_by)
         groups.setdefault(key, []).append(p)
     return groups
 
 
-def _loose_blocks(
-    document: Document, instance: Instance, placement: Matrix, skipped: list[dict[str, Any]]
-) -> list[Block]:
+def _loose_blocks(document: Document, placer: Placer, instance: Instance, skipped: list[dict[str, Any]]) -> list[Block]:
     """Return the points and lines of an instance, by their positions; those that are not finite are skipped."""
     groups: dict[int, list[int]] = {}
     for p, primitive in enumerate(document.root["meshes"][instance.mesh].get("primitives", [])):
@@ -244,11 +170,12 @@ def _loose_blocks(
     blocks = []
     for position, primitives in groups.items():
         positions = read_floats(document, position)
-        if np.isfinite(positions).all():
+        placement = _placement(document, placer, instance, primitives[0], skipped)
+        if placement is not None and np.isfinite(positions).all():
             accessors, rows = (position, None, None), slice(0, 0)
             place = instance.node, instance.mesh, tuple(primitives), (0,) * len(primitives)
             blocks.append(Block(*place, accessors, rows, placement, positions, None, None))
-        else:
+        elif placement is not None:
             reason = "points or lines whose positions are not finite"
             place_of = {"node": instance.node, "mesh": instance.mesh, "primitive": primitives[0]}
             skipped.append({**place_of, "reason": reason})
@@ -260,7 +187,7 @@ def _read_block(
     instance: Instance,
     accessors: tuple[int, int | None, int | None],
     primitives: list[int],
-    placement: Matrix,
+    placement: Placement,
     start: int,
 ) -> Block:
     position, normal, tangent = accessors
@@ -344,33 +271,22 @@ def _join(
     total = blocks[-1].rows.stop
     positions = np.empty((total, 3))
     normals, tangents = np.full((total, 3), np.nan), np.full((total, 4), np.nan)
-    instances = np.empty(total, np.int64)
+    instances, stays = np.empty(total, np.int64), np.zeros(total, bool)
     for block, number in zip(blocks, owner, strict=True):
-        linear = block.placement[:3, :3]
+        placement = block.placement
         instances[block.rows] = number
         shown = shown_vertices(block)
-        positions[block.rows] = shown[0] @ linear.T + block.placement[:3, 3]
+        positions[block.rows] = placement.places(shown[0])
+        if placement.stays is not None:
+            stays[block.rows] = placement.stays
         if shown[1] is not None:
-            normals[block.rows] = unit_rows(shown[1] @ np.linalg.inv(linear))
+            normals[block.rows] = placement.normals(shown[1])
         if block.tangents is not None and shown[2] is not None:
-            tangents[block.rows, :3] = unit_rows(shown[2] @ linear.T)
-            tangents[block.rows, 3] = handedness(block.tangents[:, 3], linear)
+            tangents[block.rows, :3] = placement.directions(shown[2])
+            tangents[block.rows, 3] = handedness(block.tangents[:, 3], mirrors=placement.mirrors)
     if not np.isfinite(positions).all():
         raise AssetNotFiniteError("The node transforms make positions too large for a 64-bit float.")
-    return Surface(positions, triangles, normals, tangents, instances, skipped)
-
-
-def placed_as(surface: Surface, blocks: Sequence[Block], like: Sequence[Block]) -> tuple[Surface, list[Block]]:
-    """Return a surface and its blocks with the placements of the same blocks of another file."""
-    placed = [dataclasses.replace(block, placement=each.placement) for block, each in zip(blocks, like, strict=True)]
-    owner = [int(surface.instance_of_vertex[block.rows.start]) for block in placed]
-    return _join(placed, surface.triangles, owner, surface.skipped), placed
-
-
-def unit_rows(vectors: Floats) -> Floats:
-    """Return the rows scaled to unit length; zero rows become NaN."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0))
+    return Surface(positions, triangles, normals, tangents, instances, stays, skipped)
 
 
 def transformed_normals(maps: Floats, normals: NDArray[Any]) -> Floats:
@@ -380,9 +296,9 @@ def transformed_normals(maps: Floats, normals: NDArray[Any]) -> Floats:
     return unit_rows(np.einsum("vij,vj->vi", cofactors, normals.astype(np.float64)))
 
 
-def handedness(w: NDArray[Any], linear: Matrix) -> Floats:
+def handedness(w: NDArray[Any], *, mirrors: bool) -> Floats:
     """Return +1 or -1 per tangent; mirroring flips the sign."""
-    mirror = -1.0 if np.linalg.det(linear) < 0.0 else 1.0
+    mirror = -1.0 if mirrors else 1.0
     return np.where(np.asarray(w) < 0.0, -mirror, mirror)
 
 

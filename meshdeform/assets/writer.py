@@ -25,20 +25,20 @@ from meshdeform.assets.document import Document, Usage, decode_data_uri, read_fl
 from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.morph import NewTargets, add_morph_targets
-from meshdeform.assets.rig import pose_maps
-from meshdeform.assets.surface import Block, Floats, LocalShape, Surface, handedness, transformed_normals, unit_rows
+from meshdeform.assets.moved_nodes import move_nodes, world_shifts
+from meshdeform.assets.placement import Floats, unit_rows
+from meshdeform.assets.surface import Block, LocalShape, Surface, handedness, transformed_normals
 from meshdeform.errors import AssetError, NumericalError, ShapeError
 
 if TYPE_CHECKING:
-    from meshdeform.assets.rig import JointMove, RigMotion
+    from meshdeform.assets.rig import NodeMove
 
 
 @dataclass(frozen=True)
 class Deformation:
     """The original surface and its new shape, both in world space; rows as in `Surface`.
 
-    With `jacobians`, morph targets and joints follow; `joints` says where, if it is known. With `posed`, they follow in
-    the pose that viewers show.
+    With `jacobians`, morph targets, joints and other nodes follow; `joints` says where joints go, if it is known.
     """
 
     surface: Surface
@@ -46,8 +46,7 @@ class Deformation:
     normals: Floats | None
     tangents: Floats | None
     jacobians: Floats | None = None
-    joints: Mapping[int, JointMove] | None = None
-    posed: bool = False
+    joints: Mapping[int, NodeMove] | None = None
 
     @classmethod
     def checked(
@@ -57,9 +56,7 @@ class Deformation:
         normals: Floats | None,
         tangents: Floats | None,
         jacobians: Floats | None = None,
-        joints: Mapping[int, JointMove] | None = None,
-        *,
-        posed: bool = False,
+        joints: Mapping[int, NodeMove] | None = None,
     ) -> Self:
         """Return a deformation after checking array shapes and that positions are finite."""
         count = len(surface.positions)
@@ -73,19 +70,19 @@ class Deformation:
         normals, tangents, jacobians = (
             None if array is None else np.asarray(array, np.float64) for array in (normals, tangents, jacobians)
         )
-        return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, joints, posed)
+        return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, joints)
 
 
-def _local_shape(block: Block, shape: Deformation) -> LocalShape:
-    """Transform a block's new vertices back to mesh space."""
+def _local_shape(block: Block, shape: Deformation, node_shift: Floats) -> LocalShape:
+    """Transform a block's new vertices back to mesh space; `node_shift`, (3,): that of its node, in world space."""
     # Vertices that did not move keep their exact bits: positions are the source plus the displacement, and directions
     # are replaced only where they changed.
-    linear = block.placement[:3, :3]
-    moved = (shape.positions[block.rows] - shape.surface.positions[block.rows]) @ np.linalg.inv(linear).T
+    placement = block.placement
+    moved = placement.moves_back(shape.positions[block.rows] - shape.surface.positions[block.rows] - node_shift)
     maps = None
     if block.rest is not None and shape.jacobians is not None:
         # The targets follow, and what they add at rest with them: the new shape has it already.
-        maps = np.linalg.inv(linear) @ shape.jacobians[block.rows] @ linear
+        maps = placement.maps_back(shape.jacobians[block.rows])
         moved += block.rest.positions - np.einsum("vij,vj->vi", maps, block.rest.positions)
     with np.errstate(over="ignore"):
         positions = (block.positions + moved).astype(np.float32)
@@ -93,13 +90,14 @@ def _local_shape(block: Block, shape: Deformation) -> LocalShape:
         raise NumericalError("The new positions are too large for the 32-bit floats of a glTF file.")
     normals = tangents = None
     if block.normals is not None and shape.normals is not None:
-        new = unit_rows(shape.normals[block.rows] @ linear)
+        new = placement.normals_back(shape.normals[block.rows])
         if block.rest is not None and block.rest.normals is not None:
             new = _base_normals(new, block.rest.normals) if maps is None else transformed_normals(maps, block.normals)
         normals = _where_changed(block.normals, new, shape.normals[block.rows], shape.surface.normals[block.rows])
     if block.tangents is not None and shape.tangents is not None:
         world = shape.tangents[block.rows]
-        new = np.column_stack([unit_rows(world[:, :3] @ np.linalg.inv(linear).T), handedness(world[:, 3], linear)])
+        turned = handedness(world[:, 3], mirrors=placement.mirrors)
+        new = np.column_stack([placement.directions_back(world[:, :3]), turned])
         tangents = _where_changed(block.tangents, new, world, shape.surface.tangents[block.rows])
     return LocalShape(positions, normals, tangents)
 
@@ -133,53 +131,31 @@ def write_shape(
 
     `loose` are the points and lines, which follow the surface.
     """
-    locals_ = _local_shapes(blocks, loose, shape)
-    blocks = [*blocks, *loose]
-    owners = _own_meshes(document, blocks)
+    moves = _node_moves(document, blocks, shape)
+    shifts = world_shifts(document.root["nodes"], moves)
+    locals_ = _local_shapes(blocks, loose, shape, shifts)
+    owners = _own_meshes(document, [*blocks, *loose])
     replaced: list[tuple[int, int]] = []
-    for block, local in zip(blocks, locals_, strict=True):
+    for block, local in zip([*blocks, *loose], locals_, strict=True):
         replaced += _replace(document, block, local, document.root["meshes"][owners[block.node]])
     if shape.jacobians is not None:
-        replaced += _follow(document, blocks[: -len(loose) or None], locals_, owners, shape)
-    return _finished(document, finish, replaced)
+        for block, local in zip(blocks, locals_, strict=False):  # those of points and lines come last
+            mesh = document.root["meshes"][owners[block.node]]
+            jacobians = shape.jacobians[block.rows]
+            replaced += carry_targets(document, block, mesh, jacobians, local.normals, local.tangents)
+    return _finished(document, finish, replaced + move_nodes(document, moves))
 
 
-def _follow(
-    document: Document,
-    blocks: list[Block],
-    locals_: list[LocalShape],
-    owners: Mapping[int, int],
-    shape: Deformation,
-) -> list[tuple[int, int]]:
-    """Carry the morph targets and joints of the file along; return each replaced accessor with its new one."""
-    from meshdeform.assets.rig import joint_moves, move_joints
-
-    assert shape.jacobians is not None
-    replaced: list[tuple[int, int]] = []
-    for block, local in zip(blocks, locals_, strict=False):  # those of points and lines come last
-        mesh = document.root["meshes"][owners[block.node]]
-        jacobians = shape.jacobians[block.rows]
-        replaced += carry_targets(document, block, mesh, jacobians, local.normals, local.tangents)
-    moves = shape.joints
-    if moves is None:
-        moves = joint_moves(document, blocks, _motion(document, blocks, shape))
-    return replaced + move_joints(document, blocks, moves, posed=shape.posed)
-
-
-def _motion(document: Document, blocks: list[Block], shape: Deformation) -> RigMotion:
-    """Return how the surface moves in the pose in which joints are to follow it."""
+def _node_moves(document: Document, blocks: list[Block], shape: Deformation) -> dict[int, NodeMove]:
+    """Return how the nodes of the file move with its surface."""
+    if shape.jacobians is None:
+        return {}
+    from meshdeform.assets.attached import node_moves
     from meshdeform.assets.rig import RigMotion
 
-    assert shape.jacobians is not None
-    positions, moved = shape.surface.positions, shape.positions - shape.surface.positions
-    if not shape.posed:
-        return RigMotion(positions, moved, shape.jacobians)
-    maps = pose_maps(document, shape.surface, blocks)
-    linear, jacobians = maps[:, :, :3], shape.jacobians.copy()
-    flat = np.abs(np.linalg.det(linear)) < 1e-12 * np.linalg.norm(linear, axis=(1, 2)) ** 3
-    jacobians[~flat] = linear[~flat] @ jacobians[~flat] @ np.linalg.inv(linear[~flat])
-    positions = np.einsum("nij,nj->ni", linear, positions) + maps[:, :, 3]
-    return RigMotion(positions, np.einsum("nij,nj->ni", linear, moved), jacobians, posed=True)
+    positions = shape.surface.positions
+    motion = RigMotion(positions, shape.positions - positions, shape.jacobians)
+    return node_moves(document, shape.surface, blocks, motion, shape.joints)
 
 
 def write_targets(
@@ -191,7 +167,8 @@ def write_targets(
     finish: Finish,
 ) -> bytes:
     """Write shapes as morph targets into the document and return it as a GLB; `Asset.morph` documents the rest."""
-    locals_ = [_local_shapes(blocks, loose, shape) for shape in shapes]
+    shifts = [np.zeros(3)] * len(document.root["nodes"])
+    locals_ = [_local_shapes(blocks, loose, shape, shifts) for shape in shapes]
     blocks = [*blocks, *loose]
     add_morph_targets(document, blocks, locals_, _own_meshes(document, blocks), new)
     return _finished(document, finish, [])
@@ -207,12 +184,21 @@ def write_vertex_values(document: Document, blocks: list[Block], name: str, valu
     return _finished(document, Finish(), [])
 
 
-def _local_shapes(blocks: list[Block], loose: list[Block], shape: Deformation) -> list[LocalShape]:
-    """Return the new vertices of the blocks, then of the points and lines, in the spaces of their meshes."""
+def _local_shapes(
+    blocks: list[Block], loose: list[Block], shape: Deformation, shifts: Sequence[Floats]
+) -> list[LocalShape]:
+    """Return the new vertices of the blocks, then of the points and lines, in the spaces of their meshes.
+
+    `shifts`: how far each node moves in world space; a skin does not follow its node.
+    """
     moved = shape.positions - shape.surface.positions
-    carried = carried_positions(shape.surface, moved, loose)
+    shift_of = {
+        block.node: np.zeros(3) if block.placement.linear.ndim == 3 else shifts[block.node]
+        for block in [*blocks, *loose]
+    }
+    carried = carried_positions(shape.surface, moved, loose, [shift_of[block.node] for block in loose])
     return [
-        *(_local_shape(block, shape) for block in blocks),
+        *(_local_shape(block, shape, shift_of[block.node]) for block in blocks),
         *(LocalShape(positions, None, None) for positions in carried),
     ]
 
@@ -277,23 +263,25 @@ def _replace(document: Document, block: Block, local: LocalShape, mesh: Json) ->
     return pairs
 
 
-def carried_positions(surface: Surface, moved: Floats, blocks: list[Block]) -> list[NDArray[np.float32]]:
+def carried_positions(
+    surface: Surface, moved: Floats, blocks: list[Block], shifts: Sequence[Floats]
+) -> list[NDArray[np.float32]]:
     """Return the new positions of points and lines, in the space of their meshes.
 
-    `moved`, (N, 3) float64: displacement of its vertices, in world space. Returns a (V, 3) float32 array for each
-    block.
+    `moved`, (N, 3) float64: displacement of its vertices, in world space; `shifts`: those (3,) of the blocks' nodes.
+    Returns a (V, 3) float32 array for each block.
     """
     if not blocks:
         return []
     from meshdeform.geometry.coincidence import interpolate
 
     used = np.unique(surface.triangles)
-    world = [block.positions @ block.placement[:3, :3].T + block.placement[:3, 3] for block in blocks]
-    shift = interpolate(surface.positions[used], moved[used], np.concatenate(world))  # one search tree for all
+    world = [block.placement.places(block.positions.astype(np.float64)) for block in blocks]
     ends = np.cumsum([len(positions) for positions in world])[:-1]
+    moves = np.split(interpolate(surface.positions[used], moved[used], np.concatenate(world)), ends)
     return [
-        (block.positions + part @ np.linalg.inv(block.placement[:3, :3]).T).astype(np.float32)
-        for block, part in zip(blocks, np.split(shift, ends), strict=True)
+        (block.positions + block.placement.moves_back(move - shift)).astype(np.float32)
+        for block, move, shift in zip(blocks, moves, shifts, strict=True)
     ]
 
 
@@ -346,8 +334,7 @@ def carry_targets(
     moved = np.asarray((jacobians != np.eye(3)).any((1, 2)))
     if not moved.any():
         return []
-    linear = block.placement[:3, :3]
-    maps = np.linalg.inv(linear) @ jacobians @ linear
+    maps = block.placement.maps_back(jacobians)
     bases = {"NORMAL": (block.normals, normals), "TANGENT": (block.tangents, tangents)}
     copies: dict[tuple[str, int], int] = {}
     for number in block.primitives:

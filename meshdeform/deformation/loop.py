@@ -91,9 +91,6 @@ class Deformation:
         For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`RegionalGradients`).
     front : Front, optional
         Who finds the front for `params.guidance.orientation` = `auto`: by default the guidance itself.
-    pose : (V, 3, 4) float64, optional
-        The affine map of each vertex of the mesh to where viewers show it, if that is elsewhere: there the safeguard
-        looks.
     variables : callable, optional
         Creates the variables to optimise from the mesh: by default those of `params.carrier`.
     views : callable
@@ -129,7 +126,6 @@ class Deformation:
         constraints: Constraints = UNCONSTRAINED,
         shares: Sequence[NDArray[np.float64]] = (),
         front: Front | None = None,
-        pose: NDArray[np.float64] | None = None,
         variables: Callable[[TriangleMesh], Variables] | None = None,
         views: Callable[[CameraRange, RenderStyle], OrthogonalGrid] = OrthogonalGrid,
     ) -> None:
@@ -186,7 +182,7 @@ class Deformation:
         self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
         self._guard = None
         if params.safeguard is not Safeguard.NONE:
-            self._guard = SurfaceGuard(params.safeguard, rest, self._variables, self._stand_in.posed(pose))
+            self._guard = SurfaceGuard(params.safeguard, rest, self._variables)
         self.pulls = Pulls()
         self._consistent = True
         if initial is not None:

@@ -18,8 +18,6 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.binding import Binding
@@ -141,13 +139,6 @@ class StandIn:
         if appearance is None or self.mesh is self._whole:
             return appearance
         return baked_appearance(appearance, self._whole, self.mesh)
-
-    def posed(self, pose: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-        """Return the maps of the stand-in's vertices for those (V, 3, 4) of the whole mesh: of each the nearest."""
-        if pose is None or self.mesh is self._whole:
-            return pose
-        nearest = cKDTree(self._whole.verts.numpy()).query(self.mesh.verts.numpy())[1]
-        return np.asarray(pose[nearest])
 
     def follow(self, variables: Variables) -> Tensor:
         """Return the vertices (V, 3) float64 of the whole mesh for the variables of the stand-in."""

@@ -13,7 +13,6 @@ fold.
 Where so many faces lie on or in each other that their pairs cannot be searched, the rest of the run is checked for
 folds only.
 
-A skin is checked in the pose that viewers show: how its bind pose looks, nobody sees.
 
 `SurfaceGuard` passes to `StepRepair` a function that finds the elements with broken faces: faces of the surface, or
 cells of a lattice. The repair tries the following in order, until nothing is broken:
@@ -254,8 +253,6 @@ class SurfaceGuard:
         The rest mesh; its folds and intersections are allowed throughout.
     variables : Variables
         Those of the rest shape.
-    pose : (V, 3, 4) float64, optional
-        The affine map of each vertex to where viewers show it, if that is not where it is stored.
 
     Attributes
     ----------
@@ -263,24 +260,20 @@ class SurfaceGuard:
         Whether a shape had too many pairs of faces that meet; since then only folds are found.
     """
 
-    def __init__(self, kind: Safeguard, mesh: TriangleMesh, variables: Variables, pose: _Floats | None = None) -> None:
-        self._kind, self._variables, self._pose, self._surface = kind, variables, pose, RestMesh.of(mesh)
-        self._rest = self._surface
-        if pose is not None:
-            posed = torch.from_numpy(self._shown(self._surface.verts.numpy()))
-            self._rest = RestMesh.of(TriangleMesh(posed, self._surface.faces))
+    def __init__(self, kind: Safeguard, mesh: TriangleMesh, variables: Variables) -> None:
+        self._kind, self._variables, self._surface = kind, variables, RestMesh.of(mesh)
         self._faces = self._surface.faces.numpy()
         self.crowded = False
         count = len(self._faces)
         self._repair = StepRepair(variables)
         self._copy = self._repair.copy
-        self._solid = np.flatnonzero(self._rest.solid)
-        self._neighbours = FaceNeighbours(self._faces[self._solid], self._rest.verts.numpy())
+        self._solid = np.flatnonzero(self._surface.solid)
+        self._neighbours = FaceNeighbours(self._faces[self._solid], self._surface.verts.numpy())
         self._component = self._surface.components.numpy()[self._faces[:, 0]]
         self._folded = np.zeros(count, bool)
         self._loose = np.zeros(count, bool)
         self._meeting: _Index = np.empty(0, np.int64)
-        self._allow_faults(self._rest.verts.numpy())
+        self._allow_faults(self._surface.verts.numpy())
         self._meeting = np.union1d(self._meeting, self._near_bodies())
         self._intact = self._copy()
 
@@ -305,7 +298,7 @@ class SurfaceGuard:
 
     def begin(self) -> None:
         """Take the current shape as intact, and allow all its faults."""
-        self._allow_faults(self._shown(placed(self._variables).detach().numpy()))
+        self._allow_faults(placed(self._variables).detach().numpy())
         self._intact = self._copy()
 
     def restore(self, state: dict[str, Tensor]) -> None:
@@ -366,10 +359,10 @@ class SurfaceGuard:
 
     def _across_collapsed(self, pairs: _Index) -> _Flags:
         """Return flags (P,) of the pairs of faces with a collapsed face between them, which are neighbours."""
-        collapsed = np.flatnonzero(~self._rest.solid)
+        collapsed = np.flatnonzero(~self._surface.solid)
         if not len(collapsed) or not len(pairs):
             return np.zeros(len(pairs), bool)
-        beside = (self._rest.incidence[collapsed] @ self._rest.incidence.T >= 2).astype(np.float64)
+        beside = (self._surface.incidence[collapsed] @ self._surface.incidence.T >= 2).astype(np.float64)
         return np.asarray((beside.T @ beside)[pairs[:, 0], pairs[:, 1]] > 0).ravel()
 
     def _reach(self, verts: _Floats) -> _Floats:
@@ -400,7 +393,7 @@ class SurfaceGuard:
 
     def _find_broken(self) -> _Flags:
         """Return flags (F,) of the faces that are broken and not allowed to be."""
-        verts = self._shown(placed(self._variables).detach().numpy())
+        verts = placed(self._variables).detach().numpy()
         broken = self._folds(verts) & ~self._folded
         if self._searches:
             try:
@@ -414,12 +407,6 @@ class SurfaceGuard:
             allowed = np.where(low == high, self._loose[cuts].all(1), np.isin(key, self._meeting))
             broken[cuts[~allowed].ravel()] = True
         return broken
-
-    def _shown(self, verts: _Floats) -> _Floats:
-        """Return where viewers show the vertices (V, 3) of the surface."""
-        if self._pose is None:
-            return verts
-        return np.asarray(np.einsum("nij,nj->ni", self._pose[:, :, :3], verts) + self._pose[:, :, 3])
 
     def _folds(self, verts: _Floats) -> _Flags:
         folded = np.zeros(len(self._faces), bool)

@@ -338,7 +338,7 @@ def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
     parents = {child: node for node, children in parts.children.items() for child in children}
     joints = [Joint(each["name"], _joint_above(each["index"], parents, numbers)) for each in parts.joints]
     return Body(
-        asset.posed().positions[rows],
+        asset.surface.positions[rows],
         faces,
         _names(asset, vertex_map, count),
         joints,
@@ -346,18 +346,6 @@ def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
         vertex_map,
         rows,
     )
-
-
-def bind_moves(asset: Asset, body: Body, changed: Body) -> Floats:
-    """Return how far the vertices (V, 3) of the body of an asset move in the bind pose, for the pose to show another.
-
-    A joint that is scaled to nothing hides what follows it, which stays.
-    """
-    moved, linear = changed.points - body.points, asset.pose_maps()[body.rows, :, :3]
-    usable = np.abs(np.linalg.det(linear)) > 1e-12 * np.maximum(np.linalg.norm(linear, axis=(1, 2)), 1e-300) ** 3
-    taken_back = np.zeros_like(moved)
-    taken_back[usable] = np.linalg.solve(linear[usable], moved[usable, :, None])[..., 0]
-    return taken_back
 
 
 def loose_body(asset: Asset, *, backdrop: bool = False) -> Body:

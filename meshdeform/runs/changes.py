@@ -149,7 +149,6 @@ def _answer(task: dict[str, Any]) -> dict[str, Any]:
 
 
 def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dict[str, Any]:
-    from meshdeform.plain.body import bind_moves
     from meshdeform.plain.change import apply_changes, meant
     from meshdeform.plain.naming import find_parts
     from meshdeform.plain.parts import PartMissingError
@@ -165,7 +164,7 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dic
         except PartMissingError as missing:
             return {**document, "missing": str(missing), "parts": part_names(body, params)}
         moved, used = asset.surface.positions.copy(), body.vertex_map >= 0
-        moved[used] += bind_moves(asset, body, changed)[body.vertex_map[used]]
+        moved[used] += (changed.points - body.points)[body.vertex_map[used]]
         document["result"] = base64.b64encode(asset.replace(moved, compact=True)).decode()
         document["warnings"] = [warning for each in done for warning in each.warnings]
     document["parts"] = [

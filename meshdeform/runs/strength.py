@@ -14,7 +14,7 @@ from torch import Tensor
 
 from meshdeform.assets import Asset, Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, Track
-from meshdeform.assets.rig import JointMove
+from meshdeform.assets.rig import NodeMove
 from meshdeform.deformation.edit_map import EditMap, Outside
 from meshdeform.deformation.path import ShapePath
 from meshdeform.errors import ParameterError
@@ -114,7 +114,7 @@ def matched(source: Asset, result: Asset, exclude: Sequence[str | int], limits: 
     if len(source.surface.triangles) < len(result.surface.triangles):
         source, _ = subdivided(source, limits)
     check_same_asset(source, result)
-    return source, result.placed_as(source)
+    return source, result
 
 
 def with_strength(
@@ -159,7 +159,8 @@ def edit_of(
     """Return the transfer of an asset's deformation to other files; the arguments are those of `with_strength`."""
     source, end = matched(source, read_result(result), exclude, limits)
     path = AssetPath(source, end.surface.positions)
-    return path.edit_map(strength, with_rig=source.rig_digest() != end.rig_digest())
+    # Where nothing was there to follow, nothing was kept either.
+    return path.edit_map(strength, with_rig=source.rig_digest() != end.rig_digest() or not source.rig())
 
 
 def with_edit(asset: Asset, edit: EditMap, outside: Outside = Outside.REFUSE, *, compact: bool = False) -> bytes:
@@ -177,7 +178,7 @@ def with_edit(asset: Asset, edit: EditMap, outside: Outside = Outside.REFUSE, *,
     joints = {}
     for node, (name, move) in asset.joint_moves(deformed.positions, jacobians).items():
         same = edit.same_joint(name, move.place)
-        joints[node] = move if same is None else JointMove(move.place, same[:3], float(same[3]))
+        joints[node] = move if same is None else NodeMove(move.place, same[:3], float(same[3]))
     return asset.replace(*shape, jacobians=jacobians, joints=joints, compact=compact)
 
 

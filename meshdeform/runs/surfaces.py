@@ -28,9 +28,8 @@ from meshdeform.assets import Asset, Limits, Surface, load_asset
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.deformation.poisson import completed_jacobians
 from meshdeform.errors import AssetEmptyError, ParameterError
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_cross
+from meshdeform.geometry.mesh import TriangleMesh, face_cross
 from meshdeform.geometry.weld import WeldedMesh, weld
-from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import Pose
 from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import OutputOptions, ResolvedParams
@@ -176,47 +175,19 @@ class Shown:
     source: TriangleMesh
     result: TriangleMesh
     poses: tuple[Pose, Pose]  # of all vertices of the files, for pictures: source and result
-    posed: bool  # whether the asset has a skin, and these are not the shapes of the bind pose
 
     @classmethod
     def of(cls, asset: Asset, written: Asset, welded: WeldedMesh, verts: Tensor) -> Shown:
-        """Pose the source and the result, read back from its file.
+        """Compare the source with the result, read back from its file.
 
-        `welded`: the source in its bind pose; `verts`, (V, 3) float64: deformed positions of the welded vertices, in
-        the bind pose.
+        `verts`, (V, 3) float64: deformed positions of the welded vertices.
         """
-        if asset.rig().joints:
-            before, after = asset.posed(), written.posed()
-            source, result = welded.gather(before.positions), welded.gather(after.positions)
-            # A pose that hides all of it, with joints scaled to nothing, says nothing about it.
-            if _has_area(source) and _has_area(result):
-                return cls(source, result, _poses(before, after), posed=True)
-        # Not rounded to the precision of the file.
+        # Not rounded to the precision of the file, unless vertices cannot be moved where the file is shown.
         result = TriangleMesh(verts, welded.mesh.faces)
-        return cls(welded.mesh, result, _poses(asset.surface, written.surface), posed=False)
-
-
-def pose_in_frame(asset: Asset, welded: WeldedMesh, frame: Frame) -> NDArray[np.float64] | None:
-    """Return the affine map (V, 3, 4) from each welded vertex in the frame to where viewers show it, in the frame.
-
-    None if that is the same place, or if the pose hides all of the surface.
-    """
-    if not asset.rig().joints:
-        return None
-    maps = asset.pose_maps()[welded.first_rows()]
-    if np.allclose(maps, np.eye(3, 4), rtol=0, atol=1e-9) or not _has_area(welded.gather(asset.posed().positions)):
-        return None
-    linear, centre = maps[:, :, :3], frame.centre.numpy()
-    shift = frame.scale * (linear @ centre + maps[:, :, 3] - centre)
-    return np.concatenate([linear, shift[:, :, None]], axis=2)
-
-
-def _has_area(mesh: TriangleMesh) -> bool:
-    return bool(mesh.verts.isfinite().all()) and bool((RestMesh.of(mesh).areas > 0).any())
-
-
-def _poses(before: Surface, after: Surface) -> tuple[Pose, Pose]:
-    return Pose(before.positions, before.normals), Pose(after.positions, after.normals)
+        if asset.surface.stays.any():
+            result = welded.gather(written.surface.positions)
+        before, after = (Pose(each.surface.positions, each.surface.normals) for each in (asset, written))
+        return cls(welded.mesh, result, (before, after))
 
 
 def prepared(
@@ -258,6 +229,8 @@ def subdivided(asset: Asset, limits: Limits | None) -> tuple[Asset, Subdivision]
 def shape_id(asset_sha256: str, asset: Asset, params: ResolvedParams, output: OutputOptions) -> str:
     """Return the id of the mesh that a run deforms; a checkpoint fits only its own."""
     done = ["subdivided"] if output.subdivide else []
+    if asset.rig().joints:
+        done.append("shown")  # skins were deformed in their bind pose once
     without = [json.dumps(name) for name in params.exclude]
     if not drawn_triangles(asset, params.backdrop).all():
         without.append("backdrop")

@@ -26,7 +26,7 @@ from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.plain.body import bind_moves, body_of
+from meshdeform.plain.body import body_of
 from meshdeform.plain.change import Done, apply_changes, meant
 from meshdeform.plain.parts import PartMissingError
 from meshdeform.plain.words import Sentence
@@ -46,7 +46,6 @@ from meshdeform.runs.surfaces import (
     Shown,
     deformed_surface,
     drawn_triangles,
-    pose_in_frame,
     prepared,
     read_result,
     shape_id,
@@ -56,6 +55,7 @@ from meshdeform.runs.surfaces import (
 from meshdeform.runs.text_deform_kind import resolved_params
 from meshdeform.runs.text_report import (
     AssetFacts,
+    Held,
     Outcome,
     RunFacts,
     build_report,
@@ -130,7 +130,6 @@ def start(job_input: RunInput) -> JobRun:
             constraints=control.constraints,
             shares=goal.shares,
             front=front,
-            pose=pose_in_frame(asset, welded, frame) if request.output.rig is RigMode.KEEP else None,
         )
         if front is not None:
             keep_front(front_key, deformation.orientation)
@@ -215,8 +214,7 @@ class TextDeformRun(JobRun):
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
             shown = Shown.of(facts.asset, written, facts.welded, verts)
             look = facts.asset.appearance().of_triangles(facts.drawn)
-        held_share = float(np.mean(self._held)) if self._held else 0.0
-        outcome = Outcome(verts, result, written, shown, surface.rebuilt_normals, held_share)
+        outcome = Outcome(verts, result, written, shown, surface.rebuilt_normals, Held.of(self._held))
         report, picture = side_by_side(
             lambda: build_report(facts, self._deformation, outcome, self.first_step, self.log),
             lambda: preview_png(look, *shown.poses),
@@ -253,7 +251,7 @@ class TextDeformRun(JobRun):
     def _keeps_ground(self) -> bool:
         """Whether the result stands where the source stood: by a prompt, if built, on the origin or over a backdrop."""
         structure, heights = self._deformation.structure, self._facts.welded.mesh.verts[:, 1]
-        if structure is None or pose_in_frame(self._facts.asset, self._facts.welded, self._facts.frame) is not None:
+        if structure is None:
             return False
         stands = abs(float(heights.min())) <= _ON_ORIGIN * float(heights.max() - heights.min())
         backdrop = self._facts.asset.backdrop
@@ -286,7 +284,7 @@ def start_change(
             if recognised is not None:
                 return None
             raise part_not_found(str(missing), part_names(body, facts.params)) from missing
-        verts = welded.mesh.verts + torch.from_numpy(bind_moves(facts.asset, body, changed))
+        verts = welded.mesh.verts + torch.from_numpy(changed.points - body.points)
     return PlainChangeRun(facts, verts, done, recognised, log)
 
 
@@ -325,7 +323,7 @@ class PlainChangeRun(JobRun):
                 )
             shown = Shown.of(facts.asset, written, facts.welded, self._verts)
             look = facts.asset.appearance().of_triangles(facts.drawn)
-        outcome = Outcome(self._verts, result, written, shown, self._surface.rebuilt_normals, 0.0)
+        outcome = Outcome(self._verts, result, written, shown, self._surface.rebuilt_normals, Held())
         report, picture = side_by_side(
             lambda: change_report(facts, self._done, self._recognised, self._follows, outcome, self.log),
             lambda: preview_png(look, *shown.poses),
@@ -349,7 +347,7 @@ class PlainChangeRun(JobRun):
         jacobians = vertex_jacobians(self._facts.welded, self._verts) if self._follows else None
         surface = self._surface
         shape = surface.positions, surface.normals, surface.tangents
-        return self._facts.asset.replace(*shape, jacobians=jacobians, posed=True, **self._file_options)
+        return self._facts.asset.replace(*shape, jacobians=jacobians, **self._file_options)
 
     @property
     def _file_options(self) -> dict[str, Any]:

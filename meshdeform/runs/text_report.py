@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from torch import Tensor
 import meshdeform
 from meshdeform.assets import Asset
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
-from meshdeform.assets.surface import Rig
+from meshdeform.assets.surface import Surface
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
@@ -49,6 +49,12 @@ _CAUSES = {
     "safeguard": "the safeguard held back {held:.0%} of it",
     "guidance": "the guidance hardly pulled at it",
 }
+_MUCH = 0.2
+"""Share of the surface that the safeguard holds back in the end above which it is told."""
+_HELD = (
+    "The safeguard held back {held:.0%} of the surface in the end, because it would have folded or cut itself: these "
+    "parts lag behind. Ask for less (a nearer noun, a lower strength), or for a change of one part in plain words."
+)
 _THEN = ", "
 _NO_COLOURS = "The asset has no colours, so the model saw it as clay."
 _COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
@@ -100,8 +106,20 @@ class Outcome:
     rebuilt_normals: int
     """Normals that were replaced, since they would have pointed behind a face. The report adds those that the file had
     without a direction."""
-    held_share: float
-    """Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked."""
+    held: Held
+
+
+@dataclass(frozen=True)
+class Held:
+    """Shares of the faces, or of the cells of a lattice, that the safeguard held back when it checked."""
+
+    mean: float = 0.0  # over the run
+    at_end: float = 0.0  # over its last quarter
+
+    @classmethod
+    def of(cls, shares: Sequence[float]) -> Self:
+        """Return the means of the shares at each check."""
+        return cls(float(np.mean(shares)), float(np.mean(shares[-max(len(shares) // 4, 1) :]))) if shares else cls()
 
 
 def provenance(facts: AssetFacts, step: int) -> dict[str, Any]:
@@ -128,9 +146,8 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
     params, asset = facts.params, facts.asset
     with log.phase("measure"):
         measured = _measured(facts, outcome)
-        movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, outcome.held_share)
-        shown_quality = measured.posed or measured.quality
-        compared = _comparisons(facts, outcome, shown_quality.to_dict())
+        movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, outcome.held)
+        compared = _comparisons(facts, outcome, measured.quality.to_dict())
     report = {
         **_common(facts, outcome, measured),
         "way": "prompt",
@@ -148,7 +165,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
             *deformation.warnings,
             *deformation.pulls.warnings,
             *measured.warnings(facts),
-            *rig_warnings(asset.rig(), facts.request.output.rig),
+            *rig_warnings(asset, facts.request.output.rig),
             *_precision_warnings(facts.precision),
         ],
         "losses": log.losses(),
@@ -190,8 +207,7 @@ def change_report(
         "warnings": [
             *(sentence for each in done for sentence in each.warnings),
             *measured.warnings(facts),
-            *rig_warnings(rig, mode),
-            *_turned_warnings(facts.asset),
+            *rig_warnings(facts.asset, mode),
         ],
         "losses": [],
         "resumed_from_step": 0,
@@ -202,41 +218,30 @@ def change_report(
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
 
 
-def _turned_warnings(asset: Asset) -> list[str]:
-    """Return a sentence about animated nodes, whose axes do not move with their meshes."""
-    names = asset.turned_parts()
-    if not names:
-        return []
-    listed = ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
-    return [f"Animations turn {listed} about the axes of the source: these are no joints, and did not move along."]
-
-
 @dataclass(frozen=True)
 class _Measured:
-    """The quality of a result, in both poses if it has a skin, and how far it stretched textures."""
+    """The quality of a result, and how far it stretched textures."""
 
     quality: MeshQuality
-    posed: MeshQuality | None
     stretch: TextureStretch | None
     left_out: dict[str, int]
 
     def warnings(self, facts: AssetFacts) -> list[str]:
         """Return the sentences about damage, and about what was split."""
         return [
-            *_quality_warnings(self.quality, self.posed, len(facts.welded.mesh.faces)),
+            *self.quality.warnings(len(facts.welded.mesh.faces)),
+            *_stayed_warnings(facts.asset.surface),
             *_subdivision_warnings(facts.subdivision),
         ]
 
 
 def _measured(facts: AssetFacts, outcome: Outcome) -> _Measured:
-    source, shown = facts.welded.mesh, outcome.shown
-    faces = source.faces.numpy()
-    quality = measure(source.verts.numpy(), faces, outcome.verts.numpy())
-    posed = measure(shown.source.verts.numpy(), faces, shown.result.verts.numpy()) if shown.posed else None
+    source = facts.welded.mesh
+    quality = measure(source.verts.numpy(), source.faces.numpy(), outcome.shown.result.verts.numpy())
     look = facts.asset.appearance().of_triangles(facts.drawn)
     triangles = facts.asset.surface.triangles[facts.drawn]
     corners = (shape.surface.positions[triangles] for shape in (facts.asset, outcome.written))
-    return _Measured(quality, posed, measure_texture_stretch(texel_corners(look), *corners), look.left_out)
+    return _Measured(quality, measure_texture_stretch(texel_corners(look), *corners), look.left_out)
 
 
 def _common(facts: AssetFacts, outcome: Outcome, measured: _Measured) -> dict[str, Any]:
@@ -262,10 +267,12 @@ def _common(facts: AssetFacts, outcome: Outcome, measured: _Measured) -> dict[st
         "mesh": _mesh_figures(facts, outcome),
         "quality": measured.quality.to_dict(),
         "texture_stretch": None if measured.stretch is None else measured.stretch.to_dict(),
-        "skipped": {**facts.welded.skipped, "primitives": asset.surface.skipped},
+        "skipped": {
+            **facts.welded.skipped,
+            "fixed_vertices": int(asset.surface.stays.sum()),
+            "primitives": asset.surface.skipped,
+        },
     }
-    if measured.posed is not None:
-        report["posed_quality"] = measured.posed.to_dict()
     if facts.subdivision is not None:
         report["subdivision"] = asdict(facts.subdivision)
     if measured.left_out:
@@ -280,8 +287,7 @@ def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any]) -> 
     # Where the builtin prior guided; nothing else has a judge.
     judged = facts.guidance["id"] == BUILTIN_MODEL
     if judged and goal.prompt:
-        # A skin was recognised in its bind pose.
-        nouns = {} if facts.recognised is None or shown.posed else facts.recognised.nouns
+        nouns = {} if facts.recognised is None else facts.recognised.nouns
         comparison = likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
         if comparison is not None:
             compared["likeness"] = comparison
@@ -323,6 +329,7 @@ class Movement:
     rms: float  # area-weighted root mean square displacement, as a share of the diagonal of the source's bounding box
     held_share: float
     """Mean share of the faces, or of the cells of a lattice, that the safeguard held back when it checked."""
+    held_at_end: float  # that of the last quarter of the run
     stalled_by: str | None
     """The cause that mostly held back a mesh that hardly moved: `safeguard` or `guidance`; None if it moved."""
 
@@ -332,17 +339,17 @@ class Movement:
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences for the user: what held back a mesh that hardly moved, and what to do; empty if it moved."""
+        """Sentences for the user: what held the mesh back, and what to do; empty if nothing did."""
         if self.stalled_by is None:
-            return []
+            return [_HELD.format(held=self.held_at_end)] if self.held_at_end > _MUCH else []
         cause = _CAUSES[self.stalled_by].format(held=self.held_share)
         return [f"The mesh hardly moved ({self.rms:.1%} of its size): {cause}. {_REMEDIES[self.stalled_by]}"]
 
 
-def measure_movement(rest: RestMesh, verts: Tensor, held_share: float) -> Movement:
+def measure_movement(rest: RestMesh, verts: Tensor, held: Held) -> Movement:
     """Compare a deformed mesh with its rest state.
 
-    `verts`, (V, 3) float64: deformed positions in the same unit; `held_share`: as in `Outcome`.
+    `verts`, (V, 3) float64: deformed positions in the same unit.
     """
     weights = rest.vertex_areas
     used = rest.verts.numpy()[np.unique(rest.faces.numpy())]
@@ -352,16 +359,19 @@ def measure_movement(rest: RestMesh, verts: Tensor, held_share: float) -> Moveme
     rms = float(np.sqrt((weights * squared).sum() / total)) / diagonal if total > 0 and diagonal > 0 else 0.0
     stalled_by = None
     if rms < _STALLED:
-        stalled_by = "safeguard" if held_share > _MOSTLY else "guidance"
-    return Movement(rms, held_share, stalled_by)
+        stalled_by = "safeguard" if held.mean > _MOSTLY else "guidance"
+    return Movement(rms, held.mean, held.at_end, stalled_by)
 
 
-def _quality_warnings(quality: MeshQuality, posed: MeshQuality | None, faces: int) -> list[str]:
-    """Return the sentences about damage, for a skin in both poses."""
-    if posed is None:
-        return quality.warnings(faces)
-    sentences = posed.warnings(faces, " in the pose that viewers show") + quality.warnings(faces, " in the bind pose")
-    return list(dict.fromkeys(sentences))
+def _stayed_warnings(surface: Surface) -> list[str]:
+    """Return a sentence about vertices that could not be moved where viewers show them, if there are any."""
+    count = int(surface.stays.sum())
+    if not count:
+        return []
+    return [
+        f"{count:,} of {len(surface.stays):,} vertices stayed as they were: the joints that they follow flatten them, "
+        "so that what was changed cannot be taken back to the file. Export the asset in another pose."
+    ]
 
 
 def _kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
@@ -385,12 +395,15 @@ def _kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, resu
     }
 
 
-def rig_warnings(rig: Rig, mode: RigMode) -> list[str]:
-    """Return a sentence about morph targets and joints that did not follow the shape, if there are any."""
-    if mode is RigMode.FOLLOW or not rig:
+def rig_warnings(asset: Asset, mode: RigMode) -> list[str]:
+    """Return a sentence about what of a file did not follow its shape, if there is anything."""
+    if mode is RigMode.FOLLOW:
         return []
-    counted = [(rig.joints, "joint"), (rig.morph_targets, "morph target")]
+    rig, turned = asset.rig(), asset.turned_parts()
+    counted = [(rig.joints, "joint"), (rig.morph_targets, "morph target"), (len(turned), "animated node")]
     what = " and ".join(f"{count} {name}{'s' if count > 1 else ''}" for count, name in counted if count)
+    if not what:
+        return []
     return [
         f"The asset has {what}, which stayed as they were: output.rig is keep. "
         "Set it to follow, so that the result animates as the source does."

@@ -20,6 +20,7 @@ import torch
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.weld import weld
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.rendering.studio import Pose, preview_png
 from meshdeform.requests.document import JobRequest
@@ -29,7 +30,6 @@ from meshdeform.runs.verdict import kept_structure, worse_than_source
 from meshdeform.support.files import write_files
 from training.evaluation.evaluator import Evaluator, item_folder
 from training.evaluation.retrieval import ShapeJudge
-from training.evaluation.sources import posed_mesh
 from training.evaluation.suite import Item
 
 Factors = tuple[float, float, float]
@@ -74,8 +74,9 @@ class DeliveredEvaluator(Evaluator):
         files = {name: artifacts[name] for name in ("result.glb", "report.json")}
         write_files({folder / name: data for name, data in {**files, "preview.png": picture}.items()})
         facts = (statistics.median(seconds or [0.0]), total, 0.0, report["orientation"], report["pulls"])
-        rest = posed_mesh(source)
-        return rest.mesh, {steps: rest.moved(result) for steps, result in results.items()}, self._facts(facts)
+        welded = weld(source.surface.positions, source.surface.triangles)
+        moved = {steps: welded.gather(result.surface.positions) for steps, result in results.items()}
+        return welded.mesh, moved, self._facts(facts)
 
     def _assess(self, item: Item, rest: TriangleMesh, shape: TriangleMesh) -> dict[str, Any]:
         assessed = super()._assess(item, rest, shape)
@@ -109,7 +110,8 @@ def _stretched(judge: ShapeJudge, source: str) -> dict[Factors, dict[str, float]
     """Return the probabilities of all nouns for every stretch of a file's mesh, computed once for its prompts."""
     known = _tried.get(source)
     if known is None:
-        mesh = posed_mesh(load_asset(Path(source).read_bytes(), Path(source).name, Limits.unlimited())).mesh
+        surface = load_asset(Path(source).read_bytes(), Path(source).name, Limits.unlimited()).surface
+        mesh = weld(surface.positions, surface.triangles).mesh
         # A uniform scale changes nothing, so one of the factors can be the least of all.
         factors = [(x, y, z) for x, y, z in itertools.product(_FACTORS, repeat=3) if min(x, y, z) == _FACTORS[0]]
         known = {each: judge.noun_probabilities(_scaled(mesh, each)) for each in factors}
@@ -135,15 +137,17 @@ def _place(nouns: dict[str, float], noun: str) -> int:
 
 
 def _picture(source: Asset, result: Asset) -> bytes:
-    poses = [Pose(posed.positions, posed.normals) for posed in (source.posed(), result.posed())]
+    poses = [Pose(each.surface.positions, each.surface.normals) for each in (source, result)]
     return preview_png(source.appearance(), *poses)
 
 
 def stretched_picture(source: str, factors: Factors) -> bytes:
     """Draw a file as it is and stretched, as `preview.png` does."""
     asset = load_asset(Path(source).read_bytes(), Path(source).name, Limits.unlimited())
-    posed = asset.posed()
+    surface = asset.surface
     scale = np.array(factors) / np.cbrt(np.prod(factors))
-    normals = posed.normals / scale
+    normals = surface.normals / scale
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return preview_png(asset.appearance(), Pose(posed.positions, posed.normals), Pose(posed.positions * scale, normals))
+    return preview_png(
+        asset.appearance(), Pose(surface.positions, surface.normals), Pose(surface.positions * scale, normals)
+    )

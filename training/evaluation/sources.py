@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -27,11 +26,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.assets import Limits, load_asset
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import texel_corners
 from meshdeform.geometry.shapes import join
-from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.geometry.weld import weld
 from training.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
 from training.shapes import box, torus
 
@@ -128,36 +127,11 @@ def source_texels(name: str) -> NDArray[np.float64] | None:
     return texels if np.isfinite(texels).any() else None
 
 
-@dataclass(frozen=True)
-class PosedMesh:
-    """The welded surface of an asset in the pose that viewers show.
-
-    Attributes
-    ----------
-    mesh : TriangleMesh
-    welded : WeldedMesh
-        In the bind pose.
-    """
-
-    mesh: TriangleMesh
-    welded: WeldedMesh
-
-    def moved(self, result: Asset) -> TriangleMesh:
-        """Return the mesh with the places that its vertices have in a result."""
-        return self.welded.gather(result.posed().positions)
-
-
-def posed_mesh(asset: Asset) -> PosedMesh:
-    """Weld the surface of an asset, and place it as viewers show it."""
-    welded = weld(asset.surface.positions, asset.surface.triangles)
-    return PosedMesh(welded.gather(asset.posed().positions), welded)
-
-
 @cache
 def _of_file(name: str) -> tuple[TriangleMesh, NDArray[np.float64]]:
     asset = load_asset(Path(name).read_bytes(), Path(name).name, Limits.unlimited())
-    posed = posed_mesh(asset)
-    return posed.mesh, texel_corners(asset.appearance())[posed.welded.face_source]
+    welded = weld(asset.surface.positions, asset.surface.triangles)
+    return welded.mesh, texel_corners(asset.appearance())[welded.face_source]
 
 
 def mesh_sha256(mesh: TriangleMesh) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import torch
 
@@ -33,11 +32,11 @@ def broken(mesh: TriangleMesh, verts: torch.Tensor) -> int:
     return int((folded | intersecting_faces(verts.numpy(), faces)).sum())
 
 
-def guarded(mesh: TriangleMesh, pose: np.ndarray | None = None) -> tuple[torch.Tensor, SurfaceGuard, Adam]:
+def guarded(mesh: TriangleMesh) -> tuple[torch.Tensor, SurfaceGuard, Adam]:
     """Displacements of all vertices, their guard, and an optimiser that remembers a gradient."""
     variables = VertexDisplacements(mesh)
     (tensor,) = variables.tensors.values()
-    guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, variables, pose)
+    guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, variables)
     optimizer = Adam([{"params": [tensor], "lr": 1.0}])
     optimizer.state[tensor]["exp_avg"] = torch.ones_like(tensor)
     return tensor, guard, optimizer
@@ -182,23 +181,3 @@ def test_surfaces_that_touch_at_rest_do_not_hold_their_component() -> None:
         lid = (mesh.verts[:, 1] > 0.49) & (mesh.verts[:, [0, 2]].abs().amax(1) < 0.25)
         tensor[lid, 1] -= 0.6
     assert guard.correct(optimizer) > 0
-
-
-@each_case("posed", [False, True])
-def test_what_only_meets_in_the_pose_that_viewers_show_is_held_as_well(posed: bool) -> None:
-    count = len(MESH.verts)
-    pair = join(MESH, TriangleMesh(MESH.verts + torch.tensor([6.0, 0.0, 0.0]), MESH.faces))
-    pose = np.tile(np.eye(3, 4), (len(pair.verts), 1, 1))
-    pose[count:, 0, 3] = -3.5  # viewers show the second one beside the first
-    tensor, guard, optimizer = guarded(pair, pose if posed else None)
-    with torch.no_grad():
-        tensor[count:, 0] -= 1.5
-    assert (guard.correct(optimizer) > 0) is posed
-    verts = (pair.verts + tensor.detach()).numpy()
-    verts[count:, 0] -= 3.5
-    assert bool(intersecting_faces(verts, pair.faces.numpy()).any()) is not posed
-    _, again, _ = guarded(pair, pose if posed else None)
-    again.restore(guard.state)
-    assert {name: value.tolist() for name, value in again.state.items()} == {
-        name: value.tolist() for name, value in guard.state.items()
-    }

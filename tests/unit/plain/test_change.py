@@ -239,7 +239,7 @@ def test_the_animation_of_a_rigged_file_plays_as_before_at_the_new_height(turned
         assert after.at(time, 0).lengths == pytest.approx(after.at(None, 0).lengths, abs=1e-5)
 
 
-def test_an_animated_node_keeps_its_axis_and_a_warning_says_so() -> None:
+def test_an_animated_node_goes_along_unless_it_is_to_be_kept() -> None:
     builder, mesh = Builder(), chair()
     faces = mesh.faces.numpy().astype(np.uint16)
     builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name="Swivel")
@@ -247,10 +247,9 @@ def test_an_animated_node_keeps_its_axis_and_a_warning_says_so() -> None:
     turn = builder.accessor(np.array([[0, 0, 0, 1], [0, 1, 0, 0]], np.float32))
     channel = {"sampler": 0, "target": {"node": 0, "path": "rotation"}}
     builder.root["animations"] = [{"samplers": [{"input": times, "output": turn}], "channels": [channel]}]
-    _, report = run(builder.glb(), "taller")
-    assert any("Animations turn Swivel" in text for text in report["warnings"])  # type: ignore[attr-defined]
-    _, report = run(rigged_dog(), "taller")
-    assert not any("Animations turn" in text for text in report["warnings"])  # type: ignore[attr-defined]
+    for rig, told in (("keep", True), ("follow", False)):
+        _, report = run(builder.glb(), "taller", rig=rig)
+        assert any("1 animated node, which stayed" in text for text in report["warnings"]) is told  # type: ignore[attr-defined]
 
 
 def test_a_rig_that_is_to_be_kept_is_kept() -> None:

@@ -10,7 +10,7 @@ import torch
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.runs.base import RunLog
-from meshdeform.runs.text_report import measure_movement
+from meshdeform.runs.text_report import Held, measure_movement
 from tests.cases import each_case
 from tests.unit.runs.jobs import finished, started
 from tests.unit.runs.test_text_deform import glb
@@ -36,7 +36,7 @@ REST = RestMesh.of(box(2))
 
 
 def test_the_figure_is_a_share_of_the_diagonal() -> None:
-    moved = measure_movement(REST, REST.verts + torch.tensor([0.3, 0.0, 0.4]), 0.0)
+    moved = measure_movement(REST, REST.verts + torch.tensor([0.3, 0.0, 0.4]), Held())
     assert moved.rms == pytest.approx(0.5 / 3**0.5)
     assert moved.stalled_by is None
     assert moved.warnings == []
@@ -47,12 +47,21 @@ def test_the_figure_is_a_share_of_the_diagonal() -> None:
     [(0.8, "safeguard", "safeguard to flips"), (0.02, "guidance", "prompt")],
 )
 def test_what_held_it_back_is_named_with_its_remedy(held: float, cause: str, remedy: str) -> None:
-    still = measure_movement(REST, REST.verts + 1e-4, held)
+    still = measure_movement(REST, REST.verts + 1e-4, Held(held, held))
     assert still.stalled_by == cause
     assert still.held_share == pytest.approx(held)
     (warning,) = still.warnings
     assert "hardly moved (0.0% of its size)" in warning
     assert remedy in warning
+
+
+def test_what_is_held_back_in_the_end_is_told_though_the_rest_moved() -> None:
+    shift = torch.tensor([0.3, 0.0, 0.4])
+    early, late = Held.of([0.9, 0.9, 0.5, 0.1]), Held.of([0.0, 0.0, 0.0, 0.4])
+    assert (early.at_end, late.at_end) == (0.1, 0.4)
+    assert measure_movement(REST, REST.verts + shift, early).warnings == []
+    (warning,) = measure_movement(REST, REST.verts + shift, late).warnings
+    assert "held back 40% of the surface in the end" in warning
 
 
 def test_the_report_of_a_run_has_it() -> None:
