@@ -45,8 +45,7 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "kind": request.kind.value,
         "workload": request.workload,
         "state": JobState.QUEUED,
-        # Only what the user wrote: later versions may have other defaults.
-        "request": request.model_dump(mode="json", exclude_unset=True, include=_REQUEST),
+        "request": _stored_request(request),
         "resolved": new.resolved.model_dump(mode="json") if new.resolved else None,
         "files": {part: file.model_dump() for part, file in new.files.items()},
         "origin": origin.model_dump(mode="json") if origin else None,
@@ -70,6 +69,15 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "losses": {},
         "stored_bytes": 0,
     }
+
+
+def _stored_request(request: JobRequest) -> dict[str, Any]:
+    """Return what the user wrote, and the treatment of the rig, whose default was another one once."""
+    # Only that: later versions may have other defaults.
+    document = request.model_dump(mode="json", exclude_unset=True, include=_REQUEST)
+    if request.kind is JobKind.TEXT_DEFORM:
+        document["output"] = {**document.get("output", {}), "rig": request.output.rig.value}
+    return document
 
 
 def job_files(job_id: str, new: NewJob) -> list[dict[str, Any]]:

@@ -234,10 +234,10 @@ class OutputOptions(StrictModel):
         examples=[False],
     )
     rig: RigMode = Field(
-        RigMode.KEEP,
-        description="Treatment of the morph targets, joints and animations that the asset already has: `keep`, byte "
-        "for byte; or `follow` the surface and the volume ([Assets](assets.md#rigs)).",
-        examples=["follow"],
+        RigMode.FOLLOW,
+        description="Treatment of the joints, morph targets, animations and nodes that the asset already has: `follow` "
+        "the surface, so that it plays as before; or `keep`, byte for byte ([Assets](assets.md#rigs)).",
+        examples=["keep"],
     )
     provenance: bool = Field(
         False,
@@ -391,9 +391,22 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
             f"The stored request cannot be read here: {first_problem(error, 'params')}."
         ) from error
     try:
-        return read_unbounded(JobRequest, {**document, **read})
+        return _with_rig_of_its_time(read_unbounded(JobRequest, {**document, **read}), document)
     except ValidationError as error:
         raise UnreadableJobError(f"The stored request cannot be read here: {first_problem(error)}.") from error
+
+
+def _with_rig_of_its_time(request: JobRequest, document: Mapping[str, Any]) -> JobRequest:
+    """Return a stored request with the rig that it was accepted with.
+
+    Requests name it when they are stored. Those without it are older: a prompt kept the rig then, and a change in plain
+    words, for which the option was not set, moved it.
+    """
+    if request.kind is not JobKind.TEXT_DEFORM or "rig" in document.get("output", {}):
+        return request
+    values = {**dict(request.output), "rig": RigMode.KEEP}
+    output = OutputOptions.model_construct(request.output.model_fields_set, **values)
+    return request.model_copy(update={"output": output})
 
 
 def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> ResolvedParams:

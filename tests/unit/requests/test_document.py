@@ -8,6 +8,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from meshdeform.errors import ParameterError, UnreadableJobError
+from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import (
     PARAMS_OF_KIND,
     DeformParams,
@@ -217,6 +218,19 @@ def test_what_is_not_understood_is_said_with_its_place(params: Any, reason: str)
     with pytest.raises(UnreadableJobError) as refused:
         read_stored({"prompt": "a vase", "params": params})
     assert reason in refused.value.detail
+
+
+def test_the_rig_follows_unless_a_request_says_otherwise_or_is_older_than_that() -> None:
+    assert JobRequest(prompt="a vase").output.rig is RigMode.FOLLOW
+    assert JobRequest.model_validate({"prompt": "a vase", "output": {"rig": "keep"}}).output.rig is RigMode.KEEP
+    # Requests name the rig when they are stored.
+    for rig in RigMode:
+        stored = read_stored({"prompt": "a vase", "output": {"rig": rig.value, "morph": True}}).output
+        assert (stored.rig, stored.morph, "rig" in stored.model_fields_set) == (rig, True, True)
+    # One without it was accepted when prompts kept the rig. It is not set: changes in plain words moved it.
+    older = read_stored({"prompt": "a vase", "output": {"morph": True}}).output
+    assert (older.rig, older.morph, older.model_fields_set) == (RigMode.KEEP, True, {"morph"})
+    assert read_stored({"kind": "surface_fit"}).model_fields_set == {"kind", "params"}
 
 
 @each_case("kind", ["image_deform", None, 3, {}, []])
