@@ -3,8 +3,9 @@
 - A joint moves with the volume around it (`meshdeform.assets.rig`).
 - The node of a deformed mesh without a skin goes where the surface of that mesh around it goes, so that a wheel still
   turns about its centre, and a door about its hinge.
+- A group of meshes, or a bone without a skin, goes where its meshes go, so that it turns them as before.
 - Any other node whose origin is within the surface, or within 2 % of its diagonal of it, goes where the surface around
-  it goes: a light in its shade, a socket on a hand, a helper, a collider, a group that is turned as one.
+  it goes: a light in its shade, a socket on a hand, a helper, a collider.
 - What hangs on a node that moves, and does not move by itself, goes along.
 
 What is a place of the scene stays: a mesh that is not deformed, a camera or a directional light at the top, and a node
@@ -21,6 +22,7 @@ segmentation using generalized winding numbers, section 3.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,17 +59,24 @@ def node_moves(
         return moves
     everything = np.unique(surface.triangles)
     near = _Near(surface.positions[surface.triangles])
-    hierarchy = _Hierarchy(document, blocks, _ROUNDING * near.diagonal)
-    for node, rows in hierarchy.own_rows().items():
+    hierarchy = _Hierarchy(document, blocks, set(moves), _ROUNDING * near.diagonal)
+
+    def carry(node: int, rows: NDArray[np.int64], power: int = 1) -> None:
         if node not in moves:
-            place = hierarchy.place(node)
             stays = hierarchy.is_of_scene(node)
-            moves[node] = _still(place) if stays else carried(place, rows, np.ones(len(rows)), motion)
+            place = hierarchy.place(node)
+            moves[node] = _still(place) if stays else carried(place, rows, np.ones(len(rows)), motion, power)
+
+    for node, rows in hierarchy.own_rows.items():
+        carry(node, rows)
+    for node, rows in hierarchy.rows_below(directly=True).items():
+        carry(node, rows)
     candidates = [node for node in hierarchy.others(moves) if near.may_hold(hierarchy.place(node))]
     for node in candidates[:_MOST]:
-        place = hierarchy.place(node)
-        if near.holds(place):
-            moves[node] = carried(place, everything, np.ones(len(everything)), motion, power=2)
+        if near.holds(hierarchy.place(node)):
+            carry(node, everything, power=2)
+    for node, rows in hierarchy.rows_below(directly=False).items():
+        carry(node, rows)
     for node in hierarchy.meshes_that_stay(moves):
         moves[node] = _still(hierarchy.place(node))
     least = _ROUNDING * near.diagonal
@@ -85,13 +94,12 @@ def _unmoved(move: NodeMove) -> NodeMove:
 class _Hierarchy:
     """The nodes of a document, and what is known about each."""
 
-    def __init__(self, document: Document, blocks: Sequence[Block], rounding: float) -> None:
-        self._rounding = rounding
+    def __init__(self, document: Document, blocks: Sequence[Block], joints: set[int], rounding: float) -> None:
+        self._joints, self._rounding = joints, rounding
         self._nodes: list[Json] = document.root.get("nodes", [])
         self._blocks = blocks
         self._worlds = world_matrices(self._nodes)
         self._parents = {child: number for number, node in enumerate(self._nodes) for child in node.get("children", [])}
-        self._joints = {joint for skin in document.root.get("skins", []) for joint in skin["joints"]}
         self._shown = shown_nodes(document.root)
         self._animated = {
             animated_node(channel)[0]
@@ -105,14 +113,25 @@ class _Hierarchy:
         """Return a node's origin (3,) in world space."""
         return self._worlds[node][:3, 3]
 
+    @cached_property
     def own_rows(self) -> dict[int, NDArray[np.int64]]:
-        """Return the rows of the surface that each node without a skin has, unless it is drawn many times."""
+        """The rows of the surface that each node without a skin has, unless it is drawn many times."""
         rows: dict[int, list[NDArray[np.int64]]] = {}
         for block in self._blocks:
             node = self._nodes[block.node]
             if "skin" not in node and GPU_INSTANCING not in node.get("extensions", {}):
                 rows.setdefault(block.node, []).append(np.arange(block.rows.start, block.rows.stop))
         return {node: np.concatenate(parts) for node, parts in rows.items()}
+
+    def rows_below(self, *, directly: bool) -> dict[int, NDArray[np.int64]]:
+        """Return the rows of the meshes without a skin below each group; `directly`: of its own children alone."""
+        rows: dict[int, list[NDArray[np.int64]]] = {}
+        for node, own in self.own_rows.items():
+            groups = self._above(node)[1:2] if directly else self._above(node)[1:]
+            for group in groups:
+                if not self.is_of_scene(group) and "mesh" not in self._nodes[group]:
+                    rows.setdefault(group, []).append(own)
+        return {group: np.concatenate(parts) for group, parts in rows.items()}
 
     def is_of_scene(self, node: int) -> bool:
         """Whether a node has no origin of its own: that of the scene, or where somebody placed the whole asset."""

@@ -119,15 +119,13 @@ class MeshQuality:
         """Return the figures by name."""
         return asdict(self)
 
-    def warnings(self, faces: int, where: str = "") -> list[str]:
+    def warnings(self, faces: int) -> list[str]:
         """Return sentences for the user about damaged faces, and about self-intersections that were not counted.
 
         Parameters
         ----------
         faces : int
             Number of faces of the mesh.
-        where : str
-            What the first sentence says after "Damaged faces", such as " in the bind pose".
         """
         damage = {
             "flipped": self.flipped_faces,
@@ -135,7 +133,7 @@ class MeshQuality:
             "without area": self.collapsed_faces,
         }
         counts = [f"{count:,} {words}" for words, count in damage.items() if count]
-        sentences = [f"Damaged faces{where}, of {faces:,}: {', '.join(counts)}."] if counts else []
+        sentences = [f"Damaged faces, of {faces:,}: {', '.join(counts)}."] if counts else []
         if self.self_intersecting_faces_after is None:
             sentences.append(
                 "The self-intersections were not counted, because too many faces lie on or in each other. Remove "

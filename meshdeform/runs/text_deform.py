@@ -2,8 +2,7 @@
 
 Run a prompt that is a change in plain words: no model, no steps.
 
-The change is made in the pose that viewers show and taken back to the bind pose of skins vertex by vertex; joints and
-morph targets follow it, unless `output.rig` is `keep`.
+Joints, morph targets and the nodes that hang on the surface follow it, unless `output.rig` is `keep`.
 """
 
 from __future__ import annotations

@@ -168,3 +168,15 @@ def test_pointers_to_the_translation_of_a_node_are_animations_of_it() -> None:
     after = Player(moved(builder.glb(), 2 * np.eye(3), np.zeros(3)))
     sampler = after.animation["samplers"][after.animation["channels"][1]["sampler"]]
     np.testing.assert_allclose(after.read(sampler["output"]), [[0, 0, 6], [0, 0, 8]], atol=1e-6)
+
+
+def test_bones_without_a_skin_turn_the_meshes_below_them_as_before() -> None:
+    builder = Builder()
+    hand = part(builder, BALL, in_scene=False, translation=[0.0, 2.0, 0.0], scale=[0.3] * 3)
+    elbow = builder.node(in_scene=False, translation=[0.0, 3.0, 0.0], children=[hand])
+    part(builder, BOX, children=[elbow])
+    # Some exporters list the bones in a skin that no mesh uses.
+    builder.root["skins"] = [{"joints": [elbow]}]
+    before, after = origins(builder.glb()), origins(moved(builder.glb(), LINEAR, SHIFT))
+    for node in (hand, elbow):
+        np.testing.assert_allclose(after[node], LINEAR @ before[node] + SHIFT, atol=1e-6)
