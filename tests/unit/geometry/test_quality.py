@@ -70,8 +70,8 @@ def test_only_damage_is_told() -> None:
     found = compare(icosphere(1), icosphere(1).verts)
     assert found.warnings(5120) == []
     damaged = replace(found, flipped_faces=2, self_intersections_added=1234, collapsed_faces=1)
-    (sentence,) = damaged.warnings(5120, " in the bind pose")
-    for words in ("in the bind pose, of 5,120", "2 flipped", "1,234 newly cutting others", "1 without area"):
+    (sentence,) = damaged.warnings(5120)
+    for words in ("Damaged faces, of 5,120", "2 flipped", "1,234 newly cutting others", "1 without area"):
         assert words in sentence
     assert "flipped" not in replace(damaged, flipped_faces=0).warnings(5120)[0]
 
