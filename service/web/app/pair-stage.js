@@ -2,7 +2,7 @@
 /** Two shapes side by side in 3D: cameras that move together, what differs as colours, and wireframe. */
 import { button, h } from "./dom.js";
 import { drawnPicture, segmented, showLegend, toggle } from "./job/stage-controls.js";
-import { linkViews, ViewerBox } from "./viewer-box.js";
+import { clipPlayer, linkViews, ViewerBox } from "./viewer-box.js";
 
 /** @typedef {"none" | "displacement" | "stretch" | "texture"} Colour */
 
@@ -46,6 +46,7 @@ export class PairStage {
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": label },
       h("div", { class: "stage pair-stage" }, this.views.map(({ element }) => element), this.legend),
+      clipPlayer(this.scope, ...this.views),
       this.tools,
     );
   }

@@ -2,7 +2,7 @@
 /**
  * A place for a 3D view. Without WebGL it says so, and everything else works.
  *
- * @typedef {{vertices: number, triangles: number, meshes: number, animations: string[]}} Found
+ * @typedef {{vertices: number, triangles: number, meshes: number}} Found
  * @typedef {{min: number, max: number, p99: number, unit: string, label: string, gradient: string,
  *   ticks: {text: string, at: number}[], problem: string}} Scale
  */
@@ -147,4 +147,17 @@ export async function linkViews(a, b) {
   if (!a.viewer || !b.viewer) return;
   const { linkCameras } = await viewerModule();
   linkCameras(a.viewer, b.viewer);
+}
+
+/** What plays the clips of views, in step; hidden where there are none. @param {import("./scope.js").Scope} scope @param {...ViewerBox} views @returns {HTMLElement} */
+export function clipPlayer(scope, ...views) {
+  const element = h("div", { class: "clips", hidden: true });
+  Promise.all(views.map(({ ready }) => ready)).then(async () => {
+    const viewers = views.flatMap(({ viewer }) => viewer ?? []);
+    if (!viewers.length || scope.over) return;
+    const { ClipPlayer } = await viewerModule();
+    const player = new ClipPlayer(element, viewers);
+    scope.add(() => player.dispose());
+  });
+  return element;
 }

@@ -29,7 +29,7 @@ const MOST = 1.5;
 /** A mesh that can be moved between the two. The source's geometry is kept aside and comes back with `dispose`. */
 class Blend {
   /** @param {Pair} pair */
-  constructor({ mesh, after, normals, tangents }) {
+  constructor({ mesh, after, normals, tangents, targets }) {
     this.mesh = mesh;
     this.original = mesh.geometry;
     this.geometry = shareGeometry(this.original);
@@ -45,6 +45,7 @@ class Blend {
     if (this.original.attributes.tangent && tangents) {
       this.#track("tangent", 4, floats(this.original.attributes.tangent, 4, null), tangents);
     }
+    this.geometry.morphAttributes = bothTargets(this.original.morphAttributes, targets);
     mesh.geometry = this.geometry;
     // One sphere for both ends: whatever lies between them is inside, and nothing is culled away.
     const both = new BufferGeometry();
@@ -88,8 +89,9 @@ class Blend {
 
 /** All meshes of an asset between source (0) and result (1). */
 export class Deformation {
-  /** @param {Pair[]} pairs */
-  constructor(pairs) {
+  /** @param {Pair[]} pairs @param {import("./puppet.js").Puppet} puppet */
+  constructor(pairs, puppet) {
+    this.puppet = puppet;
     this.blends = pairs.map((pair) => new Blend(pair));
     this.morph = 0;
     /** @type {Map<Measure, Measured>} */
@@ -99,18 +101,22 @@ export class Deformation {
   /** @param {number} t */
   setMorph(t) {
     this.morph = Math.min(Math.max(t, 0), MOST);
-    for (const blend of this.blends) blend.set(this.morph);
+    this.show(this.morph);
+  }
+
+  /** Look at another share of the way, for a moment. @param {number} t */
+  show(t) {
+    for (const blend of this.blends) blend.set(t);
+    this.puppet.share = t;
   }
 
   /** Measure the whole deformation, whatever is shown at the moment. @param {Measure} kind @returns {Measured} */
   measure(kind) {
     const known = this.measured.get(kind);
     if (known) return known;
-    const ends = this.blends.map((blend) => ({
-      blend,
-      before: worldPositions(blend.mesh, blend.before),
-      after: worldPositions(blend.mesh, blend.after),
-    }));
+    const befores = this.puppet.atRest(() => this.blends.map((blend) => worldPositions(blend.mesh, blend.before)), 0);
+    const afters = this.puppet.atRest(() => this.blends.map((blend) => worldPositions(blend.mesh, blend.after)), 1);
+    const ends = this.blends.map((blend, i) => ({ blend, before: befores[i], after: afters[i] }));
     /** @type {Float64Array[]} */
     let own;
     /** @type {Float64Array[]} */
@@ -134,7 +140,20 @@ export class Deformation {
 
   dispose() {
     for (const blend of this.blends) blend.dispose();
+    this.puppet.meet(null);
   }
+}
+
+/**
+ * The morph targets of both ends, which `Puppet` weighs by how far it is on the way.
+ * @param {BufferGeometry["morphAttributes"]} before
+ * @param {BufferGeometry["morphAttributes"]} after
+ */
+function bothTargets(before, after) {
+  const names = /** @type {(keyof typeof before)[]} */ (Object.keys(before));
+  const same = (/** @type {any[]} */ a, /** @type {any[]} */ b) => a.every(({ array }, k) => array.every((/** @type {number} */ value, /** @type {number} */ i) => value === b[k].array[i]));
+  if (names.some((name) => after[name]?.length !== before[name]?.length) || names.every((name) => same(before[name] ?? [], after[name] ?? []))) return before;
+  return Object.fromEntries(names.map((name) => [name, [...(before[name] ?? []), ...(after[name] ?? [])]]));
 }
 
 /**

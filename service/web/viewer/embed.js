@@ -5,17 +5,21 @@
  *     <script type="module" src="web/viewer/embed.js"></script>
  *     <meshdeform-result source="vase.glb" result="lamp.glb" label="A vase becomes a lamp"></meshdeform-result>
  *
- * `source` and `result` are GLBs of the same triangles; `label` names the view for those who do not see it. Events: `ready`,
+ * Below it what the asset's clips are played with, if it has any. `source` and `result` are GLBs of the same triangles; `label` names the view for those who do not see it. Events: `ready`,
  * and `failed`, whose `detail` is the error.
  */
-import { MeshViewer } from "./viewer.js";
+import { ClipPlayer, MeshViewer } from "./viewer.js";
 
 const STYLE = new CSSStyleSheet();
 STYLE.replaceSync(`
-  :host { display: grid; grid-template-rows: 1fr auto; aspect-ratio: 4 / 3; font: 15px/1.4 system-ui, sans-serif; }
+  :host { display: grid; grid-template-rows: 1fr auto auto; aspect-ratio: 4 / 3; font: 15px/1.4 system-ui, sans-serif; }
   .view { position: relative; min-height: 0; border-radius: 12px; overflow: hidden; }
-  .bar { display: flex; gap: 12px; align-items: center; min-height: 44px; }
+  .bar, .clips { display: flex; gap: 12px; align-items: center; min-height: 44px; }
   input { flex: 1; min-width: 0; height: 44px; margin: 0; }
+  button, select { min-width: 44px; min-height: 44px; font: inherit; }
+  select { flex: 0 1 auto; min-width: 0; }
+  .icon { width: 1.25em; height: 1.25em; fill: none; stroke: currentcolor; stroke-width: 1.7; vertical-align: middle; }
+  .clip-clock { font-variant-numeric: tabular-nums; }
   [hidden] { display: none; }
   [role=alert] { position: absolute; inset: 0; display: grid; place-content: center; padding: 24px; text-align: center; }
 `);
@@ -23,6 +27,8 @@ STYLE.replaceSync(`
 class MeshdeformResult extends HTMLElement {
   /** @type {MeshViewer | null} */
   #viewer = null;
+  /** @type {ClipPlayer | null} */
+  #player = null;
 
   connectedCallback() {
     const root = this.shadowRoot ?? this.attachShadow({ mode: "open" });
@@ -32,20 +38,23 @@ class MeshdeformResult extends HTMLElement {
     slider.setAttribute("aria-label", "From the source to the result");
     slider.addEventListener("input", () => this.#viewer?.setMorph(Number(slider.value) / 100));
     const bar = Object.assign(document.createElement("div"), { className: "bar" });
+    const clips = Object.assign(document.createElement("div"), { className: "clips", hidden: true });
     bar.append("Before", slider, "After");
-    root.replaceChildren(view, bar);
-    void this.#open(view, bar);
+    root.replaceChildren(view, bar, clips);
+    void this.#open(view, bar, clips);
   }
 
   disconnectedCallback() {
+    this.#player?.dispose();
     this.#viewer?.dispose();
-    this.#viewer = null;
+    this.#viewer = this.#player = null;
   }
 
-  /** @param {HTMLElement} view @param {HTMLElement} bar */
-  async #open(view, bar) {
+  /** @param {HTMLElement} view @param {HTMLElement} bar @param {HTMLElement} clips */
+  async #open(view, bar, clips) {
     try {
       const viewer = (this.#viewer = new MeshViewer(view, { label: this.getAttribute("label") ?? "3D model" }));
+      this.#player = new ClipPlayer(clips, [viewer]);
       const files = ["source", "result"].map(async (name) => {
         const response = await fetch(this.getAttribute(name) ?? "");
         if (!response.ok) throw new Error(`The ${name} could not be loaded.`);
@@ -58,7 +67,7 @@ class MeshdeformResult extends HTMLElement {
       this.dispatchEvent(new Event("ready"));
     } catch (error) {
       if (!this.isConnected) return;
-      bar.hidden = true;
+      bar.hidden = clips.hidden = true;
       const note = Object.assign(document.createElement("p"), { textContent: error instanceof Error ? error.message : String(error) });
       note.setAttribute("role", "alert");
       view.append(note);

@@ -70,7 +70,7 @@ export function writeGlb(json, parts) {
  */
 export function withoutMaterials(buffer) {
   const json = readJson(buffer);
-  for (const name of ["materials", "textures", "images", "samplers", "animations"]) delete json[name];
+  for (const name of ["materials", "textures", "images", "samplers"]) delete json[name];
   for (const mesh of json.meshes ?? []) {
     for (const primitive of mesh.primitives ?? []) {
       delete primitive.material;

@@ -106,6 +106,7 @@ async function parseGltf(buffer, linked, renderer) {
   if (!root) throw new Error("The glTF file has no scene.");
   const found = [...gltf.parser.associations].filter(([, { nodes } = {}]) => nodes !== undefined);
   const nodes = new Map(found.map(([object, each]) => [object, Number(each.nodes)]));
+  root.animations = gltf.animations;
   atRest(json, nodes);
   requireTriangles(root);
   origins.set(root, { format: "glb", json, nodes });

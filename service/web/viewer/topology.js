@@ -12,6 +12,7 @@ import { tornApart } from "./weld.js";
  * @property {Float32Array} after (3V) the result's positions in the mesh's own space, in the source's order
  * @property {Float32Array | null} normals (3V)
  * @property {Float32Array | null} tangents (4V)
+ * @property {import("three").BufferGeometry["morphAttributes"]} targets of the result
  */
 
 /** The result is not the source with other positions; `code` is "topology". */
@@ -62,7 +63,7 @@ function pair(mesh, other, converted, name) {
     source.attributes[attribute] && result.attributes[attribute]
       ? floats(result.attributes[attribute], size, order)
       : null;
-  return { mesh, after, normals: optional("normal", 3), tangents: optional("tangent", 4) };
+  return { mesh, after, normals: optional("normal", 3), tangents: optional("tangent", 4), targets: result.morphAttributes };
 }
 
 /**

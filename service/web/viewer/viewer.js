@@ -18,6 +18,8 @@ import { withoutMaterials } from "./glb.js";
 import { Heatmap } from "./heatmap.js";
 import { INSTRUCTIONS, listenToKeys } from "./keyboard.js";
 import { disposeAsset, meshesOf, originOf, parseAsset, triangleCount } from "./loading.js";
+import { ClipPlayer } from "./player.js";
+import { Puppet } from "./puppet.js";
 import { acquireRenderer, releaseRenderer } from "./renderer.js";
 import { drawSnapshot, snapshotAsset } from "./snapshot.js";
 import { boundsOf, dress, Stage } from "./stage.js";
@@ -26,15 +28,16 @@ import { floats, pairMeshes, TopologyError } from "./topology.js";
 import { weld } from "./weld.js";
 import { Wireframe } from "./wireframe.js";
 
-export { linkCameras, snapshotAsset, TopologyError };
+export { ClipPlayer, linkCameras, snapshotAsset, TopologyError };
 
 /** @typedef {import("./loading.js").Format} Format */
 /** @typedef {{ vertices: number, triangles: number, meshes: number }} AssetInfo */
 
-/** Events: `ready` (something was loaded), `camerachange` and `camerareset`. */
+/** Events: `ready` (something was loaded), `clips` (there are others than before), `posed`, `rest` (whoever plays should stop), `camerachange` and `camerareset`. */
 export class MeshViewer extends EventTarget {
   /** @type {import("./renderer.js").SharedRenderer | null} */ #renderer = null;
   /** @type {import("three").Object3D | null} */ #root = null;
+  /** @type {Puppet | null} */ #puppet = null;
   /** @type {Deformation | null} */ #deformation = null;
   /** @type {Heatmap | null} */ #heatmap = null;
   /** @type {Wireframe | null} */ #wireframe = null;
@@ -93,6 +96,7 @@ export class MeshViewer extends EventTarget {
     this.#clear();
     dress(root, renderer.gl);
     this.#root = root;
+    this.#puppet = new Puppet(root);
     this.#converted = meshesOf(root).length > 0 && originOf(root)?.format !== "glb";
     this.stage.scene.environment = renderer.environment.texture;
     this.stage.scene.add(root);
@@ -102,12 +106,42 @@ export class MeshViewer extends EventTarget {
     this.#framed.copy(this.ownBox);
     if (!kept) this.rig.reset();
     this.dispatchEvent(new Event("ready"));
+    this.dispatchEvent(new Event("clips"));
     return this.info;
   }
 
   /** @returns {import("three").Object3D | null} what is loaded */
   get root() {
     return this.#root;
+  }
+
+  /** @returns {import("./puppet.js").Clip[]} of what is loaded */
+  get clips() {
+    return this.#puppet?.clips ?? [];
+  }
+
+  /** @returns {boolean} whether what is loaded has joints or morph targets */
+  get rigged() {
+    return this.#puppet?.rigged ?? false;
+  }
+
+  /** Show a moment of a clip. @param {string | null} clip by its name; where there is none, the asset is at rest @param {number} [time] seconds */
+  pose(clip, time = 0) {
+    this.#puppet?.pose(clip, time);
+    this.stage.refreshShadow();
+    this.invalidate();
+    this.dispatchEvent(new Event("posed"));
+  }
+
+  /** Show what is loaded as it stands in its file, and play nothing. */
+  rest() {
+    this.pose(null);
+    this.dispatchEvent(new Event("rest"));
+  }
+
+  /** Do something while the asset is at rest, whatever is played. @template T @param {() => T} act @returns {T} */
+  atRest(act) {
+    return this.#puppet ? this.#puppet.atRest(act) : act();
   }
 
   /** @returns {AssetInfo} of what is loaded; loaders of other formats than glTF repeat a vertex for each of its faces */
@@ -131,7 +165,8 @@ export class MeshViewer extends EventTarget {
   async setDeformed(buffer, { keepCamera = false } = {}) {
     const turn = this.#turn;
     const source = this.#root;
-    if (!source) throw new Error("Load the source before its result.");
+    const puppet = this.#puppet;
+    if (!source || !puppet) throw new Error("Load the source before its result.");
     const root = await parseAsset(withoutMaterials(buffer), "glb", this.#start().gl);
     try {
       if (turn !== this.#turn || source !== this.#root) {
@@ -141,7 +176,8 @@ export class MeshViewer extends EventTarget {
       const heat = this.#heatmap?.legend.kind ?? "none";
       this.clearDeformed();
       const pairs = pairMeshes(source, root, this.#converted);
-      this.#deformation = new Deformation(pairs);
+      this.#deformation = new Deformation(pairs, puppet);
+      puppet.meet(root);
       this.#wireframe?.refresh();
       this.setMorph(morph);
       this.#frame();
@@ -212,6 +248,7 @@ export class MeshViewer extends EventTarget {
   clear() {
     this.#turn++;
     this.#clear();
+    this.dispatchEvent(new Event("clips"));
     const { context, canvas } = this.surface;
     context.clearRect(0, 0, canvas.width, canvas.height);
   }
@@ -301,20 +338,20 @@ export class MeshViewer extends EventTarget {
 
   /** Put the ground under the shape that is shown. */
   #ground() {
-    if (!this.#grounded && this.#root) this.stage.enclose(boundsOf(this.#root));
+    const root = this.#root;
+    if (!this.#grounded && root) this.stage.enclose(this.atRest(() => boundsOf(root)));
     this.#grounded = true;
   }
 
   #frame() {
-    if (!this.#root) return;
-    const blends = this.#deformation?.blends ?? [];
-    const morph = this.#deformation?.morph ?? 0;
+    const root = this.#root;
+    if (!root) return;
     this.ownBox.makeEmpty();
-    for (const end of blends.length ? [0, 1] : [0]) {
-      for (const blend of blends) blend.set(end);
-      this.ownBox.union(boundsOf(this.#root));
+    for (const end of this.#deformation ? [0, 1] : [0]) {
+      this.#deformation?.show(end);
+      this.ownBox.union(this.atRest(() => boundsOf(root)));
     }
-    for (const blend of blends) blend.set(morph);
+    this.#deformation?.show(this.#deformation.morph);
     this.#grounded = false;
     this.#front?.enclose(this.ownBox);
     this.rig.setBox(this.ownBox);
@@ -327,6 +364,6 @@ export class MeshViewer extends EventTarget {
       this.#root.removeFromParent();
       disposeAsset(this.#root);
     }
-    this.#root = null;
+    this.#root = this.#puppet = null;
   }
 }

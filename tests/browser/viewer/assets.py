@@ -142,6 +142,45 @@ def bent(amount: float = 0.4) -> tuple[bytes, bytes]:
     return data, asset.replace(moved)
 
 
+def rigged() -> tuple[bytes, bytes]:
+    """A box on two joints that waves, or steps aside with a bulge, and the same half as high again with its rig."""
+    builder = Builder()
+    upper = builder.node(in_scene=False, translation=[0, 0.7, 0])
+    lower = builder.node(translation=[0, -0.7, 0], children=[upper])
+    binds = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
+    binds[0, 3, 1] = 0.7  # columns first: the lower joint stands at the bottom, the upper one in the middle
+    builder.root["skins"] = [{"joints": [lower, upper], "inverseBindMatrices": builder.accessor(binds.reshape(2, 16))}]
+    share = np.clip(VERTS[:, 1] + 0.5, 0, 1)
+    weights = np.stack([1 - share, share, 0 * share, 0 * share], axis=1)
+    attributes = {"NORMAL": NORMALS, "JOINTS_0": np.tile(np.array([0, 1, 0, 0], np.uint8), (len(VERTS), 1))}
+    primitive = builder.primitive(VERTS, FACES, **attributes, WEIGHTS_0=weights)
+    bulge = (VERTS * [0.5, 0.2, 0.5]).astype(np.float32)
+    primitive["targets"] = [{"POSITION": builder.accessor(bulge, bounds=True)}]
+    mesh = builder.node(builder.mesh(primitive), skin=0)
+    times = builder.accessor(np.array([0, 0.5, 1], np.float32), bounds=True)
+
+    def clip(name: str, **tracks: tuple[int, Any]) -> dict[str, Any]:
+        samplers = [{"input": times, "output": builder.accessor(np.array(rows, "<f4"))} for _, rows in tracks.values()]
+        targets = [{"node": node, "path": path} for path, (node, _) in tracks.items()]
+        return {
+            "name": name,
+            "samplers": samplers,
+            "channels": [{"sampler": i, "target": target} for i, target in enumerate(targets)],
+        }
+
+    turned = [[0, 0, 0, 1], [0, 0, 0.5, np.sqrt(0.75)], [0, 0, 0, 1]]
+    places = [[0, 0.7, 0], [0.4, 0.9, 0], [0, 0.7, 0]]
+    builder.root["animations"] = [
+        clip("Armature|Wave", rotation=(upper, turned)),
+        clip("Armature|Step_aside", translation=(upper, places), weights=(mesh, [[0], [1], [0]])),
+    ]
+    data = builder.glb()
+    asset = load_asset(data)
+    positions = asset.surface.positions
+    jacobians = np.tile(np.diag([1.0, GROWTH, 1.0]), (len(positions), 1, 1))
+    return data, asset.replace(positions * [1.0, GROWTH, 1.0], jacobians=jacobians)
+
+
 def _padded(builder: Builder, rows: Any, *, bounds: bool = False, **more: Any) -> int:
     """Three components of rows of four."""
     item = {

@@ -6,7 +6,7 @@ import { button, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
 import { fileInput, isField, openField, takeDrops } from "../picking.js";
-import { ViewerBox } from "../viewer-box.js";
+import { clipPlayer, ViewerBox } from "../viewer-box.js";
 
 export const EXAMPLES = [
   { name: "sphere.glb", label: "Sphere" },
@@ -67,6 +67,7 @@ export class AssetPanel {
       "section",
       { class: "asset-panel", "aria-label": "Asset" },
       this.stage,
+      clipPlayer(this.scope, this.box),
       this.below,
       this.problem,
       h(

@@ -69,6 +69,16 @@ export class Overlay {
     this.diagonal = this.kept.geometry.boundingBox?.getSize(new Vector3()).length() || 1;
   }
 
+  /** The vertices of the surface have moved. */
+  follow() {
+    for (const { geometry } of [this.kept, this.pulled, this.part]) if (geometry.attributes.position) geometry.attributes.position.needsUpdate = true;
+  }
+
+  /** @returns {boolean} whether any face is tinted */
+  get tinted() {
+    return this.kept.visible || this.pulled.visible || this.part.visible;
+  }
+
   /** @param {Uint8Array} flags (F) faces that do not move @param {Uint32Array} corners (3F) */
   setKept(flags, corners) {
     this.#show(this.kept, flags, corners);

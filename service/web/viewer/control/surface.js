@@ -24,13 +24,15 @@ export class NumberedSurface {
    * @param {Uint32Array} corners (3F)
    * @param {Part[]} parts
    * @param {Record<string, any>[]} nodes of the file
+   * @param {import("three").Mesh[]} meshes that may move, in the order of their vertices
    */
-  constructor(shown, places, corners, parts, nodes) {
+  constructor(shown, places, corners, parts, nodes, meshes = []) {
     this.shown = shown;
     this.places = places;
     this.corners = corners;
     this.parts = parts;
     this.nodes = nodes;
+    this.meshes = meshes;
     /** @type {Uint32Array | null} */
     this.welded = null;
   }
@@ -42,8 +44,19 @@ export class NumberedSurface {
 
   /** @returns {Uint32Array} (V) the first vertex at the place of each */
   get groups() {
-    this.welded ??= weld(this.shown);
+    this.welded ??= weld(this.places);
     return this.welded;
+  }
+
+  /** Take the vertices for where they are seen now. @param {import("three").Object3D} root */
+  follow(root) {
+    root.updateWorldMatrix(true, true);
+    const point = new Vector3();
+    let at = 0;
+    for (const mesh of this.meshes) {
+      const world = /** @type {any} */ (mesh).isSkinnedMesh ? mesh.matrixWorld : placement(mesh);
+      for (let v = 0; v < mesh.geometry.attributes.position.count; v++, at += 3) mesh.getVertexPosition(v, point).applyMatrix4(world).toArray(this.shown, at);
+    }
   }
 
   /** @param {number} face @returns {Part} */
@@ -115,7 +128,7 @@ function ofGltf(root, json, nodes, excluded) {
     if (drawn.length && isFlat(placement(drawn[0]))) continue;
     for (const at of together(primitives)) made.add(drawn[at], primitives[at].mode ?? 4, { node, mesh, material: primitives[at].material ?? -1 });
   }
-  return new NumberedSurface(Float32Array.from(made.shown.flat()), Float32Array.from(made.places.flat()), Uint32Array.from(made.corners.flat()), made.parts, all);
+  return new NumberedSurface(Float32Array.from(made.shown.flat()), Float32Array.from(made.places.flat()), Uint32Array.from(made.corners.flat()), made.parts, all, made.meshes);
 }
 
 /** What several meshes come to. */
@@ -129,6 +142,8 @@ class Joined {
     this.corners = [];
     /** @type {Part[]} */
     this.parts = [];
+    /** @type {import("three").Mesh[]} */
+    this.meshes = [];
     this.vertices = 0;
     this.faces = 0;
   }
@@ -144,6 +159,7 @@ class Joined {
     const corners = Array.from(cornersOf(mesh, mode), (corner) => corner + this.vertices);
     const count = corners.length / 3;
     this.parts.push({ ...names, first: this.faces, count });
+    this.meshes.push(mesh);
     this.shown.push(shown);
     this.places.push(places);
     this.corners.push(corners);

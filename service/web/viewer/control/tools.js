@@ -64,7 +64,10 @@ export class ControlTools {
     this.fingers = new Map();
     /** Ends the drag under way as if it had not begun. @type {(() => void) | null} */
     this.drop = null;
+    /** Whether the asset was posed since its vertices were read. */
+    this.posed = false;
     this.stop = new AbortController();
+    viewer.addEventListener("posed", () => this.#posed(), { signal: this.stop.signal });
     const options = { signal: this.stop.signal, capture: true };
     this.canvas.addEventListener("pointerdown", (event) => this.#take(event), options);
     this.canvas.addEventListener("pointermove", (event) => this.#hover(event), options);
@@ -84,7 +87,24 @@ export class ControlTools {
       this.target.geometry.setIndex(new BufferAttribute(surface.corners, 1));
     }
     this.overlay.setSurface(surface);
+    this.#posed();
     this.viewer.invalidate();
+  }
+
+  /** Where nothing is tinted, the vertices are read when someone points at them. */
+  #posed() {
+    this.posed = this.viewer.clips.length > 0;
+    if (this.overlay.tinted) this.#follow();
+  }
+
+  /** Have tints and the pointer meet the asset as it is posed. */
+  #follow() {
+    const { root } = this.viewer;
+    if (!this.posed || !this.surface || !root) return;
+    this.posed = false;
+    this.surface.follow(root);
+    this.overlay.follow();
+    Object.assign(this.target.geometry, { boundingSphere: null, boundingBox: null });
   }
 
   /** @returns {Box} around the asset, as the service has it */
@@ -101,6 +121,8 @@ export class ControlTools {
   /** @param {Tool} tool */
   use(tool) {
     this.tool = tool;
+    // Boxes and handles are places of the asset at rest.
+    if (tool !== "turn") this.viewer.rest();
     // A finger that paints must not scroll the page.
     this.canvas.style.touchAction = tool === "turn" ? "pan-y" : "none";
     // Where one finger paints, two have to do all that one does otherwise.
@@ -111,6 +133,7 @@ export class ControlTools {
 
   /** @param {Uint8Array} kept (F) faces that do not move @param {Uint8Array} pulled (F) those that a prompt with a region pulls at */
   showKept(kept, pulled) {
+    this.#follow();
     if (this.surface) {
       this.overlay.setKept(kept, this.surface.corners);
       this.overlay.setPulled(pulled, this.surface.corners);
@@ -120,6 +143,7 @@ export class ControlTools {
 
   /** @param {Uint8Array} flags (F) faces of a part that is pointed at */
   showPart(flags) {
+    this.#follow();
     if (this.surface) this.overlay.setPart(flags, this.surface.corners);
     this.viewer.invalidate();
   }
@@ -140,6 +164,7 @@ export class ControlTools {
   /** @param {{ clientX: number, clientY: number }} event @returns {Hit | null} */
   #hit(event) {
     if (!this.surface) return null;
+    this.#follow();
     const caster = this.#aim(event);
     const found = caster.intersectObject(this.target, false)[0];
     if (!found || found.faceIndex === null || found.faceIndex === undefined) return null;

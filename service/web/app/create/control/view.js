@@ -107,7 +107,7 @@ export class ControlView {
       if (this._wanted()) this._begin();
       return;
     }
-    this.surface = this.library.numberedSurface(root, this.excluded);
+    this.surface = this.box.viewer.atRest(() => this.library.numberedSurface(root, this.excluded));
     this.tools.setSurface(this.surface);
     // Until the server has listed them.
     if (this.surface && !this.panel.parts.nodes.length) this.panel.offer(this.library.namedParts(root, this.surface));
@@ -167,7 +167,7 @@ export class ControlView {
   reshape() {
     const root = this.box.viewer?.root;
     if (!this.tools || !this.surface || !root) return;
-    this.surface.shown = this.library.numberedSurface(root, this.excluded)?.shown ?? this.surface.shown;
+    this.surface.shown = this.box.viewer.atRest(() => this.library.numberedSurface(root, this.excluded))?.shown ?? this.surface.shown;
     this.tools.setSurface(this.surface);
     this.draw();
   }

@@ -1,0 +1,133 @@
+"""The viewer poses an asset by its clips, on its own rig and on that of its result."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from meshdeform.assets import load_asset
+from tests.browser.viewer.assets import GROWTH, rigged
+from tests.browser.viewer.site import ViewerSite
+from tests.unit.assets.playing import Player
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+NODE = 2  # that of the mesh
+_POSED = """
+  const { Vector3 } = await import("/web/vendor/three/three.module.js");
+  const posed = (viewer, clip, time) => {
+    viewer.pose(clip, time);
+    const mesh = meshOf(viewer);
+    viewer.root.updateWorldMatrix(true, true);
+    const at = (v) => mesh.getVertexPosition(v, new Vector3()).applyMatrix4(mesh.matrixWorld).toArray();
+    return Array.from({ length: mesh.geometry.attributes.position.count }, (_, v) => at(v));
+  };
+"""
+
+
+@pytest.fixture
+def files(site: ViewerSite) -> tuple[bytes, bytes]:
+    """A rigged asset and its result, which the site has as well."""
+    made = rigged()
+    site.files["rigged.glb"], site.files["taller.glb"] = made
+    return made
+
+
+def test_a_result_plays_on_its_own_rig_and_its_source_on_that_of_the_source(
+    page: Page, files: tuple[bytes, bytes]
+) -> None:
+    found: dict[str, Any] = page.evaluate(
+        f"""async () => {{
+          {_POSED}
+          const [both, alone] = [await show("rigged.glb", "glb", "taller.glb"), await show("taller.glb")];
+          const found = {{ clips: both.clips }};
+          both.setWireframe(true);
+          for (const share of [0, 1, 0.5]) {{
+            both.setMorph(share);
+            found[share] = [posed(both, "Wave", 0.5), posed(both, "Step aside", 0.5), posed(both, null)];
+          }}
+          found.alone = [posed(alone, "Wave", 0.5), posed(alone, "Step aside", 0.5), posed(alone, null)];
+          both.clearDeformed();
+          found.cleared = posed(both, "Step aside", 0.5);
+          await drawn();
+          return found;
+        }}"""
+    )
+    assert found["clips"] == [{"name": "Wave", "seconds": 1}, {"name": "Step aside", "seconds": 1}]
+    wave, step, rest = (np.array(moment) for moment in found["alone"])
+    np.testing.assert_allclose(np.array(found["1"]), [wave, step, rest], atol=1e-6)
+    np.testing.assert_allclose(wave, Player(files[1]).at(0.5, NODE).verts, atol=1e-6)
+    source = [Player(files[0], number).at(0.5, NODE).verts for number in (0, 1)]
+    np.testing.assert_allclose(found["0"][0], source[0], atol=1e-6)
+    assert np.abs(np.array(found["0"][1]) - source[1]).max() > 0.1, "the morph target counts"
+    np.testing.assert_allclose(found["cleared"], found["0"][1], atol=1e-6)
+    # Where joints only move, halfway of the rigs is halfway of the shapes.
+    np.testing.assert_allclose(found["0.5"][2], np.mean([found["0"][2], rest], axis=0), atol=1e-6)
+
+
+def test_a_clip_leaves_the_camera_the_ground_and_what_is_measured(page: Page, files: tuple[bytes, bytes]) -> None:
+    moments = page.evaluate(
+        """async () => {
+          const viewer = await show("rigged.glb", "glb", "taller.glb");
+          viewer.setMorph(1);
+          const moments = [];
+          for (const [clip, time] of [[null, 0], ["Wave", 0.5]]) {
+            viewer.pose(clip, time);
+            viewer.setMorph(1);
+            const { max } = viewer.setHeatmap("stretch");
+            const image = (await drawn(), pixels(viewer));
+            const heat = [...meshOf(viewer).geometry.attributes.heat.array];
+            viewer.clearDeformed();
+            await viewer.setDeformed(await fetchBytes("/files/taller.glb"));
+            viewer.setMorph(1);
+            await drawn();
+            const { position, target } = viewer.rig.state;
+            moments.push({ max, heat, camera: [...position, ...target], ground: viewer.stage.ground.position.y, image });
+          }
+          const moved = difference(moments[0].image, moments[1].image);
+          return { moved, moments: moments.map(({ image, ...rest }) => rest) };
+        }"""
+    )
+    rest, waving = moments["moments"]
+    assert moments["moved"] > 300
+    assert rest["max"] == pytest.approx(GROWTH, rel=1e-3)
+    for name in rest:
+        assert waving[name] == pytest.approx(rest[name], abs=1e-6), name
+
+
+def test_tints_and_the_pointer_meet_the_pose_and_faces_keep_their_places(
+    page: Page, files: tuple[bytes, bytes]
+) -> None:
+    found = page.evaluate(
+        f"""async () => {{
+          {_POSED}
+          const viewer = await show("rigged.glb");
+          const tools = new ControlTools(viewer, {{}});
+          viewer.pose("Wave", 0.5);
+          tools.setSurface(viewer.atRest(() => numberedSurface(viewer.root)));
+          tools.showPart(new Uint8Array(tools.surface.count).fill(1));
+          const found = {{ waving: [...tools.surface.shown], places: [...tools.surface.places] }};
+          found.posed = posed(viewer, "Wave", 0.5).flat();
+          found.aside = posed(viewer, "Step aside", 0.5).flat();
+          found.followed = [...tools.surface.shown];
+          tools.use("box");
+          found.rest = [...tools.surface.shown];
+          tools.dispose();
+          return found;
+        }}"""
+    )
+    source = load_asset(files[0]).surface.positions
+    np.testing.assert_allclose(found["waving"], found["posed"], atol=1e-6)
+    np.testing.assert_allclose(found["followed"], found["aside"], atol=1e-6)
+    for name in ("places", "rest"):
+        np.testing.assert_allclose(np.reshape(found[name], (-1, 3)), source, atol=1e-6)
+
+
+def test_the_way_to_a_shape_is_no_clip(page: Page, site: ViewerSite, files: tuple[bytes, bytes]) -> None:
+    asset = load_asset(files[0])
+    site.files["morph.glb"] = asset.replace(asset.surface.positions * 2, morph=True)
+    names = "async () => (await show('morph.glb')).clips.map(({ name }) => name)"
+    assert page.evaluate(names) == ["Wave", "Step aside"]
