@@ -82,7 +82,7 @@ test("a job's own parameters fill the form again, and what it has no field for i
   const wish = wishOf(job, FIELDS);
   const control = { regions: [], handles: [], symmetry: "none", falloff: "", prompts: [], of: "" };
   const guide = { align: "", landmarks: [], pictures: [], target: false };
-  assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, subdivide: true, advanced: { learning_rate: "0.01" }, kept });
+  assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FORM);
   assert.deepEqual(document, {
     prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] } }, output: { morph: true, subdivide: true, other: 1 },
@@ -92,6 +92,12 @@ test("a job's own parameters fill the form again, and what it has no field for i
   const paths = { morph_path: { seconds: 1, frames: 8 }, other: { frames: 8 } };
   assert.deepEqual(wishOf({ output: paths }, FIELDS, { morph_path: { frames: 8, seconds: 1 }, other: { frames: 4 } }).kept.output, { other: { frames: 8 } });
   assert.equal(keptText(nothingKept()), "");
+});
+
+test("the rig is asked for where someone chose it", () => {
+  assert.deepEqual(documents({ ...WISH, rig: "keep" }, 80, "g", FORM)[0].output, { rig: "keep" });
+  const again = wishOf({ output: { rig: "follow" } }, FIELDS, { rig: "keep" });
+  assert.deepEqual([again.rig, again.kept.output], ["follow", {}]);
 });
 
 test("each parameter is in its group, and what another kind of guidance has stays here", () => {

@@ -24,6 +24,7 @@
  * @property {number} seed
  * @property {number} variations
  * @property {boolean} subdivide
+ * @property {string} [rig] What becomes of joints, morph targets and clips; empty: what the server does.
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
  * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles and symmetry; `of` is the
  *   file that they are for.
@@ -132,7 +133,7 @@ export function documents(wish, steps, group, { fields, groups }, known = null) 
   return Array.from({ length: wish.variations }, (_, index) => ({
     ...(target || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: texts[index] }),
     params: groupedParams({ ...params, seed: (wish.seed + index) % MAX_SEED }, groups),
-    output: { ...wish.kept.output, ...(wish.subdivide ? { subdivide: true } : {}) },
+    output: { ...wish.kept.output, ...(wish.subdivide ? { subdivide: true } : {}), ...(wish.rig ? { rig: wish.rig } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
   }));
 }
@@ -193,12 +194,13 @@ export function wishOf(job, fields, defaults = {}) {
     seed: Number(params.seed ?? 0),
     variations: 1,
     subdivide: Boolean(job.output?.subdivide),
+    rig: job.output?.rig ?? "",
     advanced,
     guide: { ...guideOf(params), target: Boolean(job.files?.target) },
     control: { ...controlOf(params), of: job.asset ? fileKey(job.asset.filename, job.asset.size) : "" },
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),
-      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => name !== "subdivide" && value && !same(value, defaults[name]))),
+      output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["subdivide", "rig"].includes(name) && value && !same(value, defaults[name]))),
     },
   };
 }

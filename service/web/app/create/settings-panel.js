@@ -6,6 +6,12 @@ import { figure } from "../format.js";
 import { isUnused } from "../groups.js";
 import { formOf, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
 
+/** What becomes of joints, morph targets and clips. @type {[string, string, string][]} */
+const RIGS = [
+  ["follow", "Follows the new shape", "The result moves as the asset does"],
+  ["keep", "Stays as it is", "To share clips with other characters"],
+];
+
 export class SettingsPanel {
   /** @param {() => void} onChange @param {(model: import("../vocabulary.js").Model | null) => void} onModel */
   constructor(onChange, onModel) {
@@ -20,6 +26,10 @@ export class SettingsPanel {
     this.seed.input.value = String(randomSeed());
     this.variations = integerField("variations", 1, MAX_VARIATIONS, onChange);
     this.variations.input.value = "1";
+    this.rig = radios("rig", RIGS, RIGS[0][0], onChange);
+    /** What the server does with a rig where nobody chooses. */
+    this.usualRig = RIGS[0][0];
+    this.rigRow = h("fieldset", { class: "field", hidden: true }, h("legend", { class: "field-label" }, "Rig"), this.rig.element);
     this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
     /** @type {import("../params.js").Form} */
     this.offered = formOf(null);
@@ -28,7 +38,7 @@ export class SettingsPanel {
     this.keptText = h("p", null);
     const drop = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._drop() } }, "Drop them");
     this.keptRow = h("div", { class: "kept small", hidden: true }, this.keptText, drop);
-    this.element = h("div", { class: "settings" }, this.modelRow, h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Quality"), this.preset.element), this.keptRow);
+    this.element = h("div", { class: "settings" }, this.modelRow, h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Quality"), this.preset.element), this.rigRow, this.keptRow);
     /** The less usual settings, for the fold of the form. */
     this.further = this._further();
   }
@@ -80,6 +90,12 @@ export class SettingsPanel {
   offerFields(form) {
     this.offered = form;
     fill(this.fields.more, form.fields.map((field) => this.fields.add(field, ["As the quality says", "automatic"])));
+  }
+
+  /** @param {string | undefined} usual What the server does with a rig where nobody chooses. */
+  offerRig(usual) {
+    this.usualRig = usual ?? this.usualRig;
+    this.rig.set(this.usualRig);
   }
 
   /** Show those that a kind of guidance has. @param {string} kind */
@@ -138,6 +154,7 @@ export class SettingsPanel {
       seed: Number(this.seed.input.value),
       variations: this.variationCount,
       subdivide: this.subdivide.checked,
+      rig: this.rig.value() === this.usualRig ? "" : this.rig.value(),
       advanced: Object.fromEntries([...this.fields.rows].map(([name, field]) => [name, field.input.value])),
       kept: this.kept,
     };
@@ -181,7 +198,7 @@ export class SettingsPanel {
   }
 
   /** @param {Partial<Omit<import("../params.js").Wish, "seed" | "variations"> & {seed: number | string, variations: number | string}>} wish What it lacks is as at the beginning. */
-  restore({ model, preset = PRESETS[0][0], seed = randomSeed(), variations = 1, subdivide = false, advanced = {}, kept = nothingKept() }) {
+  restore({ model, preset = PRESETS[0][0], seed = randomSeed(), variations = 1, subdivide = false, rig = "", advanced = {}, kept = nothingKept() }) {
     // A model that this server no longer runs gives way to its default.
     if (this.catalogue.models.some((found) => found.id === model && found.available)) this.model.value = String(model);
     this._modelChanged();
@@ -189,6 +206,7 @@ export class SettingsPanel {
     this.seed.input.value = String(seed);
     this.variations.input.value = String(variations);
     this.subdivide.checked = subdivide;
+    this.rig.set(rig || this.usualRig);
     this._keep(kept);
     for (const name of this.fields.rows.keys()) this.setValue(name, advanced[name] ?? "");
     this.fields.advanced.open = [...this.fields.rows.values()].some(({ input }) => input.value !== "");

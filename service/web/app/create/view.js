@@ -65,7 +65,10 @@ export class CreateView {
     this.assets.addBelow(this.control.toolbar);
     this.prompt = new PromptField(() => this._changed());
     this.parts = new PartsControl(this.assets.box, this.control.view, scope, (prompt, signal) => this._parts(prompt, signal), (prompt) => this.prompt.set(prompt));
-    this.assets.onShown = () => this._suitParts();
+    this.assets.onShown = () => {
+      this._suitParts();
+      this._suitRig([]);
+    };
     this.assets.addBelow(this.parts.element);
     this.guide = new GuidePanel(this.assets, this.control.view, scope, () => this._changed());
     this.assets.guide = (files) => this.guide.take(files);
@@ -93,7 +96,7 @@ export class CreateView {
     );
     fill(
       root,
-      intro("Describe what it", "should become", "Reshape your 3D assets with a prompt. Materials, UVs and rigs stay as they are."),
+      intro("Describe what it", "should become", "Reshape your 3D assets with a prompt. Materials, UVs and animations are kept."),
       kindsNav("create"),
       h("div", { class: "create" }, this.assets.element, this.form.element),
       recentJobs(scope),
@@ -174,6 +177,7 @@ export class CreateView {
     const form = formOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
     this.settings.offerFields(form);
+    this.settings.offerRig(this.outputDefaults.rig);
     this.front.offer(this.settings.offers("orientation"));
     return form.fields;
   }
@@ -230,6 +234,11 @@ export class CreateView {
     if (!asset || !wish.prompt) throw new Error("Choose an asset and enter a prompt first.");
     const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
     return client.orient(...(await asset.submission(document, {}, signal)));
+  }
+
+  /** Ask what becomes of the rig, where there is one. @param {any[]} joints That the server has found. */
+  _suitRig(joints) {
+    this.settings.rigRow.hidden = !joints.length && !this.assets.box.viewer?.rigged;
   }
 
   /** Let the parts be those of the asset, as a prompt for the chosen model can name them. */
@@ -319,7 +328,8 @@ export class CreateView {
     fill(this.problem);
     this.settings.resolved(found.params);
     this.front.resolve(found.params.orientation);
-    const { triangles, vertices, meshes, skipped, warnings } = found.asset;
+    const { triangles, vertices, meshes, joints, skipped, warnings } = found.asset;
+    this._suitRig(joints);
     const more = [meshes > 1 ? `${meshes} meshes` : "", skipped.length ? `${skipped.length} left as they are` : ""].filter(Boolean);
     this.control.offer(found.asset);
     this.assets.describe(triangles, vertices, more, warnings);
