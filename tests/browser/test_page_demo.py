@@ -17,6 +17,7 @@ from tests.acceptance.service import Service, until
 from tests.browser.conftest import watched
 from tests.browser.steps import badge, difference, expect, picture, until_drawn
 from tests.browser.test_ndf_loader import small_field
+from tests.browser.viewer.assets import rigged
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -35,6 +36,8 @@ def host(service: Service, small_sphere: Path, tmp_path_factory: pytest.TempPath
     job = service.submit(small_sphere, {"prompt": "a mushroom", "params": params})
     assert service.finished(job)["state"] == "succeeded"
     build(folder / "demo", service.http, job)
+    for name, data in zip(("rigged.glb", "taller.glb"), rigged(), strict=True):
+        (folder / "demo" / name).write_bytes(data)
     page = folder / "demo" / "index.html"
     page.write_text(page.read_text().replace('data-demo="12000"', 'data-demo="1500"'))
     handler = functools.partial(_Quiet, directory=str(folder))
@@ -78,12 +81,25 @@ def test_examples_and_a_job_are_seen_without_a_server(visitor: Page) -> None:
     expect(visitor.get_by_role("button", name="Deform this mesh")).to_have_count(0)
 
 
+def again(visitor: Page, **attributes: str) -> None:
+    """Put the element anew, with other files."""
+    opened = visitor.locator("meshdeform-result")
+    opened.evaluate("(node, files) => Object.entries(files).forEach((file) => node.setAttribute(...file))", attributes)
+    opened.evaluate("(node) => node.replaceWith(node.cloneNode())")
+
+
 def test_a_result_stands_in_another_page(visitor: Page) -> None:
     visitor.goto("embed.html")
     view, slider = visitor.locator("meshdeform-result .view"), visitor.get_by_role("slider")
     lamp = until_drawn(view)
     slider.fill("0")
     until("the vase is to be seen", lambda: difference(lamp, picture(view)) > 0.05)
-    visitor.evaluate("document.querySelector('meshdeform-result').setAttribute('result', 'none.glb')")
-    visitor.evaluate("(node => node.replaceWith(node.cloneNode()))(document.querySelector('meshdeform-result'))")
+    clip = visitor.get_by_label("Clip", exact=True)
+    expect(clip).to_be_hidden()
+    again(visitor, source="rigged.glb", result="taller.glb")
+    clip.select_option("Wave")
+    box = until_drawn(view)
+    visitor.get_by_label("Time", exact=True).fill("50")
+    until("the box waves", lambda: difference(box, picture(view)) > 0.02)
+    again(visitor, result="none.glb")
     expect(visitor.get_by_role("alert")).to_have_text("The result could not be loaded.")

@@ -4,7 +4,6 @@ import {
   BufferAttribute,
   BufferGeometry,
   DynamicDrawUsage,
-  Matrix4,
   Vector2,
   Vector3,
 } from "../vendor/three/three.module.js";
@@ -114,8 +113,11 @@ export class Deformation {
   measure(kind) {
     const known = this.measured.get(kind);
     if (known) return known;
-    const befores = this.puppet.atRest(() => this.blends.map((blend) => worldPositions(blend.mesh, blend.before)), 0);
-    const afters = this.puppet.atRest(() => this.blends.map((blend) => worldPositions(blend.mesh, blend.after)), 1);
+    const [befores, afters] = [0, 1].map((end) => {
+      this.show(end);
+      return this.puppet.atRest(() => this.blends.map(({ mesh, before }) => worldPositions(mesh, new Float64Array(before.length))));
+    });
+    this.show(this.morph);
     const ends = this.blends.map((blend, i) => ({ blend, before: befores[i], after: afters[i] }));
     /** @type {Float64Array[]} */
     let own;
@@ -219,21 +221,17 @@ function normalsOf(positions, index) {
 }
 
 /**
- * Positions of a mesh's own space in the world: under its node, or where its bones carry it.
- * @param {import("three").Mesh} mesh
- * @param {Float32Array} positions
- * @returns {Float64Array}
+ * Where the vertices of a mesh are seen in the world: under its node, or where its bones carry them, with its morph targets.
+ * @template {Float32Array | Float64Array} T
+ * @param {import("three").Mesh} mesh below a root whose world matrices are up to date
+ * @param {T} out
+ * @param {number} [first] number in it
+ * @param {import("three").Matrix4} [world] from the mesh to the world
+ * @returns {T}
  */
-export function worldPositions(mesh, positions) {
-  mesh.updateWorldMatrix(true, false);
-  const out = new Float64Array(positions.length);
+export function worldPositions(mesh, out, first = 0, world = mesh.matrixWorld) {
   const point = new Vector3();
-  const world = new Matrix4().copy(mesh.matrixWorld);
-  const skinned = /** @type {any} */ (mesh).isSkinnedMesh ? /** @type {import("three").SkinnedMesh} */ (mesh) : null;
-  for (let i = 0; i < positions.length; i += 3) {
-    point.fromArray(positions, i);
-    if (skinned) skinned.applyBoneTransform(i / 3, point);
-    point.applyMatrix4(world).toArray(out, i);
-  }
+  const { count } = mesh.geometry.attributes.position;
+  for (let v = 0; v < count; v++) mesh.getVertexPosition(v, point).applyMatrix4(world).toArray(out, first + 3 * v);
   return out;
 }

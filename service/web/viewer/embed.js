@@ -12,12 +12,12 @@ import { ClipPlayer, MeshViewer } from "./viewer.js";
 
 const STYLE = new CSSStyleSheet();
 STYLE.replaceSync(`
-  :host { display: grid; grid-template-rows: 1fr auto auto; aspect-ratio: 4 / 3; font: 15px/1.4 system-ui, sans-serif; }
+  :host { display: grid; grid-template: 1fr auto auto / minmax(0, 1fr); aspect-ratio: 4 / 3; font: 15px/1.4 system-ui, sans-serif; }
   .view { position: relative; min-height: 0; border-radius: 12px; overflow: hidden; }
   .bar, .clips { display: flex; gap: 12px; align-items: center; min-height: 44px; }
   input { flex: 1; min-width: 0; height: 44px; margin: 0; }
   button, select { min-width: 44px; min-height: 44px; font: inherit; }
-  select { flex: 0 1 auto; min-width: 0; }
+  select { flex: 0 1 120px; }
   .icon { width: 1.25em; height: 1.25em; fill: none; stroke: currentcolor; stroke-width: 1.7; vertical-align: middle; }
   .clip-clock { font-variant-numeric: tabular-nums; }
   [hidden] { display: none; }

@@ -9,6 +9,7 @@ const STEPS = 100; // of the slider, for any length
 const LONGEST_MS = 100; // between two pictures; after a longer pause it goes on where it was
 
 export class ClipPlayer {
+  /** @type {Map<string, number>} */ #lengths = new Map(); // seconds, by the clips' names
   #seconds = 0; // of the clip
   #time = 0;
   #frame = 0;
@@ -51,25 +52,19 @@ export class ClipPlayer {
 
   /** Offer the clips that any of the viewers has. */
   #offer() {
-    const clips = new Map(this.viewers.flatMap(({ clips }) => clips.map(({ name, seconds }) => [name, seconds])));
-    const chosen = clips.has(this.choice.value) ? this.choice.value : "";
-    this.element.hidden = clips.size === 0;
-    this.choice.replaceChildren(new Option("At rest", ""), ...[...clips.keys()].map((name) => new Option(name)));
+    this.#lengths = new Map(this.viewers.flatMap(({ clips }) => clips.map(({ name, seconds }) => [name, seconds])));
+    const chosen = this.#lengths.has(this.choice.value) ? this.choice.value : "";
+    this.element.hidden = this.#lengths.size === 0;
+    this.choice.replaceChildren(new Option("At rest", ""), ...[...this.#lengths.keys()].map((name) => new Option(name)));
     this.choice.value = chosen;
-    if (chosen) return this.#show();
-    this.rest();
-  }
-
-  /** @returns {number} seconds of the chosen clip, of the longest if it has two lengths */
-  #length() {
-    return Math.max(0, ...this.viewers.flatMap(({ clips }) => clips.filter(({ name }) => name === this.choice.value).map(({ seconds }) => seconds)));
+    if (chosen) this.#show();
+    else this.rest();
   }
 
   #choose() {
-    this.pause();
     this.#time = 0;
+    this.pause();
     if (this.choice.value && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.#play();
-    else this.#show();
   }
 
   #play() {
@@ -108,7 +103,7 @@ export class ClipPlayer {
   /** Show the moment everywhere. */
   #show() {
     const clip = this.choice.value;
-    this.#seconds = this.#length();
+    this.#seconds = this.#lengths.get(clip) ?? 0;
     const share = this.#seconds ? this.#time / this.#seconds : 0;
     const [time, length] = [this.#time, this.#seconds].map((seconds) => seconds.toFixed(1));
     this.path.setAttribute("d", this.#frame ? PAUSE : PLAY);

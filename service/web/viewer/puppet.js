@@ -6,23 +6,22 @@
  * (docs/assets.md#rigs), all at the indices of the source. three's mixer sets what one rig says and keeps no second one,
  * so the tracks are read here.
  */
-import { PropertyBinding, Vector3 } from "../vendor/three/three.module.js";
+import { Box3, PropertyBinding, Vector3 } from "../vendor/three/three.module.js";
 import { meshesOf, originOf } from "./loading.js";
 
 /** @typedef {{ name: string, seconds: number }} Clip */
 /** @typedef {(time: number) => ArrayLike<number>} Values */
 /** @typedef {{ object: any, property: string, track: number, values: Values, there: Values | null }} Motion `track`: its number in the clip */
-/** @typedef {{ places: Map<object, Vector3>, skeletons: { skeleton: any, from: any[], to: any[] }[] }} Other where a result has its nodes and joints */
+/** @typedef {{ places: Map<object, Vector3>, binds: { inverse: number[], from: number[], to: number[] }[] }} Other where a result has its nodes, and its inverse bind matrices */
 
 /** The clip of a file with shapes as morph targets leads to its shape (`assets/morph.py`), which the strength does. */
 const OWN = "deform";
+const LOOKS = 12; // at a clip, for how far it reaches
 
 export class Puppet {
   /** @type {Motion[][]} of each clip */ #motions;
   /** @type {Other | null} */ #other = null;
-  #clip = -1;
-  #time = 0;
-  #share = 0;
+  #now = { share: 0, clip: -1, time: 0 };
 
   /** @param {import("three").Object3D} root as it is at rest */
   constructor(root) {
@@ -45,45 +44,63 @@ export class Puppet {
 
   /** @param {import("three").Object3D | null} result whose rig is that at the end of the way */
   meet(result) {
-    const [clip, time] = [this.#clip, this.#time];
-    this.#set(0, -1, 0);
+    const now = this.#now;
+    this.#set({ share: 0, clip: -1 });
     this.#other = result && otherOf(this.root, this.nodes, result);
     const clips = result ? clipsOf(result) : [];
     this.#motions.forEach((motions, i) => motions.forEach((motion) => (motion.there = thereOf(motion, clips[i]?.tracks))));
-    this.#set(0, clip, time);
+    this.#set({ ...now, share: 0 });
   }
 
-  /** @param {string | null} name of a clip; where there is none, it is at rest @param {number} time seconds */
+  /** @param {string | null} name of a clip; where there is none, it is at rest @param {number} time seconds @returns {boolean} whether another clip was shown before */
   pose(name, time) {
-    this.#set(this.#share, this.clips.findIndex((clip) => clip.name === name), time);
+    const { clip } = this.#now;
+    this.#set({ clip: this.clips.findIndex((each) => each.name === name), time });
+    return this.#now.clip !== clip;
+  }
+
+  /** Let a box around the asset at rest grow as far as the clip goes beyond it, by its joints and parts. @param {Box3} box */
+  reach(box) {
+    const now = this.#now;
+    if (now.clip < 0) return;
+    const around = this.atRest(() => this.#joints());
+    const all = around.clone();
+    for (let look = 0; look < LOOKS; look++) {
+      this.#set({ time: (this.clips[now.clip].seconds * look) / (LOOKS - 1) });
+      all.union(this.#joints());
+    }
+    this.#set(now);
+    box.min.add(all.min.sub(around.min));
+    box.max.add(all.max.sub(around.max));
+  }
+
+  /** @returns {Box3} around the places of joints and meshes */
+  #joints() {
+    this.root.updateMatrixWorld(true);
+    const objects = meshesOf(this.root).flatMap((/** @type {any} */ mesh) => mesh.skeleton?.bones ?? mesh);
+    return new Box3().setFromPoints(objects.map((object) => new Vector3().setFromMatrixPosition(object.matrixWorld)));
   }
 
   /** @param {number} share of the way to the rig of the result */
   set share(share) {
-    this.#set(share, this.#clip, this.#time);
+    this.#set({ share });
   }
 
-  /**
-   * Do something while the asset is at rest.
-   * @template T
-   * @param {() => T} act
-   * @param {number} [share] of the way, if it is another one
-   * @returns {T}
-   */
-  atRest(act, share = this.#share) {
-    const now = /** @type {const} */ ([this.#share, this.#clip, this.#time]);
-    this.#set(share, -1, 0);
-    this.root.updateWorldMatrix(true, true);
+  /** Do something while the asset is at rest. @template T @param {() => T} act @returns {T} */
+  atRest(act) {
+    const now = this.#now;
+    this.#set({ clip: -1 });
+    this.root.updateMatrixWorld(true);
     try {
       return act();
     } finally {
-      this.#set(...now);
+      this.#set(now);
     }
   }
 
-  /** @param {number} share @param {number} clip @param {number} time */
-  #set(share, clip, time) {
-    [this.#share, this.#clip, this.#time] = [share, clip, time];
+  /** @param {{ share?: number, clip?: number, time?: number }} change */
+  #set(change) {
+    const { share, clip, time } = (this.#now = { ...this.#now, ...change });
     for (const { object, position, quaternion, scale } of this.nodes) {
       object.position.copy(position);
       const there = this.#other?.places.get(object);
@@ -91,7 +108,7 @@ export class Puppet {
       object.quaternion.copy(quaternion);
       object.scale.copy(scale);
     }
-    for (const { skeleton, from, to } of this.#other?.skeletons ?? []) skeleton.boneInverses.forEach((/** @type {any} */ inverse, /** @type {number} */ i) => mix(inverse.elements, from[i], to[i], share));
+    for (const { inverse, from, to } of this.#other?.binds ?? []) inverse.forEach((_, i) => (inverse[i] = from[i] + share * (to[i] - from[i])));
     const weights = new Map(this.weights.map(({ mesh, rest }) => [mesh, /** @type {ArrayLike<number>} */ (rest)]));
     for (const { object, property, values, there } of this.#motions[clip] ?? []) {
       const now = values(time);
@@ -142,16 +159,11 @@ function thereOf({ property, track }, tracks) {
 function otherOf(root, nodes, result) {
   const found = new Map([...(originOf(result)?.nodes ?? [])].map(([object, index]) => [index, /** @type {any} */ (object).position]));
   const places = new Map(nodes.flatMap(({ object, index }) => (found.has(index) ? [[object, found.get(index).clone()]] : [])));
-  const skins = meshesOf(result).map((/** @type {any} */ mesh) => mesh.skeleton);
-  const pairs = new Map(meshesOf(root).map((/** @type {any} */ mesh, i) => [mesh.skeleton, skins[i]]));
-  const skeletons = [...pairs].filter(([skeleton, other]) => skeleton?.bones.length && skeleton.bones.length === other?.bones.length);
-  const numbers = (/** @type {any} */ skeleton) => skeleton.boneInverses.map((/** @type {any} */ inverse) => inverse.elements.slice());
-  return { places, skeletons: skeletons.map(([skeleton, other]) => ({ skeleton, from: numbers(skeleton), to: numbers(other) })) };
-}
-
-/** @param {number[]} out @param {number[]} from @param {number[]} to @param {number} share */
-function mix(out, from, to, share) {
-  for (let i = 0; i < out.length; i++) out[i] = from[i] + share * (to[i] - from[i]);
+  const inverses = (/** @type {any} */ mesh) => (mesh?.skeleton?.boneInverses ?? []).map((/** @type {any} */ inverse) => inverse.elements);
+  const ends = meshesOf(result).map(inverses);
+  // Meshes may share a skin.
+  const pairs = new Map(meshesOf(root).flatMap((mesh, i) => inverses(mesh).map((/** @type {number[]} */ inverse, /** @type {number} */ k) => [inverse, ends[i]?.[k] ?? inverse])));
+  return { places, binds: [...pairs].map(([inverse, to]) => ({ inverse, from: inverse.slice(), to: to.slice() })) };
 }
 
 /** A geometry on its way has the targets of both ends (`deformation.js`). @param {any} mesh @param {ArrayLike<number>} weights @param {number} share */

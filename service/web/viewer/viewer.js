@@ -125,9 +125,12 @@ export class MeshViewer extends EventTarget {
     return this.#puppet?.rigged ?? false;
   }
 
-  /** Show a moment of a clip. @param {string | null} clip by its name; where there is none, the asset is at rest @param {number} [time] seconds */
+  /** Show a moment of a clip; the camera is placed for the whole of it. @param {string | null} clip by its name; where there is none, the asset is at rest @param {number} [time] seconds */
   pose(clip, time = 0) {
-    this.#puppet?.pose(clip, time);
+    if (this.#puppet?.pose(clip, time)) {
+      this.#frame();
+      if (!this.rig.touched) this.resetView();
+    }
     this.stage.refreshShadow();
     this.invalidate();
     this.dispatchEvent(new Event("posed"));
@@ -346,14 +349,18 @@ export class MeshViewer extends EventTarget {
   #frame() {
     const root = this.#root;
     if (!root) return;
-    this.ownBox.makeEmpty();
+    const [still, moving] = [new Box3(), new Box3()];
     for (const end of this.#deformation ? [0, 1] : [0]) {
       this.#deformation?.show(end);
-      this.ownBox.union(this.atRest(() => boundsOf(root)));
+      const box = this.atRest(() => boundsOf(root));
+      still.union(box);
+      this.#puppet?.reach(box);
+      moving.union(box);
     }
     this.#deformation?.show(this.#deformation.morph);
     this.#grounded = false;
-    this.#front?.enclose(this.ownBox);
+    this.#front?.enclose(still);
+    this.ownBox.copy(still).union(moving);
     this.rig.setBox(this.ownBox);
   }
 

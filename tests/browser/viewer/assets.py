@@ -171,7 +171,8 @@ def rigged() -> tuple[bytes, bytes]:
     turned = [[0, 0, 0, 1], [0, 0, 0.5, np.sqrt(0.75)], [0, 0, 0, 1]]
     places = [[0, 0.7, 0], [0.4, 0.9, 0], [0, 0.7, 0]]
     builder.root["animations"] = [
-        clip("Armature|Wave", rotation=(upper, turned)),
+        # Where a skin is shown does not depend on its node.
+        clip("Armature|Wave", rotation=(upper, turned), translation=(mesh, places)),
         clip("Armature|Step_aside", translation=(upper, places), weights=(mesh, [[0], [1], [0]])),
     ]
     data = builder.glb()

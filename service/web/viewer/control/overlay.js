@@ -41,7 +41,8 @@ export class Overlay {
     /** @type {Mesh[]} */
     this.balls = [];
     this.diagonal = 1;
-    for (const one of [this.kept, this.pulled, this.part, this.box, this.brush, this.lines]) one.visible = false;
+    this.tints = [this.kept, this.pulled, this.part];
+    for (const one of [...this.tints, this.box, this.brush, this.lines]) one.visible = false;
   }
 
   /**
@@ -58,7 +59,7 @@ export class Overlay {
 
   /** @param {import("./surface.js").NumberedSurface | null} surface */
   setSurface(surface) {
-    for (const mesh of [this.kept, this.pulled, this.part]) {
+    for (const mesh of this.tints) {
       mesh.geometry.dispose();
       mesh.geometry = new BufferGeometry();
       mesh.visible = false;
@@ -71,12 +72,7 @@ export class Overlay {
 
   /** The vertices of the surface have moved. */
   follow() {
-    for (const { geometry } of [this.kept, this.pulled, this.part]) if (geometry.attributes.position) geometry.attributes.position.needsUpdate = true;
-  }
-
-  /** @returns {boolean} whether any face is tinted */
-  get tinted() {
-    return this.kept.visible || this.pulled.visible || this.part.visible;
+    for (const { geometry } of this.tints) if (geometry.attributes.position) geometry.attributes.position.needsUpdate = true;
   }
 
   /** @param {Uint8Array} flags (F) faces that do not move @param {Uint32Array} corners (3F) */

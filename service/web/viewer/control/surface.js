@@ -50,12 +50,11 @@ export class NumberedSurface {
 
   /** Take the vertices for where they are seen now. @param {import("three").Object3D} root */
   follow(root) {
-    root.updateWorldMatrix(true, true);
-    const point = new Vector3();
-    let at = 0;
+    root.updateMatrixWorld(true);
+    let first = 0;
     for (const mesh of this.meshes) {
-      const world = /** @type {any} */ (mesh).isSkinnedMesh ? mesh.matrixWorld : placement(mesh);
-      for (let v = 0; v < mesh.geometry.attributes.position.count; v++, at += 3) mesh.getVertexPosition(v, point).applyMatrix4(world).toArray(this.shown, at);
+      worldPositions(mesh, this.shown, first, /** @type {any} */ (mesh).isSkinnedMesh ? mesh.matrixWorld : placement(mesh));
+      first += 3 * mesh.geometry.attributes.position.count;
     }
   }
 
@@ -128,14 +127,14 @@ function ofGltf(root, json, nodes, excluded) {
     if (drawn.length && isFlat(placement(drawn[0]))) continue;
     for (const at of together(primitives)) made.add(drawn[at], primitives[at].mode ?? 4, { node, mesh, material: primitives[at].material ?? -1 });
   }
-  return new NumberedSurface(Float32Array.from(made.shown.flat()), Float32Array.from(made.places.flat()), Uint32Array.from(made.corners.flat()), made.parts, all, made.meshes);
+  const surface = new NumberedSurface(new Float32Array(3 * made.vertices), Float32Array.from(made.places.flat()), Uint32Array.from(made.corners.flat()), made.parts, all, made.meshes);
+  surface.follow(root);
+  return surface;
 }
 
 /** What several meshes come to. */
 class Joined {
   constructor() {
-    /** @type {number[][]} */
-    this.shown = [];
     /** @type {number[][]} */
     this.places = [];
     /** @type {number[][]} */
@@ -155,12 +154,10 @@ class Joined {
     const point = new Vector3();
     const places = Array.from(positions);
     for (let i = 0; i < places.length; i += 3) point.fromArray(positions, i).applyMatrix4(at).toArray(places, i);
-    const shown = /** @type {any} */ (mesh).isSkinnedMesh ? Array.from(worldPositions(mesh, positions)) : places;
     const corners = Array.from(cornersOf(mesh, mode), (corner) => corner + this.vertices);
     const count = corners.length / 3;
     this.parts.push({ ...names, first: this.faces, count });
     this.meshes.push(mesh);
-    this.shown.push(shown);
     this.places.push(places);
     this.corners.push(corners);
     this.vertices += positions.length / 3;

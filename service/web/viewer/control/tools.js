@@ -94,7 +94,7 @@ export class ControlTools {
   /** Where nothing is tinted, the vertices are read when someone points at them. */
   #posed() {
     this.posed = this.viewer.clips.length > 0;
-    if (this.overlay.tinted) this.#follow();
+    if (this.overlay.tints.some(({ visible }) => visible)) this.#follow();
   }
 
   /** Have tints and the pointer meet the asset as it is posed. */
