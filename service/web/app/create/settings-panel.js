@@ -8,7 +8,7 @@ import { formOf, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept
 
 /** What becomes of joints, morph targets and clips. @type {[string, string, string][]} */
 const RIGS = [
-  ["follow", "Follows the new shape", "The result moves as the asset does"],
+  ["follow", "Follows the shape", "The result moves as the asset does"],
   ["keep", "Stays as it is", "To share clips with other characters"],
 ];
 
